@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from postproc.control.setup import Setup
     from postproc.correct.check import Findings
     from postproc.correct.pipeline import Job
-    from postproc.correct.report import Report
+    from postproc.correct.result import CorrectionResult
     from postproc.correct.trace import Trace
     from postproc.motion.motions import Motions
     from postproc.tables.export import Exported
@@ -152,7 +152,7 @@ class Corrected:
 
     text: str
     """The program, one character for each byte (latin-1); empty if it was written to `output`."""
-    report: Report
+    report: CorrectionResult
     """Number of blocks and moves, corrections and predicted errors, um, and notes."""
     job: Job
     trace: Trace | None = None

@@ -324,7 +324,7 @@ def test_demonstration_is_announced(ncomp):
     assert result.status == 0
     assumed, demonstration, *_ = result.err.splitlines()
     assert assumed.startswith("Work offset G54 is assumed: ")
-    assert demonstration == "demonstration calibration: it describes no real machine; don't cut with it"
+    assert demonstration == "DEMONSTRATION CALIBRATION: it describes no real machine; do not cut with it."
 
 
 def test_pipes_are_read_once(ncomp):

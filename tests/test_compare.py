@@ -223,7 +223,7 @@ def test_terminal_and_page(command):
     done = command("compare", "a.json", "b.json", "--report", "out.html")
     assert done.status == 0, done.err
     screen = done.out.decode()
-    for text in ("E_XX", "significant", "in B only", "squareness of Y to X", "reference", "aligned", "U (k=2)"):
+    for text in ("E_XX", "significant", "in B only", "squareness of Y to X", "Reference", "aligned", "U (k=2)"):
         assert text in screen
     page = Path("out.html").read_text()
     for text in ("<svg", "E_YX", "squareness of Y to X", "B minus A", "Axis X", "not known"):

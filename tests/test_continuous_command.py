@@ -80,7 +80,7 @@ def test_from_a_virtual_machine_to_a_table(command, tmp_path):
     page = (tmp_path / "out.html").read_text()
     assert "<svg" in page
     assert "Reversal" in page
-    assert "cyclic" in done.err
+    assert "Cyclic errors" in done.err
 
 
 def test_table_on_standard_output_and_its_options(command, files):

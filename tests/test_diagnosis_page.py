@@ -3,6 +3,7 @@
 import io
 import re
 from dataclasses import replace
+from functools import partial
 from xml.etree import ElementTree
 
 import msgspec
@@ -15,14 +16,14 @@ from support.virtual_measurements import THREE, TRACKER, measured, pose_of, posi
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.report_text import in_full, quantity_name, with_uncertainty
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.fit.fit import fit
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation import equations
-from calibration.pages.cause_figures import cause_figure
-from calibration.pages.cause_views import VIEWS, views
-from calibration.pages.diagnosis import diagnosis_page
+from calibration.reports.cause_figures import cause_figure
+from calibration.reports.cause_text import in_full, quantity_name, with_uncertainty
+from calibration.reports.cause_views import VIEWS, views
+from calibration.reports.diagnosis import diagnosis_json, diagnosis_report
 from kinematics.effects import (
     EFFECTS,
     Backlash,
@@ -35,7 +36,9 @@ from kinematics.effects import (
     Unnamed,
 )
 from kinematics.error_model.model import no_errors
-from postproc.commands.show.diagnosis import show, summary
+from rendering.page import page as page_of
+from rendering.page import svg
+from rendering.terminal import show
 
 CFRAME = machines.load("cframe")
 TARGETS = {name: Target(place) for name, place in (("t1", (0.0, 0.0, -120.0)), ("t2", (90.0, 40.0, -180.0)))}
@@ -82,7 +85,7 @@ def test_every_kind_of_cause_yields_a_figure_whose_readings_scatter_by_their_unc
         if not isinstance(effect, Outliers):
             scatter = np.sqrt(np.mean(((panel.y - panel.fitted) / panel.u)[told] ** 2))
             assert 0.8 < scatter < 1.2
-    assert ElementTree.fromstring(cause_figure(panels)).tag == "{http://www.w3.org/2000/svg}svg"
+    assert ElementTree.fromstring(svg(partial(cause_figure, panels))).tag == "{http://www.w3.org/2000/svg}svg"
 
 
 def test_readings_show_what_is_in_the_data():
@@ -105,7 +108,7 @@ def test_a_map_of_a_cause_of_two_axes_has_both_panels():
     assert (panel.x_label, panel.over_label) == ("X, mm", "Y, mm")
     slope = np.polyfit(panel.over, panel.y, 1, w=1 / panel.u)[0]
     assert slope == pytest.approx(np.polyfit(panel.over, panel.fitted, 1)[0], rel=0.2)
-    assert "from the data" in cause_figure([panel])
+    assert "from the data" in svg(partial(cause_figure, [panel]))
 
 
 def test_curves_are_those_of_the_cause():
@@ -136,7 +139,7 @@ def several():
 def test_a_page_says_what_is_missing_and_shows_it(several):
     names = {cause.effect.name for cause in several.causes}
     assert "backlash X" in names
-    page = diagnosis_page(several, "ncomp diagnose data.csv --machine cframe").decode()
+    page = page_of(diagnosis_report(several, "ncomp diagnose data.csv --machine cframe")).decode()
     assert 0.0 < several.left_share < 0.9
     figures = SVG.findall(page)
     assert len(figures) >= len(several.causes) + 3
@@ -172,19 +175,19 @@ def test_a_page_says_how_what_has_no_name_depends_on_each_variable():
     assert set(found.unexplained.variables) == {"X", "time"}
     assert 0.0 < found.unexplained_um < found.after.fit.rms_um
     assert {one.variable for one in found.one_by_one} >= {"X", "Y", "Z"}
-    page = diagnosis_page(found, "ncomp diagnose data.csv --machine cframe").decode()
+    page = page_of(diagnosis_report(found, "ncomp diagnose data.csv --machine cframe")).decode()
     assert "Benjamini and Hochberg" in page
     for one in found.one_by_one:
         assert f"{one.correlation:.3f}" in page
-    assert summary(found)["one_by_one"][0]["variable"] == found.one_by_one[0].variable
+    assert diagnosis_json(found)["one_by_one"][0]["variable"] == found.one_by_one[0].variable
 
 
 def test_the_terminal_holds_whole_names_in_100_columns_without_colours(several):
     out = io.StringIO()
-    show(several, Console(file=out, highlight=False, markup=False, soft_wrap=True))
+    show(diagnosis_report(several, "ncomp diagnose"), Console(file=out, highlight=False, markup=False, soft_wrap=True))
     said = out.getvalue()
     assert "\x1b" not in said
-    table = said[said.index("size ± U") : said.index("residual, um")].splitlines()
+    table = said[said.index("size ± U") : said.index("Similar causes")].splitlines()
     assert max(map(len, table[:-1])) <= 100
     assert "…" not in said
     for cause in several.causes:
@@ -214,12 +217,12 @@ def test_causes_are_named_in_full_among_others():
 def test_what_was_not_used_is_told_and_the_model_not_called_complete(several):
     after = several.after._replace(fit=replace(several.after.fit, failed=("s2",)))
     none = replace(several, causes=(), unexplained=None, after=after)
-    page = diagnosis_page(none, "ncomp diagnose").decode()
+    page = page_of(diagnosis_report(none, "ncomp diagnose")).decode()
     assert "Nothing is missing" not in page
     assert "NOT USED: s2" in page
     out = io.StringIO()
-    show(none, Console(file=out, soft_wrap=True))
-    assert "SOMETHING IS MISSING" in out.getvalue()
+    show(diagnosis_report(none, "ncomp diagnose"), Console(file=out, soft_wrap=True))
+    assert "NOT USED: s2" in out.getvalue()
     assert "left out     set-ups s2" in out.getvalue()
 
 
@@ -227,7 +230,7 @@ def test_a_page_of_nothing_missing():
     found = diagnosis_of(n=120)
     assert not found.causes
     assert found.left_share == 1.0
-    page = diagnosis_page(found, "ncomp diagnose data.csv --machine cframe").decode()
+    page = page_of(diagnosis_report(found, "ncomp diagnose data.csv --machine cframe")).decode()
     assert "Nothing is missing" in page
     assert not LINK.search(page)
     assert all(ElementTree.fromstring(figure) is not None for figure in SVG.findall(page))

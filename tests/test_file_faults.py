@@ -144,7 +144,7 @@ MOMENTS = {
     "is safe on the disk": "os.fsync = die",
     "has its permissions": "import pathlib; pathlib.Path.chmod = die",
     "takes its place": "import pathlib; pathlib.Path.replace = die",
-    "shows its summary": "import postproc.commands.show.terminal; postproc.commands.show.terminal.show_report = die",
+    "shows its summary": "import postproc.commands.show.terminal; postproc.commands.show.terminal.show = die",
 }
 
 

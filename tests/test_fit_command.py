@@ -121,7 +121,15 @@ def test_the_report_is_one_page_with_its_figures(command, data, tmp_path):
     page = (tmp_path / "fit.html").read_text()
     assert page.count("<svg") == 3
     assert "src=" not in page.replace("xlink:href", "")  # nothing is loaded from elsewhere
-    for part in ("Location errors", "E_C0Y", "Error motions", "U (k=2)", "What is left", "Left out", "chi2/dof"):
+    for part in (
+        "Location errors",
+        "E_C0Y",
+        "Error motions",
+        "U (k=2)",
+        "Unexplained residual",
+        "Left out",
+        "chi2/dof",
+    ):
         assert part in page
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("grammars", "kinematics", "machines", "calibration", "postproc")
+PACKAGES = ("grammars", "kinematics", "machines", "rendering", "calibration", "postproc")
 
-KINEMATICS = ("grammars", "kinematics", "machines")
+KINEMATICS = ("grammars", "kinematics", "machines", "rendering")
 CALIBRATION = (
     "calibration.cores",
     "calibration.measurement",
@@ -29,7 +29,7 @@ CALIBRATION = (
     "calibration.continuous",
     "calibration.diagnosis",
     "calibration.study",
-    "calibration.pages",
+    "calibration.reports",
 )
 """From the bottom up: a folder may import those before it."""
 POSTPROC = (

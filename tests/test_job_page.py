@@ -60,8 +60,9 @@ def test_page_of_the_demo(command):
         "G54: probed (default) at X -30 Y -20 Z 150 B 0 C 0; probe 80 mm, the length of the first tool"
     ]
     assert "with --datum G54=true enter X -29.9670, Y -20.0169, Z 150.0159" in setup["true datum"][0]
-    assert setup["classes"] == ["all but FOR"]
-    assert setup["program&#39;s hash"][0].startswith(results["program"]["sha256"])
+    options = table(page, "Options and inputs")
+    assert options["classes"] == ["all but FOR"]
+    assert options["program&#39;s hash"][0].startswith(results["program"]["sha256"])
     notes = page.split("<h2>Notes</h2>")[1].split("<h2>")[0]
     assert all(note in notes for note in results["notes"])
     along, corrections, plan = texts(page)
@@ -85,7 +86,7 @@ def _numbers_agree(page, results):
         _same(errors[name], predicted[key])
     for key, numbers in results["predicted_absolute_error_um"].items() if error != "error" else ():
         _same(errors[f"absolute error at block ends {key}"], numbers)
-    assert errors["moves that are not judged"] == ["", "", str(results["moves"]["not_judged"])]
+    assert errors["moves that are not evaluated"] == ["", "", str(results["moves"]["not_judged"])]
     for axis, numbers in results["correction_um"].items():
         _same(table(page, "Corrections")[f"correction {axis}"], numbers)
     verdict = page.split('class="verdict">')[1].split("</p>")[0]
@@ -126,7 +127,7 @@ def test_long_programs_are_drawn_in_steps(ncomp, monkeypatch):
     monkeypatch.setattr(trace, "PATHS", 20)
     assert ncomp("in.nc", *GANTRY, "-o", "out.nc", "--json", "out.json", "--report", "out.html").status == 0
     page = Path("out.html").read_text()
-    assert "Each step stands for 16 moves" in page
+    assert "Each step is 16 moves" in page
     assert "One feed move in" in page
     _numbers_agree(page, json.loads(Path("out.json").read_text()))
 
@@ -146,7 +147,7 @@ def test_a_program_that_says_too_little_is_not_judged(ncomp, tmp_path):
     done = ncomp("in.nc", *options, "-o", "out.nc", "--report", "-")
     assert done.status == 0
     page = done.out.decode()
-    assert "Nothing is judged" in page
+    assert "No error is evaluated" in page
     assert table(page, "Corrections")["correction X"] == ["10.000", "10.000", "1"]
     assert len(texts(page)) == 1
 
@@ -155,7 +156,7 @@ def test_what_stays_whole_is_named_by_reason(ncomp):
     Path("in.nc").write_text("G21 G90\nG0 X100.0 Y100.0 Z100.0\nG1 X1500.0 F100 M9\n")
     ncomp("in.nc", *GANTRY, "-o", "out.nc", "--json", "out.json", "--report", "out.html")
     (whole,) = json.loads(Path("out.json").read_text())["not_split"]
-    (row,) = table(Path("out.html").read_text(), "Moves that stay whole").items()
+    (row,) = table(Path("out.html").read_text(), "Moves that were not split").items()
     assert row == (whole["reason"], [f"{whole['strays_up_to_um']:.3f}", "3"])
     assert "M function" in whole["reason"]
 

@@ -191,16 +191,16 @@ def test_fixed_references_and_nothing_else_tell_growth_from_a_drifting_tracker()
     found = diagnose(data)
     (cause,) = found.causes
     assert (cause.kind, cause.verdict, cause.alternatives[0].kind) == ("thermal-drift", "tied", "tracker-drift")
-    separating = [move for move in found.proposed_measurements if "separates" in move.says]
+    separating = [move for move in found.proposed_measurements if "separates" in move.text]
     assert all("fixed references" in move.name for move in separating)
-    assert not any("separates" in move.says for move in found.proposed_measurements if "fixed" not in move.says)
+    assert not any("separates" in move.text for move in found.proposed_measurements if "fixed" not in move.text)
     assert "separates thermal-drift Z from tracker-drift (power " in found.next_measurement
     assert "fixed targets" in found.next_measurement
 
     again = diagnose(together(data, planned(found.after.linearised, "many fixed references"), drift))
     (cause,) = again.causes
     assert (cause.kind, cause.axis, cause.verdict) == ("thermal-drift", "Z", "strong")
-    assert not any("separates" in move.says for move in again.proposed_measurements)
+    assert not any("separates" in move.text for move in again.proposed_measurements)
 
 
 def test_moves_of_other_lengths_tell_backlash_from_settling():
@@ -210,7 +210,7 @@ def test_moves_of_other_lengths_tell_backlash_from_settling():
     tied = {cause.kind for cause in found.causes if cause.verdict == "tied"}
     assert tied & {"backlash", "settling"}
     separating = {
-        move.name for move in found.proposed_measurements if "separates backlash X from settling X" in move.says
+        move.name for move in found.proposed_measurements if "separates backlash X from settling X" in move.text
     }
     assert "move lengths" in separating
     assert not separating & {"retrace", "bar", "fixed references", "finer Y", "finer Z"}
@@ -232,7 +232,7 @@ def test_moves_are_ranked_by_what_they_tell_per_minute():
     gains = [move.gain_per_minute for move in found.proposed_measurements]
     assert gains == sorted(gains, reverse=True)
     assert all(
-        move.minutes > 0.0 and f"({move.minutes:.0f} min)" in move.says
+        move.minutes > 0.0 and f"({move.minutes:.0f} min)" in move.text
         for move in found.proposed_measurements
         if move.gain_per_minute
     )
@@ -357,8 +357,8 @@ def test_a_weak_cause_is_made_sure_by_measuring_it_again():
     found = diagnose(seen(shuffled(), Backlash("X", 0.55), seed=11))
     weak = [cause.effect.name for cause in found.causes if cause.verdict == "weak"]
     assert weak == ["backlash X"]
-    assert found.next_measurement.endswith(")")
-    assert "makes backlash X sure (power " in found.next_measurement
+    assert found.next_measurement.endswith(").")
+    assert "confirms backlash X (power " in found.next_measurement
 
 
 def test_what_a_tracker_did_before_it_was_moved_says_nothing_of_its_drift_after():

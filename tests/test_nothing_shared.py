@@ -147,7 +147,7 @@ def test_lines_do_not_depend_on_later_text(program, seed, names):
     assert lines_of(followed)[: len(lines)] == lines
 
 
-MODULES = ("postproc", "calibration", "kinematics", "machines", "grammars")
+MODULES = ("postproc", "calibration", "rendering", "kinematics", "machines", "grammars")
 KEPT = {("kinematics.error_transform", "_loaded"), ("calibration.study.chunks", "_prepared")}
 """Caches: derived code by the geometry of its machine, and cases of a study by all that decides their results."""
 

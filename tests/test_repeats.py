@@ -44,7 +44,7 @@ def test_noise_of_the_sheet_is_found():
     for component in found.components:
         assert component.unit == "um"
         assert component.noise == pytest.approx(component.sheet, rel=0.15)
-    assert found.says.startswith("noise from 60 places seen again, soon after one another: range ")
+    assert found.text.startswith("from 60 positions measured again, soon after one another: range ")
 
 
 def test_p_value_is_uniform_where_the_sheet_holds():
@@ -81,7 +81,7 @@ def test_drift_between_rounds_is_not_noise():
             assert found.factor == pytest.approx(1.0, abs=5 * np.sqrt(2 / found.degrees_of_freedom))
         else:
             assert found.factor > 10
-            assert "long after one another, with all drifts in them" in found.says
+            assert "far apart in time, with all drifts in them" in found.text
 
 
 def test_rows_that_are_not_kept_and_other_targets_do_not_count():

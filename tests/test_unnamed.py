@@ -12,10 +12,10 @@ from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.residual.unnamed import OWN, evidence, surviving, terms_of
 from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.measurement.file import read_measurement
+from calibration.reports.diagnosis import diagnosis_json
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Unnamed
 from kinematics.forward import tool_point
-from postproc.commands.show.diagnosis import summary
 
 
 def read(text, name, folder):
@@ -100,7 +100,7 @@ def test_what_no_cause_explains_is_predicted_and_leaves_the_machine_alone(seed, 
     assert own.effect.component == draw.causes[0].component
     assert own.verdict == "strong"
     assert own.effect.name in {effect.name for effect in found.model.effects}
-    said = summary(found)
+    said = diagnosis_json(found)
     assert set(said["unexplained"]["variables"]) == {"X", "Z", "time"}
     assert "unnamed" in {effect["kind"] for effect in said["effects"]}
     assert found.after.fit.rms_um < 1.15 * found.noise_um

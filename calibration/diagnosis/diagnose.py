@@ -129,11 +129,11 @@ class Diagnosis:
     def next_measurement(self) -> str:
         """Recommended next measurement, as text for the workshop."""
         if self.proposed_measurements:
-            return self.proposed_measurements[0].says
+            return self.proposed_measurements[0].text
         if self.unexplained is not None:
             what = ", ".join(self.unexplained.variables)
-            return f"the same positions once more: what depends on {what} is the machine's where it comes again"
-        return "nothing is asked for: no tie, and nothing left that depends on anything"
+            return f"Measure the same positions again: a dependence on {what} that recurs belongs to the machine."
+        return "No further measurement is needed: no ambiguous causes, no unexplained dependence."
 
     @property
     def noise_um(self) -> float:
@@ -163,7 +163,7 @@ def diagnose(
 
     UserError when the data are not plausible or cannot be fitted.
     """
-    progress("looking at the data")
+    progress("checking the data")
     measurement, findings = _looked_at(measurement)
     base = base_of(measurement, calibration, progress)
     progress("fitting the present model")
@@ -173,8 +173,8 @@ def diagnose(
     noise = repeats(measurement, selector.bare.fit.kept)
     if variance == "sheet" and noise is not None and _in_doubt(noise):
         selector = replace(selector, measurement=_as_noisy_as(measurement, noise))
-        says = f"the instrument's sheet is in doubt, its noise is taken from repeats: {noise.says}"
-        findings.append(Finding("noise", says, False))
+        text = f"repeats contradict the instrument specification, its noise is taken from them: {noise.text}"
+        findings.append(Finding("noise", text, False))
     before = selector.bare
     if calibration is None:
         refuse_few(before.fit, identifiability(before.fit))
@@ -182,11 +182,11 @@ def diagnose(
     found = _Found(selector, before, ())
     if combined(tests, GATE) or len(before.fit.outliers) or base.fine:
         found = _causes(selector)
-    progress("what is left")
+    progress("testing the residual")
     found, tests_after, left = _left(found)
     complete, unnamed = found, ""
     if left is not None and left_over == "add":
-        progress("adding what has no name")
+        progress("adding unnamed effects")
         selector, after, unnamed = add_unnamed(found.selector, found.stage, left)
         complete = found._replace(selector=selector, stage=after)
     selector, after = complete.selector, complete.stage
@@ -245,8 +245,8 @@ def _looked_at(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
     findings = usable(measurement)
     measurement, late = _from_its_start(measurement)
     if late:
-        says = f"time_s begins at {late:.10g}: it is counted from the first row, as drift is"
-        findings.append(Finding("epoch", says, False))
+        text = f"time_s begins at {late:.10g}: times are counted from the first row"
+        findings.append(Finding("epoch", text, False))
     return measurement, findings
 
 

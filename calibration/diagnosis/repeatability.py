@@ -61,11 +61,11 @@ class Repeats:
     """True where the repeats lie so far apart in time that they contain drift."""
 
     @property
-    def says(self) -> str:
+    def text(self) -> str:
         """The result in one sentence."""
-        noise = ", ".join(f"{c.name} {c.noise:.3g} {c.unit} (sheet {c.sheet:.3g})" for c in self.components)
-        when = "long after one another, with all drifts in them" if self.apart else "soon after one another"
-        return f"noise from {self.places} places seen again, {when}: {noise}; p of the sheet {self.p_value:.2g}"
+        noise = ", ".join(f"{c.name} {c.noise:.3g} {c.unit} (specified {c.sheet:.3g})" for c in self.components)
+        when = "far apart in time, with all drifts in them" if self.apart else "soon after one another"
+        return f"from {self.places} positions measured again, {when}: {noise}; specification p = {self.p_value:.2g}"
 
 
 def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:

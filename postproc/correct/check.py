@@ -23,6 +23,7 @@ from postproc.text.flow import Flow
 from postproc.text.line_numbers import ranges
 from postproc.text.notes import Notes
 from postproc.text.source import CHUNK, Source, chunks
+from rendering.report import Report, facts
 
 
 @dataclass
@@ -71,6 +72,24 @@ class Findings:
             "assumed": self.assumed,
             "notes": self.notes,
         }
+
+    def report(self, name: str) -> Report:
+        """The findings for people; `name`: of the program."""
+        moves = len(self.corrected) + len(self.not_programmed) + len(self.machine)
+        rows = [("program", f"{name}  ({self.dialect}, {self.blocks} blocks, {moves} moves)")]
+        kinds = {
+            "corrected": self.corrected,
+            "not complete": self.not_programmed,
+            "machine": self.machine,
+            "repeated": self.repeated,
+            "not run": self.not_run,
+        }
+        rows += [(kind, f"{len(lines)}: lines {ranges(lines)}") for kind, lines in kinds.items() if lines]
+        rows += [("note", note) for note in (*self.notes, self.evidence if self.refused else "") if note]
+        rows += [("refused", f"line {line}: {text!r}: {reason}") for line, text, reason in self.refused]
+        verdict = f"Refused: {len(self.refused)} blocks." if self.refused else "Accepted."
+        verdict = f"{self.assumption}\n{verdict}" if self.assumption else verdict
+        return Report(f"Check of {name}", "", [facts("Findings", rows)], verdict)
 
     def take(self, motions: Motions) -> None:
         """Add the moves of a chunk."""

@@ -31,7 +31,7 @@ from postproc.control.setup import Setup
 from postproc.correct.backlash import BacklashTakeUps
 from postproc.correct.mark import MarkedOutput, mark_in, mark_index, mark_line, mark_of
 from postproc.correct.plausibility import REASONS, CorrectionLimit, Guard, Outside, Plausibility
-from postproc.correct.report import Report, Statistic, Straying
+from postproc.correct.result import CorrectionResult, Statistic, Straying
 from postproc.correct.rotary_moves import uncorrected_before_rotary_moves
 from postproc.correct.splitting import Splitter
 from postproc.correct.trace import Trace
@@ -123,7 +123,7 @@ class Pipeline:
         self._outside = Outside()
         self._flat_arcs = FlatArcs()
 
-    def run(self, out: BinaryIO, progress: Callable[[int], None]) -> Report:
+    def run(self, out: BinaryIO, progress: Callable[[int], None]) -> CorrectionResult:
         """Write the corrected program to `out`; `progress` gets the number of bytes read since its last call.
 
         UserError, located in the program, for a block that cannot be corrected; discard `out` then.
@@ -387,7 +387,7 @@ class Pipeline:
         return errors_between
 
 
-def _new_report(job: Job) -> Report:
+def _new_report(job: Job) -> CorrectionResult:
     model, machine = job.model, job.machine
     age = model.age_days(datetime.datetime.now(datetime.UTC))
     calibration = {
@@ -401,4 +401,4 @@ def _new_report(job: Job) -> Report:
     named = {"name": machine.name, "chain": machine.chain}
     significance = Significance(job.tolerance_um)
     datums = UsedDatums(job.setup)
-    return Report(program, named, calibration, datums, conditions=job.conditions, significance=significance)
+    return CorrectionResult(program, named, calibration, datums, conditions=job.conditions, significance=significance)

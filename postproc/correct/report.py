@@ -1,203 +1,163 @@
-"""Results of a correction in numbers: collected chunk by chunk, given as JSON or as a table."""
+"""The report of a correction: set-up, errors before and after, corrections, and largest errors on the part."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.transforms import Array
-from postproc.compensation.conditions import Conditions
-from postproc.compensation.significance import Significance
-from postproc.compensation.used_datums import UsedDatums
 from postproc.control.tool_table import shown_tool
+from postproc.correct.report_figures import correction_figure, error_figure, plan_figure
+from postproc.correct.result import CorrectionResult, Statistic
+from postproc.correct.trace import MoveEnd, Trace
 from postproc.text.line_numbers import ranges, shortened
+from rendering.report import Report, Section, Table, facts
+
+if TYPE_CHECKING:
+    from postproc.correct.pipeline import Job
+
+SIGNS = (
+    "Errors are actual minus nominal, tool relative to workpiece: predicted by the exact error model of the "
+    "calibration, not measured. A correction is the change of a command."
+)
+RELATIVE = (
+    "A work offset that was touched off on the machine contains the machine's error at that position, and the part "
+    "has the same offset. An error relative to the datum is the error minus the error at the touch-off: it is the "
+    "error of the part. An absolute error assumes that the work offset is true."
+)
+DEMONSTRATION = "DEMONSTRATION CALIBRATION: it describes no real machine; do not cut with it."
+HEAD = ("um", "max", "RMS", "number")
 
 
-@dataclass
-class Statistic:
-    """Largest size and RMS of a stream of numbers."""
-
-    count: int = 0
-    square_sum: float = 0.0
-    largest: float = 0.0
-
-    def add(self, values: Array) -> None:
-        """Add values of any shape; signs do not matter."""
-        self.count += values.size
-        self.square_sum += float(np.sum(values * values))
-        self.largest = max(self.largest, float(np.abs(values).max(initial=0.0)))
-
-    @property
-    def rms(self) -> float:
-        """Root mean square; 0 without values."""
-        return math.sqrt(self.square_sum / self.count) if self.count else 0.0
-
-    def json(self) -> dict[str, float | int]:
-        """The machine-readable form, rounded to 4 decimals: 0.1 nm for numbers in um."""
-        return {"max": round(self.largest, 4), "rms": round(self.rms, 4), "count": self.count}
+def correction_report(job: Job, result: CorrectionResult, trace: Trace | None, command: str) -> Report:
+    """The result for people; `trace`: the moves, for figures; `command`: the command line of the correction."""
+    lead = f"machine {result.machine['name']} · calibration {result.calibration['id']} · {command}"
+    warnings = [result.assumption, DEMONSTRATION if result.calibration["demonstration"] else ""]
+    verdict = "\n".join(line for line in (*warnings, _verdict(result)) if line)
+    return Report(f"Correction of {result.program['name']}", lead, list(_sections(job, result, trace)), verdict)
 
 
-@dataclass
-class Straying:
-    """Moves that deviate by more than the tolerance between their ends, and could not be split."""
-
-    lines: list[int] = field(default_factory=list)
-    largest_um: float = 0.0
-
-    def add(self, line: int, size_um: float) -> None:
-        """Add a move."""
-        self.lines.append(line)
-        self.largest_um = max(self.largest_um, size_um)
-
-    def text(self, reason: str) -> str:
-        """The note for the user."""
-        lines = shortened(ranges(self.lines))
-        return f"not split, strays up to {self.largest_um:.3g} um between its ends: {reason} (lines {lines})"
-
-    def json(self, reason: str) -> dict[str, Any]:
-        """The machine-readable form."""
-        return {"reason": reason, "lines": ranges(self.lines), "strays_up_to_um": round(self.largest_um, 4)}
+def _verdict(result: CorrectionResult) -> str:
+    """The result in a few sentences."""
+    before, after = result.before, result.after
+    if result.calibration["id"] == "none":
+        return "No calibration: the program was written back as it was."
+    if not before.count:
+        return "No error is evaluated: no move gives the positions of all axes that position the tool."
+    sure = f"; standard uncertainty (k=1) of the prediction {result.uncertainty.rms:.2f} um RMS"
+    return (
+        f"Predicted {result.error} of the tool point at {before.count} block ends: "
+        f"{before.rms:.2f} -> {after.rms:.2f} um RMS, "
+        f"at most {before.largest:.2f} -> {after.largest:.2f} um{sure if result.uncertainty.largest else ''}."
+    )
 
 
-@dataclass
-class Report:
-    """The result of one run; lengths in um."""
-
-    program: dict[str, Any]
-    machine: dict[str, Any]
-    calibration: dict[str, Any]
-    datums: UsedDatums
-    """Datums of the work offsets that the program used."""
-    blocks: int = 0
-    moves: int = 0
-    corrected: int = 0
-    changed_blocks: int = 0
-    added_blocks: int = 0
-    """Number of blocks added for backlash take-ups and for the segments of moves."""
-    split_moves: int = 0
-    """Number of moves written in several blocks, so that the path stays within the tolerance."""
-    straying: dict[str, Straying] = field(default_factory=dict)
-    """Moves in one segment that exceed the tolerance, by reason."""
-    left: dict[str, list[int]] = field(default_factory=dict)
-    """Lines of feed moves with axes that are not corrected, by these axes."""
-    conditions: Conditions = field(default_factory=Conditions)
-    correction: dict[str, Statistic] = field(default_factory=dict)
-    """Corrections by linear axis, um."""
-    turning: dict[str, Statistic] = field(default_factory=dict)
-    """Corrections by rotary axis, urad, if the orientation is corrected."""
-    before: Statistic = field(default_factory=Statistic)
-    after: Statistic = field(default_factory=Statistic)
-    absolute_before: Statistic = field(default_factory=Statistic)
-    """Errors before correction from the nominal tool point, um, if the given work offsets are true."""
-    absolute_after: Statistic = field(default_factory=Statistic)
-    tilt_before: Statistic = field(default_factory=Statistic)
-    """Errors of the tool axis, urad."""
-    tilt_after: Statistic = field(default_factory=Statistic)
-    between_ends: Statistic = field(default_factory=Statistic)
-    uncertainty: Statistic = field(default_factory=Statistic)
-    significance: Significance = field(default_factory=Significance)
-    max_correction_um: float | None = None
-    """Largest correction that is not refused, um; None if nothing is corrected."""
-    accepted: dict[str, str] = field(default_factory=dict)
-    """Implausible conditions that were accepted: text with the value, by the name of `--accept`."""
-    not_judged: int = 0
-    """Number of moves to machine coordinates, or before the program has given all linear axes."""
-    work_offsets: dict[str, str] = field(default_factory=dict)
-    tools: dict[str, str] = field(default_factory=dict)
-    assumed: list[str] = field(default_factory=list)
-    """Work offsets and tools that the machine file assumes."""
-    assumption: str = ""
-    """`assumed` as a sentence; empty for none."""
-    notes: list[str] = field(default_factory=list)
-
-    def facts(self) -> list[tuple[str, str]]:
-        """Texts for the user: program, set-up and numbers of moves."""
-        program, machine, calibration = self.program, self.machine, self.calibration
-        age = f", {calibration['age_days']:.0f} days old" if calibration["id"] != "none" else ""
-        split = f"; {self.split_moves} moves split" if self.split_moves else ""
-        where = "play is taken up or moves are split" if self.split_moves else "play is taken up"
-        added = f"{split}; {self.added_blocks} blocks added where {where}" if self.added_blocks else ""
-        tools = ", ".join(f"{shown_tool(tool)}: {length}" for tool, length in self.tools.items())
-        facts = [
-            ("program", f"{program['name']}  ({program['dialect']}, {self.blocks} blocks)"),
-            ("machine", f"{machine['name']}  {machine['chain']}"),
-            ("calibration", f"{calibration['id']}{age}"),
-            ("work offsets", "; ".join(f"{name}: {value}" for name, value in self.work_offsets.items())),
-            *self.datums.facts(self.work_offsets),
-            ("tool lengths", f"{tools or 'none called: length 0'} (mm)"),
-            ("conditions", self.conditions.text()),
-            ("moves", f"{self.moves} read, {self.corrected} corrected in {self.changed_blocks} blocks{added}"),
+def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterator[Section]:
+    yield facts("Set-up", list(_set_up(result)))
+    yield Section("Options and inputs", table=Table(("", ""), _choices(job, result)), detail=True)
+    yield Section("Conventions", f"{SIGNS}\n{RELATIVE if result.relative else ''}", detail=True)
+    yield Section("Errors", table=Table(HEAD, _error_rows(result, trace)))
+    if result.correction:
+        corrections = [(f"correction {axis}", statistic) for axis, statistic in result.correction.items()]
+        corrections += [(f"correction {axis}, urad", statistic) for axis, statistic in result.turning.items()]
+        yield Section("Corrections", table=Table(HEAD, _rows(corrections)))
+    if result.straying:
+        rows = [
+            (reason, f"{straying.largest_um:.3f}", shortened(ranges(straying.lines)))
+            for reason, straying in result.straying.items()
         ]
-        facts += [("accepted", f"{name}: {found}") for name, found in self.accepted.items()]
-        return [(what, text) for what, text in facts if text or what != "conditions"]
+        text = f"Feed moves that deviate by more than {job.tolerance_um:g} um between their ends."
+        yield Section("Moves that were not split", text, Table(("reason", "largest deviation, um", "lines"), rows))
+    listed = {straying.text(reason) for reason, straying in result.straying.items()}
+    if notes := [note for note in result.notes if note not in listed]:
+        yield Section("Notes", "\n".join(notes))
+    if trace is not None:
+        yield from _figures(trace, result.error)
+        for what, places in zip(("before", "after"), trace.worst, strict=True):
+            if places:
+                text = "Ends of moves, in programmed coordinates (mm, degrees)."
+                yield Section(f"Largest errors {what}", text, _worst_table(trace, places), detail=True)
 
-    def corrections(self) -> list[tuple[str, Statistic]]:
-        """Corrections by axis, with the unit if it is not um."""
-        turning = [(f"correction {axis}, urad", statistic) for axis, statistic in self.turning.items()]
-        return [(f"correction {axis}", statistic) for axis, statistic in self.correction.items()] + turning
 
-    def errors(self) -> list[tuple[str, Statistic]]:
-        """Predicted errors of the evaluated moves, in um if no unit is named."""
-        error = self.error
-        absolute = [("absolute error at block ends before", self.absolute_before)] if self.relative else []
-        absolute += [("absolute error at block ends after", self.absolute_after)] if self.relative else []
-        named = [
-            (f"{error} at block ends before", self.before),
-            (f"{error} at block ends after", self.after),
-            (f"{error} between block ends after", self.between_ends),
-            *absolute,
-            ("tool axis before, urad", self.tilt_before),
-            ("tool axis after, urad", self.tilt_after),
-            ("standard uncertainty (k=1)", self.uncertainty),
-        ]
-        return [(name, statistic) for name, statistic in named if statistic.count]
+def _set_up(result: CorrectionResult) -> Iterator[tuple[str, str]]:
+    """Program, set-up and numbers of moves."""
+    program, machine, calibration = result.program, result.machine, result.calibration
+    age = f", {calibration['age_days']:.0f} days old" if calibration["id"] != "none" else ""
+    yield "program", f"{program['name']}  ({program['dialect']}, {result.blocks} blocks)"
+    yield "machine", f"{machine['name']}  {machine['chain']}"
+    yield "calibration", f"{calibration['id']}{age}"
+    yield "work offsets", "; ".join(f"{name}: {value}" for name, value in result.work_offsets.items())
+    yield from result.datums.facts(result.work_offsets)
+    tools = ", ".join(f"{shown_tool(tool)}: {length}" for tool, length in result.tools.items())
+    yield "tool lengths", f"{tools or 'none called: length 0'} (mm)"
+    if conditions := result.conditions.text():
+        yield "conditions", conditions
+    split = f"; {result.split_moves} moves split" if result.split_moves else ""
+    where = "play is taken up or moves are split" if result.split_moves else "play is taken up"
+    added = f"{split}; {result.added_blocks} blocks added where {where}" if result.added_blocks else ""
+    yield "moves", f"{result.moves} read, {result.corrected} corrected in {result.changed_blocks} blocks{added}"
+    yield from (("accepted", f"{name}: {found}") for name, found in result.accepted.items())
 
-    @property
-    def relative(self) -> str:
-        """Text on the reference of the errors; empty if all work offsets are true and errors are absolute."""
-        return "relative to the datum" if self.datums.used else ""
 
-    @property
-    def error(self) -> str:
-        """Name of the error: relative to the datum, unless all work offsets are true."""
-        return f"error {self.relative}".strip()
+def _choices(job: Job, result: CorrectionResult) -> list[tuple[str, str]]:
+    """Rows on the options and on the calibration."""
+    calibration, program = result.calibration, result.program
+    rows = [
+        ("classes", "all but FOR" if job.classes is None else ", ".join(sorted(job.classes))),
+        ("tolerance", f"{job.tolerance_um:g} um between block ends"),
+        ("travel", "moves outside it are refused" if job.travel_check else "moves outside it are noted"),
+        ("program's hash", f"{program['sha256']} (SHA-256, first characters)"),
+    ]
+    if calibration["id"] == "none":
+        return rows
+    return [*rows, ("calibration", f"made {calibration['made_at']} by {calibration['made_by']}")]
 
-    def json(self) -> dict[str, Any]:
-        """The machine-readable form; every length in um."""
-        return {
-            "program": self.program,
-            "machine": self.machine,
-            "calibration": self.calibration,
-            "conditions": self.conditions.json(),
-            "blocks": {"read": self.blocks, "changed": self.changed_blocks, "added": self.added_blocks},
-            "moves": {
-                "read": self.moves,
-                "corrected": self.corrected,
-                "split": self.split_moves,
-                "not_judged": self.not_judged,
-            },
-            "not_split": [straying.json(reason) for reason, straying in self.straying.items()],
-            "not_corrected": [{"axes": axes.split(), "lines": ranges(lines)} for axes, lines in self.left.items()],
-            "correction_um": {axis: statistic.json() for axis, statistic in self.correction.items()},
-            "correction_urad": {axis: statistic.json() for axis, statistic in self.turning.items()},
-            "max_correction_um": None if self.max_correction_um is None else round(self.max_correction_um, 4),
-            "accepted": self.accepted,
-            "predicted_error_um": {
-                "before": self.before.json(),
-                "after": self.after.json(),
-                "between_block_ends_after": self.between_ends.json(),
-                "standard_uncertainty_of_prediction": self.uncertainty.json(),
-                "significant_share_of_improvement": self.significance.share,
-            },
-            "predicted_absolute_error_um": {"before": self.absolute_before.json(), "after": self.absolute_after.json()},
-            "predicted_tool_axis_error_urad": {"before": self.tilt_before.json(), "after": self.tilt_after.json()},
-            "work_offsets": self.work_offsets,
-            "errors_relative_to": "datum" if self.relative else "work offset",
-            "datum": self.datums.json(self.work_offsets),
-            "tools": self.tools,
-            "assumed": self.assumed,
-            "notes": self.notes,
-        }
+
+def _rows(named: Sequence[tuple[str, Statistic]]) -> list[tuple[str, ...]]:
+    return [(name, f"{s.largest:.3f}", f"{s.rms:.3f}", str(s.count)) for name, s in named]
+
+
+def _error_rows(result: CorrectionResult, trace: Trace | None) -> list[tuple[str, ...]]:
+    """Rows of statistics, of the uncertainty, and of the significant share of the improvement; um unless named."""
+    error = result.error
+    absolute = [result.absolute_before, result.absolute_after] if result.relative else [Statistic(), Statistic()]
+    named = [
+        (f"{error} at block ends before", result.before),
+        (f"{error} at block ends after", result.after),
+        (f"{error} between block ends before", Statistic() if trace is None else trace.between_before),
+        (f"{error} between block ends after", result.between_ends),
+        ("absolute error at block ends before", absolute[0]),
+        ("absolute error at block ends after", absolute[1]),
+        ("tool axis before, urad", result.tilt_before),
+        ("tool axis after, urad", result.tilt_after),
+        ("standard uncertainty (k=1)", result.uncertainty),
+    ]
+    rows = _rows([(name, statistic) for name, statistic in named if statistic.count])
+    rows.append(("moves that are not evaluated", "", "", str(result.not_judged)))
+    if result.significance.share is not None:
+        rows.append(("significant share of the improvement (k=2)", f"{result.significance.share:.0%}", "", ""))
+    return rows
+
+
+def _figures(trace: Trace, error: str) -> Iterator[Section]:
+    """Figures along the program, and of the tool path; `error`: name of the error in the figures."""
+    bins, paths = trace.bins, trace.paths
+    if not bins.moves:
+        return
+    joined = f" Each step is {bins.width} moves: the line is the RMS, the area the largest." if bins.width > 1 else ""
+    if not np.isnan(bins.largest).all():
+        text = f"At the ends of moves, in the order of execution; the two scales differ.{joined}"
+        yield Section(f"{error.capitalize()} along the program", text, figure=partial(error_figure, bins))
+    text = f"Correction of each axis.{' From the smallest to the largest of each step.' if bins.width > 1 else ''}"
+    yield Section("Corrections along the program", text, figure=partial(correction_figure, bins, trace.machine))
+    if len(paths.points):
+        some = f" One feed move in {paths.stride} is drawn." if paths.stride > 1 else ""
+        text = f"Nominal path of feed moves in the workpiece frame; colour: {error} before correction.{some}"
+        yield Section("Errors on the part", text, figure=partial(plan_figure, paths))
+
+
+def _worst_table(trace: Trace, places: Sequence[MoveEnd]) -> Table:
+    rows = [(str(p.line), *(f"{value:.3f}" for value in p.target), f"{p.before:.3f}", f"{p.after:.3f}") for p in places]
+    return Table(("line", *trace.machine.names, "before, um", "after, um"), rows)

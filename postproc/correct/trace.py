@@ -13,7 +13,7 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.correction import pose_errors
 from postproc.compensation.predicted_error import MachineStates
-from postproc.correct.report import Statistic
+from postproc.correct.result import Statistic
 from postproc.motion.along import positions_along
 from postproc.motion.motions import Motions
 

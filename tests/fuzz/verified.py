@@ -22,7 +22,7 @@ import numpy as np
 from kinematics.error_model.model import ErrorModel, decode_model, no_errors
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.report import Report
+from postproc.correct.result import CorrectionResult
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING, HEAD_SIZE, Source
@@ -442,7 +442,7 @@ def _text_fault(before: str, after: str) -> str:
 
 
 def _verify_fault(
-    case: Case, plan: dict[str, Any], report: Report, source: Source, corrected: Source, model: ErrorModel
+    case: Case, plan: dict[str, Any], report: CorrectionResult, source: Source, corrected: Source, model: ErrorModel
 ) -> str:
     machine, dialect = _machine(case.machine), find_dialect(plan["dialect"], case.name, "")
     setup = _setup(case.machine, plan["dialect"])
@@ -558,7 +558,7 @@ def _points(
     return tool_points(chain, q, errors, np.zeros((len(q), 6)), targets)
 
 
-def _run(job: Job) -> tuple[str, Report]:
+def _run(job: Job) -> tuple[str, CorrectionResult]:
     out = io.BytesIO()
     report = Pipeline(job).run(out, lambda _: None)
     return out.getvalue().decode(ENCODING), report

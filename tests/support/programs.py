@@ -18,7 +18,7 @@ from kinematics.error_model.model import ErrorModel, Provenance, no_errors, refe
 from kinematics.machine import Machine
 from postproc.control.setup import Setup, make_setup
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.report import Report
+from postproc.correct.result import CorrectionResult
 from postproc.correct.unroll import UnrolledProgram, unrolled
 from postproc.dialects import Dialect, find_dialect
 from postproc.execution import StoredProgram, execution
@@ -45,7 +45,7 @@ WHOLE = {"tolerance_um": 1e3}
 
 class Corrected(NamedTuple):
     text: str
-    report: Report
+    report: CorrectionResult
 
 
 def source_of(text: str, name: str = "test.nc") -> Source:

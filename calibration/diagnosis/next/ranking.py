@@ -38,7 +38,7 @@ class ProposedMeasurement(NamedTuple):
     minutes: float
     gain_per_minute: float
     """Weighted growth per minute of the squares that separate or show causes, in units of the noise variance."""
-    says: str
+    text: str
     """Instruction and expected result, as text for the workshop."""
 
 
@@ -114,16 +114,17 @@ def proposed_measurements(
         answers = [(q, power) for q, power in answers if power >= SURE]
         if answers:
             answered |= {q for q, _ in answers}
-            says = f"{follow_up.does} ({follow_up.minutes:.0f} min): {_said(answers)}"
+            does = f"{follow_up.does[0].upper()}{follow_up.does[1:]}"
+            text = f"{does} ({follow_up.minutes:.0f} min): this {_expected(answers)}."
             found.append(
-                ProposedMeasurement(follow_up.name, follow_up.minutes, sum(gains.values()) / follow_up.minutes, says)
+                ProposedMeasurement(follow_up.name, follow_up.minutes, sum(gains.values()) / follow_up.minutes, text)
             )
     yield from sorted(found, key=lambda move: -move.gain_per_minute)
     for question in questions:
         if question.kind == "tied" and question not in answered:
             remedy = REMEDIES.get(contract_kind(effects[question.signals[-1].cause]), "other positions")
-            says = f"no move tried separates {question.name} from {question.other}; it may need {remedy}"
-            yield ProposedMeasurement("remedy", 0.0, 0.0, says)
+            text = f"No proposed measurement separates {question.name} from {question.other}. It may need {remedy}."
+            yield ProposedMeasurement("remedy", 0.0, 0.0, text)
 
 
 def _questions(
@@ -172,10 +173,10 @@ def _noncentrality(signal: Signal, known: Information) -> float:
     return float(np.trace(left)) if signal.size is None else float(signal.size @ left @ signal.size)
 
 
-def _said(answers: Sequence[tuple[Question, float]]) -> str:
+def _expected(answers: Sequence[tuple[Question, float]]) -> str:
     """Expected result of a design, as text."""
     parts = [f"separates {q.name} from {q.other} (power {_chance(power)})" for q, power in answers if q.kind == "tied"]
-    parts += [f"makes {q.name} sure (power {_chance(power)})" for q, power in answers if q.kind == "weak"]
+    parts += [f"confirms {q.name} (power {_chance(power)})" for q, power in answers if q.kind == "weak"]
     hidden = [q.name for q, _ in answers if q.kind == "hidden"]
     if hidden:
         more = f" and {len(hidden) - LISTED} more" if len(hidden) > LISTED else ""

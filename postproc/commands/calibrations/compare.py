@@ -13,7 +13,6 @@ from postproc.commands.options.shared import (
     check_files,
     machine_names,
     whole_results,
-    write_json,
 )
 
 if TYPE_CHECKING:
@@ -56,25 +55,21 @@ def compare(
     axis the means are the location errors. Effects of time, temperature or feed are listed, and not compared.
     """
     from calibration.evaluation.comparison import compare as compared
-    from postproc.commands.show.comparison import show
-    from postproc.commands.show.terminal import console
-    from postproc.commands.show.terminal import output as screen
+    from calibration.reports.comparison import comparison_report
+    from postproc.commands.show.terminal import show
 
     check_files((a, b), others.by_option)
     found, models = _read(a, b, machine)
     names = (str(a), str(b))
     result = compared(found, models, straightness, _references(found, reference), tool_mm)
-    with whole_results(*others.files) as (results, shown):
-        sources = {
-            letter: {"file": name, "id": model.id, "made_at": model.provenance.made_at.isoformat()}
-            for letter, name, model in zip("ab", names, models, strict=True)
-        }
-        write_json({**sources, **result.json()}, results)
-        if others.report is not None:
-            from calibration.pages.comparison import comparison_page
-
-            shown.write(comparison_page(result, names, f"ncomp compare {a} {b}"))
-    show(result, names, console if "-" in others.files else screen)
+    sources = {
+        letter: {"file": name, "id": model.id, "made_at": model.provenance.made_at.isoformat()}
+        for letter, name, model in zip("ab", names, models, strict=True)
+    }
+    report = comparison_report(result, names, f"ncomp compare {a} {b}")
+    with whole_results(*others.files) as files:
+        others.write({**sources, **result.json()}, report, files)
+    show(report, *others.files)
 
 
 def _read(a: Path, b: Path, name: str | None) -> tuple[Machine, tuple[ErrorModel, ErrorModel]]:

@@ -18,7 +18,6 @@ from postproc.commands.options.shared import (
     check_files,
     machine_names,
     whole_results,
-    write_json,
 )
 
 if TYPE_CHECKING:
@@ -88,9 +87,8 @@ def continuous(
     from calibration.continuous.estimate import estimate
     from calibration.continuous.reading import read_all
     from calibration.fit.beyond_measured import calibration_file
-    from postproc.commands.show.continuous import show, summary
-    from postproc.commands.show.terminal import console, say
-    from postproc.commands.show.terminal import output as screen
+    from calibration.reports.continuous import continuous_json, continuous_report
+    from postproc.commands.show.terminal import console, say, show
 
     outputs = {"--output": output, "--write-calibration": model.write_calibration, **others.by_option}
     check_files((*data, model.add_to), outputs)
@@ -104,16 +102,13 @@ def continuous(
         status.update("joining")
         found = estimate(read.records, quasi, spacing_mm, direction)
         made = None if machine is None else _calibration(found, read, quasi, machine, model.add_to, header)
-    with whole_results(*others.files, model.write_calibration, output) as (results, shown, calibration, file):
+    report = continuous_report(found, read, f"ncomp continuous {' '.join(map(str, data))}")
+    with whole_results(*others.files, model.write_calibration, output) as (results, page, calibration, file):
         _write_table(found.table(), file)
         if made is not None and machine is not None:
             calibration.write(calibration_file(made.model, machine))
-        write_json(summary(found, read), results)
-        if others.report is not None:
-            from calibration.pages.continuous import continuous_page
-
-            shown.write(continuous_page(found, read, f"ncomp continuous {' '.join(map(str, data))}"))
-    show(found, read, console if "-" in outputs.values() else screen)
+        others.write(continuous_json(found, read), report, (results, page))
+    show(report, *outputs.values())
     for note in (*read.notes, *found.notes, *(made.notes if made else ())):
         say("note", note)
     if made is not None:

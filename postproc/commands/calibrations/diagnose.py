@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import ncomp
 from kinematics.user_error import UserError
@@ -13,13 +13,8 @@ from postproc.commands.options.shared import (
     MachineName,
     ResultOptions,
     check_files,
-    show_insignificant,
     whole_results,
-    write_json,
 )
-
-if TYPE_CHECKING:
-    from calibration.diagnosis.diagnose import Diagnosis
 
 EPILOG = (
     "Examples:\n\n"
@@ -50,9 +45,9 @@ def diagnose(
     Causes that the data can't show are only listed. Causes that the data can't distinguish are shown as a tie, with the
     measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
     """
-    from postproc.commands.show.diagnosis import show
-    from postproc.commands.show.terminal import console
-    from postproc.commands.show.terminal import output as screen
+    from calibration.fit.beyond_measured import calibration_file
+    from calibration.reports.diagnosis import diagnosis_json, diagnosis_report
+    from postproc.commands.show.terminal import console, show
 
     check_files((*data, form.plan, calibration), {"--output": output, **others.by_option})
     found_machine = ncomp.load_machine(machine)
@@ -62,27 +57,11 @@ def diagnose(
         found = ncomp.diagnose(measurement, present, noise=noise, unexplained=unexplained, progress=status.update)
     against = "" if calibration is None else f" --calibration {calibration}"
     command = f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
-    _write(found, str(output), others, command)
-    to = console if "-" in (*others.files, str(output)) else screen
-    if not found.accepted:
-        to.print(f"NOT WRITTEN  {found.reason}")
-    show_insignificant(found.significant_share, to)
-    show(found, to)
+    report = diagnosis_report(found, command)
+    with whole_results(*others.files, str(output) if found.accepted else None) as (results, page, file):
+        if found.accepted:
+            file.write(calibration_file(found.model, found_machine))
+        others.write(diagnosis_json(found), report, (results, page))
+    show(report, *others.files, str(output))
     if not found.accepted:
         raise UserError(f"{measurement.source}: {found.reason}")
-
-
-def _write(found: Diagnosis, output: str, others: ResultOptions, command: str) -> None:
-    """Write the new calibration where it is accepted, the results for programs and the report, all or none."""
-    from calibration.fit.beyond_measured import calibration_file
-    from postproc.commands.show.diagnosis import summary
-
-    with whole_results(*others.files, output if found.accepted else None) as (results, shown, file):
-        if found.accepted:
-            file.write(calibration_file(found.model, found.measurement.machine))
-        if others.json is not None:
-            write_json(summary(found), results)
-        if others.report is not None:
-            from calibration.pages.diagnosis import diagnosis_page
-
-            shown.write(diagnosis_page(found, command))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,19 +11,15 @@ from typing import TYPE_CHECKING
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, argument, option
 from postproc.commands.options.program import DialectName, SetUpOptions, moves_of
-from postproc.commands.options.shared import ResultOptions, check_files, whole_results, write_json
+from postproc.commands.options.shared import ResultOptions, check_files, whole_results
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from calibration.design.volume import Volume
-    from calibration.study.run import Draws, Result
+    from calibration.study.run import Draws
     from postproc.motion.motions import Motions
 
 MANY = 3000
 """Largest number of moves of a program that are evaluated, evenly spread."""
-DOUBTFUL = 0.1
-"""Largest difference between linear and exact fits without a warning, as a share of the error."""
 EPILOG = (
     "Examples:\n\n"
     "`ncomp study examples/studies/trajectory.toml -o trajectory.csv --report trajectory.html`\n\n"
@@ -52,14 +48,14 @@ def study(
     Machines are drawn at random, measured by a virtual instrument with noise, fitted and evaluated. The results do not
     depend on the distribution of the work.
     """
+    from calibration.reports.study import study_report
     from calibration.study.cases import read_cases, with_volume
     from calibration.study.definition import read_study
     from calibration.study.results import summary, write_results
     from calibration.study.run import Draws, run
     from calibration.study.spread import workers as team_of
     from calibration.study.store import Store
-    from postproc.commands.show.terminal import console
-    from postproc.commands.show.terminal import output as screen
+    from postproc.commands.show.terminal import console, show
 
     check_files((definition, program, *set_up.tool_table), {"--output": output, **others.by_option})
     if dask is not None and workers is not None:
@@ -77,15 +73,12 @@ def study(
     store = Store.beside(output)
     with team_of(workers or os.cpu_count() or 1, dask) as team, _progress(draws, len(cases)) as progress:
         found = run(cases, draws, team, store, wanted.check_draws, progress)
-    with whole_results(*others.files, output) as (results, shown, file):
+    report = study_report(found, wanted, draws, f"ncomp study {definition}")
+    with whole_results(*others.files, output) as (results, page, file):
         write_results(found, file)
-        write_json(summary(found), results)
-        if others.report is not None:
-            from calibration.pages.study import study_page
-
-            shown.write(study_page(found, wanted, f"ncomp study {definition}"))
+        others.write(summary(found), report, (results, page))
     store.clear(case.key for case in cases)
-    _show(found, draws, console if "-" in (output, *others.files) else screen)
+    show(report, output, *others.files)
 
 
 def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:
@@ -115,42 +108,3 @@ def _progress(draws: Draws, cases: int) -> Iterator[Callable[[int], None]]:
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("drawing", total=None if draws.number is None else draws.number * cases)
         yield lambda done: bar.advance(task, done)
-
-
-def _show(found: Sequence[Result], draws: Draws, to: Console) -> None:
-    """Show the results for people."""
-    from rich.table import Table
-
-    from calibration.study.results import standard_errors
-    from calibration.study.stopping import estimates
-    from postproc.commands.show.terminal import say
-
-    places = ["volumetric error", "along the program"][: len(found[0].before)]
-    table = Table("case", "points", "min", "draws", *(f"{what}, um" for place in places for what in _columns(place)))
-    for each in found:
-        numbers = []
-        for k in range(len(places)):
-            before, after = estimates(each.before[k]), estimates(each.after[k])
-            own = f" ± {2 * standard_errors(each.after[0])[0]:.2f}" if k == 0 else ""
-            numbers += [f"{before.mean:.2f}", f"{after.mean:.2f}{own}", f"{after.quantile:.2f}"]
-        table.add_row(each.case.name, str(each.points), f"{each.minutes:.0f}", str(each.after.shape[1]), *numbers)
-    to.print(table)
-    to.print("RMS over the volume after rigid alignment; mean and 95 % quantile over draws; ± is k = 2, of the draws")
-    for each in found:
-        for note in each.notes:
-            say("note", f"case {each.case.name}: {note}")
-        if not each.converged:
-            say(
-                "not settled",
-                f"case {each.case.name}: {draws.most} draws do not settle it to {draws.tolerance_um:g} um",
-            )
-    checked = [each.check for each in found if each.check is not None]
-    if checked:
-        largest = max(check.difference for check in checked)
-        to.print(f"check        {len(checked[0].exact)} draws a case by the exact kinematics: within {largest:.2g} um")
-        if any(check.difference > DOUBTFUL * float(check.exact.mean()) for check in checked):
-            say("doubtful", "errors so large are not linear: results differ from exact fits by more than a tenth")
-
-
-def _columns(place: str) -> tuple[str, str, str]:
-    return f"{place} before", "after, mean", "95 %"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import option, refuse_given
@@ -12,9 +12,6 @@ from postproc.commands.options.measurement import DataOptions, header_of
 from postproc.commands.options.program import SetUpOptions
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from calibration.fit.calibrate import Calibration
     from calibration.on_the_fly.along_path import OnTheFly
     from calibration.on_the_fly.nominal_path import NominalPath
     from kinematics.machine import Machine
@@ -86,36 +83,3 @@ def read_path(program: str, machine: Machine, setup: Setup, dialect: str = "auto
     for note in found.notes:
         say("note", note)
     return NominalPath(machine, found.positions, found.length, found.counts, source.name, source.hash)
-
-
-def moving_summary(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
-    """Additional results for programs, of data taken on the fly."""
-    if taken is None:
-        return {}
-    from calibration.on_the_fly.planning.blind_mode import common_odd_mode
-
-    reduction = taken.reduction
-    return {
-        "on_the_fly": {
-            "readings": reduction.readings,
-            "used": reduction.used,
-            "left_out": {"corners": reduction.corners, "unsteady": reduction.unsteady, "astray": reduction.astray},
-            "rows": reduction.rows,
-            "cell_mm": reduction.cell_mm,
-            "passes": reduction.passes,
-            "feeds_mm_min": list(reduction.feeds),
-            "length_m": reduction.length_m,
-            "noise_correlation": reduction.correlation,
-            "blind_mode": common_odd_mode(taken.measurement, found.fit.registration),
-        }
-    }
-
-
-def show_moving(found: Calibration, taken: OnTheFly, to: Console) -> None:
-    """Show the additional results for people, of data taken on the fly."""
-    from calibration.on_the_fly.planning.blind_mode import common_odd_mode
-
-    to.print(f"on the fly   {taken.reduction}")
-    blind = common_odd_mode(taken.measurement, found.fit.registration)
-    if blind is not None:
-        to.print(f"BLIND MODE   {blind}")

@@ -13,11 +13,7 @@ from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, option
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
-    from calibration.fit.cross_validation import CrossValidation
-    from calibration.fit.fit import Fit
+    from rendering.report import Report
 
 
 def machine_names() -> list[str]:
@@ -55,6 +51,14 @@ class ResultOptions:
     def by_option(self) -> dict[str, str | Path | None]:
         """Names of the files by option."""
         return {"--json": self.json, "--report": self.report}
+
+    def write(self, results: dict[str, Any], report: Report, files: tuple[BinaryIO, ...]) -> None:
+        """Write the results for programs, and the page where it is requested."""
+        write_json(results, files[0])
+        if self.report is not None:
+            from rendering.page import page
+
+            files[1].write(page(report))
 
 
 def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str | Path | None]) -> None:
@@ -168,27 +172,3 @@ def write_json(results: dict[str, Any], file: BinaryIO) -> None:
     import json
 
     file.write((json.dumps(results, indent=2) + "\n").encode())
-
-
-def residual_table(before: tuple[float, float], after: Fit, held: CrossValidation | None) -> Table:
-    """Residuals, um, RMS and largest, of the nominal machine, of the model and of the held-out rows."""
-    from rich.table import Table
-
-    table = Table("residual, um", "RMS", "max")
-    table.add_row("before (nominal machine)", f"{before[0]:.2f}", f"{before[1]:.2f}")
-    table.add_row("after", f"{after.rms_um:.2f}", f"{after.max_um:.2f}")
-    if held is not None:
-        table.add_row(f"held out ({held.blocks} {held.what})", f"{held.rms_um:.2f}", f"{held.max_um:.2f}")
-    return table
-
-
-def show_insignificant(share: float, to: Console) -> None:
-    """Show a first line for people where most of the correction does not exceed its uncertainty."""
-    from calibration.fit.acceptance import COVERAGE, MOSTLY
-
-    if share < MOSTLY:
-        to.print(
-            f"NOT SIGNIFICANT  at {100 * (1 - share):.0f} % of the measured positions the correction is smaller than "
-            f"{COVERAGE:g} times its standard uncertainty: this calibration hardly improves the machine. Measure more "
-            "positions, or with a more certain instrument"
-        )

@@ -25,7 +25,7 @@ def check(
 
     No calibration is needed. The exit status is 2 when the program is refused.
     """
-    from postproc.commands.show.terminal import show_findings
+    from postproc.commands.show.terminal import show
 
     check_files((program, *set_up.tool_table), {"--json": json})
     found = ncomp.load_machine(machine)
@@ -34,6 +34,6 @@ def check(
     with result(json) as results:
         findings = ncomp.check(source, found, dialect=dialect, setup=setup, travel_check=not no_travel_check)
         write_json(findings.json(), results)
-    show_findings(findings, source.name, to_errors=json == "-")
+    show(findings.report(source.name), json)
     if findings.refused:
         raise typer.Exit(2)

@@ -20,7 +20,6 @@ from postproc.commands.options.shared import (
     ResultOptions,
     check_files,
     whole_results,
-    write_json,
 )
 from postproc.commands.programs.in_place import backup_of, target_of
 from postproc.text.source import open_source
@@ -82,8 +81,9 @@ def correct(
     comment names machine and calibration. A program that ncomp does not fully understand is refused: exit status 2, no
     output.
     """
-    from postproc.commands.show.terminal import progress_of, show_report
+    from postproc.commands.show.terminal import progress_of, show
     from postproc.correct.plausibility import parse_accepted
+    from postproc.correct.report import correction_report
 
     target = target_of(program, output, in_place=in_place)
     check_files((calibration, *set_up.tool_table, at.log), {"--output": target, **others.by_option})
@@ -112,10 +112,7 @@ def correct(
             traced=others.report is not None,
             **vars(correction),
         )
-        write_json(done.report.json(), results)
-        if done.trace is not None:
-            from postproc.commands.show.job_page import job_page
-
-            command = f"ncomp {program} --machine {machine} -o {target}"
-            page.write(job_page(done.job, done.report, done.trace, command))
-    show_report(done.report)
+        command = f"ncomp {program} --machine {machine} -o {target}"
+        shown = correction_report(done.job, done.report, done.trace, command)
+        others.write(done.report.json(), shown, (results, page))
+    show(shown, "-")

@@ -63,17 +63,10 @@ def verify(
     json: JsonFile,
 ) -> None:
     """Compute the tool point error of a program before and after correction, from the two texts by the exact model."""
-    from postproc.commands.show.terminal import (
-        console,
-        output,
-        say,
-        say_assumed,
-        show_classes,
-        show_facts,
-        show_verdict,
-    )
+    from postproc.commands.show.terminal import say, say_assumed, show
     from postproc.correct.mark import PARTS
     from postproc.correct.plausibility import parse_accepted
+    from postproc.verification.report import verification_report
 
     parse_accepted(options.accept, PARTS)
     inputs = (program, corrected, calibration, options.old, options.align, *set_up.tool_table, at.log)
@@ -89,11 +82,4 @@ def verify(
         say("note", note)
     with result(json) as results:
         write_json(done.json(), results)
-    to = console if json == "-" else output
-    show_facts(done.datums.facts(setup.obtained), to)
-    models = done.models.by_key()
-    for key, (model, name) in models.items():
-        title = ", ".join(filter(None, (f"by {model.id}", name))) if len(models) > 1 else ""
-        show_verdict(done.verdicts[key], to, title, best_fit=options.align is not None)
-    if done.classes:
-        show_classes(done.classes, to)
+    show(verification_report(done), json)

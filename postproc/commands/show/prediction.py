@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.fit.prediction import Predicted
 from postproc.compensation.significance import COVERAGE
-from postproc.correct.report import Statistic
+from postproc.correct.result import Statistic
 
 
 @dataclass

@@ -15,7 +15,6 @@ import numpy as np
 
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.observation.normal_equations import whitened, whiteners
-from calibration.pages import clock
 from kinematics.effects import (
     COMPONENTS,
     INSTRUMENT,
@@ -53,6 +52,7 @@ from kinematics.effects import (
 from kinematics.effects.base import own_motion
 from kinematics.state import REFERENCE, TIME, State
 from kinematics.transforms import Array
+from rendering.figures import clock
 
 DENSE = 400
 """Points of a curve."""

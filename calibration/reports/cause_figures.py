@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calibration.pages import figure
-from calibration.pages.cause_views import View
+from calibration.reports.cause_views import View
 from kinematics.transforms import Array
+from rendering.figures import dots, some
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 POINTS = ("#7a9cc6", "#d99a6c")
 MEANS = ("#204a87", "#a33c00")
 FITTED = "#111111"
-MANY = 4000
-"""Most points that are drawn of one kind."""
 MEANS_ALONG = 24
 WIDTHS = {1: 6.5, 2: 8.6, 3: 9.6}
 """Width of a figure, inches, by the number of panels in a row."""
@@ -31,29 +29,28 @@ OUTER = 1.0
 """Share of the points, per cent, that may lie outside of a panel on each side."""
 
 
-def cause_figure(views: Sequence[View]) -> str:
-    """SVG of the panels of one cause, at most three in a row."""
+def cause_figure(views: Sequence[View], canvas: Figure) -> None:
+    """The panels of one cause, at most three in a row."""
     widths = [2 if view.over is not None else 1 for view in views]
     across = min(sum(widths), 3)
     down = -(-sum(widths) // across)
-    with figure(WIDTHS[across], 2.8 * down) as (canvas, drawn):
-        places = iter(canvas.subplots(down, across, squeeze=False).ravel())
-        for view in views:
-            if view.over is None:
-                _panel(next(places), view)
-            else:
-                _maps(canvas, (next(places), next(places)), view)
-        for place in places:
-            place.set_axis_off()
-    return drawn[0]
+    canvas.set_size_inches(WIDTHS[across], 2.8 * down)
+    places = iter(canvas.subplots(down, across, squeeze=False).ravel())
+    for view in views:
+        if view.over is None:
+            _panel(next(places), view)
+        else:
+            _maps(canvas, (next(places), next(places)), view)
+    for place in places:
+        place.set_axis_off()
 
 
 def _panel(place: Axes, view: View) -> None:
     told = np.isfinite(view.u)
     groups = view.groups or (("", np.ones(len(told), bool)),)
     for number, (name, group) in enumerate(groups):
-        rows = _some(np.flatnonzero(group & told))
-        place.plot(view.x[rows], view.y[rows], ".", markersize=2.5, color=POINTS[number], alpha=0.6, rasterized=True)
+        rows = some(np.flatnonzero(group & told))
+        dots(place, view.x[rows], view.y[rows], POINTS[number], markersize=2.5, alpha=0.6)
         label = name or "mean of rows, U (k=2)"
         if not view.means:
             place.plot(view.x[rows], view.y[rows], "o", markersize=3, color=MEANS[number], label=label, rasterized=True)
@@ -65,8 +62,8 @@ def _panel(place: Axes, view: View) -> None:
             colour = MEANS[curve.group] if len(view.curves) > 1 else FITTED
             place.plot(curve.x, curve.y, color=colour, linewidth=1.3, label="fitted" if not curve.group else None)
     elif view.means:
-        rows = _some(np.flatnonzero(told))
-        place.plot(view.x[rows], view.fitted[rows], ".", markersize=2, color=FITTED, label="fitted", rasterized=True)
+        rows = some(np.flatnonzero(told))
+        dots(place, view.x[rows], view.fitted[rows], FITTED, label="fitted")
     if view.moment is not None:
         place.axvline(view.moment, color="#cc0000", linewidth=1, linestyle="--", label="moment found")
     if view.ticks:
@@ -132,7 +129,3 @@ def _cells(view: View, values: Array, edges: Sequence[Array], told: np.ndarray) 
     whole = np.histogram2d(*pair, bins=list(edges), weights=weights)[0]
     known = np.where(whole > 0, whole, 1.0)
     return np.where(whole > 0, sums / known, np.nan), np.where(whole > 0, known**-0.5, np.inf)
-
-
-def _some(rows: np.ndarray) -> np.ndarray:
-    return np.asarray(rows[np.linspace(0, len(rows) - 1, min(len(rows), MANY)).astype(int)])

@@ -1,0 +1,105 @@
+"""Names, sizes and remedies of causes as text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from kinematics.effects import Effect, GrowthWithSensor, GrowthWithTime, Parameter, StationShift, Unnamed
+from kinematics.effects.base import HOUR
+from rendering.report import shortened
+
+if TYPE_CHECKING:
+    from calibration.diagnosis.verdict import Named
+
+MANY = 8
+"""Most parameters of a cause that are printed; the JSON has all."""
+COVERAGE = 2
+REMEDIES = {
+    "program": "The corrected program (ncomp) compensates it; a table of one axis cannot.",
+    "table": "A compensation table of the axis or the corrected program compensates it.",
+    "bidirectional table": "A bidirectional table compensates it, or the corrected program at each reversal.",
+    "none": "A correction in advance is not possible: mend the machine or its control.",
+}
+"""Meaning of an effect's remedy (docs/effects.md) in the workshop."""
+
+
+def title(cause: Named) -> str:
+    """Title of a cause: its kind and its axis or component, with a mark for the instrument."""
+    if cause.kind == "higher-frequency":
+        return f"{cause.effect.name} needs a higher spatial frequency"
+    if isinstance(cause.effect, Unnamed):
+        return f"{cause.effect.name}: no cause"
+    change = "change of " if cause.kind == "error-motion" else ""
+    name = cause.effect.name if change or cause.kind == "location" else in_full(cause.effect.name)
+    return f"{change}{name}" + (" (instrument)" if cause.where == "instrument" else "")
+
+
+def in_full(name: str) -> str:
+    """Name of an effect in a list with others: `cross-axis E_XY(X)`."""
+    return f"cross-axis {name}" if name.startswith("E_") and "(" in name else name
+
+
+def sizes(cause: Named) -> list[str]:
+    """Parameters with their expanded uncertainties and units."""
+    effect = cause.effect
+    if cause.kind == "higher-frequency":
+        basis = getattr(effect, "basis", None)
+        return [f"{len(effect.parameters)} parameters" if basis is None else f"written with {basis.size} parameters"]
+    if isinstance(effect, Unnamed):
+        return [f"{effect.rms_um:.2g} um RMS over its ranges", f"{len(effect.terms)} terms"]
+    if cause.kind == "outliers":
+        return [f"{len(getattr(effect, 'rows', ()))} rows"]
+    table = zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
+    texts = [f"{quantity_name(q)} {with_uncertainty(value, u)} {q.unit}" for q, value, u in table]
+    return [*shortened(texts, MANY, "parameters"), *_given(effect)]
+
+
+def _given(effect: Effect) -> Iterator[str]:
+    """Conditions of a size: the moment of a station shift, the fixed point of a growth."""
+    if isinstance(effect, StationShift) and effect.since_s is not None:
+        yield f"from {effect.since_s / HOUR:.4g} h on"
+    if isinstance(effect, (GrowthWithSensor, GrowthWithTime)):
+        yield f"from {effect.axis} {effect.fixed_point:.5g} mm"
+
+
+def with_uncertainty(value: float, u: float) -> str:
+    """A value with its expanded uncertainty, rounded to two digits of the latter; `u` is the standard uncertainty."""
+    expanded = COVERAGE * u
+    if not 0.0 < expanded < math.inf:
+        return f"{value:.4g}"
+    digits = max(1 - math.floor(math.log10(expanded)), 0)
+    return f"{round(value, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f}"
+
+
+def quantity_name(quantity: Parameter) -> str:
+    """Name of a parameter without its unit; of a vector or list with its component or number: `shift x`, `sine 1`."""
+    name, _, index = quantity.name.rstrip("]").partition("[")
+    name = name.removesuffix(f"_{quantity.unit.replace('/', '_per_').lower()}").replace("_", " ")
+    if not index:
+        return name
+    vector = name in ("shift", "turn", "offset")
+    return f"{name} {'xyz'[int(index) % 3] if vector else int(index) + 1}"
+
+
+def odds(value: float) -> str:
+    """Odds as text, with few digits."""
+    return f"{value:.0f}" if value < 1e4 else f"{value:.0e}" if value < 1e99 else "> 1e99"
+
+
+def held_out(cause: Named) -> str:
+    """Change of the held-out RMS, um, that the cause brought."""
+    return f"{round(-cause.heldout_gain_um, 2) + 0.0:+.2f}"
+
+
+def verdict(cause: Named) -> str:
+    """The verdict in one word; a tie in capitals."""
+    return cause.verdict.upper() if cause.verdict == "tied" else cause.verdict
+
+
+def remedy(effect: Effect) -> str:
+    """Remedy of an effect, as text."""
+    if effect.ACTS_ON == "instrument":
+        return "It is an effect of the instrument: it is taken out of the data and not written to the calibration."
+    return REMEDIES[effect.REMEDY]

@@ -1,0 +1,102 @@
+"""Results of a comparison of two calibrations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calibration.evaluation.comparison import LEAST, Comparison, Motion
+from rendering.figures import COLOURS, band
+from rendering.report import Report, Section, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOTIONS = ("", "unit", "convention", "range A", "range B", "RMS B - A", "largest B - A", "at", "U (k=2)", "")
+FIGURES = ("", "", "unit", "A", "B", "B - A", "U (k=2)", "")
+ACROSS = 3
+"""Curves side by side."""
+SIGN = "Actual minus nominal, tool relative to workpiece. Differences are B minus A."
+
+
+def comparison_report(found: Comparison, names: tuple[str, str], command: str) -> Report:
+    """The result for people; `names`: of the two calibrations; `command`: the command that made it."""
+    aligned = found.volume.aligned
+    verdict = (
+        f"Over the volume that both know, the tool point differs by {aligned.rms:.2f} um RMS, at most "
+        f"{aligned.largest:.2f} um, after alignment; standard uncertainty {found.volume.u_rms_um:.2f} um RMS."
+    )
+    lead = f"A: {names[0]} · B: {names[1]} · {command}"
+    return Report(f"Two calibrations of {found.machine.name}", lead, list(_sections(found)), verdict)
+
+
+def _sections(found: Comparison) -> Iterator[Section]:
+    reference = ", ".join(f"{axis} {at:g}" for axis, at in found.reference.items())
+    text = (
+        f"{SIGN}\nReference position: {reference}. Straightness from the {found.straightness} line; its slope belongs "
+        "to the squareness. Both calibrations are transformed into the frame of ncomp fit."
+    )
+    yield Section("Error motions, ISO 230-1", text, Table(MOTIONS, list(map(_motion_row, found.motions))))
+    if found.figures:
+        rows = [
+            (f.name, f.title, f.unit, f"{f.a:.2f}", f"{f.b:.2f}", f"{f.b - f.a:+.2f}", f"{f.U:.2f}",
+             "significant" if abs(f.b - f.a) > max(f.U, LEAST) else "")
+            for f in found.figures
+        ]  # fmt: skip
+        yield Section("Squareness, location errors, reversal", "Angles right-handed.", Table(FIGURES, rows))
+    yield _volume(found)
+    for axis in dict.fromkeys(motion.axis for motion in found.motions):
+        own = [motion for motion in found.motions if motion.axis == axis]
+        yield Section(f"Axis {axis}", "Bands: U (k=2).", figure=partial(_curves, own))
+    if found.left_out:
+        yield Section("Not compared", "\n".join(found.left_out))
+
+
+def _motion_row(motion: Motion) -> tuple[str, ...]:
+    i = motion.largest
+    ranges = [
+        f"{np.ptp(values):.2f}" if known else "not known"
+        for values, known in zip((motion.a, motion.b), motion.known, strict=True)
+    ]
+    mark = "significant" if motion.significant else ""
+    if not all(motion.known):
+        mark = f"in {'A' if motion.known[0] else 'B'} only"
+    rms, largest = np.sqrt(np.mean(motion.difference**2)), f"{motion.difference[i]:+.2f}"
+    at = f"{motion.axis} {motion.positions[i]:.4g} {motion.position_unit}"
+    return motion.name, motion.unit, motion.convention, *ranges, f"{rms:.2f}", largest, at, f"{motion.U[i]:.2f}", mark
+
+
+def _volume(found: Comparison) -> Section:
+    volume = found.volume
+    bounds = "; ".join(f"{axis} {low:g} to {high:g}" for axis, (low, high) in volume.bounds.items())
+    rows = [
+        (title, f"{error.rms:.2f}", f"{error.p95:.2f}", f"{error.largest:.2f}")
+        for title, error in (("as they are", volume.difference), ("aligned", volume.aligned))
+    ]
+    rows.append(("standard uncertainty of the difference (k=1)", f"{volume.u_rms_um:.2f}", "", ""))
+    text = f"{bounds or 'One position'}; tool {volume.tool_mm:g} mm."
+    return Section("Over the volume", text, Table(("B - A, um", "RMS", "95 %", "largest"), rows))
+
+
+def _curves(motions: list[Motion], canvas: Figure) -> None:
+    down = -(-len(motions) // ACROSS)
+    canvas.set_size_inches(9.0, 2.2 * down)
+    places = canvas.subplots(down, ACROSS, squeeze=False).ravel()
+    for place in places[len(motions) :]:
+        place.set_axis_off()
+    for place, motion in zip(places, motions, strict=False):
+        _curve(place, motion)
+    places[0].legend(frameon=False, loc="best")
+
+
+def _curve(place: Axes, motion: Motion) -> None:
+    pairs = zip("AB", COLOURS, (motion.a, motion.b), (motion.U_a, motion.U_b), motion.known, strict=False)
+    for name, colour, values, U, known in pairs:
+        if known:
+            band(place, motion.positions, values, U, colour, name)
+    place.set_title(f"{motion.name}, {motion.unit}", fontsize=8)
+    place.set_xlabel(f"{motion.axis}, {motion.position_unit}")

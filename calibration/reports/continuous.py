@@ -1,0 +1,295 @@
+"""Results of a joint estimate of continuous and quasi-static runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calibration.continuous.estimate import Estimate, OneWay, Wave
+from calibration.continuous.reading import Data
+from calibration.continuous.records import WAYS
+from kinematics.transforms import Array
+from rendering.figures import COLOURS, MANY, band
+from rendering.report import Report, Section, Table, facts
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LISTED = 50
+"""Most listed jumps of one direction, and most waves; the JSON has all."""
+HARMONIC = 2e-3
+"""Largest relative deviation of a harmonic from a multiple of the basic frequency."""
+SIGN = "Measured minus target: positive where the axis goes too far in its positive direction."
+HINT = "ncomp diagnose, with the quasi-static data or a finer run of targets, finds the cause in the drive."
+
+
+def continuous_json(found: Estimate, data: Data) -> dict[str, Any]:
+    """All results, with units in the names; uncertainties are standard ones (k = 1)."""
+    rows, spread = found.table(), found.fused.spread
+    return {
+        "axis": data.axis,
+        "direction": found.direction,
+        "segment_mm": list(found.segment),
+        "rows": len(rows.position),
+        "error_um": {"min": float(rows.error.min()), "max": float(rows.error.max())},
+        "u_um": {"min": float(rows.u.min()), "max": float(rows.u.max())},
+        "continuous": [
+            {
+                "run": course.record.name,
+                "direction": WAYS[course.record.direction],
+                "source": course.record.source,
+                "segment_mm": [float(course.x.min()), float(course.x.max())],
+                "samples": len(course.raw_x),
+                "blocks": len(course),
+                "samples_left_out": course.dropped,
+                "samples_missing": course.missing,
+                "feed_mm_min": course.feed,
+                "programmed_feed_mm_min": course.record.feed,
+                "noise_um": noise.total,
+                "noise_order": noise.order,
+                "noise_scale": each.shape.noise_scale,
+                "vibrations": [{"frequency_hz": f, "amplitude_um": a} for f, a in noise.vibrations],
+            }
+            for each in found.ways.values()
+            for course, noise in zip(each.courses, each.noises, strict=True)
+        ],
+        "quasi_static": {
+            "readings": len(found.quasi),
+            "readings_inside": len(found.fused.inside),
+            "u_um": spread.noise,
+            "sheet_um": found.quasi.u,
+            "degrees_of_freedom": spread.free,
+            "residual_rms_um": _rms(found.fused.residual),
+            "drift_offset_um": spread.offset,
+            "runs": [asdict(drift) for drift in found.fused.drift],
+        },
+        "reversal": _reversal(found),
+        "shape": {
+            WAYS[way]: {
+                "prior_order": each.shape.order,
+                "finest_mm": each.shape.finest_mm,
+                "nodes": len(each.shape.nodes),
+                "bound_to_time": [{"frequency_hz": f, "amplitude_um": a} for f, a in each.found.bound_to_time],
+            }
+            for way, each in found.ways.items()
+        },
+        "cyclic": [
+            {"direction": WAYS[way], **wave._asdict()} for way, each in found.ways.items() for wave in each.waves
+        ],
+        "jumps": [
+            {
+                "direction": WAYS[way],
+                "pitch_mm": None if each.jumps.pitch is None else each.jumps.pitch[0],
+                "u_pitch_mm": None if each.jumps.pitch is None else each.jumps.pitch[1],
+                "positions_mm": list(each.jumps.places_mm),
+                "sizes_um": list(each.jumps.sizes_um),
+                "u_um": list(each.jumps.u_um),
+            }
+            for way, each in found.ways.items()
+            if each.jumps.places_mm
+        ],
+        "methods_minus_ours_rms_um": {
+            name: {method: _rms(off) for method, off in _differences(found, name).items()} for name in found.comparisons
+        },
+        "table": {
+            "position_mm": rows.position.tolist(),
+            "error_um": rows.error.tolist(),
+            "u_um": rows.u.tolist(),
+            "continuous": rows.continuous.tolist(),
+        },
+        "notes": [*data.notes, *found.notes],
+        "inputs": dict(data.fingerprints),
+    }
+
+
+def _reversal(found: Estimate) -> dict[str, float] | None:
+    """Reversal error, forward minus backward, over the segment; None where one direction is not known."""
+    if not found.both:
+        return None
+    values, covariance = found.curve("reversal")
+    return {
+        "mean_um": float(values.mean()),
+        "u_um": float(np.sqrt(max(covariance.mean(), 0.0))),
+        "min_um": float(values.min()),
+        "max_um": float(values.max()),
+    }
+
+
+def _differences(found: Estimate, run: str) -> dict[str, Array]:
+    """Errors by the paper's methods less those of the joint estimate, um, by method."""
+    compared = found.comparisons[run]
+    way = next(WAYS[way] for way, each in found.ways.items() if run in {c.record.name for c in each.courses})
+    values, _ = found.curve(way)
+    ours = np.interp(compared.x, found.fused.positions, values)
+    return {method: errors - ours for method, errors in compared.errors.items()}
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def continuous_report(found: Estimate, data: Data, command: str) -> Report:
+    """The result for people; `command`: the command that made it."""
+    rows = found.table()
+    verdict = (
+        f"Error {rows.error.min():.2f} to {rows.error.max():.2f} um ({found.direction}), standard uncertainty (k=1) "
+        f"{rows.u.min():.2f} to {rows.u.max():.2f} um."
+    )
+    lead = f"{', '.join(data.fingerprints)} · {command}"
+    return Report(f"Positioning error of axis {data.axis}", lead, list(_sections(found, data)), verdict)
+
+
+def _sections(found: Estimate, data: Data) -> Iterator[Section]:
+    yield Section("Error", f"{SIGN} Band: U (k=2).", figure=partial(_errors, found))
+    yield facts("Data", list(_facts(found, data)))
+    if found.both:
+        yield Section("Reversal", "Forward minus backward. Band: U (k=2).", figure=partial(_reversal_figure, found))
+    text = "Quasi-static readings inside the segment, less the estimate and the drift of their run."
+    yield Section("Readings against the estimate", text, figure=partial(_residuals, found))
+    yield _runs(found)
+    if waves := [row for way, each in found.ways.items() for row in _waves(WAYS[way], each)]:
+        text = f"The table contains them. {HINT}"
+        if any(each.waves and len(each.courses) == 1 for each in found.ways.values()):
+            text += (
+                "\nOne run does not distinguish a wave along the axis from a vibration of that frequency: "
+                "measure another run at another feed."
+            )
+        head = ("direction", "period, mm", "u (k=1)", "amplitude, um", "u (k=1)", "harmonics", "in this run, Hz")
+        yield Section("Cyclic errors", text, Table(head, waves))
+    if jumps := [row for way, each in found.ways.items() for row in _jumps(WAYS[way], each)]:
+        table = Table(("direction", "position, mm", "size, um", "u (k=1)"), jumps)
+        yield Section("Jumps", f"Steps of a compensation table, or a fault. {HINT}", table)
+    if found.fused.drift:
+        yield _drift(found)
+    if data.notes or found.notes:
+        yield Section("Notes", "\n".join((*data.notes, *found.notes)), detail=True)
+
+
+def _facts(found: Estimate, data: Data) -> Iterator[tuple[str, str]]:
+    spread, (low, high) = found.fused.spread, found.segment
+    yield "axis", f"{data.axis}, table {found.direction}: {len(found.table().position)} rows"
+    specified = f"{spread.sheet:.3g} um by the instrument specification" if spread.sheet else "not specified"
+    yield (
+        "targets",
+        f"{len(found.fused.inside)} of {len(found.quasi)} readings from {low:.3f} to {high:.3f} mm, standard "
+        f"uncertainty of one {spread.noise:.3g} um ({specified}, {spread.free} degrees of freedom)",
+    )
+    for way, each in found.ways.items():
+        kind = "cubic spline" if each.shape.order == 2 else "random walk"
+        yield "detail", f"{WAYS[way]}: {kind}; details above noise down to {each.shape.finest_mm:.3g} mm"
+    if (reversal := _reversal(found)) is not None:
+        yield (
+            "reversal",
+            f"{reversal['mean_um']:.2f} um, u {reversal['u_um']:.2f} (forward minus backward, mean over the segment; "
+            f"{reversal['min_um']:.2f} to {reversal['max_um']:.2f})",
+        )
+
+
+def _runs(found: Estimate) -> Section:
+    rows = [
+        (
+            course.record.name,
+            WAYS[way],
+            f"{course.feed:.6g}",
+            f"{course.x.min():.3f} to {course.x.max():.3f}",
+            str(len(course.raw_x)),
+            f"{noise.total:.3g}",
+            "\n".join(f"{f:.3g} Hz, {a:.2g} um" for f, a in [*each.found.bound_to_time, *noise.vibrations]),
+        )
+        for way, each in found.ways.items()
+        for course, noise in zip(each.courses, each.noises, strict=True)
+    ]
+    head = ("run", "direction", "feed, mm/min", "segment, mm", "samples", "noise, um", "vibrations")
+    text = "Samples at constant velocity. Vibrations depend on time: the table does not contain them."
+    return Section("Continuous runs", text, Table(head, rows))
+
+
+def _waves(direction: str, each: OneWay) -> Iterator[tuple[str, ...]]:
+    for wave, harmonics in with_harmonics(each.waves)[:LISTED]:
+        period = f"{wave.period_mm:.4g}", f"{wave.u_period_mm:.2g}"
+        amplitude = f"{wave.amplitude_um:.3g}", f"{wave.u_amplitude_um:.2g}"
+        yield direction, *period, *amplitude, ", ".join(map(str, harmonics)), f"{wave.frequency_hz:.3g}"
+
+
+def with_harmonics(waves: Sequence[Wave]) -> list[tuple[Wave, list[int]]]:
+    """Waves, strongest first, each with the numbers of its harmonics; harmonics are not listed as waves."""
+    left, found = list(waves), []
+    while left:
+        wave = left.pop(0)
+        numbers = {other: wave.period_mm / other.period_mm for other in left if other.period_mm < wave.period_mm / 1.5}
+        own = {other: round(ratio) for other, ratio in numbers.items() if abs(ratio / round(ratio) - 1.0) < HARMONIC}
+        left = [other for other in left if other not in own]
+        found.append((wave, sorted(own.values())))
+    return found
+
+
+def _jumps(direction: str, each: OneWay) -> Iterator[tuple[str, ...]]:
+    jumps = each.jumps
+    for x, size, u in list(zip(jumps.places_mm, jumps.sizes_um, jumps.u_um, strict=True))[:LISTED]:
+        yield direction, f"{x:.3f}", f"{size:.2f}", f"{u:.2g}"
+    if jumps.pitch is not None:
+        yield direction, f"every {jumps.pitch[0]:.4g} (u {jumps.pitch[1]:.2g})", "", ""
+
+
+def _drift(found: Estimate) -> Section:
+    rows = [
+        (
+            drift.run,
+            f"{drift.offset_um:.2f}",
+            f"{drift.u_offset_um:.2g}",
+            f"{drift.slope_um_per_m:.2f}",
+            f"{drift.u_slope_um_per_m:.2g}",
+        )
+        for drift in found.fused.drift
+    ]
+    head = ("run", "offset, um", "u (k=1)", "slope, um/m", "u (k=1)")
+    return Section("Drift of the quasi-static runs", "Against their mean.", Table(head, rows))
+
+
+def _errors(found: Estimate, canvas: Figure) -> None:
+    """Errors by direction with their uncertainties, and the readings."""
+    canvas.set_size_inches(9.0, 3.6)
+    place = canvas.subplots()
+    for colour, way in zip(COLOURS, found.fused.ways, strict=False):
+        rows = found.table(WAYS[way])
+        inner = rows.continuous
+        band(place, rows.position[inner], rows.error[inner], 2 * rows.u[inner], colour, WAYS[way])
+        own, label = found.quasi.direction == way, f"readings {WAYS[way]}"
+        _circles(place, found.quasi.target[own], found.quasi.deviation[own], colour, label, markerfacecolor="none")
+    place.set_xlabel("position, mm")
+    place.set_ylabel("error, um")
+    place.legend(frameon=False, loc="best")
+
+
+def _reversal_figure(found: Estimate, canvas: Figure) -> None:
+    canvas.set_size_inches(9.0, 2.4)
+    place = canvas.subplots()
+    values, covariance = found.curve("reversal")
+    band(place, found.fused.positions, values, 2 * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    place.set_xlabel("position, mm")
+    place.set_ylabel("forward minus backward, um")
+
+
+def _residuals(found: Estimate, canvas: Figure) -> None:
+    canvas.set_size_inches(9.0, 2.4)
+    place = canvas.subplots()
+    quasi, residual = found.quasi, found.fused.residual
+    for colour, (way, name) in zip(COLOURS, WAYS.items(), strict=False):
+        rows = quasi.direction[found.fused.inside] == way
+        if rows.any():
+            at = quasi.target[found.fused.inside][rows]
+            _circles(place, at[:MANY], residual[rows][:MANY], colour, name)
+    for sign in (-2.0, 2.0):
+        place.axhline(sign * found.fused.spread.noise, color="#888", linewidth=0.6)
+    place.set_xlabel("target, mm")
+    place.set_ylabel("reading minus estimate, um")
+    place.legend(frameon=False)
+
+
+def _circles(place: Axes, x: Array, y: Array, colour: str, label: str, **style: Any) -> None:
+    place.plot(x, y, "o", color=colour, markersize=3, label=label, **style)

@@ -1,0 +1,420 @@
+"""Results of a diagnosis (contract 4.3): missing causes, their verdicts, the residual and the next measurement."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from calibration.diagnosis.diagnose import LEFT, Diagnosis
+from calibration.diagnosis.residual.whiteness import Test, combined
+from calibration.diagnosis.search.selection import Stage
+from calibration.diagnosis.verdict import Named
+from calibration.reports import cause_text as words
+from calibration.reports.cause_figures import cause_figure
+from calibration.reports.cause_views import views
+from calibration.reports.fit import insignificant
+from calibration.reports.residual_figures import against_noise, before_and_after, share_chart, unexplained_shape
+from kinematics.effects import CrossAxis
+from rendering.report import Report, Section, Table, facts, shortened
+
+if TYPE_CHECKING:
+    from calibration.diagnosis.search.start_model import Origin
+
+ORIGINS: dict[Origin, str] = {
+    "automatic": "error motions of all axes, their bases selected by the evidence",
+    "refitted": "the given calibration, made from these data: its structure, fitted again",
+    "updated": "the given calibration, with its uncertainties as prior knowledge",
+}
+LISTED = 8
+"""Most outliers that are listed, and most tests; the JSON has all."""
+SIMILAR = 3
+"""Most similar causes that are listed for one cause."""
+FAR = 4.0
+"""Ratio of the residual variance to the specified variance, or its inverse, above which a note is printed."""
+FEW = 20.0
+"""Degrees of freedom below which a note is printed: a result without causes then means little."""
+SIGNS = (
+    "Errors are actual minus nominal, tool relative to workpiece (ISO 841, ISO 230-1), in um and urad; of the "
+    "instrument observed minus true; a correction has the opposite sign. U is the expanded uncertainty, k = 2."
+)
+LEGEND = (
+    "dBIC below -10: odds above 150 to 1. Held out: change of the RMS of residuals of held-out rows by the cause. "
+    "TIED: these data do not distinguish it from the first similar cause."
+)
+READINGS = "residuals plus the fitted cause"
+HOW_DRAWN = {
+    "dots": f"Small dots: {READINGS}, single rows; large dots: their means; black, or a line: the fitted cause.",
+    "map": f"Left: {READINGS}, means of rows; cells with uncertain means are blank. Right: the fitted cause.",
+}
+OBSERVED = "Residuals are observed minus expected, in x, y, z of the part on which the instrument stands."
+
+
+def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
+    """The diagnosis for programs by contract 4.3; further keys at the end."""
+    fit, left, seen = found.after.fit, found.unexplained, found.identifiability
+    hidden = [entry.name for entry in found.not_visible]
+    return {
+        "before": figures(found.before),
+        "after": figures(found.after),
+        "noise_um": found.noise_um,
+        "n_observations": fit.observations,
+        "n_parameters": len(fit.model.parameters),
+        "rank": fit.solved.rank - fit.solved.registered,
+        "not_visible": [*(seen.not_visible if seen else ()), *hidden],
+        "accepted": found.accepted,
+        "reason": found.reason,
+        "effects": [_cause_json(cause) for cause in found.causes],
+        "unexplained": None
+        if left is None
+        else {"variables": list(left.variables), "p_value": left.p_value, "rms_um": found.unexplained_um},
+        "next_measurement": found.next_measurement,
+        "one_by_one": [dependence._asdict() for dependence in found.one_by_one],
+        "moves": [
+            {"move": move.name, "minutes": move.minutes, "gain_per_minute": move.gain_per_minute, "says": move.text}
+            for move in found.proposed_measurements
+        ],
+        "origin": found.base.origin,
+        "basis": {} if found.base.choice is None else {a: str(b) for a, b in found.base.choice.bases.items()},
+        "sanity": [{"what": finding.what, "says": finding.says} for finding in found.findings],
+        "noise_from_repeats": None if found.repeats is None else found.repeats.text,
+        "whiteness": {"before": _tests_json(found.tests), "after": _tests_json(found.tests_after)},
+        "closure": found.closure,
+        "by_direction_um": found.by_direction,
+        "volume_um": found.volume._asdict(),
+        "visibility": {each.candidate.effect.name: each.projected.visible for each in reversed(found.evaluated)},
+        "would_show_from": [{"name": name, "size": size, "unit": unit} for name, size, unit in found.smallest],
+        "not_tested": [{"name": entry.name, "lacks": entry.lacks} for entry in found.untested],
+        "outliers": [found.measurement.where(int(row)) for row in fit.outliers],
+        "significant_share": found.significant_share,
+        "calibration": found.model.id,
+    }
+
+
+def figures(stage: Stage) -> dict[str, float | None]:
+    """Residuals of a model; the held-out residual is None where there are too few rows to hold any out."""
+    return {
+        "rms_um": stage.fit.rms_um,
+        "max_um": stage.fit.max_um,
+        "chi2_reduced": stage.fit.chi2_reduced,
+        "heldout_rms_um": None if math.isnan(stage.heldout_um) else stage.heldout_um,
+    }
+
+
+def _cause_json(cause: Named) -> dict[str, Any]:
+    effect = cause.effect
+    return {
+        "kind": cause.kind,
+        "where": cause.where,
+        "axis": cause.axis,
+        **cause.fields,
+        "parameters": effect.by_key(effect.parameters),
+        "u": effect.by_key(effect.uncertainties),
+        "delta_bic": cause.delta_bic,
+        "heldout_gain_um": cause.heldout_gain_um,
+        "share": cause.share,
+        "verdict": cause.verdict,
+        "visible": cause.visible,
+        "alternatives": [
+            {"kind": other.kind, "axis": other.axis, "name": other.name, "cosine": other.cosine, "odds": other.odds}
+            for other in cause.alternatives
+        ],
+        "notes": list(cause.notes),
+    }
+
+
+def _tests_json(tests: Sequence[Test]) -> list[dict[str, Any]]:
+    return [{"what": test.what, "p_value": test.p_value, "statistic": test.statistic} for test in tests]
+
+
+def diagnosis_report(found: Diagnosis, command: str) -> Report:
+    """The diagnosis for people; `command`: the command that made it."""
+    title = f"Diagnosis of {found.measurement.machine.name}"
+    lead = f"{found.measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
+    refused = [] if found.accepted else [f"NOT WRITTEN: {found.reason}."]
+    verdict = [*refused, *insignificant(found.significant_share), _verdict(found)]
+    return Report(title, lead, list(_sections(found)), "\n".join(verdict))
+
+
+def _verdict(found: Diagnosis) -> str:
+    """The result in a few sentences."""
+    before, after = found.before, found.after
+    brought = (
+        f"residual {before.fit.rms_um:.2f} -> {after.fit.rms_um:.2f} um RMS, "
+        f"held out {before.heldout_um:.2f} -> {after.heldout_um:.2f} um"
+    )
+    if found.causes:
+        names = "; ".join(map(_named, found.causes))
+        text = f"Missing in the present model: {names}. With {'it' if len(found.causes) == 1 else 'them'}: {brought}."
+        if found.with_unnamed:
+            text += " An unnamed effect is not a cause: no cause of the library explains the dependence."
+        elif found.unexplained is not None:
+            text += " Something else is missing that no cause of the library explains."
+    elif found.unexplained is not None:
+        text = f"Something is missing that no cause of the library explains; {brought}."
+    elif after.fit.failed:
+        text = f"The present model explains the data that were used down to their noise; {brought}."
+    else:
+        text = f"Nothing is missing: the present model explains the data down to their noise; {brought}."
+    if after.fit.failed:
+        text += f" NOT USED: {', '.join(after.fit.failed)}; this diagnosis does not apply to them."
+    return f"{text} Unexplained residual: {_residual(found)}."
+
+
+def _residual(found: Diagnosis) -> str:
+    """Remaining residual, also in units of the noise, and the variables that it depends on."""
+    rms, left = found.after.fit.rms_um, found.unexplained
+    size = f"{rms:.2f} um RMS, {rms / max(found.noise_um, 1e-12):.2f} times the noise"
+    if left is None:
+        return f"{size}; it depends on no recorded variable"
+    added = "; this dependence was added as an unnamed effect" if found.with_unnamed else ""
+    return (
+        f"{size}; {found.unexplained_um:.2f} um depend on {', '.join(left.variables)} (p = {left.p_value:.2g}){added}"
+    )
+
+
+def _named(cause: Named) -> str:
+    """A cause, its size where that is one number, and its verdict."""
+    one = len(cause.effect.parameters) == 1 or cause.kind == "outliers"
+    size = f" ({', '.join(words.sizes(cause))})" if one else ""
+    tie = f" with {words.in_full(cause.alternatives[0].name)}" if cause.verdict == "tied" and cause.alternatives else ""
+    return f"{words.title(cause)}{size}, {words.verdict(cause)}{tie}"
+
+
+def _sections(found: Diagnosis) -> Iterator[Section]:
+    yield facts("Data, model, noise", list(_facts(found)))
+    if found.repeats is not None:
+        rows = [(part.name, f"{part.noise:.3g}", f"{part.sheet:.3g}", part.unit) for part in found.repeats.components]
+        table = Table(("standard uncertainty (k=1)", "from repeats", "specified", ""), rows)
+        yield Section("Noise of the instrument", table=table, detail=True)
+    yield from _causes(found)
+    yield from _residuals(found)
+    yield from _not_shown(found)
+    if left_out := list(_left_out(found)):
+        yield Section("Left out", "\n".join(left_out))
+    if notes := list(_notes(found)):
+        yield Section("Notes", "\n".join(notes))
+    yield Section("Next", found.next_measurement)
+    rows = [
+        (move.name, f"{move.minutes:.0f}", f"{move.gain_per_minute:.2g}", move.text)
+        for move in found.proposed_measurements
+        if move.minutes
+    ]
+    if rows:
+        head = ("measurement", "minutes", "information, noise variances per minute", "instruction and expected result")
+        yield Section("Proposed measurements", table=Table(head, rows), detail=True)
+    text = f"NEW.json holds the machine with the causes of the machine (calibration {found.model.id})."
+    commands = Table(("task", "command"), _commands(found.measurement.machine.name))
+    yield Section("Use of the new calibration", text, commands, detail=True)
+
+
+def _facts(found: Diagnosis) -> Iterator[tuple[str, str]]:
+    measurement, choice, fit = found.measurement, found.base.choice, found.before.fit
+    runs = 0 if measurement.run is None else len(set(measurement.run.tolist()))
+    counted = f", {runs} run{'s' if runs > 1 else ''}" if runs else ""
+    yield "data", f"{measurement.source}: {len(measurement)} rows, {fit.observations} observations{counted}"
+    bases = "" if choice is None else ": " + ", ".join(f"{axis} {basis}" for axis, basis in choice.bases.items())
+    yield "model", f"{ORIGINS[found.base.origin]}{bases}; {len(fit.model.parameters)} parameters"
+    for finding in found.findings:
+        yield "note", finding.says
+    repeats = found.repeats
+    yield (
+        "noise",
+        "by the instrument specification; no position was measured again" if repeats is None else repeats.text,
+    )
+    significant = [f"{test.what} p = {test.p_value:.1g}" for test in found.tests if test.p_value < 1e-3]
+    yield "residual", "; ".join([f"chi2/dof {fit.chi2_reduced:.3g}", *shortened(significant, LISTED, "tests")])
+
+
+def _causes(found: Diagnosis) -> Iterator[Section]:
+    if not found.causes:
+        return
+    text = (
+        "Blue: the machine. Orange: the instrument. Causes that overlap share what they explain, so that the bars need "
+        "not add up to 100 %."
+    )
+    yield Section("Share by cause", text, figure=partial(share_chart, found))
+    numbered = [(str(number), words.title(cause), cause) for number, cause in enumerate(found.causes, start=1)]
+    rows = [
+        (
+            number,
+            title,
+            "\n".join(words.sizes(cause)),
+            f"{cause.delta_bic:.0f}",
+            f"{round(-cause.heldout_gain_um, 2) + 0.0:+.2f}",
+            f"{cause.share:.0%}",
+            words.verdict(cause),
+        )
+        for number, title, cause in numbered
+    ]
+    head = ("", "cause", f"size ± U (k={words.COVERAGE})", "dBIC", "held out, um", "share", "verdict")
+    yield Section("Causes", f"{SIGNS}\n{LEGEND}", Table(head, rows))
+    similar = [
+        (number, title, words.in_full(other.name), f"{other.cosine:.2f}", words.odds(other.odds))
+        for number, title, cause in numbered
+        for other in cause.alternatives[:SIMILAR]
+    ]
+    if similar:
+        text = "Their effect on these data is nearly the same; odds: of the cause against the similar one."
+        yield Section("Similar causes", text, Table(("", "cause", "similar cause", "cosine", "odds"), similar))
+    for number, title, cause in numbered:
+        drawn = partial(cause_figure, views(found.after.linearised, cause.effect))
+        yield Section(f"{number}  {title}", "\n".join(_about(cause)), figure=drawn)
+
+
+def _about(cause: Named) -> Iterator[str]:
+    effect = cause.effect
+    what = type(effect).TITLE
+    meaning = " ".join((inspect.getdoc(type(effect)) or "").replace("`", "").split())
+    yield f"{what[0].upper()}{what[1:]}. {meaning}"
+    if cause.kind != "outliers":
+        drawn = HOW_DRAWN["map" if isinstance(effect, CrossAxis) else "dots"]
+        yield f"Model and registration cannot imitate {cause.visible:.0%} of its signal. {drawn}"
+    yield f"Remedy: {words.remedy(effect)}"
+    yield from (f"Note: {note}." for note in cause.notes)
+
+
+def _residuals(found: Diagnosis) -> Iterator[Section]:
+    rows = [
+        (name, f"{s.fit.rms_um:.2f}", f"{s.fit.max_um:.1f}", f"{s.fit.chi2_reduced:.2f}", f"{s.heldout_um:.2f}")
+        for name, s in (("before", found.before), ("after", found.after))
+    ]
+    rows.append(("noise alone", f"{found.noise_um:.2f}", "", "1", ""))
+    table = Table(("residual, um", "RMS", "max", "chi2/dof", "held out, RMS"), rows)
+    text = f"{OBSERVED} Max: the largest length."
+    yield Section("Residual before and after", text, table, partial(before_and_after, found))
+    before, after = found.by_direction["before"], found.by_direction["after"]
+    directions = [(name, f"{before[name]:.2f}", f"{after.get(name, float('nan')):.2f}") for name in before]
+    table = Table(("residual RMS, um (rotary axes urad)", "before", "after"), directions)
+    yield Section("By direction, and in the volume", "\n".join(_volume(found)), table)
+    yield Section("Residual against noise", figure=partial(against_noise, found))
+    if found.tests:
+        text = (
+            f"Probability of so large a value under pure noise. Marked: the tests together leave a probability below "
+            f"{LEFT:.0%}. Along: correlation of adjacent rows. The others: different means, or a slope."
+        )
+        yield Section("Tests of the residual", text, _tests(found), detail=True)
+    yield _unexplained(found)
+
+
+def _volume(found: Diagnosis) -> Iterator[str]:
+    volume = found.volume
+    yield (
+        f"Error of the machine over the measured positions, by the new model: {volume.machine_rms:.2f} um RMS, "
+        f"{volume.machine_max:.1f} um at most (after the best common shift and rotation)."
+    )
+    if found.causes:
+        yield (
+            f"Error after a correction by the present model, by the new one: {volume.left_rms:.2f} um RMS, "
+            f"{volume.left_max:.1f} um at most."
+        )
+    if found.closure:
+        yield f"No error motion of an axis explains {found.closure:.0%} of the residual beyond the noise."
+
+
+def _tests(found: Diagnosis) -> Table:
+    after = {test.what: test for test in found.tests_after}
+    marked = [{test.what for test in combined(tests, LEFT)} for tests in (found.tests, found.tests_after)]
+    rows = [(test.what, *_tested(test, marked[0]), *_tested(after.get(test.what), marked[1])) for test in found.tests]
+    return Table(("residuals", "p before", "", "p after", ""), rows)
+
+
+def _tested(test: Test | None, marked: set[str]) -> tuple[str, str]:
+    return ("", "") if test is None else (f"{test.p_value:.2g}", "not noise" if test.what in marked else "")
+
+
+def _unexplained(found: Diagnosis) -> Section:
+    left = found.unexplained
+    if left is None:
+        return Section("Unexplained", "The remaining residuals show no dependence on any recorded variable.")
+    text = (
+        f"{found.unexplained_um:.2f} um RMS depend on {', '.join(left.variables)} (p = {left.p_value:.2g}), and no "
+        "cause of the library explains them."
+        "\nEach variable alone: squared distance correlation (without bias, about 0 where independent), and p-value "
+        "among residuals permuted in blocks, as it is and adjusted by Benjamini and Hochberg. Variables that act only "
+        f"jointly are not found in this way.\nFigure: the smooth shape over these variables, um. {OBSERVED}"
+    )
+    rows = [(o.variable, f"{o.correlation:.3f}", f"{o.p_value:.2g}", f"{o.adjusted:.2g}") for o in found.one_by_one]
+    alone = Table(("variable", "distance correlation, squared", "p", "adjusted p"), rows)
+    return Section("Unexplained", text, alone, partial(unexplained_shape, found))
+
+
+def _not_shown(found: Diagnosis) -> Iterator[Section]:
+    """Causes that these data cannot show or test, and the smallest sizes of the others that they would show."""
+    by_remedy: dict[str, list[str]] = {}
+    for entry in found.not_visible:
+        by_remedy.setdefault(entry.remedy, []).append(f"{words.in_full(entry.name)} ({entry.share:.2f})")
+    for motion in found.identifiability.unidentifiable if found.identifiability else ():
+        by_remedy.setdefault(motion.remedy, []).append(" + ".join(motion.effects))
+    if by_remedy:
+        text = "NOT VISIBLE in these data. In brackets: share of its signal that model and registration cannot imitate."
+        hidden = [(", ".join(names), remedy) for remedy, names in by_remedy.items()]
+        yield Section("Unidentifiable causes", text, Table(("cause", "measurement that would show it"), hidden))
+    lacking: dict[str, list[str]] = {}
+    for cause in found.untested:
+        lacking.setdefault(cause.lacks, []).append(words.in_full(cause.name))
+    if lacking:
+        untested = [(", ".join(names), lacks) for lacks, names in lacking.items()]
+        yield Section("Not tested", table=Table(("cause", "columns that the data lack"), untested), detail=True)
+    smallest: dict[tuple[str, str], list[str]] = {}
+    for name, size, unit in sorted(found.smallest):
+        kind, _, where = name.partition(" ")
+        smallest.setdefault((kind, unit), []).append(f"{where} {size:.2g}".strip())
+    if smallest:
+        sizes = [(kind, ", ".join(sizes), unit) for (kind, unit), sizes in smallest.items()]
+        table = Table(("cause", "smallest size that these data show", ""), sizes)
+        yield Section("Detection limits", table=table, detail=True)
+
+
+def _left_out(found: Diagnosis) -> Iterator[str]:
+    """Runs, set-ups and rows that were left out of the fit, with the reasons."""
+    fit = found.after.fit
+    if fit.failed:
+        what = "runs" if fit.measurement.instrument.components == 1 else "set-ups"
+        yield f"{what} {', '.join(fit.failed)}: most of their rows disagree with the other rows or the model"
+    outliers = [
+        f"{found.measurement.where(int(row))}: outlier, {fit.residual_um[row]:.1f} um from the other rows"
+        for row in fit.outliers
+    ]
+    yield from shortened(outliers, LISTED, "outliers")
+
+
+def _notes(found: Diagnosis) -> Iterator[str]:
+    """Weaknesses of the result, and notes on unnamed effects, on the causes and on effects of the instrument."""
+    fit = found.after.fit
+    if fit.degrees_of_freedom < FEW:
+        yield (
+            f"{fit.observations} observations leave {fit.degrees_of_freedom:.0f} degrees of freedom: too few for "
+            "reliable verdicts."
+        )
+    elif fit.variance_factor == 1.0:
+        estimate = "--noise estimate takes the noise from the residuals."
+        if fit.chi2_reduced < 1 / FAR:
+            yield f"chi2/dof {fit.chi2_reduced:.2g}: the specified noise is too large; {estimate}"
+        elif fit.chi2_reduced > FAR and found.unexplained is None:
+            yield (
+                f"chi2/dof {fit.chi2_reduced:.2g} without any dependence on a recorded variable: the specified noise "
+                f"is too small; {estimate}"
+            )
+    if found.unnamed:
+        yield found.unnamed
+    for cause in found.causes:
+        yield from (f"{words.in_full(cause.effect.name)}: {note}" for note in cause.notes)
+        if cause.where == "instrument":
+            yield f"{cause.effect.name}: {words.remedy(cause.effect)}"
+
+
+def _commands(machine: str) -> list[Sequence[str]]:
+    """Tasks and their commands."""
+    new, old = (f"--machine {machine} --calibration {name}.json" for name in ("NEW", "OLD"))
+    left = f"ncomp PART.nc {old} -o PART_OLD.nc\nncomp verify PART.nc PART_OLD.nc {new}"
+    return [
+        ("correct a program", f"ncomp PART.nc {new} -o PART_NEW.nc"),
+        (
+            "evaluate the part's error by this and the present model",
+            f"ncomp verify PART.nc PART_NEW.nc {new} --old OLD.json",
+        ),
+        ("evaluate the part's error after a correction by the present model, OLD.json", left),
+    ]

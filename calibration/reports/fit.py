@@ -1,0 +1,287 @@
+"""Results of a fit: parameters with uncertainties, residuals, unidentifiable effects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calibration.fit.acceptance import COVERAGE, MOSTLY
+from calibration.fit.calibrate import Calibration
+from calibration.fit.cross_validation import CrossValidation
+from calibration.fit.datum import error_motions
+from calibration.fit.fit import Fit
+from calibration.fit.identifiability import Unidentifiable
+from calibration.observation.equations import covariance
+from calibration.observation.normal_equations import whitened, whiteners
+from calibration.on_the_fly.along_path import OnTheFly
+from calibration.on_the_fly.planning.blind_mode import common_odd_mode
+from kinematics.effects import Effect, ErrorMotion, LocationError
+from kinematics.transforms import Array
+from rendering.figures import COLOURS, against_normal, band, dots, some
+from rendering.report import Report, Section, Table, facts
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DOUBTFUL = 0.05
+"""Share of outliers above which they are evidence of an effect missing from the model."""
+LISTED = 20
+"""Most rows that are listed with the reason for which they were left out; the JSON has all."""
+RIGHT_HANDED = "Tool relative to workpiece, right-handed; of a table the line lies at minus the value."
+
+
+def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
+    """The result for programs; `taken`: data taken on the fly."""
+    fitted, seen, held = found.fit, found.identifiability, found.cross_validation
+    measurement = fitted.measurement
+    return {
+        "before": {"rms_um": found.before_rms_um, "max_um": found.before_max_um},
+        "after": {
+            "rms_um": fitted.rms_um,
+            "max_um": fitted.max_um,
+            "chi2_reduced": fitted.chi2_reduced,
+            "p_value": fitted.p_value,
+            "heldout_rms_um": None if held is None else held.rms_um,
+        },
+        "noise_factor": fitted.variance_factor**0.5,
+        "n_observations": fitted.observations,
+        "n_parameters": seen.parameters,
+        "effective_parameters": fitted.effective_parameters,
+        "rank": seen.rank,
+        "rank_registered": seen.rank_registered,
+        "by_convention": seen.by_convention,
+        "not_visible": seen.not_visible,
+        "blind": [
+            {"effects": list(b.effects), "directions": b.directions, "reason": b.reason, "remedy": b.remedy}
+            for b in seen.unidentifiable
+        ],
+        "basis": {axis: str(choice) for axis, choice in found.choice.bases.items()},
+        "prior_scale": found.choice.prior_scale,
+        "log_evidence": fitted.log_evidence,
+        "depends_on": [{"what": s.what, "p_value": s.p_value, "hint": s.hint} for s in found.suspects],
+        "outliers": [measurement.where(int(row)) for row in fitted.outliers],
+        "copies": [measurement.where(int(row)) for row in fitted.copies.nonzero()[0]],
+        "failed_stations": list(fitted.failed),
+        "significant_share": found.significant_share,
+        "u_um": found.seen.json(),
+        "sanity": [{"what": finding.what, "says": finding.says} for finding in found.findings],
+        "locations": {
+            e.name: {"value_urad" if e.angular else "value_um": e.value, "u": e.uncertainties[0]}
+            for e in _locations(found)
+        },
+        "effects": [
+            {"name": e.name, "parameters": e.by_key(e.parameters), "u": e.by_key(e.uncertainties)}
+            for e in besides(found.model.effects)
+        ],
+        "calibration": found.model.id,
+    } | ({} if taken is None else {"on_the_fly": _moving_json(found, taken)})
+
+
+def _moving_json(found: Calibration, taken: OnTheFly) -> dict[str, Any]:
+    reduction = taken.reduction
+    return {
+        "readings": reduction.readings,
+        "used": reduction.used,
+        "left_out": {"corners": reduction.corners, "unsteady": reduction.unsteady, "astray": reduction.astray},
+        "rows": reduction.rows,
+        "cell_mm": reduction.cell_mm,
+        "passes": reduction.passes,
+        "feeds_mm_min": list(reduction.feeds),
+        "length_m": reduction.length_m,
+        "noise_correlation": reduction.correlation,
+        "blind_mode": common_odd_mode(taken.measurement, found.fit.registration),
+    }
+
+
+def fit_report(found: Calibration, taken: OnTheFly | None, command: str) -> Report:
+    """The result for people; `taken`: data taken on the fly; `command`: the command that made it."""
+    measurement = found.fit.measurement
+    lead = f"{measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
+    held = "" if found.cross_validation is None else f", held out {found.cross_validation.rms_um:.2f} um"
+    residual = f"Residual {found.before_rms_um:.2f} -> {found.fit.rms_um:.2f} um RMS{held}."
+    verdict = [*insignificant(found.significant_share), residual, *_verdict(found.fit)]
+    title = f"Calibration of {measurement.machine.name}"
+    return Report(title, lead, list(_sections(found, taken)), "\n".join(verdict))
+
+
+def insignificant(share: float) -> list[str]:
+    """A sentence where most of the correction does not exceed its uncertainty; `share` of it is significant."""
+    if share >= MOSTLY:
+        return []
+    return [
+        f"NOT SIGNIFICANT: at {100 * (1 - share):.0f} % of the measured positions the correction is smaller than "
+        f"{COVERAGE:g} times its standard uncertainty. This calibration hardly improves the machine. Measure more "
+        "positions, or use an instrument with a smaller uncertainty."
+    ]
+
+
+def residuals(before: tuple[float, float], after: Fit, held: CrossValidation | None) -> Section:
+    """Residuals, um, RMS and largest, of the nominal machine, of the model and of the held-out rows."""
+    rows = [("before (nominal machine)", *before), ("after", after.rms_um, after.max_um)]
+    if held is not None:
+        rows.append((f"held out ({held.blocks} {held.what})", held.rms_um, held.max_um))
+    table = Table(("residual, um", "RMS", "max"), [(name, f"{rms:.2f}", f"{most:.2f}") for name, rms, most in rows])
+    return Section("Residual", table=table)
+
+
+def besides(effects: Iterable[Effect]) -> list[Effect]:
+    """Effects other than error motions and location errors."""
+    return [effect for effect in effects if not isinstance(effect, (ErrorMotion, LocationError))]
+
+
+def _locations(found: Calibration) -> list[LocationError]:
+    return [effect for effect in found.model.effects if isinstance(effect, LocationError)]
+
+
+def _verdict(fitted: Fit) -> Iterator[str]:
+    text = f"chi2/dof {fitted.chi2_reduced:.3g} by the instrument specification, p = {fitted.p_value:.2g}."
+    if fitted.variance_factor != 1.0:
+        factor = fitted.variance_factor**0.5
+        yield f"{text} The noise was estimated from the data: {factor:.3g} times the instrument specification."
+    elif fitted.doubtful:
+        yield (
+            f"{text} The model is incomplete, or the specified noise is too small: uncertainties are widened by "
+            f"{fitted.chi2_reduced**0.5:.3g}."
+        )
+    else:
+        yield f"{text} The model explains the data down to the noise."
+    if len(fitted.outliers) > DOUBTFUL * len(fitted.measurement):
+        yield f"DOUBTFUL: more than {DOUBTFUL:.0%} of the rows are outliers: the model is incomplete."
+
+
+def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
+    fitted = found.fit
+    yield facts("Data and model", list(_facts(found, taken)))
+    yield residuals((found.before_rms_um, found.before_max_um), fitted, found.cross_validation)
+    if locations := _locations(found):
+        rows = [
+            (e.name, f"{e.value:.2f}", f"{2 * e.uncertainties[0]:.2f}", "urad" if e.angular else "um")
+            for e in locations
+        ]
+        yield Section("Location errors", RIGHT_HANDED, Table(("", "value", "U (k=2)", ""), rows))
+    others = [
+        (effect.name, parameter.name, f"{value:.3f}", f"{2 * u:.3f}", parameter.unit)
+        for effect in besides(found.model.effects)
+        for parameter, value, u in zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
+    ]
+    if others:
+        yield Section("Other effects", table=Table(("", "", "value", "U (k=2)", ""), others))
+    text = "Means and slopes that belong to location errors are taken out. Band: U (k=2)."
+    yield Section("Error motions", text, figure=partial(_motions, found))
+    text = "Residuals in standard uncertainties; the curve is the distribution of noise alone."
+    yield Section("Unexplained residual", text, figure=partial(_distribution, fitted))
+    text = "A residual of noise alone has no shape. Lines: twice the standard uncertainty of an observation."
+    yield Section("Unexplained residual along each axis", text, figure=partial(_along_axes, fitted))
+    if hidden := unidentifiable(found.identifiability.unidentifiable):
+        head = ("effect", "reason", "measurement that would show it")
+        yield Section("Unidentifiable effects", "NOT VISIBLE in these data.", Table(head, hidden))
+    if left_out := list(_left_out(fitted)):
+        yield Section("Left out", table=Table(("rows", "reason", "deviation from the other rows, um"), left_out))
+
+
+def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, str]]:
+    measurement, seen = found.fit.measurement, found.identifiability
+    bases = ", ".join(f"{axis} {basis}" for axis, basis in found.choice.bases.items())
+    yield "data", f"{measurement.source}: {len(measurement)} rows, {found.fit.observations} observations fitted"
+    if taken is not None:
+        yield "on the fly", str(taken.reduction)
+        if blind := common_odd_mode(taken.measurement, found.fit.registration):
+            yield "BLIND MODE", blind
+    for finding in found.findings:
+        yield "note", finding.says
+    yield "model", f"{seen.parameters} parameters: {bases}; size of errors x {found.choice.prior_scale:g}"
+    yield (
+        "rank",
+        f"{seen.rank} with the instrument's position known, {seen.rank_registered} with it fitted; "
+        f"{seen.by_convention} directions belong to the frame and are fixed by convention",
+    )
+    yield "uncertainty", str(found.seen)
+    for suspect in found.suspects:
+        yield "DEPENDS ON", f"the residuals depend on {suspect.what} (p = {suspect.p_value:.1g}): try {suspect.hint}"
+
+
+def unidentifiable(found: Iterable[Unidentifiable]) -> list[tuple[str, str, str]]:
+    """Names of unidentifiable effects with the same reason and remedy, the reason and the remedy."""
+    alike: dict[tuple[str, str], list[str]] = {}
+    for each in found:
+        alike.setdefault((each.reason, each.remedy), []).append(" + ".join(each.effects))
+    return [(", ".join(names), reason, remedy) for (reason, remedy), names in alike.items()]
+
+
+def _left_out(fitted: Fit) -> Iterator[Sequence[str]]:
+    size = fitted.residual_um
+    for reason, rows in (("outlier", fitted.outliers), ("copy of an earlier row", np.flatnonzero(fitted.copies))):
+        for row in rows[:LISTED].tolist():
+            yield fitted.measurement.where(row), reason, f"{size[row]:.1f}"
+        if len(rows) > LISTED:
+            yield f"... and {len(rows) - LISTED} more", reason, ""
+    for station in fitted.failed:
+        yield f"station {station}", "most of its rows disagree with all others", ""
+
+
+def _motions(found: Calibration, canvas: Figure) -> None:
+    """The error motions with their uncertainties, one row per axis."""
+    whole = np.array(found.model.covariance)
+    by_axis: dict[str, list[tuple[ErrorMotion, Array]]] = {}
+    for effect, part in error_motions(found.model):
+        by_axis.setdefault(effect.axis, []).append((effect, whole[part, part]))
+    across = max(len(motions) for motions in by_axis.values())
+    canvas.set_size_inches(1.9 * max(across, 2), 1.7 * len(by_axis))
+    grid = canvas.subplots(len(by_axis), across, squeeze=False)
+    for row, motions in zip(grid, by_axis.values(), strict=True):
+        for place, (effect, own) in zip(row, motions, strict=False):
+            _motion(place, effect, own)
+        for place in row[len(motions) :]:
+            place.set_axis_off()
+
+
+def _motion(place: Axes, effect: ErrorMotion, own: Array) -> None:
+    x = np.linspace(*effect.basis.interval, 200)
+    columns = effect.basis.columns(x)
+    u = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", columns, own, columns), 0.0))
+    band(place, x, columns @ effect.parameters, 2 * u)
+    place.set_title(f"{effect.name}, {'urad' if effect.angular else 'um'}")
+
+
+def in_uncertainties(fitted: Fit) -> Array:
+    """Residuals of the rows that are kept, in standard uncertainties."""
+    white = whitened(whiteners(fitted.measurement), fitted.residual)[fitted.kept]
+    return np.asarray(white / fitted.variance_factor**0.5)
+
+
+def _distribution(fitted: Fit, canvas: Figure) -> None:
+    """Distribution of the residuals in standard uncertainties, and the residuals in the order of acquisition."""
+    white = in_uncertainties(fitted)
+    canvas.set_size_inches(8.0, 2.4)
+    left, right = canvas.subplots(1, 2)
+    against_normal(left, white, 5.0)
+    rows = some(np.arange(len(white)))
+    for k in range(white.shape[1]):
+        dots(right, np.flatnonzero(fitted.kept)[rows], white[rows, k], COLOURS[k])
+    right.set_xlabel("row, in the order of acquisition")
+
+
+def _along_axes(fitted: Fit, canvas: Figure) -> None:
+    """Residuals over the position of each axis that moves."""
+    measurement = fitted.measurement
+    machine = measurement.machine
+    positions = measurement.state.positions[fitted.kept] / machine.scale
+    moving = [i for i in range(len(machine.axes)) if np.ptp(positions[:, i]) > 0]
+    residual = (fitted.residual * measurement.per_micro)[fitted.kept]
+    noise = np.sqrt(np.diagonal(covariance(measurement), axis1=1, axis2=2)) * measurement.per_micro
+    typical = noise[fitted.kept].mean(axis=0)
+    rows = some(np.arange(len(residual)))
+    canvas.set_size_inches(2.7 * max(len(moving), 2), 2.2)
+    for place, i in zip(canvas.subplots(1, len(moving), squeeze=False)[0], moving, strict=True):
+        for k in range(residual.shape[1]):
+            dots(place, positions[rows, i], residual[rows, k], COLOURS[k], label="xyz"[k])
+        place.axhline(2 * typical.max(), color="#888", linewidth=0.6)
+        place.axhline(-2 * typical.max(), color="#888", linewidth=0.6)
+        place.set_xlabel(f"{machine.axes[i].name}, {machine.axes[i].unit}")
+        place.set_ylabel("residual, um")
+        if residual.shape[1] > 1:
+            place.legend(loc="upper right", markerscale=3, frameon=False)

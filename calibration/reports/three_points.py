@@ -1,0 +1,137 @@
+"""Results of a three-point identification: error motions of each axis, location errors, squareness, straightness."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from calibration.reports.fit import RIGHT_HANDED, insignificant, residuals
+from calibration.single_axis.three_points import AxisResult, ThreePoints
+from calibration.single_axis.three_points_check import Check
+from calibration.single_axis.three_points_figures import LINES, locations, ranges, squarenesses, straightnesses
+from kinematics.effects import COMPONENTS
+from kinematics.transforms import Array
+from rendering.report import Report, Section, Table, facts
+
+
+def three_points_json(found: ThreePoints, checked: Check) -> dict[str, Any]:
+    """The result for programs; um and urad, positions in mm and degrees, u with k = 1."""
+    points, held = found.points, checked.cross_validation
+    return {
+        "before": {"rms_um": checked.before_rms_um, "max_um": checked.before_max_um},
+        "after": {
+            "rms_um": checked.fit.rms_um,
+            "max_um": checked.fit.max_um,
+            "heldout_rms_um": None if held is None else held.rms_um,
+        },
+        "chi2_reduced": points.chi2 / points.freedom if points.freedom else None,
+        "repeatability_um": points.repeatability_um if points.freedom else None,
+        "locations": {f.name: {"value": f.value, "u": f.u, "unit": f.unit} for f in locations(found)},
+        "squareness": {f.name: {"value_urad": f.value, "u": f.u, "is": f.what} for f in squarenesses(found)},
+        "axes": {
+            name: {
+                "targets": list(axis.targets),
+                "standing": dict(axis.standing),
+                "positions": axis.positions.tolist(),
+                "errors": _columns(axis, axis.errors),
+                "u": _columns(axis, axis.u),
+                "u_type_a": _columns(axis, axis.u_a),
+                "curves": _curves(axis),
+                "ranges": {f.name: {"is": f.what, "value": f.value, "u": f.u, "unit": f.unit} for f in ranges(axis)},
+                "straightness": _straightness(axis),
+            }
+            for name, axis in found.axes.items()
+        },
+        "significant_share": found.significant_share,
+        "calibration": found.model.id,
+    }
+
+
+def _names(axis: AxisResult) -> list[str]:
+    return [f"E_{letter}{axis.axis.name}" for letter in COMPONENTS]
+
+
+def _columns(axis: AxisResult, values: Array) -> dict[str, list[float]]:
+    return {name: values[:, j].tolist() for j, name in enumerate(_names(axis))}
+
+
+def _curves(axis: AxisResult) -> dict[str, Any]:
+    return {
+        name: {
+            "degree": degree,
+            "chi2_reduced": one.chi2 / one.freedom if one.freedom else None,
+            "u_widened_by": one.widening,
+            "resolved": j not in axis.curves.unresolved,
+        }
+        for j, (name, degree, one) in enumerate(zip(_names(axis), axis.curves.degrees, axis.misfits, strict=True))
+    }
+
+
+def _straightness(axis: AxisResult) -> dict[str, Any]:
+    return {
+        name: {
+            one.line.kind: {
+                "value_um": one.value, "u_um": one.u_value, "slope_urad": 1e3 * one.slope, "u_slope": 1e3 * one.u_slope
+            }
+            for one in lines
+        }
+        for name, lines in straightnesses(axis).items()
+    }  # fmt: skip
+
+
+def three_points_report(found: ThreePoints, checked: Check, *, tables: bool) -> Report:
+    """The result for people; with `tables` also every position of every axis."""
+    verdict = "\n".join(insignificant(found.significant_share))
+    return Report("Three-point identification", "", list(_sections(found, checked, tables)), verdict)
+
+
+def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Section]:
+    points = found.points
+    if points.freedom:
+        text = (
+            f"chi2/dof {points.chi2 / points.freedom:.3g} by the instrument specification; additional standard "
+            f"deviation of the machine's repeatability {points.repeatability_um:.2g} um"
+        )
+        yield facts("Data", [("rounds", text)])
+    yield residuals((checked.before_rms_um, checked.before_max_um), checked.fit, checked.cross_validation)
+    for axis in found.axes.values():
+        yield _axis_summary(axis)
+        if tables:
+            rows = [
+                (f"{at:g}", *(f"{e:.1f} ± {s:.1f}" for e, s in zip(errors, u, strict=True)))
+                for at, errors, u in zip(axis.positions, axis.errors, axis.u, strict=True)
+            ]
+            table = Table((f"{axis.axis.name}, {axis.axis.unit}", *_names(axis)), rows)
+            yield Section(f"Positions of axis {axis.axis.name}", "um, urad, ± u (k=1)", table)
+    straight = [
+        (name, *(f"{one.value:.2f} ± {one.u_value:.2f}" for one in lines))
+        for axis in found.axes.values()
+        for name, lines in straightnesses(axis).items()
+    ]
+    if straight:
+        yield Section("Straightness", "um, ± u (k=1), by reference line.", Table(("", *LINES), straight))
+    rows = [
+        (figure.name, f"{figure.value:.2f}", f"{figure.u:.2f}", figure.unit, figure.what)
+        for figure in (*locations(found), *squarenesses(found))
+    ]
+    yield Section("Location errors and squareness", RIGHT_HANDED, Table(("", "value", "u (k=1)", "", ""), rows))
+
+
+def _axis_summary(axis: AxisResult) -> Section:
+    """One row for each error motion: its range over the positions, its curve and the misfit of the curve."""
+    at, others = axis.positions, ", ".join(f"{name} {at:g}" for name, at in axis.standing.items())
+    rows = [
+        (
+            figure.name,
+            f"{figure.value:.2f}",
+            f"{figure.u:.2f}",
+            figure.unit,
+            "table" if degree is None else str(degree),
+            f"{one.chi2 / one.freedom:.2f}" if one.freedom else "",
+            figure.what,
+        )
+        for figure, degree, one in zip(ranges(axis), axis.curves.degrees, axis.misfits, strict=True)
+    ]
+    text = f"{len(at)} positions, {at[0]:g} to {at[-1]:g} {axis.axis.unit}; the other axes at {others}."
+    head = ("", "range", "u (k=1)", "", "degree", "chi2/dof", "")
+    return Section(f"Axis {axis.axis.name}", text, Table(head, rows))

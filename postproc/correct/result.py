@@ -1,0 +1,160 @@
+"""Results of a correction in numbers, collected chunk by chunk, and as JSON."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from kinematics.transforms import Array
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.significance import Significance
+from postproc.compensation.used_datums import UsedDatums
+from postproc.text.line_numbers import ranges, shortened
+
+
+@dataclass
+class Statistic:
+    """Largest size and RMS of a stream of numbers."""
+
+    count: int = 0
+    square_sum: float = 0.0
+    largest: float = 0.0
+
+    def add(self, values: Array) -> None:
+        """Add values of any shape; signs do not matter."""
+        self.count += values.size
+        self.square_sum += float(np.sum(values * values))
+        self.largest = max(self.largest, float(np.abs(values).max(initial=0.0)))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square; 0 without values."""
+        return math.sqrt(self.square_sum / self.count) if self.count else 0.0
+
+    def json(self) -> dict[str, float | int]:
+        """The machine-readable form, rounded to 4 decimals: 0.1 nm for numbers in um."""
+        return {"max": round(self.largest, 4), "rms": round(self.rms, 4), "count": self.count}
+
+
+@dataclass
+class Straying:
+    """Moves that deviate by more than the tolerance between their ends, and could not be split."""
+
+    lines: list[int] = field(default_factory=list)
+    largest_um: float = 0.0
+
+    def add(self, line: int, size_um: float) -> None:
+        """Add a move."""
+        self.lines.append(line)
+        self.largest_um = max(self.largest_um, size_um)
+
+    def text(self, reason: str) -> str:
+        """The note for the user."""
+        lines = shortened(ranges(self.lines))
+        return f"not split, deviates by up to {self.largest_um:.3g} um between its ends: {reason} (lines {lines})"
+
+    def json(self, reason: str) -> dict[str, Any]:
+        """The machine-readable form."""
+        return {"reason": reason, "lines": ranges(self.lines), "strays_up_to_um": round(self.largest_um, 4)}
+
+
+@dataclass
+class CorrectionResult:
+    """The result of one run; lengths in um."""
+
+    program: dict[str, Any]
+    machine: dict[str, Any]
+    calibration: dict[str, Any]
+    datums: UsedDatums
+    """Datums of the work offsets that the program used."""
+    blocks: int = 0
+    moves: int = 0
+    corrected: int = 0
+    changed_blocks: int = 0
+    added_blocks: int = 0
+    """Number of blocks added for backlash take-ups and for the segments of moves."""
+    split_moves: int = 0
+    """Number of moves written in several blocks, so that the path stays within the tolerance."""
+    straying: dict[str, Straying] = field(default_factory=dict)
+    """Moves in one segment that exceed the tolerance, by reason."""
+    left: dict[str, list[int]] = field(default_factory=dict)
+    """Lines of feed moves with axes that are not corrected, by these axes."""
+    conditions: Conditions = field(default_factory=Conditions)
+    correction: dict[str, Statistic] = field(default_factory=dict)
+    """Corrections by linear axis, um."""
+    turning: dict[str, Statistic] = field(default_factory=dict)
+    """Corrections by rotary axis, urad, if the orientation is corrected."""
+    before: Statistic = field(default_factory=Statistic)
+    after: Statistic = field(default_factory=Statistic)
+    absolute_before: Statistic = field(default_factory=Statistic)
+    """Errors before correction from the nominal tool point, um, if the given work offsets are true."""
+    absolute_after: Statistic = field(default_factory=Statistic)
+    tilt_before: Statistic = field(default_factory=Statistic)
+    """Errors of the tool axis, urad."""
+    tilt_after: Statistic = field(default_factory=Statistic)
+    between_ends: Statistic = field(default_factory=Statistic)
+    uncertainty: Statistic = field(default_factory=Statistic)
+    significance: Significance = field(default_factory=Significance)
+    max_correction_um: float | None = None
+    """Largest correction that is not refused, um; None if nothing is corrected."""
+    accepted: dict[str, str] = field(default_factory=dict)
+    """Implausible conditions that were accepted: text with the value, by the name of `--accept`."""
+    not_judged: int = 0
+    """Number of moves to machine coordinates, or before the program has given all linear axes."""
+    work_offsets: dict[str, str] = field(default_factory=dict)
+    tools: dict[str, str] = field(default_factory=dict)
+    assumed: list[str] = field(default_factory=list)
+    """Work offsets and tools that the machine file assumes."""
+    assumption: str = ""
+    """`assumed` as a sentence; empty for none."""
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def relative(self) -> str:
+        """Text on the reference of the errors; empty if all work offsets are true and errors are absolute."""
+        return "relative to the datum" if self.datums.used else ""
+
+    @property
+    def error(self) -> str:
+        """Name of the error: relative to the datum, unless all work offsets are true."""
+        return f"error {self.relative}".strip()
+
+    def json(self) -> dict[str, Any]:
+        """The machine-readable form; every length in um."""
+        return {
+            "program": self.program,
+            "machine": self.machine,
+            "calibration": self.calibration,
+            "conditions": self.conditions.json(),
+            "blocks": {"read": self.blocks, "changed": self.changed_blocks, "added": self.added_blocks},
+            "moves": {
+                "read": self.moves,
+                "corrected": self.corrected,
+                "split": self.split_moves,
+                "not_judged": self.not_judged,
+            },
+            "not_split": [straying.json(reason) for reason, straying in self.straying.items()],
+            "not_corrected": [{"axes": axes.split(), "lines": ranges(lines)} for axes, lines in self.left.items()],
+            "correction_um": {axis: statistic.json() for axis, statistic in self.correction.items()},
+            "correction_urad": {axis: statistic.json() for axis, statistic in self.turning.items()},
+            "max_correction_um": None if self.max_correction_um is None else round(self.max_correction_um, 4),
+            "accepted": self.accepted,
+            "predicted_error_um": {
+                "before": self.before.json(),
+                "after": self.after.json(),
+                "between_block_ends_after": self.between_ends.json(),
+                "standard_uncertainty_of_prediction": self.uncertainty.json(),
+                "significant_share_of_improvement": self.significance.share,
+            },
+            "predicted_absolute_error_um": {"before": self.absolute_before.json(), "after": self.absolute_after.json()},
+            "predicted_tool_axis_error_urad": {"before": self.tilt_before.json(), "after": self.tilt_after.json()},
+            "work_offsets": self.work_offsets,
+            "errors_relative_to": "datum" if self.relative else "work offset",
+            "datum": self.datums.json(self.work_offsets),
+            "tools": self.tools,
+            "assumed": self.assumed,
+            "notes": self.notes,
+        }

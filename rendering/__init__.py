@@ -1,0 +1,1 @@
+"""One report of a result: shown on the terminal, or written as a page."""

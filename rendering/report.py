@@ -1,0 +1,54 @@
+"""The report of a result: a verdict and sections of sentences, tables and figures, written once for all renderings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text below a heading row; with a heading row of empty cells: facts, each a name and its text."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading with its content; a section of a figure, without a table, is on the page only."""
+
+    title: str
+    text: str = ""
+    """Sentences; each line is a paragraph."""
+    table: Table | None = None
+    figure: Callable[[Figure], None] | None = None
+    """Draws the figure."""
+    detail: bool = False
+    """True for a section that is on the page only."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """The result of a command for people."""
+
+    title: str
+    lead: str
+    """Inputs and command."""
+    sections: Sequence[Section]
+    verdict: str = ""
+    """The result in a few sentences; each line is a paragraph."""
+
+
+def facts(title: str, rows: Sequence[Sequence[str]]) -> Section:
+    """A section of facts, each a name and its text."""
+    return Section(title, table=Table(("", ""), rows))
+
+
+def shortened(lines: Sequence[str], most: int, what: str) -> list[str]:
+    """The first lines of a long list, and the number of the others; `what`: name of a line."""
+    return [*lines[:most], *([f"... and {len(lines) - most} more {what}"] if len(lines) > most else [])]

@@ -1,0 +1,61 @@
+"""A report on the terminal: the verdict, facts as lines, tables; figures are on the page only."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich import box
+from rich.table import Table as Grid
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console
+
+    from rendering.report import Report, Section, Table
+
+WIDTH = 100
+"""Width, in characters, of a table that is printed into a pipe."""
+WORD = 24
+"""Length, in characters, up to which a word is not broken."""
+NAME = 13
+"""Width, in characters, of the names of facts."""
+
+
+def show(report: Report, to: Console) -> None:
+    """Show a report."""
+    for line in report.verdict.splitlines():
+        to.print(line, style="bold")
+    for section in report.sections:
+        if not section.detail and (section.table is not None or section.figure is None):
+            _show(section, to)
+
+
+def _show(section: Section, to: Console) -> None:
+    table = section.table
+    if table is None:
+        _facts([(section.title.lower(), section.text)], to)
+    elif any(table.head):
+        for line in (section.title, *section.text.splitlines()):
+            to.print(line)
+        to.print(_grid(table, to))
+    else:
+        _facts(table.rows, to)
+
+
+def _facts(rows: Sequence[Sequence[str]], to: Console) -> None:
+    for name, text in rows:
+        for number, line in enumerate(text.splitlines()):
+            to.print(f"{'' if number else name:<{NAME - 1}} {line}")
+
+
+def _grid(table: Table, to: Console) -> Grid:
+    grid = Grid(box=box.SIMPLE, padding=(0, 1, 0, 0))
+    for name, *cells in zip(table.head, *table.rows, strict=True):
+        longest = max(len(word) for cell in (name, *cells) for word in [*cell.split(), ""])
+        grid.add_column(name, overflow="fold", min_width=min(longest, WORD))
+    for row in table.rows:
+        grid.add_row(*row)
+    options = to.options.update(width=to.width if to.is_terminal else WIDTH)
+    grid.width = to.measure(grid, options=options).maximum
+    return grid
