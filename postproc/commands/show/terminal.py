@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from rich.console import Console
 from rich.text import Text
@@ -33,7 +34,7 @@ def progress_of(total: int, what: str, long: int = LONG) -> Iterator[Callable[[i
         yield lambda done: bar.advance(task, done)
 
 
-def show(report: Report, *targets: str | None) -> None:
+def show(report: Report, *targets: str | Path | None) -> None:
     """Show a report: on standard output, or on standard error where one of these targets is standard output (`-`)."""
     rendering.terminal.show(report, console if "-" in targets else output)
 
