@@ -67,7 +67,7 @@ def test_evidence_tells_a_function_from_noise_and_how_large_it_is():
 def test_what_to_do_with_what_is_left_is_one_of_two(tmp_path):
     (tmp_path / "data.csv").write_text("", encoding="utf-8")
     words = ["diagnose", str(tmp_path / "data.csv"), "-m", "cframe", "-o", str(tmp_path / "n.json")]
-    assert "--unexplained drop: report or add" in refusal(*words, "--unexplained", "drop")
+    assert "--unexplained drop: expected report or add" in refusal(*words, "--unexplained", "drop")
     assert not (tmp_path / "n.json").exists()
 
 
