@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import (
     FIVE_AXES,
@@ -15,6 +14,7 @@ from support.programs import (
     read,
     shifted,
 )
+from support.tiers import drawn
 
 from kinematics.basis import BSpline, Polynomial
 from kinematics.correction import correct_position
@@ -50,8 +50,7 @@ def missed_by_hand(machine, model, q, nominal, tool):
 
 
 @pytest.mark.parametrize("name", ALL)
-@settings(max_examples=15)
-@given(seed=seeds)
+@drawn(few=5, many=15, seed=seeds)
 def test_nothing_is_missed_at_block_ends(name, seed):
     machine = load(name)
     model, nominal = random_model(machine, seed), positions(machine, seed)
@@ -67,8 +66,7 @@ def test_nothing_is_missed_at_block_ends(name, seed):
 
 @pytest.mark.parametrize("name", FIVE_AXES)
 @pytest.mark.parametrize("tcp", [False, True])
-@settings(max_examples=6)
-@given(seed=seeds)
+@drawn(few=2, many=6, seed=seeds)
 def test_nothing_is_missed_in_programs(name, tcp, seed):
     """The same through a program's frames: work offsets, tool lengths, the turning frame of G43.4."""
     machine = load(name)

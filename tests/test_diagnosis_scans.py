@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from support.diagnosis_cases import CFRAME, data_with, fitted, framed
+from support.tiers import quick
 
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import at_zero, library
@@ -62,7 +63,7 @@ def test_steps_are_found_with_their_pitch_and_place():
     assert 0.0 < u_offset < 5.0
 
 
-@pytest.mark.parametrize(("n", "size"), [(60, 60.0), (150, 60.0), (300, 120.0)])
+@pytest.mark.parametrize(("n", "size"), quick([(60, 60.0), (150, 60.0), (300, 120.0)], [(60, 60.0)]))
 def test_pitches_that_no_position_tells_apart_are_in_the_uncertainty(n, size):
     """Between two positions a jump lies anywhere, however large it is."""
     inside = []

@@ -65,6 +65,7 @@ def test_distance_correlation_of_what_does_not_vary_and_of_many_rows():
     assert distance_correlation(x, x**2) > 0.2  # uncorrelated
 
 
+@pytest.mark.statistical
 def test_each_variable_alone_has_uniform_p_values_under_noise():
     p_values = []
     for seed in range(120):

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 from support.effect_examples import BACKWARD, DMU50, EXAMPLES, Example, full_state
+from support.tiers import one_of_each
 
 from kinematics.basis import Polynomial
 from kinematics.effects import COMPONENTS, EFFECTS, INSTRUMENT, TOOL, CrossAxis, Effect, ErrorMotion, LocationError
@@ -270,7 +271,9 @@ def test_places_components_and_shapes(example: Example):
         assert all(effect.ACTS_ON == "instrument" or (c.place == TOOL) == (effect.ACTS_ON == "tool") for c in columns)
 
 
-@every_example
+@pytest.mark.parametrize(
+    "example", one_of_each(EXAMPLES, lambda example: type(example.effect)), ids=[example.name for example in EXAMPLES]
+)
 def test_columns_are_the_derivatives(example: Example):
     effect, machine = example.effect, example.machine
     state, start = full_state(machine, 40), np.array(effect.parameters)

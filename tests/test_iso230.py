@@ -163,6 +163,7 @@ def test_values_of_any_readings(readings):
     assert all(value.U >= 0 for value in test.values)
 
 
+@pytest.mark.statistical
 def test_uncertainty_by_simulation():
     """U of every value against the scatter that noise of the instrument makes of it."""
     rng = np.random.default_rng(5)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 from support.file_examples import INTERFEROMETER, PART, TRACKER
+from support.tiers import drawn
 
 import machines
 from calibration.measurement.file import read_measurement, write_measurement
@@ -400,7 +400,7 @@ def measurements(draw, exact: bool = True):
     )  # fmt: skip
 
 
-@given(measurements())
+@drawn(few=30, many=100, one=measurements())
 def test_round_trip(tmp_path_factory, one):
     path = tmp_path_factory.mktemp("m") / "m.csv"
     path.write_bytes(written(one))
@@ -409,7 +409,7 @@ def test_round_trip(tmp_path_factory, one):
     assert written(other) == path.read_bytes()
 
 
-@given(measurements(exact=False))
+@drawn(few=30, many=100, one=measurements(exact=False))
 def test_round_trip_of_any_numbers(tmp_path_factory, one):
     """Angles and temperatures that no number of the file's unit gives exactly come back within rounding."""
     path = tmp_path_factory.mktemp("m") / "m.csv"

@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from support.tiers import quick
 from support.virtual_measurements import MONTAVON, ONE, THREE, measured, positions, truth
 
 import machines
@@ -125,7 +126,7 @@ def reversed_length(m):
     return replace(m, targets={**m.targets, "3": Target((x, y, -z))})
 
 
-@pytest.mark.parametrize("noise_of_machine", [5.0, 50.0])
+@pytest.mark.parametrize("noise_of_machine", quick([5.0, 50.0], [50.0]))
 @pytest.mark.parametrize(
     ("machine", "spoiled", "what", "words"),
     [

@@ -81,6 +81,7 @@ def test_many_positions_on_strange_machines(tmp_path: Path, kind: str, seed: int
     check(*examined(tmp_path, kind, seed, rotary=2), share=0.2)
 
 
+@pytest.mark.statistical
 def test_three_points_on_a_table_with_long_arms_make_nothing_worse(tmp_path: Path) -> None:
     """Angles from targets 100 mm apart act at arms of 2.5 m; curves must not swing between the positions."""
     check(*examined(tmp_path, "three-points", 4, rotary=2, fitted=("three-points",)), share=1.0)

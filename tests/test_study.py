@@ -234,7 +234,11 @@ def test_fits_leave_of_lines_unseen_what_those_of_the_measurement_leave(changes)
     assert lefts[1] - lefts[0] == pytest.approx(gains[0] - gains[1], rel=1e-2)
 
 
-@pytest.mark.parametrize("changes", [{}, {"tracker": STATIONS}], ids=["one station", "four stations"])
+@pytest.mark.parametrize(
+    "changes",
+    [{}, pytest.param({"tracker": STATIONS}, marks=pytest.mark.statistical)],
+    ids=["one station", "four stations"],
+)
 def test_on_diagonals_no_more_is_left_than_by_the_evidence_alone(changes):
     """And less than half of the errors before, from four stations as well, where the evidence has several maxima."""
     ready = on_diagonals(**changes)

@@ -8,6 +8,7 @@ import pytest
 from support.effect_examples import BACKWARD
 from support.programs import load, model_of
 from support.table_cases import CASES, TOOL, Case
+from support.tiers import one_of_each
 
 from kinematics.basis import Polynomial
 from kinematics.correction import correct_position
@@ -25,7 +26,9 @@ from postproc.tables.readers import READERS, read_tables
 from postproc.tables.readers.source import Source
 from postproc.tables.remaining_error import volume_points
 
-every_case = pytest.mark.parametrize("case", CASES, ids=[case.id for case in CASES])
+every_case = pytest.mark.parametrize(
+    "case", one_of_each(CASES, lambda case: case.format), ids=[case.id for case in CASES]
+)
 
 
 def dense(machine, n=4000, beyond=0.1):

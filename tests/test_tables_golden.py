@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import load, model_of
 from support.table_cases import motions
+from support.tiers import drawn
 
 import machines
 from kinematics.state import State
@@ -78,8 +78,7 @@ def test_a_rotary_axis_of_fanuc_closes():
     assert -found / np.radians(1e-3) / 1e6 == pytest.approx([0, 1, -1, 0], abs=1e-9)
 
 
-@settings(max_examples=12)
-@given(st.integers(0, 10_000), st.sampled_from([0.5, 1.0, 2.0]))
+@drawn(few=3, many=12, seed=st.integers(0, 10_000), unit=st.sampled_from([0.5, 1.0, 2.0]))
 def test_rounding_does_not_add_up(seed, unit):
     """The sum of rounded increments is never off by more than half a unit from the curve that was fitted."""
     machine = load("cframe")

@@ -21,6 +21,7 @@ from support.three_dialects import (
     setup,
     tilted_parts,
 )
+from support.tiers import drawn
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
@@ -100,8 +101,7 @@ def test_holes(part):
 
 
 @pytest.mark.parametrize("machine", ["trunnion_bc", "head_table"])
-@settings(max_examples=4)
-@given(tilted_parts(("B", "C")))
+@drawn(few=2, many=4, part=tilted_parts(("B", "C")))
 def test_the_tool_point_with_five_axes(machine, part):
     machine = load(machine)
     check_same(part, machine, random_model(machine, 7), tcp=True)

@@ -133,9 +133,7 @@ def sparse(monkeypatch) -> Measurement:
     "kind",
     [
         "linear",
-        "sparse",
-        "table",
-        *(pytest.param(kind, marks=pytest.mark.statistical) for kind in ("five axes", "ruler")),
+        *(pytest.param(kind, marks=pytest.mark.statistical) for kind in ("sparse", "table", "five axes", "ruler")),
     ],
 )
 def test_good_data_pass_and_the_figures_say_how_well(command, tmp_path: Path, monkeypatch, kind: str):

@@ -5,10 +5,10 @@ import random
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.backlash_paths import LETTERS, played
 from support.programs import correct, load, model_of, random_model, read, shifted
+from support.tiers import drawn
 
 from postproc.motion.segments import like
 from postproc.verification.verify import verify
@@ -39,8 +39,13 @@ def helix(seed):
     return HEAD.format(plane=plane) + block + f"G90 G21 G1 {first}1003\n{second}1004\n"
 
 
-@settings(max_examples=25)
-@given(seed=st.integers(0, 2**32 - 1), size=st.sampled_from([0.0, 60.0, 150.0]), play=st.sampled_from([0.0, 15.0]))
+@drawn(
+    few=8,
+    many=25,
+    seed=st.integers(0, 2**32 - 1),
+    size=st.sampled_from([0.0, 60.0, 150.0]),
+    play=st.sampled_from([0.0, 15.0]),
+)
 def test_no_arc_of_several_turns_is_worse_than_it_was(seed, size, play):
     text = helix(seed)
     model = model_of(GANTRY, *random_model(GANTRY, seed, size).effects, *played(GANTRY, X=play, Y=play).effects)

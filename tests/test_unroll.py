@@ -4,9 +4,9 @@ import io
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from support.iso_generator import HEAD, OUTSIDE, lines
 from support.programs import correct, load, model_of, random_model, setup_of, source_of, written_out
+from support.tiers import drawn
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
@@ -137,8 +137,7 @@ def test_what_is_not_known_is_refused():
         run("#1=1\nG0 X0. Y0. Z0.\nG1 X1. F#5041\nWHILE[#1 LT 2]DO1\n#1=[#1+1]\nEND1\nM30\n")
 
 
-@settings(max_examples=15)
-@given(lines(OUTSIDE, []))
+@drawn(few=5, many=15, body=lines(OUTSIDE, []))
 def test_generated_programs(linuxcnc, body):
     """LinuxCNC makes the same moves of the program and of what is written out; each is corrected at its place."""
     text = HEAD + body + "M2\n"

@@ -5,9 +5,9 @@ import math
 import re
 
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import WHOLE, correct, load, model_of, random_model, read, shifted
+from support.tiers import drawn
 
 from kinematics.basis import BSpline, Polynomial
 from kinematics.effects import ErrorMotion
@@ -310,10 +310,16 @@ def check_path(text, out, model, um, machine=GANTRY, **setup):
     assert verdict.path_after.largest < um
 
 
-@settings(max_examples=60)
-@given(
-    st.floats(0.01, 200), st.floats(0, 6.28), st.floats(0.001, 6.28), st.sampled_from([2, 3]), st.booleans(), st.integers(0, 9)
-)  # fmt: skip
+@drawn(
+    few=20,
+    many=60,
+    radius=st.floats(0.01, 200),
+    first=st.floats(0, 6.28),
+    turn=st.floats(0.001, 6.28),
+    code=st.sampled_from([2, 3]),
+    by_radius=st.booleans(),
+    seed=st.integers(0, 9),
+)
 def test_arcs_of_any_size(radius, first, turn, code, by_radius, seed):
     """Of a smooth machine: no arc strays farther than its chord's share of the errors, none is sent another way."""
     centre = (600.0, 500.0)
