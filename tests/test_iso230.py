@@ -137,7 +137,7 @@ def test_by_hand():
 
 def test_equal_readings_are_not_known_exactly():
     """Also a reversal of none, and a range of none, is a difference of two means that have their noise."""
-    from postproc.commands.calibrations.iso230 import _cell
+    from calibration.reports.iso230 import number
 
     for backward in (1.0, 3.0, -2.0):
         (test,) = evaluate(measured({p: ([1.0] * 4, [backward] * 4) for p in (0.0, 100.0, 200.0)}, u=0.5, u_per_m=0.0))
@@ -149,7 +149,7 @@ def test_equal_readings_are_not_known_exactly():
         assert U["R"] >= U["B"]
         assert min(U.values()) > 0.0
         assert not any(math.copysign(1.0, value) < 0 for value in values.values() if value == 0.0)
-    assert (_cell(-0.001), _cell(-0.0), _cell(-0.02)) == ("0.00", "0.00", "-0.02")
+    assert (number(-0.001), number(-0.0), number(-0.02)) == ("0.00", "0.00", "-0.02")
 
 
 reading = st.floats(-50, 50).map(lambda value: round(value, 2))

@@ -261,7 +261,7 @@ def test_iso230(ncomp):
     assert done.status == 0
     for words in (
         "reversal value",
-        "axis X: deviations in um, measured minus target",
+        "Axis X: deviations in um\nMeasured minus target.",
         "2.00",
         "U (k=2, instrument), um",
     ):

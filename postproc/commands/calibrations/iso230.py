@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -21,8 +20,6 @@ from postproc.commands.options.shared import (
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from rich.console import Console
 
     from calibration.single_axis.iso230 import AxisTest
 
@@ -46,18 +43,17 @@ def iso230(
     Deviations are measured minus target, positive where the axis goes too far in its positive direction; the reversal
     value is forward minus backward. U (k = 2) of each value comes from the uncertainty of the instrument.
     """
+    from calibration.reports.iso230 import iso230_report
     from calibration.single_axis.iso230 import evaluate
-    from postproc.commands.show.terminal import console, say
-    from postproc.commands.show.terminal import output as screen
+    from postproc.commands.show.terminal import say, show
 
     check_files((data, form.plan), {"--output": output, "--json": json})
     tests = evaluate(form.read([data], ncomp.load_machine(machine)))
     with whole_results(json, output) as (results, file):
         write_json({"axes": [test.json() for test in tests]}, results)
         _write_tables(tests, file)
-    to = console if "-" in (json, output) else screen
+    show(iso230_report(tests), json, output)
     for test in tests:
-        _show(test, to)
         for note in test.notes:
             say("note", note)
 
@@ -82,28 +78,3 @@ def _write_tables(tests: Sequence[AxisTest], file: BinaryIO) -> None:
                 }
                 writer.writerow({"axis": test.axis, "direction": name, **numbers, "n": row.n})
     file.write(text.getvalue().encode())
-
-
-def _show(test: AxisTest, to: Console) -> None:
-    from rich.table import Table
-
-    unit = test.unit
-    targets = Table(
-        f"target, {test.position_unit}", "forward mean", "s", "runs", "backward mean", "s", "runs", "reversal B_i",
-        title=f"axis {test.axis}: deviations in {unit}, measured minus target",
-    )  # fmt: skip
-    for i, position in enumerate(test.positions):
-        ways = [cell for way in (0, 1) for cell in (test.mean[way, i], test.spread[way, i], int(test.count[way, i]))]
-        targets.add_row(f"{position:g}", *map(_cell, (*ways, test.reversal[i])))
-    to.print(targets)
-    values = Table(f"axis {test.axis}, ISO 230-2:2014", "", unit, f"U (k=2, instrument), {unit}")
-    for value in test.values:
-        values.add_row(value.symbol, value.title, _cell(value.value), _cell(value.U))
-    to.print(values)
-
-
-def _cell(value: float) -> str:
-    """A number for people; empty for nan."""
-    if isinstance(value, int):
-        return str(value)
-    return "" if math.isnan(value) else f"{value:z.2f}"

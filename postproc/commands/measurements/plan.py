@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.measurements.plan_path import STRATEGY, PathOptions, plan_of_path, sentences
+from postproc.commands.measurements.plan_path import STRATEGY, PathOptions, path_report, plan_of_path
 from postproc.commands.options.declared import REQUIRED, option, refuse_given
 from postproc.commands.options.optimising import OptimisingOptions
 from postproc.commands.options.path import read_path
@@ -128,8 +128,9 @@ def plan(
     """Plan a measurement: positions inside the travel, their order, the time it takes, and its NC program."""
     from calibration.measurement.plan_file import write_plan
     from calibration.on_the_fly.planning.predicted_fit import judged
-    from postproc.commands.show.terminal import console
+    from postproc.commands.show.terminal import show
     from postproc.generate import path_program
+    from rendering.report import Report
 
     check_files((path.path,), {"--output": output, "--nc": program.nc})
     _check_kind(sequence, path, optimising, program)
@@ -144,19 +145,18 @@ def plan(
         made = plan_of_path(nominal, choices, settings.feed)
         corners = nominal.positions / found.scale
         lines = path_program(found, corners, settings, dialect, "ncomp path to be measured on the fly")
-        shown = sentences(nominal, judged(nominal, choices.targets), settings.feed, len(choices.targets))
+        shown = path_report(nominal, judged(nominal, choices.targets), settings.feed, len(choices.targets))
     else:
         if optimising.optimise:
             made = optimising.plan(found, choices, sequence.points, path.minutes)
         else:
             made = sequence.plan(found, choices)
-        lines, shown = _lines(made, settings, dialect), [made.summary]
+        lines, shown = _lines(made, settings, dialect), Report("Plan", "", [], str(made.summary))
     with whole_results(program.nc, output) as (file, table):
         write_plan(made, table)
         if program.nc is not None:
             file.writelines(f"{line}\n".encode() for line in lines)
-    for sentence in shown:
-        console.print(sentence)
+    show(shown, "-")
 
 
 def _check_kind(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import option
+from rendering.report import Report, facts, shortened
 
 if TYPE_CHECKING:
     import numpy as np
@@ -85,25 +86,24 @@ def plan_of_path(path: NominalPath, choices: Choices, feed: float) -> Plan:
     )  # fmt: skip
 
 
-def sentences(path: NominalPath, judged: Judged, feed: float, targets: int) -> list[str]:
+def path_report(path: NominalPath, judged: Judged, feed: float, targets: int) -> Report:
     """Evaluation of a path, for people."""
     gain = judged.gain
     each = f", once for each of {targets} targets" if targets > 1 else ""
-    said = [
-        f"{path.source}: {len(path.positions)} corners, {judged.feed_mm * 1e-3:.2f} m, "
-        f"{judged.feed_mm / feed:.1f} min at {feed:g} mm/min{each}",
-        f"noise gain   {gain.noise:.3f} um in a coordinate of the volume (worst {gain.worst:.3f}) by 1 um in each 4 mm",
+    length = f"{len(path.positions)} corners, {judged.feed_mm * 1e-3:.2f} m"
+    noise = f"{gain.noise:.3f} um in a coordinate of the volume (worst {gain.worst:.3f}) by 1 um in each 4 mm"
+    rows = [
+        ("path", f"{path.source}: {length}, {judged.feed_mm / feed:.1f} min at {feed:g} mm/min{each}"),
+        ("noise gain", noise),
     ]
     if gain.hidden:
         number = "1 direction" if gain.hidden == 1 else f"{gain.hidden} directions"
-        said.append(f"HIDDEN       {number} of the errors in the volume can't be determined along this path")
+        rows.append(("HIDDEN", f"{number} of the errors in the volume can't be determined along this path"))
     if judged.blind_mode is not None:
-        said.append(f"BLIND MODE   {judged.blind_mode}")
-    for blind in judged.not_visible[:SHOWN]:
-        said.append(f"NOT VISIBLE  {blind}")
-    if len(judged.not_visible) > SHOWN:
-        said.append(f"NOT VISIBLE  ... and {len(judged.not_visible) - SHOWN} more")
-    return said
+        rows.append(("BLIND MODE", judged.blind_mode))
+    hidden = shortened(list(map(str, judged.not_visible)), SHOWN, "effects")
+    rows += [("NOT VISIBLE", text) for text in hidden]
+    return Report("Path", "", [facts("Path", rows)])
 
 
 def _ends(machine: Machine, choices: Choices) -> np.ndarray:

@@ -19,11 +19,8 @@ from postproc.commands.options.shared import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rich.console import Console
-
     from calibration.fit.prediction import Points, Predicted
     from kinematics.error_model.model import ErrorModel
-    from postproc.commands.show.prediction import Summary
 
 EPILOG = (
     "Examples:\n\n"
@@ -48,8 +45,7 @@ def predict(
     """
     from calibration.fit.prediction import read_points
     from postproc.commands.show.prediction import Summary
-    from postproc.commands.show.terminal import console, say
-    from postproc.commands.show.terminal import output as screen
+    from postproc.commands.show.terminal import say, show
 
     check_files((points, calibration), {"--output": output, "--json": json})
     found = ncomp.load_machine(machine)
@@ -70,9 +66,7 @@ def predict(
         say("demonstration calibration", "it describes no real machine")
     for note in notes:
         say("note", note)
-    to = console if "-" in (json, output) else screen
-    _show(summary, to)
-    to.print(f"uncertainty {seen}")
+    show(summary.report(str(seen)), json, output)
 
 
 def _identity(model: ErrorModel) -> str:
@@ -96,17 +90,3 @@ def _lines(read: Points, block: Predicted) -> Iterator[str]:
     columns = zip(read.table.rows[block.rows], block.deviation.tolist(), block.u.tolist(), strict=True)
     for row, deviation, u in columns:
         yield "%s,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f\n" % (row, *deviation, *u)  # noqa: UP031  twice as fast for long tables
-
-
-def _show(summary: Summary, to: Console) -> None:
-    from rich.table import Table
-
-    table = Table("um", "max", "RMS", "standard uncertainty (k=1), RMS", title="deviation, workpiece frame")
-    table.add_row("tool point", f"{summary.point.largest:.3f}", f"{summary.point.rms:.3f}", "")
-    for xyz, d, u in zip("xyz", summary.components, summary.uncertainties, strict=True):
-        table.add_row(f"d{xyz}", f"{d.largest:.3f}", f"{d.rms:.3f}", f"{u.rms:.3f}")
-    to.print(table)
-    to.print(
-        f"{summary.count} points; at {100 * summary.significant / summary.count:.1f} % "
-        "the deviation is significant (a component above 2 u)"
-    )

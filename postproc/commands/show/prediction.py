@@ -10,6 +10,7 @@ import numpy as np
 from calibration.fit.prediction import Predicted
 from postproc.compensation.significance import COVERAGE
 from postproc.correct.result import Statistic
+from rendering.report import Report, Section, Table, facts
 
 
 @dataclass
@@ -42,3 +43,17 @@ class Summary:
             "significant_share": round(self.significant / self.count, 6),
             "significant_k": COVERAGE,
         }
+
+    def report(self, uncertainty: str) -> Report:
+        """The statistics for people; `uncertainty`: that of the calibration, as text."""
+        share = self.significant / self.count
+        rows = [("tool point", f"{self.point.largest:.3f}", f"{self.point.rms:.3f}", "")]
+        for xyz, d, u in zip("xyz", self.components, self.uncertainties, strict=True):
+            rows.append((f"d{xyz}", f"{d.largest:.3f}", f"{d.rms:.3f}", f"{u.rms:.3f}"))
+        table = Table(("um", "max", "RMS", "standard uncertainty (k=1), RMS"), rows)
+        verdict = (
+            f"{self.count} points; at {100 * share:.1f} % the deviation is significant: a component exceeds "
+            f"{COVERAGE:g} times its standard uncertainty."
+        )
+        sections = [Section("Deviation, workpiece frame", table=table), facts("", [("uncertainty", uncertainty)])]
+        return Report("Prediction", "", sections, verdict)
