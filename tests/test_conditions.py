@@ -220,7 +220,7 @@ def test_a_log_that_is_not_there(tmp_path):
 
 def test_a_log_that_lacks_a_column_says_what_it_has(log):
     conditions = make_conditions(log=log("time_s,temp_bed,scale\n0,20,21\n"))
-    with pytest.raises(UserError, match=r"needs the temperature 'scale'.*has time_s, temp_bed; columns are time_s and temp_NAME; scale is neither"):  # fmt: skip
+    with pytest.raises(UserError, match=r"needs the temperature 'scale'.*has time_s, temp_bed; the columns of a log are time_s and temp_NAME, and scale is neither"):  # fmt: skip
         corrected(model_of(GANTRY, DriftWithSensor(component="Z", sensor="scale", coefficient=-6.0)), conditions)
 
 

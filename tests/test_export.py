@@ -114,10 +114,10 @@ def test_export_of_the_calibration_with_tables_active_is_of_the_whole_machine(co
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--format", "heidenhein"), "--format heidenhein: none of linuxcnc"),
+        (("--format", "heidenhein"), "--format heidenhein: expected one of linuxcnc"),
         (("--format", "linuxcnc", "--set", "points=1"), "--set: Expected `int` >= 2"),
         (("--format", "linuxcnc", "--sign", "error"), "known to mean the correction"),
-        (("--format", "linuxcnc", "--sign", "up"), "--sign up: error or correction"),
+        (("--format", "linuxcnc", "--sign", "up"), "--sign up: expected error or correction"),
         (("--format", "linuxcnc", "--probe", "X", "--sign", "correction"), "--probe writes a probe table alone"),
         (("--format", "linuxcnc", "--probe", "Q"), "has no axis Q"),
         (("--format", "linuxcnc", "--rest", "cal.json"), "it would be overwritten"),
@@ -165,14 +165,14 @@ def test_rotary_centres_are_in_the_sheet(command, tmp_path):
 
 
 BAD_TABLES = {
-    "a comment": ("0 0 0\n# x\n10 0.01 0.01\n", "comp_x.txt:2: '# x': LinuxCNC stops reading"),
-    "a blank line": ("0 0 0\n\n10 0.01 0.01\n", "comp_x.txt:2: '': LinuxCNC stops reading"),
+    "a comment": ("0 0 0\n# x\n10 0.01 0.01\n", "comp_x.txt:2: '# x': expected three numbers"),
+    "a blank line": ("0 0 0\n\n10 0.01 0.01\n", "comp_x.txt:2: '': expected three numbers"),
     "two columns": ("0 0\n", "comp_x.txt:1"),
     "not a number": ("0 0 nan\n", "not finite"),
     "a word": ("0 0 x\n", "could not convert"),
     "not increasing": ("0 0 0\n0 1 1\n", "positions must increase"),
-    "too many": ("".join(f"{k} 0 0\n" for k in range(257)), "takes 256 rows"),
-    "nothing": ("", "comp_x.txt: no rows"),
+    "too many": ("".join(f"{k} 0 0\n" for k in range(257)), "reads at most 256 rows"),
+    "nothing": ("", "comp_x.txt: the file has no rows"),
 }
 
 
@@ -262,6 +262,6 @@ def test_an_interval_that_does_not_divide_the_turn_is_refused(command, tmp_path,
     done = command(*run, *layout, "--set", f"{name}=7")
     assert done.status == 2
     assert "an interval of 7 does not divide the 360 degrees" in done.err
-    assert "take 6 or 7.2" in done.err
+    assert "give 6 or 7.2" in done.err
     assert not (tmp_path / "out").exists()
     assert command(*run, *layout, "--set", f"{name}=7.2").status == 0

@@ -198,7 +198,7 @@ def test_programs_that_no_path_can_be_told_of_are_refused(said, text, tmp_path):
 def test_axes_that_a_program_never_names_stand_at_home_and_are_noted(tmp_path):
     found = read_back("G21 G90\nG0 X10 Y10 Z100\nG1 X20 F100\nM30\n", machines.load("dmu50"), tmp_path)
     assert len(found.notes) == 1
-    assert "gives no position of C, B: assumed at home" in found.notes[0]
+    assert "gives no position of C, B: home is assumed" in found.notes[0]
 
 
 # ---- driving

@@ -120,7 +120,7 @@ def test_an_unknown_name_is_refused_with_the_list(command):
     Path("in.nc").write_text(PROGRAM)
     done = command("in.nc", "-m", "dmu50", "--accept", "stale,everything", "-o", "out.nc")
     assert done.status == 2
-    assert "no name 'everything'" in done.err
+    assert "'everything' is unknown" in done.err
     assert "stale, future, temperature, outside, insignificant, worse" in done.err
     assert not Path("out.nc").exists()
 

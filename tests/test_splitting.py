@@ -262,7 +262,9 @@ def test_klartext_by_hand():
         "6 L X+400,0000 Y+0,0974 R0",
         "7 L X+800,0000 Y+0,0898 M30 ; NCOMP FROM 1/2",
     ]
-    assert any("M function in its block may run before or after it (lines 4)" in note for note in run.report.notes)
+    assert any(
+        "M function in its block may run before or after the move (lines 4)" in note for note in run.report.notes
+    )
 
 
 def test_siemens_by_hand():

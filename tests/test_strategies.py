@@ -361,7 +361,7 @@ def test_programs_that_can_not_be():
     twin = machines.parse(
         toml.replace("X Y Z", "X2 Y Z").replace("axes.X", "axes.X2").replace("{ X =", "{ X2 ="), "twin"
     )
-    with pytest.raises(UserError, match="axis X2 has no word"):
+    with pytest.raises(UserError, match="the machine has the axis X2"):
         program_of(plan(twin, "random", 3), ProgramSettings(), "iso")
 
 

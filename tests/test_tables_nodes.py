@@ -105,5 +105,5 @@ def test_an_interval_of_an_axis_that_closes_divides_the_turn(asked, near, limits
     if not near:
         assert choose_nodes(x, curves, limits, 0.0, closing=True)[[0, -1]].tolist() == [0.0, 360.0]
         return
-    with pytest.raises(UserError, match=f"interval of {asked:g} does not divide the 360 degrees .*: take {near}$"):
+    with pytest.raises(UserError, match=f"interval of {asked:g} does not divide the 360 degrees .*: give {near}$"):
         choose_nodes(x, curves, limits, 0.0, closing=True)

@@ -133,7 +133,9 @@ def test_tool_speed_and_feed_of_klartext_have_no_sign():
 
 
 def test_what_is_not_known_is_refused():
-    with pytest.raises(UserError, match=r"test.nc:3: .*F#5041.*: its value is not known, and it can't be unrolled"):
+    with pytest.raises(
+        UserError, match=r"test.nc:3: .*F#5041.*: the value is unknown, and the block cannot be unrolled"
+    ):
         run("#1=1\nG0 X0. Y0. Z0.\nG1 X1. F#5041\nWHILE[#1 LT 2]DO1\n#1=[#1+1]\nEND1\nM30\n")
 
 

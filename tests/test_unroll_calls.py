@@ -49,5 +49,5 @@ def test_it_is_corrected():
 
 
 def test_an_argument_that_is_not_known_is_refused_with_its_line():
-    with pytest.raises(UserError, match=r"test\.mpf:6: .*an argument of CYCLE81 is not known"):
+    with pytest.raises(UserError, match=r"test\.mpf:6: .*an argument of CYCLE81 is unknown"):
         unrolled(DRILLED.replace("2, DEPTH", "2, $AA_IM[Z]"))

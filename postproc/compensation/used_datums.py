@@ -72,10 +72,7 @@ class UsedDatum:
         new = ", ".join(f"{axis} {value:.4f}" for axis, value in zip("XYZ", self.instead, strict=True))
         return [
             touched,
-            (
-                "true datum",
-                f"{touch_off.name} {x} {y} {z} um in x, y, z; with --datum {touch_off.name}=true enter {new}",
-            ),
+            ("true datum", f"{name} {x} {y} {z} um in x, y, z; with --datum {name}=true enter {new}"),
         ]
 
     def json(self) -> dict[str, Any]:

@@ -66,7 +66,7 @@ class CircleWriter:
         i, j = arc.plane[:2]
         if (motions.known_start[row, [i, j]] != Known.PROGRAM).any():
             raise block.refuse(
-                "the arc starts at a position that the program has not given in this frame: program the start before it"
+                "an arc from a position that the program has not given in this frame: program its start before it"
             )
         start, end = ((at[i], at[j]) for at in ends)
         if same(start, end) != arc.full:
