@@ -120,7 +120,7 @@ def test_export_of_the_calibration_with_tables_active_is_of_the_whole_machine(co
         (("--format", "linuxcnc", "--sign", "up"), "--sign up: expected error or correction"),
         (("--format", "linuxcnc", "--probe", "X", "--sign", "correction"), "--probe writes a probe table alone"),
         (("--format", "linuxcnc", "--probe", "Q"), "has no axis Q"),
-        (("--format", "linuxcnc", "--rest", "cal.json"), "it would be overwritten"),
+        (("--format", "linuxcnc", "--rest", "cal.json"), "is an input and would be overwritten"),
         (("--format", "linuxcnc", "--rest", "no/rest.json"), "No such file or directory"),
         (("--format", "linuxcnc", "--program", "empty.nc"), "nothing to tell errors of"),
         (("--format", "linuxcnc", "--set", "joints=XY"), "Z has a table; expected its letter among the joints"),
@@ -213,7 +213,7 @@ def test_where_the_rest_cannot_be_written_nothing_is(command, calibration, tmp_p
 def test_a_file_that_is_no_text_is_refused(command, tmp_path):
     (tmp_path / "t.ini").write_bytes(bytes(range(256)))
     done = command("import", "t.ini", "--machine", "cframe", "--format", "siemens-eec", "-o", "in.json")
-    assert (done.status, "no text" in done.err) == (2, True), done.err
+    assert (done.status, "expected a text file" in done.err) == (2, True), done.err
 
 
 def test_tables_are_not_corrected_by_a_class(command, calibration, tmp_path):
