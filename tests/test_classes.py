@@ -150,7 +150,7 @@ def test_rotary_words_change_only_for_the_orientation():
     # one row stands on the pole; four decimals of a degree are 0.9 urad
     assert turned.tilt_after.rms < 0.35 * plain.tilt_after.rms
     assert turned.after.largest < 0.2
-    assert set(turned.turning) == {"B", "C"}
+    assert set(turned.rotary_correction) == {"B", "C"}
 
 
 def test_classes_leave_what_they_do_not_hold():
@@ -167,7 +167,7 @@ def test_class_table():
     assert by_choice["L-VOL,R-VOL"].position.largest < 1e-5
     assert by_choice["L-VOL,R-VOL"].tilt.rms == pytest.approx(by_choice["none"].tilt.rms, rel=0.01)
     assert by_choice["L-VOL+,R-VOL+"].tilt.rms < 0.35 * by_choice["none"].tilt.rms
-    assert by_choice["none"].turning.largest == 0
+    assert by_choice["none"].rotary_correction.largest == 0
 
 
 def test_no_rotary_axes_no_rotary_classes():

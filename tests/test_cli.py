@@ -497,7 +497,7 @@ def test_backlash_and_temperatures(ncomp, tmp_path):
         text = Path("out.nc").read_text()
         assert "Z100.0600" in text
         assert "G1 X109.9900 F500 (NCOMP TAKE-UP)" in text
-        assert "blocks added where play is taken up" in result.err
+        assert "blocks added where backlash is taken up" in result.err
         assert "held over the program" in result.err
         judged = ncomp("verify", "in.nc", "out.nc", *GANTRY, *given, "--json", "-")
         verdict = json.loads(judged.out)

@@ -158,4 +158,4 @@ def test_contours_on_a_machine_with_play_are_corrected_without_blocks_of_our_own
     lines, notes = written(CONTOURS[dialect], GANTRY, played(GANTRY, X=15.0, Y=15.0, Z=15.0), dialect)
     assert not [line for line in lines if "NCOMP" in line]
     assert any("119.9925" in line for line in lines)
-    assert len([note for note in notes if "the backlash of" in note]) == 2 or "strays" in " ".join(notes)
+    assert len([note for note in notes if "the backlash of" in note]) == 2 or "deviates by" in " ".join(notes)

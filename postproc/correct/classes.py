@@ -28,7 +28,7 @@ class ClassResiduals:
     """Errors of the tool point, um."""
     tilt: Statistic = field(default_factory=Statistic)
     """Errors of the tool axis, urad."""
-    turning: Statistic = field(default_factory=Statistic)
+    rotary_correction: Statistic = field(default_factory=Statistic)
     """Corrections of the rotary axes, urad."""
 
     def json(self) -> dict[str, Any]:
@@ -37,7 +37,7 @@ class ClassResiduals:
             "classes": self.choice,
             "tool_point_um": self.position.json(),
             "tool_axis_urad": self.tilt.json(),
-            "rotary_axes_moved_urad": self.turning.json(),
+            "rotary_axes_moved_urad": self.rotary_correction.json(),
         }
 
 
@@ -64,6 +64,6 @@ def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = CO
         found = pose_errors(machine, model, commanded, nominal, tool, states, shift)
         left.position.add(found.point_um)
         left.tilt.add(found.axis_urad)
-        left.turning.add(np.abs(commanded - nominal)[:, machine.rotary] * 1e6)
+        left.rotary_correction.add(np.abs(commanded - nominal)[:, machine.rotary] * 1e6)
         rows.append(left)
     return rows

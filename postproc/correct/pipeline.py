@@ -31,7 +31,7 @@ from postproc.control.setup import Setup
 from postproc.correct.backlash import BacklashTakeUps
 from postproc.correct.mark import MarkedOutput, mark_in, mark_index, mark_line, mark_of
 from postproc.correct.plausibility import REASONS, CorrectionLimit, Guard, Outside, Plausibility
-from postproc.correct.result import CorrectionResult, Statistic, Straying
+from postproc.correct.result import CorrectionResult, Statistic, UnsplitMoves
 from postproc.correct.rotary_moves import uncorrected_before_rotary_moves
 from postproc.correct.splitting import Splitter
 from postproc.correct.trace import Trace
@@ -188,7 +188,7 @@ class Pipeline:
             for axes, lines in self.report.left.items()
         ]
         left += self._flat_arcs.notes() + self.guard.notes()
-        return unused + beyond + left + [straying.text(reason) for reason, straying in self.report.straying.items()]
+        return unused + beyond + left + [not_split.text(reason) for reason, not_split in self.report.not_split.items()]
 
     def _put(self, out: MarkedOutput, blocks: Sequence[Block], texts: list[str]) -> None:
         """Write corrected blocks of the program, with room for the mark."""
@@ -256,11 +256,12 @@ class Pipeline:
         machine, evaluated, correctable = job.machine, motions.evaluated, motions.programmed & own
         moved, programmed = written.ends - motions.target, motions.correctable & correctable[:, None]
         report.corrected += int(((moved != 0.0) & programmed).any(axis=1).sum())
-        report.not_judged += int((~evaluated & own).sum())
+        report.not_evaluated += int((~evaluated & own).sum())
         for i in machine.translators:
             report.correction.setdefault(machine.names[i], Statistic()).add(moved[programmed[:, i], i] * 1e3)
         for i in np.flatnonzero(machine.rotary).tolist() if self.orientation else ():
-            report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[programmed[:, i], i]) * 1e6)
+            rotated = np.deg2rad(moved[programmed[:, i], i]) * 1e6
+            report.rotary_correction.setdefault(machine.names[i], Statistic()).add(rotated)
         self._note_assumed(motions, correctable)
         self._note_left(motions)
         commanded = written.moves(motions)
@@ -276,7 +277,7 @@ class Pipeline:
             self.trace.add_paths(motions, self.before)
 
     def _evaluate_ends(self, motions: Motions, commanded: Motions, nominal: Array, evaluated: NDArrayBool) -> Array:
-        """Errors `(judged, 2)`, um, before and after at the ends of evaluated rows; nominal `(n, axes)`, mm and rad."""
+        """Errors `(k, 2)`, um, before and after at the ends of the k evaluated rows; nominal `(n, axes)`, mm and rad."""
         job, report, tool = self.job, self.report, motions.tool[evaluated]
         machine = job.machine
         states_before = self.before.states(motions, evaluated)
@@ -342,12 +343,12 @@ class Pipeline:
         for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), errors_between[beyond].tolist(), strict=True):
             block = int(motions.block[row])
             reason = ROTARY_ONLY if rotary_only[row] else self.splitter.unsplit.get(block, ERROR_JUMPS)
-            self.report.straying.setdefault(reason, Straying()).add(motions.blocks[block].line, size)
+            self.report.not_split.setdefault(reason, UnsplitMoves()).add(motions.blocks[block].line, size)
 
     def _guard_between(
         self, motions: Motions, commanded: Motions, before: Array, rows: np.ndarray, errors_between: Array
     ) -> None:
-        """Compare programmed moves between their ends with the input; strayed `(rows,)`: errors of their segments, um.
+        """Compare programmed moves between their ends with the input; errors_between `(rows,)`: of their segments, um.
 
         In the input the largest error of a path is at least that of its end: moves within that error need no further
         evaluation.

@@ -61,16 +61,16 @@ def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterat
     yield Section("Errors", table=Table(HEAD, _error_rows(result, trace)))
     if result.correction:
         corrections = [(f"correction {axis}", statistic) for axis, statistic in result.correction.items()]
-        corrections += [(f"correction {axis}, urad", statistic) for axis, statistic in result.turning.items()]
+        corrections += [(f"correction {axis}, urad", statistic) for axis, statistic in result.rotary_correction.items()]
         yield Section("Corrections", table=Table(HEAD, _rows(corrections)))
-    if result.straying:
+    if result.not_split:
         rows = [
-            (reason, f"{straying.largest_um:.3f}", shortened(ranges(straying.lines)))
-            for reason, straying in result.straying.items()
+            (reason, f"{not_split.largest_um:.3f}", shortened(ranges(not_split.lines)))
+            for reason, not_split in result.not_split.items()
         ]
         text = f"Feed moves that deviate by more than {job.tolerance_um:g} um between their ends."
         yield Section("Moves that were not split", text, Table(("reason", "largest deviation, um", "lines"), rows))
-    listed = {straying.text(reason) for reason, straying in result.straying.items()}
+    listed = {not_split.text(reason) for reason, not_split in result.not_split.items()}
     if notes := [note for note in result.notes if note not in listed]:
         yield Section("Notes", "\n".join(notes))
     if trace is not None:
@@ -95,7 +95,7 @@ def _set_up(result: CorrectionResult) -> Iterator[tuple[str, str]]:
     if conditions := result.conditions.text():
         yield "conditions", conditions
     split = f"; {result.split_moves} moves split" if result.split_moves else ""
-    where = "play is taken up or moves are split" if result.split_moves else "play is taken up"
+    where = "backlash is taken up or moves are split" if result.split_moves else "backlash is taken up"
     added = f"{split}; {result.added_blocks} blocks added where {where}" if result.added_blocks else ""
     yield "moves", f"{result.moves} read, {result.corrected} corrected in {result.changed_blocks} blocks{added}"
     yield from (("accepted", f"{name}: {found}") for name, found in result.accepted.items())
@@ -135,7 +135,7 @@ def _error_rows(result: CorrectionResult, trace: Trace | None) -> list[tuple[str
         ("standard uncertainty (k=1)", result.uncertainty),
     ]
     rows = _rows([(name, statistic) for name, statistic in named if statistic.count])
-    rows.append(("moves that are not evaluated", "", "", str(result.not_judged)))
+    rows.append(("moves that are not evaluated", "", "", str(result.not_evaluated)))
     if result.significance.share is not None:
         rows.append(("significant share of the improvement (k=2)", f"{result.significance.share:.0%}", "", ""))
     return rows

@@ -40,7 +40,7 @@ class Statistic:
 
 
 @dataclass
-class Straying:
+class UnsplitMoves:
     """Moves that deviate by more than the tolerance between their ends, and could not be split."""
 
     lines: list[int] = field(default_factory=list)
@@ -78,14 +78,14 @@ class CorrectionResult:
     """Number of blocks added for backlash take-ups and for the segments of moves."""
     split_moves: int = 0
     """Number of moves written in several blocks, so that the path stays within the tolerance."""
-    straying: dict[str, Straying] = field(default_factory=dict)
+    not_split: dict[str, UnsplitMoves] = field(default_factory=dict)
     """Moves in one segment that exceed the tolerance, by reason."""
     left: dict[str, list[int]] = field(default_factory=dict)
     """Lines of feed moves with axes that are not corrected, by these axes."""
     conditions: Conditions = field(default_factory=Conditions)
     correction: dict[str, Statistic] = field(default_factory=dict)
     """Corrections by linear axis, um."""
-    turning: dict[str, Statistic] = field(default_factory=dict)
+    rotary_correction: dict[str, Statistic] = field(default_factory=dict)
     """Corrections by rotary axis, urad, if the orientation is corrected."""
     before: Statistic = field(default_factory=Statistic)
     after: Statistic = field(default_factory=Statistic)
@@ -102,7 +102,7 @@ class CorrectionResult:
     """Largest correction that is not refused, um; None if nothing is corrected."""
     accepted: dict[str, str] = field(default_factory=dict)
     """Implausible conditions that were accepted: text with the value, by the name of `--accept`."""
-    not_judged: int = 0
+    not_evaluated: int = 0
     """Number of moves to machine coordinates, or before the program has given all linear axes."""
     work_offsets: dict[str, str] = field(default_factory=dict)
     tools: dict[str, str] = field(default_factory=dict)
@@ -134,12 +134,12 @@ class CorrectionResult:
                 "read": self.moves,
                 "corrected": self.corrected,
                 "split": self.split_moves,
-                "not_judged": self.not_judged,
+                "not_judged": self.not_evaluated,
             },
-            "not_split": [straying.json(reason) for reason, straying in self.straying.items()],
+            "not_split": [not_split.json(reason) for reason, not_split in self.not_split.items()],
             "not_corrected": [{"axes": axes.split(), "lines": ranges(lines)} for axes, lines in self.left.items()],
             "correction_um": {axis: statistic.json() for axis, statistic in self.correction.items()},
-            "correction_urad": {axis: statistic.json() for axis, statistic in self.turning.items()},
+            "correction_urad": {axis: statistic.json() for axis, statistic in self.rotary_correction.items()},
             "max_correction_um": None if self.max_correction_um is None else round(self.max_correction_um, 4),
             "accepted": self.accepted,
             "predicted_error_um": {

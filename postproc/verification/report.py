@@ -61,5 +61,11 @@ def _row(name: str, before: Statistic, after: Statistic) -> tuple[str, ...]:
 
 
 def _left(left: ClassResiduals) -> tuple[str, ...]:
-    numbers = (left.position.largest, left.position.rms, left.tilt.largest, left.tilt.rms, left.turning.largest)
+    numbers = (
+        left.position.largest,
+        left.position.rms,
+        left.tilt.largest,
+        left.tilt.rms,
+        left.rotary_correction.largest,
+    )
     return left.choice, *(f"{number:.2f}" for number in numbers)

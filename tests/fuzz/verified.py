@@ -457,7 +457,7 @@ def _verify_fault(
             return f"claim {name}: {claim.largest:.3f} um, and verify finds {found.largest:.3f}"
     if verdict.after.largest > verdict.before.largest + ROUNDING_UM:
         return f"worse: {verdict.before.largest:.3f} um before, {verdict.after.largest:.3f} after"
-    kept = bool(report.straying) or report.notes
+    kept = bool(report.not_split) or report.notes
     # the end of a CP by its angle may miss the circle's end by less than the tolerance
     most = ROUNDING_UM + (plan["tolerance"] if "CP " in corrected.head else 0.0)
     if plan["kind"] in RECKONED and verdict.after.largest > most and not kept:
