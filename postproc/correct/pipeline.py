@@ -277,7 +277,7 @@ class Pipeline:
             self.trace.add_paths(motions, self.before)
 
     def _evaluate_ends(self, motions: Motions, commanded: Motions, nominal: Array, evaluated: NDArrayBool) -> Array:
-        """Errors `(k, 2)`, um, before and after at the ends of the k evaluated rows; nominal `(n, axes)`, mm and rad."""
+        """Errors `(k, 2)`, um, before and after at the ends of the evaluated rows; nominal `(n, axes)`, mm, rad."""
         job, report, tool = self.job, self.report, motions.tool[evaluated]
         machine = job.machine
         states_before = self.before.states(motions, evaluated)
