@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from support.command import refusal, run_command, succeed
 from support.three_points_cases import measured, model, random_effects, station
+from support.tiers import STATISTICAL, quick
 
 import machines
 from calibration.measurement.file import write_measurement
@@ -171,8 +172,16 @@ MISTAKES = {
 }
 DIAGNOSED = ("inch observed", "axes exchanged", "two sessions in one", "six rows", "dead instrument", "not a number")
 """What `diagnose` is asked too: it looks at the data by the same function."""
+FIRST = {name: data for data in reversed(MISTAKES) for name in MISTAKES[data]}
+"""The data of a mistake in the default tiers, beside what `diagnose` and `three-points` are asked."""
 CASES = [
-    pytest.param(command, data, *case, id=f"{command}-{data}-{name}")
+    pytest.param(
+        command,
+        data,
+        *case,
+        id=f"{command}-{data}-{name}",
+        marks=[] if FIRST[name] == data or (data == "rounds" and name in DIAGNOSED) else [STATISTICAL],
+    )
     for command, files in COMMANDS.items()
     for data in files
     for name, case in MISTAKES[data].items()
@@ -189,7 +198,7 @@ def test_a_mistake_is_refused_in_a_sentence_and_nothing_written(good, tmp_path, 
     assert not output.exists()
 
 
-@pytest.mark.parametrize("data", ["cframe", "laser", "part"])
+@pytest.mark.parametrize("data", quick(["cframe", "laser", "part"], ["cframe", "part"]))
 def test_good_data_are_fitted_and_predicted_better_than_by_the_nominal_machine(good, tmp_path, data):
     output = tmp_path / "cal.json"
     done = succeed(*arguments("fit", good[data], MACHINE[data], output, "--json", tmp_path / "fit.json"))
@@ -307,7 +316,12 @@ def others(tmp_path_factory) -> dict[str, Path]:
 @pytest.mark.parametrize(
     ("machine", "spoil", "sentence"),
     [
-        pytest.param(machine, *case, id=f"{machine}-{name}")
+        pytest.param(
+            machine,
+            *case,
+            id=f"{machine}-{name}",
+            marks=[STATISTICAL] if machine == "trunnion_ac" and name not in TURNING else [],
+        )
         for machine in OTHERS
         for name, case in (ANYWHERE | (TURNING if machine == "trunnion_ac" else {})).items()
     ],

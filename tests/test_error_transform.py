@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from hypothesis import strategies as st
-from support.tiers import drawn
+from support.tiers import drawn, quick
 
 import machines
 from kinematics import derive, error_transform
@@ -265,8 +265,9 @@ DAMAGES = {
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_a_damaged_or_outdated_cache_file_is_derived_again(slanted, tmp_path, monkeypatch, damage):
+@pytest.mark.parametrize("name", quick(DAMAGES, ["another number", "another deriver"]))
+def test_a_damaged_or_outdated_cache_file_is_derived_again(slanted, tmp_path, monkeypatch, name):
+    damage = DAMAGES[name]
     error_transform.derived(slanted)
     (file,) = tmp_path.rglob("*.py")
     good = file.read_bytes()

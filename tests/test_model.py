@@ -143,10 +143,8 @@ def many_states(n: int, seed: int) -> State:
     )
 
 
-@pytest.mark.parametrize(
-    "correlation",
-    [pytest.param(0.0, id="independent", marks=pytest.mark.statistical), pytest.param(0.6, id="correlated")],
-)
+@pytest.mark.statistical
+@pytest.mark.parametrize("correlation", [0.0, 0.6], ids=["independent", "correlated"])
 def test_standard_uncertainty_of_effects_of_all_places_equals_monte_carlo(correlation):
     """Shapes (period, time constant, lag) are linearised; the instrument's uncertainty is none of the prediction's."""
     u = np.array([u for effect in MANY for u in effect.uncertainties])

@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import msgspec
 import numpy as np
 import pytest
+from support.tiers import quick
 from support.virtual_measurements import THREE, TRACKER, measured, positions
 
 import machines
@@ -282,7 +283,7 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", quick(CASES, ["standing", "interferometer"]))
 def test_a_plan_is_a_measurement_that_follows_the_data(case):
     make, expected = CASES[case]
     data = make()

@@ -278,6 +278,7 @@ def test_the_remedy_of_the_blind_mode_is_another_path_even_where_angles_are_not_
     assert all("lines that are not alike about the middle" in unidentifiable.remedy for unidentifiable in along)
 
 
+@pytest.mark.statistical
 def test_the_diagonals_blind_mode_is_reported_and_a_polyline_has_none():
     readings, _ = followed(diagonals(), truth_of())
     m = on_path(readings, diagonals()).measurement
@@ -460,6 +461,7 @@ def test_five_axes():
     assert after < 0.12 * before
 
 
+@pytest.mark.statistical
 def test_the_place_of_a_reading_is_where_the_axes_stood():
     """Of a machine with large errors, positions come nearer to where the axes were, but for a motion of the frame."""
     truth = truth_of(9)

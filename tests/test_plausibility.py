@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from support.programs import load, model_of
+from support.tiers import quick
 
 from kinematics.basis import Fourier, Legendre
 from kinematics.effects import Backlash, DriftWithSensor, ErrorMotion, LocationError
@@ -65,7 +66,7 @@ IMPLAUSIBLE = {
 }
 
 
-@pytest.mark.parametrize("case", IMPLAUSIBLE)
+@pytest.mark.parametrize("case", quick(IMPLAUSIBLE, ["stale", "temperature", "outside"]))
 def test_refused_with_the_figure_unless_accepted(ncomp, case):
     model, options, words = IMPLAUSIBLE[case]
     name = case.split()[0]

@@ -198,7 +198,7 @@ ALIKE = {
         [0],
     ),
 }  # fmt: skip
-SLOW_TO_CHOOSE = ("three tools", "runs", "200 points", "four stations", "five axes")
+SLOW_TO_CHOOSE = ("diagonals", "three tools", "runs", "200 points", "four stations", "five axes")
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from kinematics.error_model.model import no_errors, read_model, write_model
 from kinematics.state import State
 from postproc.tables.formats import FORMATS
 
-QUICK = ("csv", "heidenhain", "linuxcnc", "siemens-cec")
+QUICK = ("heidenhain", "linuxcnc")
 """Formats that the default run applies too; CI applies all."""
 SETTINGS = {"fanuc": ("--set", "largest=100", "--set", "total=6000"), "mitsubishi": ("--set", "unit_um=0.2")}
 TOOL = np.array([0.0, 0.0, -80.0])

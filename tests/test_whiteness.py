@@ -60,9 +60,8 @@ def smooth_design(_rng, columns):
     return design_of(columns)
 
 
-@pytest.mark.parametrize(
-    ("design", "known"), [pytest.param(random_design, False, marks=pytest.mark.statistical), (smooth_design, True)]
-)
+@pytest.mark.statistical
+@pytest.mark.parametrize(("design", "known"), [(random_design, False), (smooth_design, True)])
 def test_p_values_are_uniform_under_pure_noise(design, known):
     for what, values in levels(300, design, known).items():
         assert stats.kstest(values, "uniform").pvalue > 1e-3, what
