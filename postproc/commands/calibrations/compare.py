@@ -45,7 +45,7 @@ def compare(
     reference: tuple[str, ...] = option(
         "Position of an axis, mm or degrees, where its errors are zero; default: its home position.", "X=mm"
     ),
-    tool_mm: float = option("Length of the tool in the volume, mm.", default=100.0, min=0.0),
+    tool_mm: float = option("Length of the tool in the volume, mm.", "mm", default=100.0, min=0.0),
     others: ResultOptions,
 ) -> None:
     """Compare two calibrations in the conventions of ISO 230-1: by error motion, squareness, and over the volume.

@@ -44,7 +44,7 @@ class FitOptions:
         min=1e-3,
     )
     hold_out: bool = option("Predict each run, or cell of space, from all others as a check.", default=True)
-    valid_days: float | None = option("Validity of the calibration, days; default: 365.", "N", min=1.0, max=36500.0)
+    valid_days: float | None = option("Validity of the calibration, days; default: 365.", "days", min=1.0, max=36500.0)
 
 
 EPILOG = (

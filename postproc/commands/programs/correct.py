@@ -44,12 +44,15 @@ class CorrectionOptions:
 
     classes: str | None = option("ISO/TR 16907 classes of errors to correct; default: all but FOR.", "L-VOL,R-VOL,...")
     tolerance_um: float = option(
-        "Largest deviation of a feed move from its path, um; moves that deviate more are split.", default=1.0, min=0.0
+        "Largest deviation of a feed move from its path, um; moves that deviate more are split.",
+        "um",
+        default=1.0,
+        min=0.0,
     )
     max_correction_um: float | None = option(
         "Largest correction of a linear axis, um; a program that needs more is refused. Default: twice the "
         "calibration's largest error, at most 500.",
-        "N",
+        "um",
         min=0.0,
         max=5000.0,
     )

@@ -59,7 +59,7 @@ def export(
     tables: TableOptions,
     output: Path = option("New folder for the tables.", "DIR", "-o", default=REQUIRED),
     calibration: CalibrationName,
-    tool_mm: float = option("Length of the tool for which the tables are made, mm.", default=0.0, min=0.0),
+    tool_mm: float = option("Length of the tool for which the tables are made, mm.", "mm", default=0.0, min=0.0),
     probe: str | None = option("Write only a probe table, which shows the sign of the values of this axis.", "AXIS"),
     rest: Path | None = option("File for the calibration less the errors that the tables compensate.", "REST.json"),
     program: str | None = option("Also show the errors along this program; `-` is standard input.", "IN.nc"),

@@ -43,7 +43,10 @@ class VerificationOptions:
     )
     classes: bool = option("Also show the errors that each choice of ISO/TR 16907 classes would leave.", default=False)
     tolerance_um: float = option(
-        "Tolerance of the correction, um; an axis counts as reversed after more than half of it.", default=1.0, min=0.0
+        "Tolerance of the correction, um; an axis counts as reversed after more than half of it.",
+        "um",
+        default=1.0,
+        min=0.0,
     )
     accept: str | None = option(
         "Differences to accept between verification and correction: calibration, set-up, datum.", "NAME,..."

@@ -1,0 +1,96 @@
+"""Options are declared once: values, refusals and help of a declaration, and the declarations of all commands."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import pytest
+import typer
+
+from kinematics.user_error import UserError
+from postproc.cli import command_tree
+from postproc.commands.options.declared import REQUIRED, argument, option, refuse_given, with_options
+
+COMMANDS = Path(__file__).parents[1] / "postproc" / "commands"
+Length = Annotated[float, option("Length, mm.", "mm", "-l", default=2.0, min=0.0)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """Options of every type."""
+
+    PANEL: ClassVar[str] = "Group"
+
+    length: Length
+    order: Literal["given", "shuffled"] = option("Order.", default="given")
+    sign: Literal["error", "correction"] | None = option("Sign.")
+    names: tuple[str, ...] = option("Name.", "NAME", "--name")
+    feed: tuple[float, ...] = option("Feed, mm/min.")
+    planar: bool = option("Planar.", default=False)
+    check: bool = option("Check.", default=True)
+
+
+def called(*arguments: str) -> dict[str, object]:
+    """Values that a command gets by its command line."""
+    found: dict[str, object] = {}
+
+    def command(
+        *,
+        files: tuple[Path, ...] = argument("Files.", "FILES"),
+        group: Group,
+        size: int = option("Size.", default=REQUIRED),
+    ) -> None:
+        found.update(files=files, group=group, size=size)
+
+    app = typer.Typer(add_completion=False)
+    app.command()(with_options(command))
+    typer.main.get_command(app)(list(arguments), standalone_mode=False)
+    return found
+
+
+def test_defaults():
+    found = called("a", "b", "--size", "3")
+    group = Group(length=2.0, order="given", sign=None, names=(), feed=(), planar=False, check=True)
+    assert found == {"files": (Path("a"), Path("b")), "group": group, "size": 3}
+
+
+def test_values():
+    given = ("-l", "5", "--order", "shuffled", "--sign", "error", "--name", "x", "--name", "y", "--feed", "9", "--planar", "--no-check")  # fmt: skip
+    group = called("a", "--size", "3", *given)["group"]
+    assert group == Group(
+        length=5.0, order="shuffled", sign="error", names=("x", "y"), feed=(9.0,), planar=True, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--order", "up"), "--order up: expected given or shuffled"),
+        (("--sign", "both"), "--sign both: expected error or correction"),
+        (("--length", "inf"), "--length inf: expected a finite number"),
+        (("--feed", "nan"), "--feed nan: expected a finite number"),
+    ],
+)
+def test_refused_values(arguments, message):
+    with pytest.raises(UserError, match=re.escape(message)):
+        called("a", "--size", "3", *arguments)
+
+
+def test_options_that_do_not_apply():
+    group = Group(length=2.0, names=("x",), feed=(), order="given", sign=None, planar=False, check=True)
+    refuse_given("does not apply", group, "length", "order", "feed")
+    with pytest.raises(UserError, match=re.escape("--name does not apply")):
+        refuse_given("does not apply", group, "order", "names")
+
+
+def test_every_option_has_a_help_text_in_whole_words():
+    """Help begins with a capital letter or a name and ends with a full stop; no command declares an option otherwise."""
+    for name, command in command_tree().commands.items():
+        for parameter in command.params:
+            shown = parameter.help or ""
+            assert re.fullmatch(r"[A-Z].*\.", shown), (name, parameter.name, shown)
+    others = [path for path in COMMANDS.rglob("*.py") if path.name != "declared.py"]
+    assert not [path for path in others if re.search(r"typer\.(Option|Argument)", path.read_text())]
