@@ -41,7 +41,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="""Make machine tools cut where the program says.
+    help="""Correct NC programs for the measured errors of a machine tool.
 
     **ncomp IN.nc --machine M -o OUT.nc** corrects a program for the measured errors of machine M
     (the same as *ncomp correct IN.nc ...*; see *ncomp correct --help*).

@@ -118,11 +118,11 @@ def test_export_of_the_calibration_with_tables_active_is_of_the_whole_machine(co
         (("--format", "linuxcnc", "--set", "points=1"), "--set: Expected `int` >= 2"),
         (("--format", "linuxcnc", "--sign", "error"), "known to mean the correction"),
         (("--format", "linuxcnc", "--sign", "up"), "--sign up: expected error or correction"),
-        (("--format", "linuxcnc", "--probe", "X", "--sign", "correction"), "--probe writes a probe table alone"),
+        (("--format", "linuxcnc", "--probe", "X", "--sign", "correction"), "--probe excludes --sign"),
         (("--format", "linuxcnc", "--probe", "Q"), "has no axis Q"),
         (("--format", "linuxcnc", "--rest", "cal.json"), "is an input and would be overwritten"),
         (("--format", "linuxcnc", "--rest", "no/rest.json"), "No such file or directory"),
-        (("--format", "linuxcnc", "--program", "empty.nc"), "nothing to tell errors of"),
+        (("--format", "linuxcnc", "--program", "empty.nc"), "can't be evaluated"),
         (("--format", "linuxcnc", "--set", "joints=XY"), "Z has a table; expected its letter among the joints"),
     ],
 )
@@ -140,7 +140,7 @@ def test_a_folder_that_is_not_empty_is_refused(command, calibration, tmp_path):
     (tmp_path / "out" / "comp_a.txt").write_text("0 0 0\n")
     done = command("export", "--machine", "cframe", "-c", calibration, "--format", "linuxcnc", "-o", "out")
     assert done.status == 2
-    assert "not an empty folder" in done.err
+    assert "expected a new or empty folder" in done.err
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["comp_a.txt"]
 
 

@@ -70,7 +70,7 @@ def export(
     """Write a calibration as compensation tables of a control, with a sheet on their meaning and the remaining errors.
 
     Tables hold the part of the correction that is a function of quantities in the control, with the values and nodes
-    that leave least volumetric error. A program corrected with REST.json adds the rest: nothing is corrected twice.
+    that leave least volumetric error. A program is then corrected with REST.json, and no error is corrected twice.
     """
     from kinematics.error_model.model import encode_model
     from kinematics.files import whole_folder
@@ -87,14 +87,14 @@ def export(
     chosen = parse_settings(form.settings, tables.settings)
     if probe is not None:
         if (tables.sign, rest, program, json) != (None,) * 4:
-            raise UserError("--probe writes a probe table alone: without --sign, --rest, --program and --json")
+            raise UserError("--probe excludes --sign, --rest, --program and --json: it writes only a probe table")
         _write_probe(output, probe_files(found, probe, form, chosen))
         return
     sign_of(form, tables.sign)
     model = ncomp.load_calibration(found, calibration)
     exported = ncomp.export(found, model=model, tool_mm=tool_mm, **vars(tables))
     setup = set_up.setup(found)
-    points = _places(program, dialect, exported, setup)
+    points = _points(program, dialect, exported, setup)
     left, errors = exported.left, {"volume": exported.errors_in_the_volume()}
     if points is not None:
         errors["program"] = exported.errors_at(points)
@@ -117,16 +117,16 @@ def _write_probe(output: Path, files: dict[str, str]) -> None:
 def _check_folder(output: Path) -> None:
     """UserError when the folder can't be made, before any work."""
     if output.exists() and (not output.is_dir() or any(output.iterdir())):
-        raise UserError(f"can't write {output}: it is not an empty folder; name a new one")
+        raise UserError(f"can't write {output}: expected a new or empty folder")
     if not output.parent.is_dir():
-        raise UserError(f"can't write {output}: its parent is no folder")
+        raise UserError(f"can't write {output}: its parent is not a folder")
 
 
 def _encoded(files: dict[str, str]) -> dict[str, bytes]:
     return {name: text.encode("utf-8" if name.endswith(".md") else "ascii") for name, text in files.items()}
 
 
-def _places(
+def _points(
     program: str | None,
     dialect: str,
     exported: Exported,
@@ -139,7 +139,7 @@ def _places(
     motions = moves_of(program, dialect, exported.target.machine, setup)
     points = program_points(motions, exported.target.model)
     if not len(points.q):
-        raise UserError(f"{program}: no move says where all axes are: nothing to tell errors of")
+        raise UserError(f"{program}: no move has known positions of all axes: the errors along the program can't be evaluated")
     return points
 
 
@@ -182,7 +182,7 @@ def _show(
     warning = shift_warning(exported.datum, errors["volume"]["tool_point_um"])
     if warning:
         say("zero shift", warning)
-    carried = Table("table", "points", "from", "to", "largest value", title=f"what {exported.format.name} carries")
+    carried = Table("table", "points", "from", "to", "largest value", title=f"{exported.format.name} tables")
     for row in table_rows(exported):
         carried.add_row(*row)
     to.print(carried)
@@ -192,6 +192,6 @@ def _show(
             table.add_row(STAGES[stage], f"{sizes['rms']:.3f}", f"{sizes['p95']:.3f}", f"{sizes['max']:.3f}")
         to.print(table)
     if left:
-        told = ", ".join(item.name if item.rms_um != item.rms_um else f"{item.name} {item.rms_um:.1f}" for item in left)
-        to.print(f"not in the tables (um RMS): {told}")
+        names = ", ".join(item.name if item.rms_um != item.rms_um else f"{item.name} {item.rms_um:.1f}" for item in left)
+        to.print(f"not in the tables (um RMS): {names}")
     to.print(f"{len(exported.files)} files and sheet.md in {output}; read the sheet before loading them")
