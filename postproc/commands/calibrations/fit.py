@@ -10,7 +10,7 @@ import ncomp
 from postproc.commands.options.declared import REQUIRED, argument, option
 from postproc.commands.options.measurement import DataOptions, Noise
 from postproc.commands.options.path import OnTheFlyOptions, read_path
-from postproc.commands.options.program import DialectName, SetUpOptions
+from postproc.commands.options.program import SetUpOptions
 from postproc.commands.options.shared import (
     MachineName,
     ResultOptions,
@@ -72,7 +72,6 @@ def fit(
     form: DataOptions,
     moving: OnTheFlyOptions,
     set_up: SetUpOptions,
-    dialect: DialectName,
     others: ResultOptions,
 ) -> None:
     """Fit the machine's errors to measured points, with uncertainties, and list the errors that the points can't show.
@@ -91,7 +90,7 @@ def fit(
     if moving.path is None:
         measured = form.read([data], found_machine)
     else:
-        nominal = read_path(moving.path, found_machine, set_up.setup(found_machine), dialect)
+        nominal = read_path(moving.path, found_machine, set_up.setup(found_machine), set_up.dialect)
         measured = moving.read(data, nominal, form)
     with console.status("reading") as status:
         found = ncomp.fit(measured, reversal=moving.reversal, progress=status.update, **vars(model))

@@ -11,7 +11,7 @@ from kinematics.user_error import UserError
 from postproc.commands.measurements.simulate_on_the_fly import MotionOptions, simulate_on_path
 from postproc.commands.options.declared import REQUIRED, option, refuse_given
 from postproc.commands.options.path import read_path
-from postproc.commands.options.program import DialectName, SetUpOptions
+from postproc.commands.options.program import SetUpOptions
 from postproc.commands.options.shared import MachineName, check_files, whole_results
 from postproc.commands.options.strategy import StrategyOptions, targets_of
 from postproc.commands.options.virtual_instrument import FaultOptions, InstrumentOptions
@@ -53,7 +53,6 @@ def simulate(
     faults: FaultOptions,
     motion: MotionOptions,
     set_up: SetUpOptions,
-    dialect: DialectName,
 ) -> None:
     """Simulate a measurement of a machine with known errors, which moves by its exact kinematics.
 
@@ -75,7 +74,7 @@ def simulate(
     virtual = instrument.virtual_instrument(Faults(**vars(faults)), errors.temperatures())
     if motion.path is not None:
         motion.check(strategy, instrument, faults)
-        nominal = read_path(motion.path, found, set_up.setup(found), dialect)
+        nominal = read_path(motion.path, found, set_up.setup(found), set_up.dialect)
         simulate_on_path(nominal, motion, targets_of(strategy.target), model, virtual, draws, outputs)
         return
     plan = _plan(found, strategy)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, argument, option
-from postproc.commands.options.program import DialectName, SetUpOptions, moves_of
+from postproc.commands.options.program import SetUpOptions, moves_of
 from postproc.commands.options.shared import ResultOptions, check_files, whole_results
 
 if TYPE_CHECKING:
@@ -39,7 +39,6 @@ def study(
     workers: int | None = option("Number of processes; default: one for each core.", "N", "-w", min=1),
     dask: str | None = option("Address of a Dask scheduler, whose cluster does the work instead.", "ADDRESS"),
     program: str | None = option("NC program, along which the errors after correction are evaluated too.", "PART.nc"),
-    dialect: DialectName,
     set_up: SetUpOptions,
     others: ResultOptions,
 ) -> None:
@@ -65,7 +64,7 @@ def study(
         cases = read_cases(wanted, definition.parent)
     if program is not None:
         machine = cases[0].plan.machine
-        moves = moves_of(program, dialect, machine, set_up.setup(machine))
+        moves = moves_of(program, machine, set_up.setup(machine), set_up.dialect)
         along = _ends(moves, program, wanted.instrument.temperature)
         cases = [with_volume(case, along) for case in cases]
     number = None if wanted.draws == "adaptive" else wanted.draws
@@ -89,7 +88,9 @@ def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:
 
     rows = np.flatnonzero(motions.evaluated)
     if not len(rows):
-        raise UserError(f"{program}: no move has known positions of all axes: the errors along the program can't be evaluated")
+        raise UserError(
+            f"{program}: no move has known positions of all axes: the errors along the program can't be evaluated"
+        )
     if len(rows) > MANY:
         rows = rows[np.linspace(0, len(rows) - 1, MANY).astype(int)]
     return Volume.at(motions.machine, standing(motions.machine_target[rows], sensors), motions.tool[rows])

@@ -24,16 +24,8 @@ def _dialect_names() -> list[str]:
 
 
 Program = Annotated[str, argument("NC program; `-` is standard input.", "IN.nc")]
-DialectName = Annotated[
-    str,
-    option("Dialect of the program: auto, iso, siemens or heidenhain.", default="auto", complete=_dialect_names),
-]
 NoTravelCheck = Annotated[
     bool, option("Report positions outside the travel of an axis as notes, and do not refuse them.", default=False)
-]
-WorkOffsets = Annotated[
-    tuple[str, ...],
-    option("Work offset, mm; with rotary axes, degrees: `G54=-30,-20,150,C=90`.", "G54=x,y,z", "--work-offset"),
 ]
 
 
@@ -59,9 +51,14 @@ class ToolOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SetUpOptions(ToolOptions):
-    """Work offsets and tools of the control."""
+    """Dialect of a program, and work offsets and tools of the control."""
 
-    work_offset: WorkOffsets
+    dialect: str = option(
+        "Dialect of the program: auto, iso, siemens or heidenhain.", default="auto", complete=_dialect_names
+    )
+    work_offset: tuple[str, ...] = option(
+        "Work offset, mm; with rotary axes, degrees: `G54=-30,-20,150,C=90`.", "G54=x,y,z"
+    )
 
     def setup(self, machine: Machine) -> Setup:
         """The set-up of the control; UserError for an option that can't be used."""
@@ -70,7 +67,7 @@ class SetUpOptions(ToolOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class DatumOptions(SetUpOptions):
-    """Work offsets, the method by which they were obtained, and tools of the control."""
+    """Dialect of a program, work offsets with the method by which they were obtained, and tools of the control."""
 
     datum: tuple[str, ...] = option(
         "Origin of a work offset: probed on the machine (G54=probed; with machine position and probe length, mm, "
@@ -96,7 +93,7 @@ class ConditionsOptions:
         return ncomp.conditions(temperature=self.temperature, elapsed=self.elapsed, log=self.log)
 
 
-def moves_of(program: str, dialect: str, machine: Machine, setup: Setup) -> Motions:
+def moves_of(program: str, machine: Machine, setup: Setup, dialect: str) -> Motions:
     """All moves of a program; prints the part of the set-up that is assumed."""
     from postproc.commands.show.terminal import say_assumed
     from postproc.dialects import find_dialect

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 import ncomp
-from postproc.commands.options.program import DialectName, NoTravelCheck, Program, SetUpOptions
+from postproc.commands.options.program import NoTravelCheck, Program, SetUpOptions
 from postproc.commands.options.shared import JsonFile, MachineName, check_files, result, write_json
 from postproc.text.source import open_source
 
@@ -16,7 +16,6 @@ def check(
     *,
     program: Program,
     machine: MachineName,
-    dialect: DialectName,
     set_up: SetUpOptions,
     no_travel_check: NoTravelCheck,
     json: JsonFile,
@@ -32,7 +31,7 @@ def check(
     source = open_source(program)
     setup = set_up.setup(found)
     with result(json) as results:
-        findings = ncomp.check(source, found, dialect=dialect, setup=setup, travel_check=not no_travel_check)
+        findings = ncomp.check(source, found, dialect=set_up.dialect, setup=setup, travel_check=not no_travel_check)
         write_json(findings.json(), results)
     show(findings.report(source.name), json)
     if findings.refused:

@@ -10,7 +10,6 @@ from postproc.commands.options.declared import option
 from postproc.commands.options.program import (
     ConditionsOptions,
     DatumOptions,
-    DialectName,
     NoTravelCheck,
     Program,
 )
@@ -71,7 +70,6 @@ def correct(
     output: str | None = option("Corrected program; default: `-`, standard output.", "OUT.nc", "-o"),
     in_place: bool = option("Replace the input, and keep a backup IN.nc.orig beside it.", default=False),
     calibration: CalibrationName,
-    dialect: DialectName,
     set_up: DatumOptions,
     no_travel_check: NoTravelCheck,
     correction: CorrectionOptions,
@@ -85,13 +83,11 @@ def correct(
     output.
     """
     from postproc.commands.show.terminal import progress_of, show
-    from postproc.correct.plausibility import parse_accepted
     from postproc.correct.report import correction_report
 
     target = target_of(program, output, in_place=in_place)
     check_files((calibration, *set_up.tool_table, at.log), {"--output": target, **others.by_option})
     check_files((program,), others.by_option)
-    parse_accepted(correction.accept)
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
     source = open_source(program)
@@ -106,7 +102,7 @@ def correct(
             source,
             found,
             model,
-            dialect=dialect,
+            dialect=set_up.dialect,
             setup=setup,
             conditions=conditions,
             travel_check=not no_travel_check,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, option
-from postproc.commands.options.program import DialectName, SetUpOptions, moves_of
+from postproc.commands.options.program import SetUpOptions, moves_of
 from postproc.commands.options.shared import (
     CalibrationName,
     JsonFile,
@@ -63,7 +63,6 @@ def export(
     probe: str | None = option("Write only a probe table, which shows the sign of the values of this axis.", "AXIS"),
     rest: Path | None = option("File for the calibration less the errors that the tables compensate.", "REST.json"),
     program: str | None = option("Also show the errors along this program; `-` is standard input.", "IN.nc"),
-    dialect: DialectName,
     set_up: SetUpOptions,
     json: JsonFile,
 ) -> None:
@@ -93,8 +92,7 @@ def export(
     sign_of(form, tables.sign)
     model = ncomp.load_calibration(found, calibration)
     exported = ncomp.export(found, model=model, tool_mm=tool_mm, **vars(tables))
-    setup = set_up.setup(found)
-    points = _points(program, dialect, exported, setup)
+    points = _points(program, exported, set_up.setup(found), set_up.dialect)
     left, errors = exported.left, {"volume": exported.errors_in_the_volume()}
     if points is not None:
         errors["program"] = exported.errors_at(points)
@@ -126,20 +124,17 @@ def _encoded(files: dict[str, str]) -> dict[str, bytes]:
     return {name: text.encode("utf-8" if name.endswith(".md") else "ascii") for name, text in files.items()}
 
 
-def _points(
-    program: str | None,
-    dialect: str,
-    exported: Exported,
-    setup: Setup,
-) -> EvaluationPoints | None:
+def _points(program: str | None, exported: Exported, setup: Setup, dialect: str) -> EvaluationPoints | None:
     from postproc.tables.remaining_error import program_points
 
     if program is None:
         return None
-    motions = moves_of(program, dialect, exported.target.machine, setup)
+    motions = moves_of(program, exported.target.machine, setup, dialect)
     points = program_points(motions, exported.target.model)
     if not len(points.q):
-        raise UserError(f"{program}: no move has known positions of all axes: the errors along the program can't be evaluated")
+        raise UserError(
+            f"{program}: no move has known positions of all axes: the errors along the program can't be evaluated"
+        )
     return points
 
 
@@ -192,6 +187,8 @@ def _show(
             table.add_row(STAGES[stage], f"{sizes['rms']:.3f}", f"{sizes['p95']:.3f}", f"{sizes['max']:.3f}")
         to.print(table)
     if left:
-        names = ", ".join(item.name if item.rms_um != item.rms_um else f"{item.name} {item.rms_um:.1f}" for item in left)
+        names = ", ".join(
+            item.name if item.rms_um != item.rms_um else f"{item.name} {item.rms_um:.1f}" for item in left
+        )
         to.print(f"not in the tables (um RMS): {names}")
     to.print(f"{len(exported.files)} files and sheet.md in {output}; read the sheet before loading them")

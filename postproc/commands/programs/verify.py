@@ -9,7 +9,6 @@ from postproc.commands.options.declared import argument, option
 from postproc.commands.options.program import (
     ConditionsOptions,
     DatumOptions,
-    DialectName,
     Program,
 )
 from postproc.commands.options.shared import (
@@ -60,25 +59,23 @@ def verify(
     machine: MachineName,
     calibration: CalibrationName,
     options: VerificationOptions,
-    dialect: DialectName,
     set_up: DatumOptions,
     at: ConditionsOptions,
     json: JsonFile,
 ) -> None:
     """Compute the tool point error of a program before and after correction, from the two texts by the exact model."""
     from postproc.commands.show.terminal import say, say_assumed, show
-    from postproc.correct.mark import PARTS
-    from postproc.correct.plausibility import parse_accepted
     from postproc.verification.report import verification_report
 
-    parse_accepted(options.accept, PARTS)
     inputs = (program, corrected, calibration, options.old, options.align, *set_up.tool_table, at.log)
     check_files(inputs, {"--json": json})
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
     setup, conditions = set_up.setup(found), at.conditions()
     programs = open_source(program), open_source(corrected)
-    done = ncomp.verify(*programs, found, model, dialect=dialect, setup=setup, conditions=conditions, **vars(options))
+    done = ncomp.verify(
+        *programs, found, model, dialect=set_up.dialect, setup=setup, conditions=conditions, **vars(options)
+    )
     for assumption in done.assumptions:
         say_assumed(assumption)
     for note in done.notes:
