@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOTIONS = ("", "unit", "convention", "range A", "range B", "RMS B - A", "largest B - A", "at", "U (k=2)", "")
+MOTIONS = ("", "convention", "range A", "range B", "RMS B - A", "largest B - A", "at", "U (k=2)", "")
 FIGURES = ("", "", "unit", "A", "B", "B - A", "U (k=2)", "")
 ACROSS = 3
 """Curves side by side."""
@@ -58,16 +58,22 @@ def _sections(found: Comparison) -> Iterator[Section]:
 
 def _motion_row(motion: Motion) -> tuple[str, ...]:
     i = motion.largest
-    ranges = [
-        f"{np.ptp(values):.2f}" if known else "not known"
-        for values, known in zip((motion.a, motion.b), motion.known, strict=True)
-    ]
     mark = "significant" if motion.significant else ""
     if not all(motion.known):
         mark = f"in {'A' if motion.known[0] else 'B'} only"
-    rms, largest = np.sqrt(np.mean(motion.difference**2)), f"{motion.difference[i]:+.2f}"
-    at = f"{motion.axis} {motion.positions[i]:.4g} {motion.position_unit}"
-    return motion.name, motion.unit, motion.convention, *ranges, f"{rms:.2f}", largest, at, f"{motion.U[i]:.2f}", mark
+    return (
+        f"{motion.name}, {motion.unit}",
+        motion.convention,
+        *(
+            f"{np.ptp(values):.2f}" if known else "not known"
+            for values, known in zip((motion.a, motion.b), motion.known, strict=True)
+        ),
+        f"{np.sqrt(np.mean(motion.difference**2)):.2f}",
+        f"{motion.difference[i]:+.2f}",
+        f"{motion.axis} {motion.positions[i]:.4g} {motion.position_unit}",
+        f"{motion.U[i]:.2f}",
+        mark,
+    )
 
 
 def _volume(found: Comparison) -> Section:

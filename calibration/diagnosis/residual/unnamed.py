@@ -52,19 +52,20 @@ class Added(NamedTuple):
     selector: Selector
     """The selector with the bases that the error motions need now."""
     stage: Stage
-    says: str
+    text: str
+    """The result as a sentence."""
 
 
 def add_unnamed(selector: Selector, named: Stage, left: Unexplained) -> Added:
     """The stage with unnamed effects for the unexplained residual; unchanged where these do not predict."""
-    over = f"what is left, a function of {', '.join(left.variables)},"
+    over = f"The unexplained dependence on {', '.join(left.variables)}"
     strange = [name for name in left.variables if not may_depend_on(named.linearised, name)]
     if strange:
-        says = f"{over} was not added: an unnamed effect is no function of {', '.join(strange)}"
-        return Added(selector, named, says)
+        text = f"{over} was not added: an unnamed effect cannot depend on {', '.join(strange)}."
+        return Added(selector, named, text)
     stage, shown = _with_unnamed(selector, named, left)
     if stage is named:
-        return Added(selector, named, f"{over} was not added: held-out blocks are not predicted better with it")
+        return Added(selector, named, f"{over} was not added: with it held-out blocks are not predicted better.")
     for _ in range(AGAIN):
         base = selector.chosen_again(stage)
         if base.choice == selector.base.choice:
@@ -77,8 +78,8 @@ def add_unnamed(selector: Selector, named: Stage, left: Unexplained) -> Added:
         if trial.heldout_um >= stage.heldout_um:
             break
         selector, stage = other, trial
-    says = f"{over} was added without a name: it says nothing of a cause, nor of what was not measured"
-    return Added(selector, stage, says)
+    text = f"{over} was added as an unnamed effect: it names no cause and holds within the measured ranges only."
+    return Added(selector, stage, text)
 
 
 def _with_unnamed(selector: Selector, named: Stage, left: Unexplained) -> tuple[Stage, Unexplained]:
