@@ -413,7 +413,7 @@ def predict(
     if isinstance(points, (str, Path)):
         points = read_points(Path(points), found)
     if isinstance(points, Points):
-        return Prediction(found, calibration, points.places.state, points.places.tool)
+        return Prediction(found, calibration, points.states.state, points.states.tool)
     return Prediction(found, calibration, State(points * found.scale), np.zeros((len(points), 3)))
 
 

@@ -22,7 +22,8 @@ from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.measurement.plan import Choices
 from calibration.planning.strategies import plan
-from calibration.simulation.simulate import observe, random_truth, tracker_pose
+from calibration.simulation.simulate import observe, tracker_pose
+from calibration.simulation.true_model import random_true_model
 from kinematics.effects import COMPONENTS, UM, URAD, LocationError
 from kinematics.error_model.model import ErrorModel
 from kinematics.state import State
@@ -63,7 +64,7 @@ def main() -> None:
     rows: dict[str, list[tuple[float, float, float]]] = {}
     for draw in range(parser.parse_args().draws):
         rng = np.random.default_rng([5, draw])
-        shapes = random_truth(machine, rng)
+        shapes = random_true_model(machine, rng)
         small = tuple(e.with_parameters([p / 3 for p in e.parameters]) for e in shapes.effects if "0" not in e.name)
         lines = tuple(LocationError(n[0], n[2], rng.normal(0.0, 30.0)) for n in LOCATIONS)  # type: ignore[arg-type]
         truth = msgspec.structs.replace(shapes, effects=(*small, *lines))

@@ -17,7 +17,8 @@ from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.planning.strategies import plan
-from calibration.simulation.simulate import observe, random_truth, tracker_pose
+from calibration.simulation.simulate import observe, tracker_pose
+from calibration.simulation.true_model import random_true_model
 from kinematics.state import State
 
 MACHINE = """
@@ -41,7 +42,7 @@ def main() -> None:
         state = State(positions, target=rng.choice(list(targets), len(positions)))
         pose = {"1": tracker_pose((-1500.0, -1000.0, 300.0), rng)}
         tracker = LaserTracker(u_range_um_per_m=0.5, u_angle_um=3.0, u_angle_um_per_m=3.0)
-        measured = observe(machine, random_truth(machine, rng), state, tracker, rng, pose, targets)
+        measured = observe(machine, random_true_model(machine, rng), state, tracker, rng, pose, targets)
         seen = identifiability(fit(measured, rigid_model(measured, NODES)))
         print(
             f"{number} tool vector(s): rank {seen.rank} of {seen.parameters}, {seen.rank_registered} after registration"

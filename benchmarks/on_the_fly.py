@@ -34,17 +34,17 @@ from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.observation.normal_equations import residuals
 from calibration.observation.outliers import first_registration
 from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM, MARGIN, on_path
-from calibration.on_the_fly.drive import Manner
-from calibration.on_the_fly.footing import with_footing
+from calibration.on_the_fly.corrected_positions import with_corrected_positions
+from calibration.on_the_fly.drive import PathDynamics
 from calibration.on_the_fly.nominal_path import NominalPath, target_path
-from calibration.on_the_fly.planning.blind_mode import common_odd_mode
 from calibration.on_the_fly.planning.noise_gain import Volume
-from calibration.on_the_fly.planning.path_search import planned
+from calibration.on_the_fly.planning.path_search import best_path
+from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
 from calibration.on_the_fly.readings import Readings
 from calibration.on_the_fly.virtual import Session, readings_of, write_readings
 from calibration.planning.strategies import evaluation_grid, plan
 from calibration.simulation.simulate import observe, tracker_pose
-from calibration.simulation.true_model import model_of, random_truth
+from calibration.simulation.true_model import model_of, random_true_model
 from kinematics.basis import Fourier
 from kinematics.effects import COMPONENTS, ErrorMotion
 from kinematics.error_model.model import ErrorModel, no_errors
@@ -92,32 +92,32 @@ def paths(draws: int) -> None:
     machine = machines.parse(MACHINE, "fixed")
     volume = Volume(machine, machine.travel, TARGETS, CELL_MM, CORNER_MM)
     start = time.perf_counter()
-    best = planned(volume, LENGTH_MM, np.random.default_rng(0))
+    best = best_path(volume, LENGTH_MM, np.random.default_rng(0))
     spent = time.perf_counter() - start
     choices = {"face and space diagonals": _diagonals(machine), "planned": _path(machine, best.corners)}
     print(f"planned in {spent:.1f} s")
     for name, path in choices.items():
-        moves = zip(path.positions[:-1], path.positions[1:], path.counts[1:], strict=True)
-        gain = volume.gain(np.sum([volume.information(a, b) for a, b, counts in moves if counts], axis=0))
-        feeds = np.diff(path.way)[path.counts[1:]].sum() * 1e-3
-        print(f"{name}: {feeds:.2f} m, noise gain {gain.noise:.3f} (worst {gain.worst:.2f}), {gain.hidden} hidden")
+        moves = zip(path.positions[:-1], path.positions[1:], path.feed_move[1:], strict=True)
+        found = volume.noise_gain(np.sum([volume.information(a, b) for a, b, counts in moves if counts], axis=0))
+        feeds = np.diff(path.feed_distance)[path.feed_move[1:]].sum() * 1e-3
+        print(f"{name}: {feeds:.2f} m, noise gain {found.noise:.3f} (worst {found.worst:.2f}), {found.hidden} hidden")
         print(f"  {_hidden(path, machine)}")
         for noise in (0.0, 1.0):
-            judged = np.array([_judged(path, machine, noise, draw) for draw in range(draws)])
-            a, b, c, d = judged.mean(axis=0)
+            evaluated = np.array([_evaluated(path, machine, noise, draw) for draw in range(draws)])
+            a, b, c, d = evaluated.mean(axis=0)
             print(
                 f"  noise {noise:g} um: path {a:.1f} -> {b:.2f} um, grid {c:.1f} -> {d:.2f} um "
-                f"(mean of {draws} machines, worst {judged[:, 3].max():.2f})",
+                f"(mean of {draws} machines, worst {evaluated[:, 3].max():.2f})",
                 flush=True,
             )
 
 
-def _judged(path: NominalPath, machine: Machine, noise: float, draw: int) -> tuple[float, float, float, float]:
+def _evaluated(path: NominalPath, machine: Machine, noise: float, draw: int) -> tuple[float, float, float, float]:
     """Mean deviation across the path before and after, and on the grid before and after, um."""
     rng = np.random.default_rng([8, draw])
     truth = _truth(machine, rng)
     tracker = LaserTracker(u_range_um=noise or 0.02, u_angle_um=noise or 0.02)
-    measurement = with_footing(on_path(_sparse(path, truth, tracker, noise > 0.0, rng), path))
+    measurement = with_corrected_positions(on_path(_sparse(path, truth, tracker, noise > 0.0, rng), path))
     found = calibrate(measurement, margin=MARGIN, hold_out=False)
     registration, _ = first_registration(measurement)
     nominal = residuals(measurement, no_errors(machine), registration)
@@ -214,7 +214,7 @@ def standstill(draws: int) -> None:
     """The same machine by 320 points at rest and along the planned path: each error motion and the volume compared."""
     machine = machines.parse(MACHINE, "fixed")
     volume = Volume(machine, machine.travel, TARGETS, CELL_MM, CORNER_MM)
-    path = _path(machine, planned(volume, LENGTH_MM, np.random.default_rng(0)).corners)
+    path = _path(machine, best_path(volume, LENGTH_MM, np.random.default_rng(0)).corners)
     rows = np.array([_two_ways(machine, path, draw) for draw in range(draws)])
     chi2_rest, grid_rest, chi2_fly, grid_fly, *shares = rows.mean(axis=0).tolist()
     print(f"320 positions at rest with 3 targets, and on the fly, {draws} machines:")
@@ -241,14 +241,14 @@ def _two_ways(machine: Machine, path: NominalPath, draw: int) -> tuple[float, ..
     n = len(at_rest.positions)
     state = with_moves(State(np.tile(at_rest.positions, (3, 1)), target=np.repeat(list(targets), n)))
     resting = calibrate(observe(machine, truth, state, tracker, rng, poses, targets), hold_out=False)
-    session = Session(path, [Manner(10_000.0, rate=100.0)], targets, poses)
+    session = Session(path, [PathDynamics(10_000.0, rate=100.0)], targets, poses)
     made = readings_of(session, truth, tracker, rng)
     taken = on_path(_as_read(made, np.full(len(made), "1")), path)
-    moving = calibrate(with_footing(taken), margin=MARGIN, hold_out=False)
-    judged = [(each.fit.chi2_reduced, _on_grid(machine, truth, each.model)[1]) for each in (resting, moving)]
+    moving = calibrate(with_corrected_positions(taken), margin=MARGIN, hold_out=False)
+    evaluated = [(each.fit.chi2_reduced, _on_grid(machine, truth, each.model)[1]) for each in (resting, moving)]
     rest, fly = _curves(resting.model, machine), _curves(moving.model, machine)
     exact = _curves(truth, machine)
-    return (*judged[0], *judged[1], _agree(rest, fly), _agree(rest, exact), _agree(fly, exact))
+    return (*evaluated[0], *evaluated[1], _agree(rest, fly), _agree(rest, exact), _agree(fly, exact))
 
 
 def _agree(first: Curves, second: Curves) -> float:
@@ -282,9 +282,9 @@ def many() -> None:
     machine = machines.parse(MACHINE, "fixed")
     rng = np.random.default_rng(6)
     volume = Volume(machine, machine.travel, TARGETS, CELL_MM, CORNER_MM)
-    corners = planned(volume, LENGTH_MM, np.random.default_rng(0)).corners
+    corners = best_path(volume, LENGTH_MM, np.random.default_rng(0)).corners
     path = _path(machine, corners)
-    session = Session(path, [Manner(FEED, rate=980.0)], TARGETS, {"1": tracker_pose(AT, rng)})
+    session = Session(path, [PathDynamics(FEED, rate=980.0)], TARGETS, {"1": tracker_pose(AT, rng)})
     tracker = LaserTracker(u_range_um=0.5, u_angle_um=3.0, u_angle_um_per_m=1.0)
     made = readings_of(session, _truth(machine, rng), tracker, rng)
     with tempfile.TemporaryDirectory() as folder:
@@ -323,20 +323,23 @@ def five_axes() -> None:
     targets = {"a": Target(TOOL), "b": Target((90.0, 40.0, -180.0)), "c": Target((-60.0, 80.0, -130.0))}
     volume = Volume(machine, machine.travel, targets, CELL_MM, CORNER_MM)
     start = time.perf_counter()
-    best = planned(volume, 14_000.0, np.random.default_rng(0))
+    best = best_path(volume, 14_000.0, np.random.default_rng(0))
     spent = time.perf_counter() - start
     path = _path(machine, best.corners)
-    truth = random_truth(machine, rng)
+    truth = random_true_model(machine, rng)
     tracker = LaserTracker(u_range_um=0.5, u_angle_um=3.0, u_angle_um_per_m=1.0)
-    session = Session(path, [Manner(3000.0, rate=100.0)], targets, {"1": tracker_pose(AT, rng)})
+    session = Session(path, [PathDynamics(3000.0, rate=100.0)], targets, {"1": tracker_pose(AT, rng)})
     made = readings_of(session, truth, tracker, rng)
     taken = on_path(_as_read(made, np.full(len(made), "1")), path)
-    found = calibrate(with_footing(taken), margin=MARGIN, hold_out=False)
+    found = calibrate(with_corrected_positions(taken), margin=MARGIN, hold_out=False)
     places = rng.uniform(*machine.travel, (2000, 5))
     wanted, points = deviation_on(machine, truth, places, TOOL)
     got, _ = deviation_on(machine, found.model, places, TOOL)
     before, after = (volumetric_error_um(each, points) for each in (wanted, got - wanted))
-    print(f"dmu50, {best.length_mm * 1e-3:.1f} m in {spent:.0f} s, noise gain {best.gain.noise:.3f}: {taken.reduction}")
+    print(
+        f"dmu50, {best.length_mm * 1e-3:.1f} m in {spent:.0f} s, noise gain {best.noise_gain.noise:.3f}: "
+        f"{taken.reduction}"
+    )
     print(
         f"  all over the volume {before.rms:.1f} -> {after.rms:.2f} um RMS (largest {before.largest:.1f} -> "
         f"{after.largest:.1f}), chi2/dof {found.fit.chi2_reduced:.3f}"

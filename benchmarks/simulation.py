@@ -14,7 +14,8 @@ import machines
 from calibration.evaluation.volumetric import deviation_on, volumetric_error_um
 from calibration.measurement.instruments import LaserTracker
 from calibration.planning.strategies import evaluation_grid, plan
-from calibration.simulation.simulate import observe, random_truth, tracker_pose
+from calibration.simulation.simulate import observe, tracker_pose
+from calibration.simulation.true_model import random_true_model
 
 DRAWS, POINTS = 1000, 500_000
 
@@ -25,7 +26,7 @@ def main() -> None:
     grid = evaluation_grid(gantry)
     raw, left = np.empty(DRAWS), np.empty(DRAWS)
     for k in range(DRAWS):
-        deviation, points = deviation_on(gantry, random_truth(gantry, rng), grid)
+        deviation, points = deviation_on(gantry, random_true_model(gantry, rng), grid)
         raw[k], left[k] = volumetric_error_um(deviation).rms, volumetric_error_um(deviation, points).rms
     for what, values in (("raw", raw), ("aligned", left)):
         print(f"VE0 {what:<8} {values.mean():.1f} um (standard error {values.std() / DRAWS**0.5:.2f}, {DRAWS} draws)")
@@ -33,7 +34,7 @@ def main() -> None:
     state = plan(gantry, "random", POINTS).state
     tracker = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)
     poses = {"1": tracker_pose((-1500.0, 1500.0, 300.0), rng)}
-    model = random_truth(gantry, rng)
+    model = random_true_model(gantry, rng)
     start = time.perf_counter()
     observe(gantry, model, state, tracker, rng, poses)
     print(f"{POINTS} tracker points in {time.perf_counter() - start:.2f} s")

@@ -24,7 +24,8 @@ from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
 from calibration.observation.normal_equations import designs
 from calibration.observation.outliers import first_registration
-from calibration.simulation.simulate import observe, random_truth, tracker_pose
+from calibration.simulation.simulate import observe, tracker_pose
+from calibration.simulation.true_model import random_true_model
 from kinematics.state import State
 
 BASES = {"X": BasisChoice("cubic", 16), "Y": BasisChoice("cubic", 14), "Z": BasisChoice("cubic", 14)}
@@ -38,7 +39,7 @@ def simulated(rows: int) -> Measurement:
     machine, rng = machines.load("gantry"), np.random.default_rng(0)
     state = State(rng.uniform(*machine.travel, (rows, 3)), target=rng.choice(list(TARGETS), rows))
     poses = {"1": tracker_pose((-1500.0, 1500.0, 300.0), rng)}
-    return observe(machine, random_truth(machine, rng), state, TRACKER, rng, poses, TARGETS)
+    return observe(machine, random_true_model(machine, rng), state, TRACKER, rng, poses, TARGETS)
 
 
 def seconds(work: Callable[[], object]) -> float:

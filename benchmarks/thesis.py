@@ -37,7 +37,7 @@ from kinematics.correction import correct_position
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Component, Effect, ErrorMotion, LocationError
 from kinematics.error_model.model import ErrorModel, Observation, Provenance, reference
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import forward, tool_point
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -342,7 +342,7 @@ def _errors(machine: Machine, model: ErrorModel, commanded: Array, nominal: Arra
 def _uncertainty(machine: Machine, model: ErrorModel, nominal: Array) -> Array:
     """Standard uncertainties `(n, 3)`, um, of the nose's measured errors from the first position."""
     on_tool = np.array([axis.side == "tool" for axis in machine.axes] + [True])
-    transform = place_transform(machine, nominal)[:, :3] * np.repeat(on_tool, 6)
+    transform = error_transform_with_tool(machine, nominal)[:, :3] * np.repeat(on_tool, 6)
     design = model.design(machine, State(nominal), transform) * 1e3
     design -= design[0]
     return np.asarray(np.sqrt(np.maximum(np.sum(design @ np.array(model.covariance) * design, axis=2), 0.0)))

@@ -23,10 +23,11 @@ from benchmarks.rotary_turns import SEED, STATIONS, TABLE, TARGETS, TOOL, random
 from calibration.evaluation.volumetric import deviation_on, rigid_columns
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.simulation.simulate import observe, random_truth, tracker_pose
+from calibration.simulation.simulate import observe, tracker_pose
+from calibration.simulation.true_model import random_true_model
 from calibration.single_axis.three_points import identify
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import forward
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -82,7 +83,7 @@ def drawn(kind: str, draw: int, folder: Path) -> Machine:
 def session(machine: Machine, tracker: LaserTracker, linear: int, seed: int) -> Session:
     """Every axis alone, its targets one after the other, from every station."""
     rng = np.random.default_rng([SEED, seed, 1])
-    truth = random_truth(machine, rng)
+    truth = random_true_model(machine, rng)
     ends = machine.travel.copy()
     turning = np.flatnonzero(machine.rotary & (ends[1] - ends[0] >= 2.0 * np.pi))
     ends[1, turning] = ends[0, turning] + np.deg2rad(345.0)
@@ -113,7 +114,9 @@ def judged(of: Session, model: ErrorModel) -> tuple[Array, Array]:
     mounted = np.broadcast_to(forward(of.machine, q).rotation, (POSITIONS, 3, 3)).reshape(-1, 3)
     columns, sizes, _ = np.linalg.svd(np.hstack([rigid_columns(points), mounted]), full_matrices=False)
     columns = columns[:, sizes > 1e-9 * sizes[0]]
-    design = model.design(of.machine, State(q), place_transform(of.machine, q, np.tile(TOOL, (POSITIONS, 1)))[:, :3])
+    design = model.design(
+        of.machine, State(q), error_transform_with_tool(of.machine, q, np.tile(TOOL, (POSITIONS, 1)))[:, :3]
+    )
     both = np.hstack([(found - true).reshape(-1, 1), design.reshape(3 * POSITIONS, -1)])
     both = 1e3 * (both - columns @ (columns.T @ both))
     return both[:, 0], model.propagated(both[:, 1:].reshape(POSITIONS, 3, -1)).reshape(-1)

@@ -24,9 +24,10 @@ from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.full_model import with_effects
 from calibration.planning.strategies import evaluation_grid, plan
-from calibration.simulation.simulate import observe, random_truth, tracker_pose
+from calibration.simulation.simulate import observe, tracker_pose
+from calibration.simulation.true_model import random_true_model
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -91,7 +92,7 @@ def judge(machine: Machine, truth: ErrorModel, found: Fit, grid: Array, tool: tu
     """The fit against the true errors."""
     wanted, points = deviation_on(machine, truth, grid, tool)
     got, _ = deviation_on(machine, found.model, grid, tool)
-    design = found.model.design(machine, State(grid), place_transform(machine, grid, tool)[:, :3])
+    design = found.model.design(machine, State(grid), error_transform_with_tool(machine, grid, tool)[:, :3])
     n, _, p = design.shape
     columns = np.stack([aligned(design[:, :, k], points) for k in range(p)], axis=2).reshape(3 * n, p)
     u = np.sqrt(np.maximum(np.einsum("rp,pq,rq->r", columns, np.array(found.model.covariance), columns), 0.0))
@@ -109,7 +110,7 @@ def one(name: str, draw: int) -> Judged:
     """One draw, its basis chosen by its own evidence."""
     case, rng = CASES[name], np.random.default_rng([20, draw])
     machine = machines.load(case.machine)
-    truth = random_truth(machine, rng)
+    truth = random_true_model(machine, rng)
     measurement = measure(case, machine, truth, rng)
     choice = choose(measurement, ("b-spline", "cubic"))
     model, prior = with_effects(measurement, choice.bases, (), choice.prior_scale)

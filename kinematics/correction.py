@@ -61,7 +61,7 @@ def correct_position(
 
 
 def _beside_jumps(
-    machine: Machine, errors: Errors, q: Array, wanted: tuple[Array, Array, NDArrayBool, Array], unsettled: NDArrayBool
+    machine: Machine, errors: Errors, q: Array, targets: tuple[Array, Array, NDArrayBool, Array], unsettled: NDArrayBool
 ) -> Array:
     """The positions q `(n, axes)`, in the rows `unsettled` `(n,)` those beside a jump with the smallest tool point
     error.
@@ -70,11 +70,11 @@ def _beside_jumps(
     moves towards the target by steps that are halved whenever it reverses, down to its resolution: then it is beside
     the jump, and the best position of both sides along each axis, and of the uncorrected one, is taken.
     """
-    target, tool, others = wanted[0][unsettled], wanted[1][unsettled], wanted[3][unsettled]
-    moving: NDArrayBool = wanted[2][unsettled]
+    target, tool, others = targets[0][unsettled], targets[1][unsettled], targets[3][unsettled]
+    moving: NDArrayBool = targets[2][unsettled]
     resolution = np.array([axis.resolution for axis in machine.axes]) * machine.scale
 
-    def missed(at: Array) -> Array:
+    def pose_error(at: Array) -> Array:
         return np.asarray(tool_point(machine, at, tool, errors_there(at)) - target)
 
     def errors_there(at: Array) -> Array:
@@ -84,7 +84,7 @@ def _beside_jumps(
 
     at, size, before = q[unsettled], np.full_like(target[:, :1], np.inf), np.zeros_like(others)
     for _ in range(MAX_HALVINGS):
-        aim = tool_point(machine, at, tool) - missed(at)
+        aim = tool_point(machine, at, tool) - pose_error(at)
         step = np.where(moving, linear_positions(machine, at, aim, tool) - at, 0.0)
         size = np.where(step * before < 0.0, np.abs(before) / 2, size)
         before = np.clip(step, -size, size)
@@ -92,12 +92,12 @@ def _beside_jumps(
         if (np.abs(before) < resolution).all():
             break
     else:
-        raise UserError("the error model changes so steeply with position that no correction settles")
+        raise UserError("the error model changes so steeply with position that the correction does not converge")
     sides = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))
     shifts = np.zeros((len(sides), len(resolution)))
     shifts[:, machine.translators] = sides * resolution[list(machine.translators)]
     candidates = [others, *(at + np.where(moving, shift, 0.0) for shift in shifts)]
-    best = np.argmin([np.linalg.norm(missed(candidate), axis=1) for candidate in candidates], axis=0)
+    best = np.argmin([np.linalg.norm(pose_error(candidate), axis=1) for candidate in candidates], axis=0)
     result = q.copy()
     result[unsettled] = np.array(candidates)[best, np.arange(len(at))]
     return result

@@ -11,9 +11,9 @@ adds
 with F_i its error frame, e_i and w_i its translations and rotations, and arm_i from its error centre to the tool
 point. Numbers are exact: decimals of the machine's file are rationals, lengths of directions are square roots.
 
-The derivation is written once; `let` decides the use of its intermediate results. `_Sheet.let` gives them names and
-lines of code, `_somewhere` substitutes numbers, which shows the entries of J that are always zero, and multiplying out
-(in the tests) gives closed forms in the axis positions and the tool.
+The derivation is written once; `let` decides the use of its intermediate results. `_Definitions.let` gives them names
+and lines of code, `_somewhere` substitutes numbers, which shows the entries of J that are always zero, and multiplying
+out (in the tests) gives closed forms in the axis positions and the tool.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def _somewhere(machine: Machine) -> Let:
     return lambda _name, values: values.evalf(50, subs=pose)
 
 
-class _Sheet:
+class _Definitions:
     """Lines of code in the making: a value met again, or its negative, is not computed twice."""
 
     def __init__(self) -> None:
@@ -237,15 +237,15 @@ def error_transform(q, tool):
 
 def source(machine: Machine) -> str:
     """The derived module of a machine, without the entries of J that are always zero; always the same text."""
-    sheet, columns = _Sheet(), 6 * len(machine.axes)
-    J, numbers = error_transform(machine, sheet.let), error_transform(machine, _somewhere(machine))
+    definitions, columns = _Definitions(), 6 * len(machine.axes)
+    J, numbers = error_transform(machine, definitions.let), error_transform(machine, _somewhere(machine))
     entries = {f"J[{r}, {c}]": J[r, c] for c in range(columns) for r in range(6) if abs(numbers[r, c]) > 1e-30}
     first, names = machine.names[0], ", ".join(machine.names)
     body = [
         f"{names}{',' * (columns == 6)} = np.ascontiguousarray(np.asarray(q, float).T)",
         "tx, ty, tz = np.asarray(tool, float).T",
         f"J = np.zeros((6, {columns}, np.broadcast({first}, tx).size))",
-        *sheet.lines(entries),
+        *definitions.lines(entries),
         "return J.transpose(2, 0, 1)",
     ]
     wrapped = (textwrap.wrap(line, _WIDTH - 6, subsequent_indent="    ", break_on_hyphens=False) for line in body)

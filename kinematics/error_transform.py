@@ -53,7 +53,7 @@ def pose_slopes(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0
     return np.asarray(error_transform(machine, q, tool)[:, :, columns] * [forward for *_, forward in own])
 
 
-def place_transform(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+def error_transform_with_tool(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
     """J `(n, 6, (axes + 1) * 6)`: as `error_transform`, and behind it the columns of a displacement of the tool."""
     rotation = forward(machine, q).rotation
     tips = np.broadcast_to(np.atleast_2d(np.asarray(tool, float)), (len(rotation), 3))
@@ -63,8 +63,8 @@ def place_transform(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0,
     return np.concatenate([error_transform(machine, q, tool), own], axis=2)
 
 
-def place_names(machine: Machine) -> list[str]:
-    """Names of the columns of `place_transform`."""
+def error_names_with_tool(machine: Machine) -> list[str]:
+    """Names of the columns of `error_transform_with_tool`."""
     return [*error_names(machine), *(f"tool {component}" for component in COMPONENTS)]
 
 

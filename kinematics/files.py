@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def writing(place: str | Path) -> Iterator[None]:
+def writing(output: str | Path) -> Iterator[None]:
     """UserError that names the file, for a system error during writing; a closed pipe is no such error."""
     try:
         yield
     except BrokenPipeError:
         raise
     except OSError as fault:
-        raise UserError(f"can't write {place}: {fault.strerror or fault}") from None
+        raise UserError(f"can't write {output}: {fault.strerror or fault}") from None
 
 
 class _NamedFile(io.FileIO):

@@ -93,12 +93,12 @@ def inverse(
         return damped_newton(machine, position, tool_axis, tool, start=start, respect_travel=respect_travel)
     goal = _goal(position, tool_axis, tool)
     first, travel = _limits(machine, start, respect_travel)
-    ways, attainable, free = _branches(machine, goal.axis)
+    candidates, attainable, free = _branches(machine, goal.axis)
     linear_travel = np.where(machine.rotary, UNLIMITED, travel)
-    tried = (_settled(_completed(machine, way, first, goal), linear_travel) for way in ways)
+    tried = (_on_ends(_completed(machine, candidate, first, goal), linear_travel) for candidate in candidates)
     fits = np.stack([_inside(q, linear_travel) for q in tried])
-    angles = _choose(ways, fits, attainable, free, first[machine.rotary], travel[:, machine.rotary])
-    q = _settled(_completed(machine, angles, first, goal), travel)
+    angles = _choose(candidates, fits, attainable, free, first[machine.rotary], travel[:, machine.rotary])
+    q = _on_ends(_completed(machine, angles, first, goal), travel)
     q[~attainable] = np.nan
     return Inverse(q, _inside(q, travel), attainable & free)
 
@@ -138,15 +138,15 @@ def linear_positions(machine: Machine, q: ArrayLike, position: ArrayLike, tool: 
     Source: the tool point is affine in the linear axes, thesis (3.22)-(3.24).
     """
     columns = list(machine.translators)
-    given, place, tips = (np.atleast_2d(np.asarray(rows, float)) for rows in (q, position, tool))
-    n = np.broadcast_shapes((len(given),), (len(place),), (len(tips),))[0]
+    given, points, tips = (np.atleast_2d(np.asarray(rows, float)) for rows in (q, position, tool))
+    n = np.broadcast_shapes((len(given),), (len(points),), (len(tips),))[0]
     moved = np.array(np.broadcast_to(given, (n, given.shape[1])))
     moved[:, columns] = 0.0
     *before, pose = axis_frames(machine, moved)
     lines = [np.broadcast_to(turn(before[i].rotation, machine.axes[i].unit_direction), (n, 3)) for i in columns]
     spans = np.abs(np.sum(np.cross(lines[0], lines[1]) * lines[2], axis=1)) > FLAT
     solvable = np.where(spans[:, None, None], np.stack(lines, axis=2), np.eye(3))
-    solution = np.linalg.solve(solvable, (place - pose.apply(tips))[..., None])[..., 0]
+    solution = np.linalg.solve(solvable, (points - pose.apply(tips))[..., None])[..., 0]
     moved[:, columns] = np.where(spans[:, None], solution, np.nan)
     return moved
 
@@ -182,9 +182,9 @@ def damped_newton(
 def _goal(position: ArrayLike, tool_axis: ArrayLike, tool: ArrayLike) -> _Goal:
     """Arrays of one length; tool axes of length 1, NaN where they have no direction."""
     given = (np.atleast_2d(np.asarray(rows, float)) for rows in (position, tool_axis, tool))
-    place, axis, tips = np.broadcast_arrays(*given)
+    points, axis, tips = np.broadcast_arrays(*given)
     length = np.linalg.norm(axis, axis=1, keepdims=True)
-    return _Goal(place, axis / np.where(length > 0.0, length, np.nan), tips)
+    return _Goal(points, axis / np.where(length > 0.0, length, np.nan), tips)
 
 
 def _limits(machine: Machine, start: ArrayLike | None, respect_travel: bool) -> tuple[Array, Array]:
@@ -260,14 +260,14 @@ def _inside(q: Array, travel: Array) -> NDArrayBool:
     return np.asarray(np.all((q >= travel[0]) & (q <= travel[1]), axis=1))
 
 
-def _settled(q: Array, travel: Array) -> Array:
+def _on_ends(q: Array, travel: Array) -> Array:
     """Positions with those outside travel by TOLERANCE or less put on its end."""
     clipped = np.clip(q, *travel)
     return np.where(np.abs(q - clipped) <= TOLERANCE, clipped, q)
 
 
 def _choose(
-    ways: Array, fits: NDArrayBool, attainable: NDArrayBool, free: NDArrayBool, start: Array, travel: Array
+    candidates: Array, fits: NDArrayBool, attainable: NDArrayBool, free: NDArrayBool, start: Array, travel: Array
 ) -> Array:
     """Rotary positions `(n, rotary axes)`: in each attainable row the branch and whole turns nearest to the row before.
 
@@ -275,20 +275,22 @@ def _choose(
     """
     low, high = (travel[0] - TOLERANCE).tolist(), (travel[1] + TOLERANCE).tolist()
     rows = np.flatnonzero(attainable)
-    options = zip(ways[:, rows].swapaxes(0, 1).tolist(), fits[:, rows].T.tolist(), free[rows].tolist(), strict=True)
+    options = zip(
+        candidates[:, rows].swapaxes(0, 1).tolist(), fits[:, rows].T.tolist(), free[rows].tolist(), strict=True
+    )
     taken, previous = [], start.tolist()
-    for row_ways, row_fits, row_free in options:
+    for row_candidates, row_fits, row_free in options:
         best, least = previous, (True, math.inf)
-        for angles, fit in zip(row_ways, row_fits, strict=True):
+        for angles, fit in zip(row_candidates, row_fits, strict=True):
             wound, inside = _wound([previous[0], *angles[1:]] if row_free else angles, previous, low, high)
             cost = (not (inside and fit), math.dist(wound, previous))
             if cost < least:
                 best, least = wound, cost
         taken.append(best)
         previous = best
-    chosen = np.zeros(ways.shape[1:])
+    chosen = np.zeros(candidates.shape[1:])
     chosen[rows] = np.reshape(taken, (len(rows), len(start)))
-    return _settled(chosen, travel)
+    return _on_ends(chosen, travel)
 
 
 def _wound(angles: list[float], previous: list[float], low: list[float], high: list[float]) -> tuple[list[float], bool]:
@@ -313,7 +315,7 @@ def _search_row(machine: Machine, goal: _Goal, previous: Array, travel: Array) -
             found = _search(machine, goal, seed, limits)
             if found is not None:
                 found[rotary], _ = _wound(*(part[rotary].tolist() for part in (found, previous, *travel)))
-                found = _settled(found, travel)
+                found = _on_ends(found, travel)
                 if _inside(found[None], travel)[0]:
                     return found
                 outside = found if outside is None else outside

@@ -256,8 +256,8 @@ def make_axis(
         raise UserError(f"{where}: travel {list(travel)} must go from a lower to a higher position")
     if not (resolution > 0 and math.isfinite(resolution)):
         raise UserError(f"{where}: resolution {resolution} must be positive")
-    stand = min(max(0.0, low), high) if home is None else float(home)
-    if not (low <= stand <= high and math.isfinite(stand)):
+    home_position = min(max(0.0, low), high) if home is None else float(home)
+    if not (low <= home_position <= high and math.isfinite(home_position)):
         raise UserError(f"{where}: home {home} is outside its travel {list(travel)}")
     kind: Literal["linear", "rotary"] = "rotary" if name[0] in "ABC" else "linear"
-    return Axis(name, kind, side, (d[0], d[1], d[2]), (p[0], p[1], p[2]), (low, high), float(resolution), stand)
+    return Axis(name, kind, side, (d[0], d[1], d[2]), (p[0], p[1], p[2]), (low, high), float(resolution), home_position)

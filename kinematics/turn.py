@@ -25,7 +25,7 @@ SEAM = 1.0
 """Degrees: across a part of the turn that is no wider, ends that differ are misclosure, not a change of the error."""
 SPACING = 1.5
 """A gap between positions counts as measured too when it is no wider than so many times the next smaller one."""
-BENDING = 2.0
+SPREAD_HARMONIC = 2.0
 """Highest harmonic that is assumed for errors in an unmeasured range."""
 
 
@@ -91,6 +91,6 @@ def spread_beyond(arc: Interval, x: Array) -> Array:
     The rise of the harmonic BENDING over its chord across the gap, and 1 where the gap holds a quarter of its wave on
     either side.
     """
-    half = np.deg2rad(BENDING * min(gap_of(arc), TURN / 2 / BENDING) / 2)
-    inward = np.minimum(np.deg2rad(BENDING * beyond(arc, x)), half)
+    half = np.deg2rad(SPREAD_HARMONIC * min(gap_of(arc), TURN / 2 / SPREAD_HARMONIC) / 2)
+    inward = np.minimum(np.deg2rad(SPREAD_HARMONIC * beyond(arc, x)), half)
     return np.asarray(np.cos(half - inward) - np.cos(half))

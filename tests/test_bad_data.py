@@ -364,7 +364,7 @@ PATH = "G21 G90 G17\nG0 X0 Y0 Z0\nF6000\nG1 X600 Z300\nG1 Y600 Z0\nG1 X0 Z300\nG
 FLYING = {
     "inch": (times(1 / 25.4, *"xyz"), "is it another program?"),
     "um": (times(1e3, *"xyz"), "is it another program?"),
-    "left-handed": (times(-1.0, "y"), "miss the path of the program"),
+    "left-handed": (times(-1.0, "y"), "away from the path of the program"),
     "noise alone": (drawn(spread=0.01), "is it another program?"),
     "half of it": (lambda head, names, rows: (head, names, rows[: len(rows) // 2]), "is it another program?"),
     "target metres off": (header(r"(target.t: \S+ \S+) \S+", r"\1 -9120"), "target t is stated"),
@@ -417,8 +417,8 @@ UNEXPLAINED = "the runs do not explain them"
 RUN = {
     "inch": (times(1 / 25.4, "displacement_mm"), "or the unit"),
     "um": (times(1e3, "displacement_mm"), "or the unit"),
-    "sign": (times(-1.0, "displacement_mm"), "turn its sign"),
-    "dead instrument": (constant("displacement_mm"), "the axis stood"),
+    "sign": (times(-1.0, "displacement_mm"), "reverse its sign"),
+    "dead instrument": (constant("displacement_mm"), "the axis did not move"),
     "steps": (steps, UNEXPLAINED),
     "time backwards": (backwards, "does not follow"),
     "columns exchanged": (exchanged("time_s", "displacement_mm"), "does not follow"),

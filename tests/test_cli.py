@@ -245,6 +245,12 @@ def test_without_errors_byte_for_byte(ncomp):
     assert Path("out.nc").read_bytes() == Path("in.nc").read_bytes()
 
 
+def test_no_calibration_has_no_age(ncomp):
+    result = ncomp("in.nc", "--machine", "gantry", "--calibration", "none", "-o", "out.nc", "--json", "-")
+    calibration = json.loads(result.out)["calibration"]
+    assert (calibration["id"], calibration["age_days"]) == ("none", None)
+
+
 JSON_KEYS = {
     "program": {"name", "sha256", "dialect"},
     "machine": {"name", "chain"},

@@ -256,7 +256,7 @@ def test_what_can_not_be_compared(command):
     calibration("b.json", CFRAME, motion("XX", (300.0, 500.0), 1.0, 2.0))
     found, motions, _ = compared(command)
     assert motions == {}
-    assert found["not_compared"] == ["E_XX: no range that both calibrations know"]
+    assert found["not_compared"] == ["E_XX: the two calibrations have no common range"]
     calibration("g.json", machines.load("gantry"))
     Path("text.json").write_text("{}")
     for arguments, says in (

@@ -195,12 +195,15 @@ def test_a_pause_on_the_way_leaves_the_longer_stretch():
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda r: replace(r, displacement=-r.displacement), "turn its sign"),
-        (lambda r: replace(r, displacement=0.0 * r.displacement), "the axis stood"),
-        (lambda r: replace(r, displacement=np.minimum(r.displacement, 600.0 - 0.5 * r.displacement)), "there and back"),
+        (lambda r: replace(r, displacement=-r.displacement), "reverse its sign"),
+        (lambda r: replace(r, displacement=0.0 * r.displacement), "the axis did not move"),
+        (
+            lambda r: replace(r, displacement=np.minimum(r.displacement, 600.0 - 0.5 * r.displacement)),
+            "forward and backward",
+        ),
         (lambda r: replace(r, time=r.time[:90], displacement=r.displacement[:90]), "90 samples"),
-        (lambda r: replace(r, displacement=r.displacement / 25.4), "from rest to rest"),
-        (lambda r: replace(r, end=900.0), "from rest to rest"),
+        (lambda r: replace(r, displacement=r.displacement / 25.4), "from standstill to standstill"),
+        (lambda r: replace(r, end=900.0), "from standstill to standstill"),
     ],
 )
 def test_records_that_can_not_be_used(change, says):
@@ -213,8 +216,8 @@ def test_a_record_without_rest_needs_its_place():
     record = straight(2000)
     quasi = readings([10.0, 100.0, 180.0], [0.0, 0.0, 0.0])
     found = estimate([record], quasi)
-    assert any("taken as position" in note for note in found.notes)
-    with pytest.raises(UserError, match="rests neither"):
+    assert any("used as the position" in note for note in found.notes)
+    with pytest.raises(UserError, match="has no standstill"):
         estimate([replace(record, displacement=record.displacement + 5.0)], quasi)
 
 
@@ -252,8 +255,8 @@ def test_spikes_and_lost_samples_do_no_harm():
     at = np.linspace(20.0, 980.0, 97)
     found = estimate([spoilt], case.quasi, positions=at)
     whole = estimate([case.record], case.quasi, positions=at)
-    assert 10 <= found.ways[1].courses[0].dropped <= 30
-    assert abs(found.ways[1].courses[0].missing - np.count_nonzero(~kept)) < 100
+    assert 10 <= found.by_direction[1].courses[0].dropped <= 30
+    assert abs(found.by_direction[1].courses[0].missing - np.count_nonzero(~kept)) < 100
     assert found.fused.values == pytest.approx(whole.fused.values, abs=0.08)
 
 
@@ -262,7 +265,7 @@ def test_spikes_and_lost_samples_do_no_harm():
 
 def test_cyclic_error_within_its_uncertainty():
     case = virtual_case(1)
-    (wave,) = estimate(case.measured.records, case.quasi).ways[1].waves
+    (wave,) = estimate(case.measured.records, case.quasi).by_direction[1].waves
     assert abs(wave.period_mm - 10.0) < 4 * wave.u_period_mm + 2e-3
     assert abs(wave.amplitude_um - np.hypot(0.6, 0.3)) < 4 * wave.u_amplitude_um
     assert wave.frequency_hz == pytest.approx(500.0 / 60.0 / 10.0, rel=1e-3)
@@ -272,7 +275,7 @@ def test_table_steps_that_coarse_targets_miss():
     step = ("quantised-compensation:axis=X,step=13,pitch=36,offset=20",)
     case = virtual_case(0, step, targets=Targets(90.0, both=False))
     found = estimate(case.measured.records, case.quasi)
-    jumps = found.ways[1].jumps
+    jumps = found.by_direction[1].jumps
     assert len(jumps.places_mm) == 12
     assert np.abs(np.array(jumps.sizes_um) - 13.0).max() < 0.5
     assert jumps.pitch is not None
@@ -291,8 +294,8 @@ def test_table_steps_that_coarse_targets_miss():
 def test_a_vibration_is_no_cyclic_error():
     case = virtual_case(0, feed=5000.0, laser=Laser(1000.0, vibrations=((35.0, 0.5),)))
     found = estimate(case.measured.records, case.quasi)
-    assert [round(wave.period_mm) for wave in found.ways[1].waves] == [10]
-    frequency, amplitude = found.ways[1].noises[0].vibrations[0]
+    assert [round(wave.period_mm) for wave in found.by_direction[1].waves] == [10]
+    frequency, amplitude = found.by_direction[1].noises[0].vibrations[0]
     assert frequency == pytest.approx(35.0, abs=2.0)
     assert amplitude == pytest.approx(0.5, rel=0.3)
     table = found.table()
@@ -372,8 +375,8 @@ def test_both_directions_and_their_reversal():
     at = np.linspace(10.0, 440.0, 44)
     found = estimate(case.measured.records, case.quasi, positions=at)
     assert found.direction == "mean"
-    for i, way in enumerate((1, -1)):
-        off = found.fused.values[i] - case.truth(at, way)
+    for i, sign in enumerate((1, -1)):
+        off = found.fused.values[i] - case.truth(at, sign)
         assert rms(off) < 0.15
     reversal, covariance = found.curve("reversal")
     assert np.abs(reversal.mean() - (case.truth(at, 1) - case.truth(at, -1)).mean()) < 4 * np.sqrt(covariance.mean())
@@ -459,8 +462,8 @@ def test_real_slit_axis_from_readings_that_alias_its_error(slit_log):
     assert np.ptp(quasi.deviation) < 3.0
     assert np.ptp(table.error) > 38.0
     assert rms(off[table.continuous]) < 0.4
-    assert found.ways[1].waves[0].period_mm == pytest.approx(0.25, abs=1e-4)
-    assert found.ways[1].waves[0].amplitude_um == pytest.approx(20.5, abs=0.5)
+    assert found.by_direction[1].waves[0].period_mm == pytest.approx(0.25, abs=1e-4)
+    assert found.by_direction[1].waves[0].amplitude_um == pytest.approx(20.5, abs=0.5)
 
 
 def test_the_travel_of_a_virtual_run_is_that_of_the_command():

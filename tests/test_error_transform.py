@@ -315,16 +315,16 @@ def test_the_tools_own_columns_are_the_slopes_of_the_exact_deviation(name):
     machine = machines.load(name)
     q, tool, _ = poses(machine, 5, seed=8)
     axes, h = len(machine.axes), 1e-4
-    J = error_transform.place_transform(machine, q, tool)
+    J = error_transform.error_transform_with_tool(machine, q, tool)
     assert J.shape == (5, 6, 6 * (axes + 1))
     assert (J[:, :, : 6 * axes] == error_transform.error_transform(machine, q, tool)).all()
-    assert error_transform.place_names(machine)[-2:] == ["tool B", "tool C"]
+    assert error_transform.error_names_with_tool(machine)[-2:] == ["tool B", "tool C"]
     for column in range(6):
         step = np.zeros((5, axes + 1, 6))
         step[:, axes, column] = h
         ahead, behind = exact_deviation(machine, q, step, tool), exact_deviation(machine, q, -step, tool)
         assert J[:, :, 6 * axes + column] == pytest.approx((stacked(ahead) - stacked(behind)) / (2 * h), abs=1e-5)
-    one = error_transform.place_transform(machine, q, tool[0])
+    one = error_transform.error_transform_with_tool(machine, q, tool[0])
     assert one[0] == pytest.approx(J[0], abs=1e-12)
 
 
@@ -333,7 +333,7 @@ def test_the_tools_own_displacement_to_first_order(name):
     machine = machines.load(name)
     q, tool, errors = poses(machine, 50, seed=6)
     errors = np.concatenate([errors, np.random.default_rng(7).normal(size=(50, 1, 6))], axis=1)
-    J = error_transform.place_transform(machine, q, tool)
+    J = error_transform.error_transform_with_tool(machine, q, tool)
     direct = stacked(first_order_deviation(machine, q, errors, tool))
     assert direct == pytest.approx(np.einsum("nij,nj->ni", J, errors.reshape(50, -1)), rel=1e-9, abs=1e-8)
     gaps = []

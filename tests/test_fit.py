@@ -24,7 +24,7 @@ from kinematics.basis import Fourier
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, ErrorMotion, GrowthWithSensor, LocationError, ThermalDrift
 from kinematics.error_model.model import no_errors
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
 from kinematics.state import State
 from kinematics.transforms import Pose, rotation_vector_matrix
@@ -125,7 +125,7 @@ def test_chi2_and_coverage_of_predictions():
 
 def predicted_u(machine, model, q):
     """Standard uncertainties `(n, 3)` of the aligned deviations, from the covariance of the parameters."""
-    design = model.design(machine, State(q), place_transform(machine, q, (0.0, 0.0, -120.0))[:, :3])
+    design = model.design(machine, State(q), error_transform_with_tool(machine, q, (0.0, 0.0, -120.0))[:, :3])
     columns = np.stack([aligned(machine, design[:, :, p], q) for p in range(design.shape[2])], axis=2)
     return np.sqrt(np.einsum("nkp,pq,nkq->nk", columns, np.array(model.covariance), columns))
 

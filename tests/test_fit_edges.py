@@ -90,7 +90,7 @@ def test_a_station_of_few_rows_is_fitted_and_not_predicted(rows):
 def test_neighbours_predict_a_position_of_an_interferometer():
     measurement = laser("dmu50", "XYZBC", runs=2)
     held = calibrate(measurement, basis="cubic:6").cross_validation
-    assert held.what == "sets of positions"
+    assert held.name == "sets of positions"
     assert held.rms_um < 1.0
 
 

@@ -15,7 +15,7 @@ def places(motions):
     return motions.machine_target[~np.isin(motions.kind, (Kind.CYCLE, Kind.PRESET))]
 
 
-def seen_by(linuxcnc, program, drilling):
+def relative_deviations(linuxcnc, program, drilling):
     result = linuxcnc.run(program)
     assert result.exit_status == 0, f"line {result.line}: {result.message}\n{program}"
     return np.array([move.machine[:3] for move in result.moves if move.line not in drilling]).reshape(-1, 3)
@@ -36,4 +36,4 @@ def test_linuxcnc_runs_the_same_moves(linuxcnc, body):
         i for i, line in enumerate(text.split("\n"), start=1) if "R20." in line or line in ("Y3.", "X3.", "Z3.")
     }
     for program, motions in ((text, before), (written, after)):
-        np.testing.assert_allclose(seen_by(linuxcnc, program, drilling), places(motions), atol=1e-6)
+        np.testing.assert_allclose(relative_deviations(linuxcnc, program, drilling), places(motions), atol=1e-6)

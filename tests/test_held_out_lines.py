@@ -12,7 +12,7 @@ from calibration.measurement.measurement import Target
 from calibration.measurement.plan import Choices
 from calibration.planning.strategies import plan
 from calibration.simulation.simulate import observe, tracker_pose
-from calibration.simulation.true_model import random_truth
+from calibration.simulation.true_model import random_true_model
 
 GANTRY = machines.load("gantry")
 TRACKER = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)
@@ -22,7 +22,7 @@ TWO = {"a": Target((0.0, 0.0, -120.0)), "b": Target((80.0, 0.0, -150.0))}
 def measured(strategy, points, seed=0, **choices):
     """A random machine and the readings of a tracker."""
     rng = np.random.default_rng(seed)
-    truth, made = random_truth(GANTRY, rng), plan(GANTRY, strategy, points, None, Choices(**choices))
+    truth, made = random_true_model(GANTRY, rng), plan(GANTRY, strategy, points, None, Choices(**choices))
     poses = {"s1": tracker_pose((-1500.0, 1500.0, 300.0), rng)}
     return truth, observe(GANTRY, truth, made.state, TRACKER, rng, poses, made.targets)
 
@@ -53,5 +53,5 @@ def test_a_fit_on_space_diagonals_does_not_make_the_volume_worse():
         float(np.sqrt(np.mean(aligned(wanted - got, points) ** 2)))
         for got in (0.0, deviation_on(GANTRY, found.model, positions)[0])
     )
-    assert found.cross_validation.what == "lines"
+    assert found.cross_validation.name == "lines"
     assert after < 0.4 * before

@@ -202,7 +202,7 @@ def test_missing_readings():
     assert test.count[FORWARD].tolist() == [5, 4, 5, 5, 5]
     assert "X: fewer than 5 forward readings at 250 mm" in test.notes
     assert (
-        "X: 5 targets, 4 to 5 readings each: ISO 230-2 asks for at least 5 targets and 5 runs in each direction"
+        "X: 5 targets, 4 to 5 readings each: ISO 230-2 requires at least 5 targets and 5 runs in each direction"
         in test.notes
     )
 
@@ -225,7 +225,7 @@ def test_target_without_one_direction():
 def test_one_direction():
     (test,) = evaluate(measured({p: (ways[0], []) for p, ways in READINGS.items()}))
     assert list(values_of(test)) == ["E forward", "R forward", "A forward"]
-    assert test.notes == ("X: forward runs only: no reversal value, and nothing of both directions",)
+    assert test.notes == ("X: forward runs only: the reversal value and all bidirectional values are missing",)
     (motion,) = test.effects(GANTRY)
     assert motion.parameters == pytest.approx([statistics.fmean(ways[0]) for ways in READINGS.values()])
     assert test.table(BACKWARD) == ()
@@ -234,7 +234,7 @@ def test_one_direction():
 def test_one_run():
     (test,) = evaluate(measured({p: (ways[0][:1], ways[1][:1]) for p, ways in READINGS.items()}))
     assert list(values_of(test)) == ["B", "mean B", "E forward", "E backward", "E", "M"]
-    assert test.notes == ("X: one run: nothing is known of repeatability (no s, R and A)",)
+    assert test.notes == ("X: one run only: the repeatability is unknown (no s, R and A)",)
     assert test.json()["targets"][0]["forward"] == {"mean_um": 0.0, "s_um": None, "runs": 1}
 
 
@@ -254,14 +254,14 @@ def test_several_axes_in_one_file(tmp_path):
 def test_refused(tmp_path):
     path = tmp_path / "m.csv"
     path.write_text("# instrument: laser-tracker\n# u_range_um: 1\n# u_angle_um: 1\nX,x,y,z\n0,1,2,3\n")
-    with pytest.raises(UserError, match="takes data of an interferometer"):
+    with pytest.raises(UserError, match="needs data of an interferometer"):
         evaluate(read_measurement(path, GANTRY))
     still = measured({0.0: ([1.0], []), 10.0: ([1.0], [])})
     still.state.approach[0] = 0.0
-    with pytest.raises(UserError, match=r"laser\.csv: from which direction X came to its target is not known"):
+    with pytest.raises(UserError, match=r"laser\.csv: the direction of approach of X to its target is unknown"):
         evaluate(still)
     (test,) = evaluate(measured({0.0: ([1.0], [2.0])}))
-    with pytest.raises(UserError, match="axis X: an error table takes at least two targets"):
+    with pytest.raises(UserError, match="axis X: an error table needs at least two targets"):
         test.effects(GANTRY)
 
 

@@ -92,11 +92,11 @@ def test_what_one_file_does_not_say_is_dropped_with_a_note(read):
     np.testing.assert_array_equal(m.actual[:, 0], [0.1, np.nan])
     assert sorted(m.notes) == [
         "no read-back in b.csv",
-        "run as a cycle is not known in b.csv: not used in the other files either",
-        "the feed is not known in b.csv: not used in the other files either",
-        "the temperature s is not known in b.csv: not used in the other files either",
-        "the temperature t is not known in a.csv: not used in the other files either",
-        "the time is not known in b.csv: not used in the other files either",
+        "run as a cycle is unknown in b.csv: it is not used in the other files either",
+        "the feed is unknown in b.csv: it is not used in the other files either",
+        "the temperature s is unknown in b.csv: it is not used in the other files either",
+        "the temperature t is unknown in a.csv: it is not used in the other files either",
+        "the time is unknown in b.csv: it is not used in the other files either",
     ]
 
 
@@ -117,8 +117,8 @@ STANDING = "X,Y,Z,x,y,z\n0,0,0,1,2,3\n"
         (TRACKED + STANDING, TRACKED.replace("um: 2", "um: 3") + STANDING, "differ in the instrument or its uncertainties"),
         (TRACKED + STANDING, LASER + "axis,run,direction,target_mm,deviation_um\nX,1,+,0,1\n", "differ in the instrument"),
         (TRACKED + STANDING, TRACKED + "# stands_on: bed\n" + STANDING, "differ in stands_on"),
-        (TRACKED + STANDING, TRACKED.replace("-50", "-60") + STANDING, "target t sits at 0 0 -60 on the tool, in another file at 0 0 -50"),
-        (TRACKED + STANDING, TRACKED + STANDING, "are the same data"),
+        (TRACKED + STANDING, TRACKED.replace("-50", "-60") + STANDING, "target t is at 0 0 -60 on the tool, in another file at 0 0 -50"),
+        (TRACKED + STANDING, TRACKED + STANDING, "contain the same data"),
         (TRACKED + MOVING, TRACKED + STANDING, "b.csv: no column feed, while other files have rows in motion"),
     ],
 )  # fmt: skip

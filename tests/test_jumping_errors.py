@@ -72,5 +72,5 @@ def test_what_does_not_settle_at_all_is_refused():
         found[:, 1, 0] = 1e-3 - 3.0 * (at - q)[:, 0]
         return found
 
-    with pytest.raises(UserError, match="no correction settles"):
+    with pytest.raises(UserError, match="the correction does not converge"):
         correct_position(GANTRY, errors, q, tool, movable)

@@ -185,13 +185,13 @@ def test_what_is_taken_for_granted_is_noted(read):
         "time_s,X,x,y,z\n5,10,1,2,3\n4,5001,1,2,3\n"
     )
     assert m.notes == (
-        "the file names no machine: taken to be gantry",
-        "line 4: header key 'operator' is not known, and not used",
-        "line 5: header key 'u_rnge_um' is not known, and not used",
-        "line 6: 'a remark' is no 'key: value', and not used",
-        "no target in the header: taken to sit in the tool reference point (spindle nose)",
+        "the file names no machine: it is read as data of gantry",
+        "line 4: header key 'operator' is unknown, and ignored",
+        "line 5: header key 'u_rnge_um' is unknown, and ignored",
+        "line 6: 'a remark' is not 'key: value', and is ignored",
+        "the header gives no target: it is assumed in the tool reference point (spindle nose)",
         "no column of Y, Z: taken to stand at home (Y 0, Z 1500 mm)",
-        "line 11: time goes back; rows are taken in the order they stand in",
+        "line 11: the time decreases; the rows keep the order of the file",
         "X leaves its travel 0..5000 mm by 1",
     )
     assert m.targets == {"1": Target((0, 0, 0))}
@@ -218,13 +218,13 @@ BROKEN = [
     (TRACKER, [("0.25", "nan")], "m.csv:3 u_range_um_per_m: expected a number, got 'nan'"),
     (TRACKER, [("0 0 -120", "0 -120")], "m.csv:6 target.t1: expected 3 numbers, got '0 -120'"),
     (TRACKER, [("target.t2", "target.t1")], "m.csv:7 target.t1: given before, in line 6"),
-    (TRACKER, [("target.t2", "table.t1")], "m.csv:7 table.t1: there is another target t1"),
+    (TRACKER, [("target.t2", "table.t1")], "m.csv:7 table.t1: the name of target t1 occurs twice"),
     (TRACKER, [("target.t2", "target")], "m.csv:7 target: expected target.<name>, the name without blanks"),
     (TRACKER, [("target.t2", "target.t 2")], "the name without blanks"),
     (TRACKER, [("# target.t1: 0 0 -120\n", "# stands_on: floor\n# target.t1: 0 0 -120\n")], "m.csv:6 stands_on: expected workpiece or bed, got 'floor'"),
-    (TRACKER, [("# target.t1: 0 0 -120\n# target.t2: 90, 40, -180\n", "")], "m.csv:6 column target: the header says of no target where it sits"),
+    (TRACKER, [("# target.t1: 0 0 -120\n# target.t2: 90, 40, -180\n", "")], "m.csv:6 column target: the header gives the position of no target"),
     (TRACKER, [(",t2,", ",t3,")], "m.csv:10 column target: 't3' is not in the header, which has t1, t2"),
-    (TRACKER, [(",target", ""), (",t1,", ","), (",t2,", ","), (",t1,", ",")], "m.csv:8: several targets (t1, t2) and no column target"),
+    (TRACKER, [(",target", ""), (",t1,", ","), (",t2,", ","), (",t1,", ",")], "m.csv:8: the header has several targets (t1, t2), but the column target is missing"),
     (TRACKER, [("temp_scale", "temp")], "m.csv:8 column temp: not known; known are x, y, z, X, Y, Z, time_s"),
     (TRACKER, [("time_s", "time")], "m.csv:8 column time: not known (did you mean time_s?)"),
     (TRACKER, [(",Z,", ",A,")], "m.csv:8 column A: not known"),
@@ -240,10 +240,10 @@ BROKEN = [
     (TRACKER, [("389.2", "")], "m.csv:10 column x: empty"),
     (TRACKER, [(",t2,", ",,")], "m.csv:10 column target: empty"),
     (TRACKER, [("20.50", "warm")], "m.csv:10 column temp_scale: 'warm' is no number"),
-    (TRACKER, [("389.2", "389,2")], "m.csv:10: 10 cells, 9 columns have names (a decimal comma?)"),
-    (TRACKER, [(",20.50", "")], "m.csv:10: 8 cells, 9 columns have names"),
+    (TRACKER, [("389.2", "389,2")], "m.csv:10: 10 cells, but 9 columns have names (a decimal comma?)"),
+    (TRACKER, [(",20.50", "")], "m.csv:10: 8 cells, but 9 columns have names"),
     (TRACKER, [("8.0,500.0", '8.0,"500.0')], "m.csv:10: unexpected end of data"),
-    (TRACKER, [("8.0,500.0", "# pause\n8.0,500.0")], "m.csv:10: header lines stand above the names of columns"),
+    (TRACKER, [("8.0,500.0", "# pause\n8.0,500.0")], "m.csv:10: header lines must be above the names of columns"),
     (TRACKER, [("8.0,500.0", "\n8.0,x")], "m.csv:11 column X: 'x' is no number"),
     (TRACKER, [("machine: gantry", "machine: gantry\n# machine: gantry")], "m.csv:2 machine: given before, in line 1"),
     (INTERFEROMETER, [("u_um: 0.3", "u_um: 0")], "the interferometer is missing: state u_um above zero (header line '# u_um: ...')"),
@@ -252,9 +252,9 @@ BROKEN = [
     (INTERFEROMETER, [("target_mm", "target_um")], "m.csv:6 column target_um: not known (did you mean target_mm?)"),
     (INTERFEROMETER, [("X,1,+1,-100", "X,1,+1,")], "m.csv:7 column target_mm: empty"),
     (INTERFEROMETER, [("X,1,+1,-100", "X,1,+1,left")], "m.csv:7 column target_mm: 'left' is no number"),
-    (INTERFEROMETER, [("C,1,+,,90,,12.5", "C,1,+,90,90,,12.5")], "m.csv:11 column target_mm: filled for an axis of the other kind"),
+    (INTERFEROMETER, [("C,1,+,,90,,12.5", "C,1,+,90,90,,12.5")], "m.csv:11 column target_mm: must be empty for an axis of the other kind"),
     (INTERFEROMETER, [("12.5,90", "12.5,80")], "m.csv:11 column C: differs from the target of this axis"),
-    (INTERFEROMETER, [("target.r", "table.r")], "targets on table and bed are for a laser tracker"),
+    (INTERFEROMETER, [("target.r", "table.r")], "only a laser tracker can have targets on the table or on the bed"),
     (INTERFEROMETER, [("axis,run,", "axis,station,")], "m.csv:6 an interferometer: column run missing"),
     (PART, [("nominal_y", "feed")], "m.csv:6 a part: column nominal_y missing"),
     (PART, [("nominal_x,nominal_y,x,y", "nominal_x,nominal_y,x,z")], "m.csv:6 part: column y missing"),
@@ -277,10 +277,10 @@ def test_broken_files(read, text, changes, words):
     [
         (b"", "m.csv is empty"),
         (b"\xef\xbb\xbf \r\n\n", "m.csv is empty"),
-        (b"# machine: gantry\n1,2,3.5\n4,5,6\n", "m.csv:2: no line with the names of columns above the numbers"),
-        (b"# machine: gantry\n\n", "m.csv: no line with the names of columns"),
-        (TRACKER.split("\n0.0", maxsplit=1)[0].encode(), "m.csv: no rows below the names of columns"),
-        (TRACKER.replace(",", ";").encode(), "m.csv:8: cells are to be separated by commas, numbers written with a point"),
+        (b"# machine: gantry\n1,2,3.5\n4,5,6\n", "m.csv:2: the line with the names of columns above the numbers is missing"),
+        (b"# machine: gantry\n\n", "m.csv: the line with the names of columns is missing"),
+        (TRACKER.split("\n0.0", maxsplit=1)[0].encode(), "m.csv: there are no rows below the names of columns"),
+        (TRACKER.replace(",", ";").encode(), "m.csv:8: separate cells by commas, and write numbers with a decimal point"),
         (TRACKER.encode("utf-16"), "m.csv: not UTF-8 text"),
         (TRACKER.encode("utf-16-le"), "m.csv: not text"),
         ("# machine: fr\xe4se\n".encode("latin-1"), "m.csv: not UTF-8 text"),
@@ -325,7 +325,7 @@ def test_names_that_a_file_cannot_hold(read):
     m = read(TRACKER)
     for name in ("a b", "a,b", "a:b", 'a"b', ""):
         state = State(m.state.positions, target=np.full(3, name))
-        with pytest.raises(UserError, match="without blanks"):
+        with pytest.raises(UserError, match="must not contain blanks"):
             written(Measurement(GANTRY, m.instrument, state, m.observed, {name: Target((0, 0, 0))}))
 
 

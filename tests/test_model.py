@@ -29,7 +29,7 @@ from kinematics.effects import (
     Wobble,
 )
 from kinematics.error_model.model import ErrorModel, decode_model, encode_model, no_errors, read_model, write_model
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
 from kinematics.state import State
 from kinematics.transforms import BLOCK, Array
@@ -84,7 +84,7 @@ def test_first_order_agrees_with_exact_to_second_order():
 
 def test_design_times_parameters_is_the_transform_of_the_errors():
     q, model = positions(50, seed=2), demonstration()
-    transform = place_transform(DMU50, q, TOOL)
+    transform = error_transform_with_tool(DMU50, q, TOOL)
     errors = model.errors(DMU50, State(q))
     expected = np.einsum("nij,nj->ni", transform, errors.reshape(50, -1))
     assert model.design(DMU50, State(q), transform) @ model.parameters == pytest.approx(expected, abs=1e-13)
@@ -92,7 +92,7 @@ def test_design_times_parameters_is_the_transform_of_the_errors():
 
 def test_the_machine_without_errors():
     model, q = no_errors(DMU50), positions(3, seed=3)
-    transform = place_transform(DMU50, q)
+    transform = error_transform_with_tool(DMU50, q)
     assert not model.errors(DMU50, State(q)).any()
     assert model.design(DMU50, State(q), transform).shape == (3, 6, 0)
     assert not model.standard_uncertainty(DMU50, State(q), transform).any()
@@ -111,7 +111,7 @@ def test_standard_uncertainty_equals_monte_carlo_through_the_exact_kinematics(co
     draws = rng.multivariate_normal(model.parameters, np.diag(u**2) if covariance is None else covariance, 4000)
     points = [tool_point(DMU50, q, TOOL, with_parameters(model, draw).errors(DMU50, State(q))) for draw in draws]
     expected = np.std(points, axis=0)
-    found = model.standard_uncertainty(DMU50, State(q), place_transform(DMU50, q, TOOL)[:, :3])
+    found = model.standard_uncertainty(DMU50, State(q), error_transform_with_tool(DMU50, q, TOOL)[:, :3])
     assert found.shape == (4, 3)
     assert found == pytest.approx(expected, rel=0.05)  # 4000 draws: 1.1 %, k = 1
 
@@ -159,7 +159,7 @@ def test_standard_uncertainty_of_effects_of_all_places_equals_monte_carlo(correl
         for draw in draws
     ]
     expected = np.std([np.concatenate(deviation, axis=1) for deviation in drawn], axis=0)
-    found = model.standard_uncertainty(DMU50, state, place_transform(DMU50, state.positions, TOOL))
+    found = model.standard_uncertainty(DMU50, state, error_transform_with_tool(DMU50, state.positions, TOOL))
     assert found == pytest.approx(expected, rel=0.06, abs=1e-9)  # 4000 draws: 1.1 %, k = 1
     assert found[:, :3].min() > 5e-4
 
@@ -214,7 +214,7 @@ def test_a_singular_covariance_gives_no_uncertainty_where_there_is_none():
     for a in range(1, 10):
         spread = np.array([a, 1.0, -a - 1.0]) / 7
         model = msgspec.structs.replace(SMALL, effects=errors, covariance=as_rows(np.outer(spread, spread)))
-        u = model.standard_uncertainty(DMU50, State(q), place_transform(DMU50, q, TOOL))
+        u = model.standard_uncertainty(DMU50, State(q), error_transform_with_tool(DMU50, q, TOOL))
         assert np.abs(u).max() < 1e-9
 
 

@@ -30,16 +30,16 @@ from calibration.measurement.measurement import Target
 from calibration.observation import equations
 from calibration.observation.full_model import BasisChoice, moving_axes, with_effects
 from calibration.on_the_fly.along_path import across_path, on_path
-from calibration.on_the_fly.cells import cell_numbers, correlation, reduced
 from calibration.on_the_fly.coarse_alignment import in_order, rough
 from calibration.on_the_fly.constant_feed import steadiness
-from calibration.on_the_fly.drive import Manner, driven
-from calibration.on_the_fly.footing import with_footing
+from calibration.on_the_fly.corrected_positions import with_corrected_positions
+from calibration.on_the_fly.drive import PathDynamics, driven
 from calibration.on_the_fly.nominal_path import target_path
-from calibration.on_the_fly.planning.blind_mode import common_odd_mode
+from calibration.on_the_fly.path_cells import cell_numbers, correlation, reduced
+from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
 from calibration.on_the_fly.reversals import reversals
 from calibration.on_the_fly.virtual import Vibration, write_readings
-from calibration.simulation.true_model import model_of, random_truth
+from calibration.simulation.true_model import model_of, random_true_model
 from kinematics.basis import Legendre
 from kinematics.effects import Backlash, Reversal
 from kinematics.error_model.model import no_errors, read_model
@@ -53,7 +53,7 @@ TOOL = (0.0, 0.0, -100.0)
 
 
 def truth_of(seed=0, machine=FIXED):
-    return random_truth(machine, np.random.default_rng(seed))
+    return random_true_model(machine, np.random.default_rng(seed))
 
 
 # ---- the path
@@ -108,12 +108,12 @@ SYMMETRIC = {
 @given(st.tuples(*[st.floats(-3, 3)] * 3), st.tuples(*[st.floats(-2000, 2000)] * 3))
 def test_any_pose_is_found_also_for_symmetric_paths(vertices, turned, shift):
     path = target_path(path_of(FIXED, vertices), ONE["t"])
-    ride = driven(path_of(FIXED, vertices), Manner(4000.0, 800.0, 50.0))
+    ride = driven(path_of(FIXED, vertices), PathDynamics(4000.0, 800.0, 50.0))
     pose = Pose(rotation_vector_matrix([turned]), np.array([shift]))
     points = pose.apply(tool_point(FIXED, ride.positions, TOOL))
     found = rough(path, points, "points")
     np.testing.assert_allclose(found.pose.rotation, pose.rotation, atol=0.02)
-    there = path.at(found.way).points
+    there = path.at(found.distances).points
     assert np.abs(pose.apply(there) - points).max() < 15.0
 
 
@@ -139,7 +139,7 @@ def test_another_program_and_half_a_recording_are_refused():
     with pytest.raises(UserError, match=r"points.csv:5: the points cover .* m, the program .* m: record it from start"):
         on_path(part, polyline(1))
     mirrored = replace(readings, points=readings.points * [-1, 1, 1])
-    with pytest.raises(UserError, match="half of the points miss the path"):
+    with pytest.raises(UserError, match="half of the points are more than"):
         on_path(mirrored, polyline(1))
 
 
@@ -148,7 +148,7 @@ def test_another_program_and_half_a_recording_are_refused():
 
 def test_corners_and_changing_speed_are_left_out():
     path = path_of(FIXED, [[0, 0, 0], [500, 0, 0], [500, 500, 0], [100, 500, 400]])
-    ride = driven(path, Manner(9000.0, 500.0, 500.0))
+    ride = driven(path, PathDynamics(9000.0, 500.0, 500.0))
     way = target_path(path, ONE["t"])
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ride.positions, axis=0), axis=1))])
     found = steadiness(way, ride.time, s, 5.0, 4.0)
@@ -173,10 +173,10 @@ def test_cells_are_means_and_strays_are_left_out():
     stray = rng.choice(5000, 40, replace=False)
     deviation[stray] += rng.choice([-1, 1], (40, 1)) * [0.0, 0.1, 0.2]
     cells = reduced(cell_numbers(way, s, 4.0), s, deviation, s[:, None])
-    assert (len(cells.way), cells.astray) == (100, 40)
-    np.testing.assert_allclose(cells.way, np.arange(2.0, 400.0, 4.0), atol=0.8)
-    np.testing.assert_allclose(cells.columns[:, 0], cells.way)
-    missed = cells.deviation - np.stack([0 * cells.way, 1e-4 * cells.way, -2e-5 * cells.way], axis=1)
+    assert (len(cells.distances), cells.astray) == (100, 40)
+    np.testing.assert_allclose(cells.distances, np.arange(2.0, 400.0, 4.0), atol=0.8)
+    np.testing.assert_allclose(cells.columns[:, 0], cells.distances)
+    missed = cells.deviation - np.stack([0 * cells.distances, 1e-4 * cells.distances, -2e-5 * cells.distances], axis=1)
     assert np.std(missed * np.sqrt(cells.count)[:, None]) == pytest.approx(2e-3, rel=0.15)
     assert np.all(cells.count == np.bincount(cell_numbers(way, s, 4.0)[np.setdiff1d(np.arange(5000), stray)]))
 
@@ -296,7 +296,7 @@ def test_the_diagonals_blind_mode_is_reported_and_a_polyline_has_none():
     assert "another tool vector would not" in mode.remedy
     said = common_odd_mode(m, found.registration)
     assert said is not None
-    assert said.startswith("E_XX, E_YY and E_ZZ in proportion to their travels, of one common course that is odd")
+    assert said.startswith("E_XX, E_YY and E_ZZ in proportion to their travels, with one common shape that is odd")
     readings, _ = followed(polyline(1), truth_of())
     m = on_path(readings, polyline(1)).measurement
     assert common_odd_mode(m, equations.start(m, np.ones(len(m), bool))) is None
@@ -391,7 +391,7 @@ def test_fit_on_the_fly(command, set_up):
 
 
 REFUSED = {
-    "axis columns": ("# machine: fixed", "time_s,x,y,z", "time_s,X,y,z", "it needs no --path"),
+    "axis columns": ("# machine: fixed", "time_s,x,y,z", "time_s,X,y,z", "omit --path"),
     "another machine": ("# machine: fixed", "machine: fixed", "machine: other", "is of 'other', not of fixed"),
     "unknown column": ("", "time_s,x,y,z", "time_s,x,y,w", "column w: not known"),
 }
@@ -475,5 +475,5 @@ def test_the_place_of_a_reading_is_where_the_axes_stood():
         points, there = (tool_point(FIXED, each, TOOL) for each in (state.positions, real))
         return np.median(np.linalg.norm(aligned(points - there, there), axis=1))
 
-    before, after = missed(taken.measurement.state), missed(with_footing(taken).state)
+    before, after = missed(taken.measurement.state), missed(with_corrected_positions(taken).state)
     assert after < 0.35 * before

@@ -19,15 +19,15 @@ from calibration.measurement.measurement import Target, with_moves
 from calibration.observation.equations import start
 from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.on_the_fly.along_path import on_path
-from calibration.on_the_fly.drive import Manner, driven, duration
+from calibration.on_the_fly.drive import PathDynamics, driven, duration
 from calibration.on_the_fly.planning import path_search as planner
 from calibration.on_the_fly.planning.noise_gain import PRIOR, Volume
-from calibration.on_the_fly.planning.path_search import planned
-from calibration.on_the_fly.planning.predicted_fit import judged
+from calibration.on_the_fly.planning.path_search import best_path
+from calibration.on_the_fly.planning.predicted_fit import evaluated_path
 from calibration.planning.strategies import plan
 from calibration.simulation.simulate import observe, tracker_pose
-from calibration.simulation.true_model import random_truth
-from kinematics.error_transform import place_transform
+from calibration.simulation.true_model import random_true_model
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.state import State
 from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
@@ -43,7 +43,7 @@ def volume():
 
 
 def information(volume, path):
-    moves = zip(path.positions[:-1], path.positions[1:], path.counts[1:], strict=True)
+    moves = zip(path.positions[:-1], path.positions[1:], path.feed_move[1:], strict=True)
     return sum(volume.information(a, b) for a, b, counts in moves if counts)
 
 
@@ -53,9 +53,9 @@ def information(volume, path):
 def test_the_gain_is_what_many_fits_of_noise_show():
     """RMS over the volume of what fits make of pure noise, against the gain that was predicted."""
     path = polyline(2, 40)
-    predicted = volume().gain(information(volume(), path)).noise
+    predicted = volume().noise_gain(information(volume(), path)).noise
     machine, draws, rng = FIXED, [], np.random.default_rng(0)
-    readings, _ = followed(path, random_truth(machine, rng, {}), rate=20.0)
+    readings, _ = followed(path, random_true_model(machine, rng, {}), rate=20.0)
     taken = on_path(readings, path).measurement
     nodes = {"X": BasisChoice("b-spline", 13), "Y": BasisChoice("b-spline", 13), "Z": BasisChoice("b-spline", 10)}
     model, prior = with_effects(taken, nodes, (), PRIOR / 30.0)
@@ -79,10 +79,10 @@ def test_the_gain_is_what_many_fits_of_noise_show():
 
 
 def test_the_diagonals_hide_one_direction_that_matters():
-    gain = volume().gain(information(volume(), diagonals()))
-    assert gain.hidden == 1
-    assert gain.score > 10.0
-    whole = volume().gain(information(volume(), polyline(0, 40)))
+    noise_gain = volume().noise_gain(information(volume(), diagonals()))
+    assert noise_gain.hidden == 1
+    assert noise_gain.score > 10.0
+    whole = volume().noise_gain(information(volume(), polyline(0, 40)))
     assert whole.hidden == 0
     assert whole.noise == pytest.approx(whole.score, rel=1e-3)
 
@@ -98,8 +98,8 @@ def test_a_planned_path_is_better_than_random_ones_and_keeps_its_length(monkeypa
     monkeypatch.setattr(planner, "STARTS", 4)
     monkeypatch.setattr(planner, "TRIES", 60)
     told = []
-    found = planned(volume(), 12_000.0, np.random.default_rng(3), told.append)
-    again = planned(volume(), 12_000.0, np.random.default_rng(3))
+    found = best_path(volume(), 12_000.0, np.random.default_rng(3), told.append)
+    again = best_path(volume(), 12_000.0, np.random.default_rng(3))
     np.testing.assert_array_equal(found.corners, again.corners)
     assert sum(told) == 64
     length = sum(np.linalg.norm(b - a) for a, b in pairwise(found.corners))
@@ -112,40 +112,42 @@ def test_a_planned_path_is_better_than_random_ones_and_keeps_its_length(monkeypa
     random = []
     for seed in range(5):
         path = polyline(seed, 28)
-        random.append(volume().gain(information(volume(), path)).noise * np.sqrt(path.way[-1] / 12_000.0))
-    assert found.gain.noise < 0.9 * min(random)
+        random.append(
+            volume().noise_gain(information(volume(), path)).noise * np.sqrt(path.feed_distance[-1] / 12_000.0)
+        )
+    assert found.noise_gain.noise < 0.9 * min(random)
 
 
 def test_too_short_a_path_is_refused():
     with pytest.raises(UserError, match="too short"):
-        planned(volume(), 200.0, np.random.default_rng(0))
+        best_path(volume(), 200.0, np.random.default_rng(0))
 
 
 @pytest.mark.statistical
 def test_the_fixed_set_up():
     """The bars of the fixed set-up: noise gain 0.165, and with 1 um on each reading 0.55 um on a grid in 21 m of path."""
-    found = planned(volume(), 21_000.0, np.random.default_rng(0))
+    found = best_path(volume(), 21_000.0, np.random.default_rng(0))
     assert found.length_mm <= 21_000.0
-    assert found.gain.noise <= 0.165
-    assert found.gain.hidden == 0
+    assert found.noise_gain.noise <= 0.165
+    assert found.noise_gain.hidden == 0
 
 
 # ---- judged
 
 
 def test_a_given_path_is_judged():
-    bad, good = judged(diagonals(), ONE), judged(polyline(3, 30), ONE)
-    assert bad.blind_mode is not None
-    assert bad.gain.hidden == 1
-    assert {"E_XX", "E_YY", "E_ZZ"} in [set(blind.effects) for blind in bad.not_visible]
-    assert good.blind_mode is None
-    assert {"E_XX", "E_YY", "E_ZZ"} not in [set(blind.effects) for blind in good.not_visible]
+    bad, good = evaluated_path(diagonals(), ONE), evaluated_path(polyline(3, 30), ONE)
+    assert bad.unidentifiable_mode is not None
+    assert bad.noise_gain.hidden == 1
+    assert {"E_XX", "E_YY", "E_ZZ"} in [set(blind.effects) for blind in bad.unidentifiable]
+    assert good.unidentifiable_mode is None
+    assert {"E_XX", "E_YY", "E_ZZ"} not in [set(blind.effects) for blind in good.unidentifiable]
 
 
 @pytest.mark.statistical
 def test_three_targets_see_everything():
     three = {"a": Target((0.0, 0.0, -100.0)), "b": Target((80.0, 0.0, -100.0)), "c": Target((0.0, 90.0, -180.0))}
-    assert judged(polyline(3, 30), three).not_visible == ()
+    assert evaluated_path(polyline(3, 30), three).unidentifiable == ()
 
 
 # ---- programs
@@ -164,8 +166,8 @@ def test_the_path_of_a_program_is_that_it_was_made_of(tmp_path):
     for made in (polyline(5, 12), diagonals()):
         found = read_back(program(made), FIXED, tmp_path)
         np.testing.assert_allclose(found.positions, made.positions, atol=1e-6)
-        np.testing.assert_array_equal(found.counts[1:], made.counts[1:])
-        np.testing.assert_allclose(found.length, made.way, atol=1e-4)
+        np.testing.assert_array_equal(found.counts[1:], made.feed_move[1:])
+        np.testing.assert_allclose(found.length, made.feed_distance, atol=1e-4)
 
 
 def test_circles_and_tcp_are_cut_into_straight_pieces(tmp_path):
@@ -206,8 +208,8 @@ def test_axes_that_a_program_never_names_stand_at_home_and_are_noted(tmp_path):
 
 def test_a_drive_keeps_feed_and_acceleration():
     path = path_of(FIXED, [[0, 0, 0], [300, 0, 0], [300, 40, 0], [0, 40, 300], [0, 40, 310]])
-    manner = Manner(6000.0, 400.0, 1000.0, pause_s=0.5)
-    ride = driven(path, manner)
+    dynamics = PathDynamics(6000.0, 400.0, 1000.0, pause_s=0.5)
+    ride = driven(path, dynamics)
     speed = np.linalg.norm(ride.velocity, axis=1)
     change = np.linalg.norm(ride.acceleration, axis=1)
     assert speed.max() == pytest.approx(100.0)
@@ -218,10 +220,10 @@ def test_a_drive_keeps_feed_and_acceleration():
         atol=21.0,
     )
     np.testing.assert_allclose(ride.positions[[0, -1]], path.positions[[0, -1]], atol=1e-9)
-    assert ride.time[-1] == pytest.approx(duration(path, manner), abs=2e-3)
+    assert ride.time[-1] == pytest.approx(duration(path, dynamics), abs=2e-3)
     # 300 mm and 424 mm at 100 mm/s with 0.25 s of ramps; 40 mm with them too; 10 mm without a plateau
     lasting = 3.25 + 0.65 + np.hypot(300, 300) / 100 + 0.25 + 2 * np.sqrt(10 / 400)
-    assert duration(path, manner) == pytest.approx(lasting + 1.0)
+    assert duration(path, dynamics) == pytest.approx(lasting + 1.0)
 
 
 # ---- the commands
@@ -332,7 +334,7 @@ def test_what_cant_be_is_refused(command, tmp_path, arguments, said):
 def test_on_the_fly_agrees_with_points_at_rest():
     """The same virtual machine by both: their deviations in the volume differ by no more than both uncertainties."""
     rng = np.random.default_rng(2)
-    truth = random_truth(FIXED, rng)
+    truth = random_true_model(FIXED, rng)
     tracker = LaserTracker(u_range_um=0.5, u_angle_um=3.0, u_angle_um_per_m=1.0)
     readings, _ = followed(polyline(0, 40), truth, rate=50.0, tracker=tracker, seed=4)
     moving = calibrate(on_path(readings, polyline(0, 40)).measurement, hold_out=False)
@@ -344,7 +346,7 @@ def test_on_the_fly_agrees_with_points_at_rest():
     for each in (moving, resting):
         errors, points = deviation_on(FIXED, each.model, grid, TOOL)
         found.append(errors)
-        design = each.model.design(FIXED, State(grid), place_transform(FIXED, grid, TOOL)[:, :3])
+        design = each.model.design(FIXED, State(grid), error_transform_with_tool(FIXED, grid, TOOL)[:, :3])
         columns = np.stack([aligned(design[:, :, k], points) for k in range(design.shape[2])], axis=2)
         variance = variance + np.einsum("nip,pq,niq->ni", columns, np.array(each.model.covariance), columns)
     apart = aligned(found[0] - found[1], points) / np.sqrt(variance)

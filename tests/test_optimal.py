@@ -13,9 +13,9 @@ from calibration.measurement.instruments import Interferometer, LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.measurement.plan import Choices, Timing
 from calibration.observation.reach import Reach
-from calibration.optimal.candidates import Obstacle, places_around
+from calibration.optimal.candidates import Obstacle, positions_around
 from calibration.optimal.exchange import Selection, exchanged, filled
-from calibration.optimal.optimise import VISIBLE, Wish, optimised
+from calibration.optimal.optimise import VISIBLE, DesignRequest, optimised
 from calibration.simulation.effect_text import read_effects
 from calibration.study.cases import read_cases
 from calibration.study.definition import study_of
@@ -30,8 +30,8 @@ TRACKER = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=
 PLACE = (-1500.0, 1500.0, 300.0)
 
 
-def wish(**more) -> Wish:
-    return Wish(**{"choices": Choices(), "points": 60, "trackers": [PLACE], "candidates": 300, **more})
+def request(**more) -> DesignRequest:
+    return DesignRequest(**{"choices": Choices(), "points": 60, "trackers": [PLACE], "candidates": 300, **more})
 
 
 # ---- algebra
@@ -56,12 +56,12 @@ def test_gains_and_losses_are_differences_of_the_variance(seed):
     selection = selection_of(seed)
     now = variance(selection, selection.chosen)
     assert selection.variance == pytest.approx(now)
-    for inside, worked in ((True, selection.losses), (False, selection.gains)):
+    for inside, worked in ((True, selection.losses), (False, selection.improvements)):
         which = np.flatnonzero(selection.chosen == inside)
-        for candidate, told in zip(which, worked(which), strict=True):
+        for candidate, uncertainties in zip(which, worked(which), strict=True):
             other = selection.chosen.copy()
             other[candidate] = not inside
-            assert told == pytest.approx(abs(variance(selection, other) - now), rel=1e-6, abs=1e-9)
+            assert uncertainties == pytest.approx(abs(variance(selection, other) - now), rel=1e-6, abs=1e-9)
 
 
 @given(st.integers(0, 10_000), st.lists(st.integers(0, 24), max_size=30))
@@ -107,7 +107,7 @@ def test_a_beam_crosses_a_box_where_one_of_its_points_is_inside(origin, end):
 
 def test_no_target_in_an_obstacle_no_beam_through_it():
     box = Obstacle((500.0, 1000.0, -np.inf), (1500.0, 2000.0, np.inf))
-    plan = optimised(GANTRY, TRACKER, wish(obstacles=[box])).plan
+    plan = optimised(GANTRY, TRACKER, request(obstacles=[box])).plan
     points = tool_point(GANTRY, plan.positions)
     share = np.linspace(0.0, 1.0, 400)[:, None, None]
     beams = np.array(PLACE) + share * (points - PLACE)
@@ -116,20 +116,20 @@ def test_no_target_in_an_obstacle_no_beam_through_it():
 
 
 def test_limits_of_the_tracker_and_the_travel_are_kept():
-    found = optimised(GANTRY, TRACKER, wish(points=30, reach=Reach((-5.0, 20.0), 40.0), trackers=[]))
+    found = optimised(GANTRY, TRACKER, request(points=30, reach=Reach((-5.0, 20.0), 40.0), trackers=[]))
     points = tool_point(GANTRY, found.plan.positions) - found.tracker
     elevation = np.degrees(np.arcsin(points[:, 2] / np.linalg.norm(points, axis=1)))
     assert np.all((elevation > -5.0) & (elevation < 20.0))
     low, high = GANTRY.travel
     assert np.all((found.plan.positions >= low) & (found.plan.positions <= high))
-    assert found.tracker in places_around(GANTRY, Choices(), Target((0.0, 0.0, 0.0)))
+    assert found.tracker in positions_around(GANTRY, Choices(), Target((0.0, 0.0, 0.0)))
 
 
 def test_minutes_are_kept_with_moves_and_changes_of_target():
     targets = {"a": Target((0.0, 0.0, -100.0)), "b": Target((90.0, 40.0, -180.0)), "c": Target((-80.0, 60.0, -150.0))}
     timing = Timing(dwell_s=3.0, feed=5000.0)
     choices = Choices(targets=targets, timing=timing)
-    plan = optimised(GANTRY, TRACKER, wish(points=None, minutes=90.0, choices=choices)).plan
+    plan = optimised(GANTRY, TRACKER, request(points=None, minutes=90.0, choices=choices)).plan
     assert 75.0 < plan.minutes <= 95.0
     assert set(plan.state.target) == set(targets)
     assert np.count_nonzero(plan.state.target[1:] != plan.state.target[:-1]) == 2
@@ -140,7 +140,7 @@ def test_minutes_are_kept_with_moves_and_changes_of_target():
 
 def test_an_effect_that_has_to_be_visible_is():
     effects = read_effects(["backlash:axis=X,width=0", "backlash:axis=Y,width=0"], GANTRY)
-    found = optimised(GANTRY, TRACKER, wish(visible=effects))
+    found = optimised(GANTRY, TRACKER, request(visible=effects))
     assert len(found.visible) == 2
     assert max(found.visible.values()) <= VISIBLE
 
@@ -151,13 +151,13 @@ def test_what_is_tied_to_the_error_motions_is_not_visible():
          "other_degree=1,coefficients=[0]"], GANTRY,
     )  # fmt: skip
     with pytest.raises(UserError, match=r"E_ZX\(Y\) coefficients"):
-        optimised(GANTRY, TRACKER, wish(points=40, candidates=150, visible=[effect]))
+        optimised(GANTRY, TRACKER, request(points=40, candidates=150, visible=[effect]))
 
 
 def test_what_no_plan_can_show_is_refused():
     (effect,) = read_effects(["air-scale:scale_um_per_m=0"], GANTRY)
     with pytest.raises(UserError, match=r"air-scale .* can't be told"):
-        optimised(GANTRY, TRACKER, wish(points=40, candidates=150, visible=[effect]))
+        optimised(GANTRY, TRACKER, request(points=40, candidates=150, visible=[effect]))
 
 
 # ---- judged by fresh draws
@@ -203,15 +203,15 @@ def test_command_writes_plan_and_program(command):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--optimise"], "a number of points or of minutes"),
-        (["--optimise", "--points", "20", "--minutes", "30"], "a number of points or of minutes"),
+        (["--optimise"], "either a number of points or a number of minutes"),
+        (["--optimise", "--points", "20", "--minutes", "30"], "either a number of points or a number of minutes"),
         (["--optimise", "--points", "20+30"], "takes one number"),
         (["--optimise", "--points", "5"], "at least 10"),
         (["--optimise", "--points", "50", "--strategy", "grid"], "--strategy and --optimise"),
         (["--optimise", "--points", "50", "--order", "shuffled"], "--order and --optimise"),
         (["--optimise", "--points", "50", "--obstacle", "q=0:1"], "expected ranges of x, y, z"),
         (["--optimise", "--points", "50", "--obstacle", "x=5:1"], "lower to a higher"),
-        (["--optimise", "--points", "50", "--obstacle", "x=-9e9:9e9"], "sees none of the positions"),
+        (["--optimise", "--points", "50", "--obstacle", "x=-9e9:9e9"], "observes none of the positions"),
         (["--optimise", "--points", "50", "--tracker", "1,2"], "--tracker 1,2"),
         (["--optimise", "--points", "50", "--visible", "nonsense:x=1"], "--visible nonsense"),
         (["--strategy", "grid", "--tracker", "0,0,0"], "--tracker is an option of --optimise"),
@@ -228,4 +228,4 @@ def test_what_cant_be_used_is_refused(command, options, said):
 
 def test_only_trackers():
     with pytest.raises(UserError, match="laser tracker"):
-        optimised(GANTRY, Interferometer(u_um=0.3), wish())
+        optimised(GANTRY, Interferometer(u_um=0.3), request())

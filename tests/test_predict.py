@@ -112,7 +112,7 @@ def test_against_kinematics_of_each_point(tmp_path):
         "# machine: dmu50\n# target.t2: 30 0 -90\n# target.t1: 0 0 -120\nC,B,X,Y,Z,target\n" + "\n".join(lines)
     )
     points = read_points(path, DMU50)
-    (block,) = predictions(model, DMU50, points.places.state, points.places.tool)
+    (block,) = predictions(model, DMU50, points.states.state, points.states.tool)
     tool = np.array([(0, 0, -120) if i % 2 else (30, 0, -90) for i in range(30)], float)
     positions = q * DMU50.scale
 
@@ -122,7 +122,7 @@ def test_against_kinematics_of_each_point(tmp_path):
             n = len(effect.parameters)
             effects.append(effect.with_parameters(left[:n]))
             left = left[n:]
-        state = dataclasses.replace(points.places.state)
+        state = dataclasses.replace(points.states.state)
         return exact_deviation(DMU50, positions, model_of(DMU50, *effects).errors(DMU50, state), tool).position * 1e3
 
     np.testing.assert_allclose(block.deviation, exact(model.parameters), atol=1e-9)
@@ -145,7 +145,7 @@ def test_lagged_sensor_over_long_tables(tmp_path):
     root = rng.normal(size=(size, size))
     for covariance in (None, tuple(tuple(row) for row in (root @ root.T).tolist())):
         model = model_of(GANTRY, STRETCH, lag, covariance=covariance)
-        state = read_points(path, GANTRY).places.state
+        state = read_points(path, GANTRY).states.state
         tool = np.zeros((n, 3))
         blocks = list(predictions(model, GANTRY, state, tool))
         assert len(blocks) == 3
@@ -163,7 +163,7 @@ def test_effects_of_the_instrument_have_no_part(tmp_path):
     path.write_text("# machine: gantry\nX,Y,Z\n1000,2,3\n")
     points = read_points(path, GANTRY)
     tracker = RangeOffset(offset_um=40.0, u=(1.0,))
-    (block,) = predictions(model_of(GANTRY, tracker, STRETCH), GANTRY, points.places.state, points.places.tool)
+    (block,) = predictions(model_of(GANTRY, tracker, STRETCH), GANTRY, points.states.state, points.states.tool)
     np.testing.assert_allclose(block.deviation, [[100.0, 0, 0]], atol=1e-9)
     np.testing.assert_allclose(block.u, [[1.0, 0, 0]], atol=1e-9)
 
@@ -194,8 +194,8 @@ def test_notes_and_summary(ncomp):
     data = json.loads(done.out)
     assert done.status == 0
     assert data["notes"] == [
-        "the file names no machine: taken to be gantry",
-        "no target in the header: taken to sit in the tool reference point (spindle nose)",
+        "the file names no machine: it is read as data of gantry",
+        "the header gives no target: it is assumed in the tool reference point (spindle nose)",
         "no column of Z: taken to stand at home (Z 1500 mm)",
         "X leaves its travel 0..5000 mm by 100",
         "E_XX is used up to 100 mm beyond its calibrated range; its end value is held there",
@@ -222,12 +222,12 @@ def test_without_errors(ncomp):
 @pytest.mark.parametrize(
     ("text", "arguments", "words"),
     [
-        ("X,Y\n1\n", (), "p.csv:2: 1 cells, 2 columns have names"),
+        ("X,Y\n1\n", (), "p.csv:2: 1 cells, but 2 columns have names"),
         ("X,Yy\n1,2\n", (), "p.csv:1 column Yy: not known"),
-        ("x,y,z\n1,2,3\n", (), "p.csv:1: no column with commanded positions of an axis (X, Y, Z)"),
-        ("X,dx_um\n1,2\n", (), "p.csv:1 column dx_um: these points bear a prediction already"),
+        ("x,y,z\n1,2,3\n", (), "p.csv:1: no column has commanded positions of an axis (X, Y, Z)"),
+        ("X,dx_um\n1,2\n", (), "p.csv:1 column dx_um: these points already have a prediction"),
         ("# machine: dmu50\nX\n1\n", (), "p.csv:1 machine: the file is of 'dmu50', not of gantry"),
-        ("# table.r: 1 2 3\nX\n1\n", (), "p.csv: target r sits on the table: predicted is the tool"),
+        ("# table.r: 1 2 3\nX\n1\n", (), "p.csv: target r is on the table: only a target on the tool can be predicted"),
         ("X\n1\n", ("--json", "-"), "--output and --json can't both go to standard output"),
         ("X\n1\n", ("--json", "o", "-o", "o"), "--output and --json both name o"),
         ("X\n1\n", ("-c", "drift.json"), "needs time, which these data do not give"),
@@ -266,7 +266,7 @@ def test_iso230(ncomp):
         "U (k=2, instrument), um",
     ):
         assert words in done.out
-    assert "note: X: 5 targets, 2 readings each: ISO 230-2 asks for" in done.err
+    assert "note: X: 5 targets, 2 readings each: ISO 230-2 requires" in done.err
     rows = rows_of(Path("x.csv").read_text())
     assert list(rows[0]) == ["axis", "direction", "position_mm", "error_um", "u_um", "n"]
     assert [(row["direction"], float(row["position_mm"]), float(row["error_um"])) for row in rows] == [

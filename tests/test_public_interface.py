@@ -13,7 +13,7 @@ import numpy as np
 import ncomp
 from calibration.measurement.instruments import LaserTracker
 from calibration.simulation.measure_plan import VirtualInstrument
-from calibration.simulation.true_model import random_truth
+from calibration.simulation.true_model import random_true_model
 from kinematics.error_model.model import write_model
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -48,7 +48,7 @@ def test_the_command_and_the_function_write_the_same_bytes(command, tmp_path):
 def test_a_measurement_is_planned_simulated_fitted_and_predicted(tmp_path):
     plan = ncomp.plan("gantry", "random", 60)
     tracker = VirtualInstrument(LaserTracker(u_range_um=0.5, u_angle_um=1.0))
-    made = ncomp.simulate(plan, random_truth(plan.machine, np.random.default_rng(3)), tracker, seed=3)
+    made = ncomp.simulate(plan, random_true_model(plan.machine, np.random.default_rng(3)), tracker, seed=3)
     found = ncomp.fit(made.measurement, basis="legendre:2", hold_out=False)
     assert found.fit.rms_um < found.before_rms_um
     write_model(found.model, tmp_path / "cal.json")

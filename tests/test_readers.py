@@ -51,7 +51,7 @@ def test_renishaw(write, change):
     assert m.state.positions[:, 0].tolist() == [*range(0, 600, 100), *range(500, -100, -100)] * 2
     expected = [run + target / 10 for run in (1, 2, 3, 4) for target in (range(1, 7) if run % 2 else range(6, 0, -1))]
     np.testing.assert_allclose(m.observed[:, 0], np.array(expected) * 1e-3)
-    assert m.notes[0] == "taken as a linear measurement of X: targets in mm, deviations in um, measured minus target"
+    assert m.notes[0] == "read as a linear measurement of X: targets in mm, deviations in um, measured minus target"
     assert m.where(0) == "x.rtl:23"
     assert m.tool[0].tolist() == [0, 0, -60]
 
@@ -61,7 +61,7 @@ def test_renishaw_one_direction_filled_with_zeros(write):
     m = read_any(write(text), GANTRY, header=LASER)
     assert m.run.tolist() == ["1"] * 6 + ["2"] * 6
     assert (m.state.approach[:, 0] == 1).all()
-    assert "run 2 has no deviation but 0: taken as not measured, and left out" in m.notes
+    assert "run 2 is left out: all its deviations are 0, as of a run that was not measured" in m.notes
 
 
 def test_renishaw_axis_that_falls(write):
@@ -87,7 +87,7 @@ ASCENDING = re.sub(r"^ ([24])   (\d) ", lambda f: f" {f[1]}   {7 - int(f[2])} ",
         (RTL.replace("1   2      1.2", "1   2"), "x.rtl:24: '1 2' is not 'run target deviation'"),
         (RTL.replace("1   2      1.2", "1   4      1.2"), "run 1 goes neither forward nor backward through its targets"),
         (RTL.split("DEVIATIONS")[0] + "EOF::\n", "no readings below 'Run Target Data:'"),
-        (ASCENDING, "Flags: 0 0 2 0 says both directions, but all runs list their targets in one order"),
+        (ASCENDING, "Flags: 0 0 2 0 means both directions, but all runs list their targets in the same order"),
         (RTL.replace("ISO", "Angular"), "axis X, 'Angular LASER': .rtl is read only of linear measurements"),
     ],
 )  # fmt: skip
@@ -146,7 +146,7 @@ def test_wide_table_of_a_rotary_axis(write):
         (("target_mm", "target_deg"), "w.txt:5: target_deg is not for X, a linear axis"),
         (("0,4;", "x;"), "w.txt:6 column 2 up: 'x' is no number"),
         (("\n0;", "\n;"), "w.txt:6 column target_mm: empty"),
-        (("1,5;-1,5", "1,5"), "w.txt:7: 4 cells, 5 columns have names"),
+        (("1,5;-1,5", "1,5"), "w.txt:7: 4 cells, but 5 columns have names"),
         (("# u_um: 0.3\n", ""), "state u_um above zero"),
     ],
 )
@@ -170,7 +170,7 @@ def test_cmm(write):
     assert m.observed.tolist() == [[-73.126, 121.717], [231.288, 204.188]]
     np.testing.assert_allclose(m.state.positions, [[2426.86, 1621.705, 15], [2731.279, 1704.187, 15]])
     assert m.lines.tolist() == [5, 6]
-    assert m.notes[0] == "lengths are taken to be mm, which the file does not say"
+    assert m.notes[0] == "lengths are read as mm: the file names no unit"
     three = (
         CMM.replace("Nom D   Round", "Meas Z Nom Z").replace("2.167   0.007", "1.1 1").replace("2.167   0.018", "1.2 1")
     )
@@ -182,7 +182,7 @@ def test_cmm(write):
     ("text", "words"),
     [
         (CMM.replace("0.014 ", "0.024 "), "c.txt:5: Err X is 0.024, Meas - Nom is 0.014"),
-        (CMM.replace("2.174   2.167   0.007", "2.174   2.167"), "c.txt:5: 8 numbers, 9 columns have names"),
+        (CMM.replace("2.174   2.167   0.007", "2.174   2.167"), "c.txt:5: 8 numbers, but 9 columns have names"),
         (CMM.replace("231.279", "231,279"), "c.txt:6 column nom x: '231,279' is no number"),
         ("\n".join(CMM.splitlines()[:4]), "no observations"),
     ],
@@ -230,7 +230,7 @@ def test_spatialanalyzer(write):
     assert m.lines.tolist() == [2, 3, 4]
     assert m.notes == (
         "points of the plan that were not measured, 1: p3",
-        "the file names no machine: taken to be gantry",
+        "the file names no machine: it is read as data of gantry",
     )
 
 
@@ -269,16 +269,19 @@ def test_units_of_a_map(write):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (('xyz = "um"\n', ""), "column map does not say the unit of x: [units] xyz = mm|m|inch|um"),
-        (('linear = "inch"\n', ""), "does not say the unit of X"),
+        (('xyz = "um"\n', ""), "column map does not state the unit of x: add [units] xyz = mm|m|inch|um"),
+        (('linear = "inch"\n', ""), "does not state the unit of X"),
         (('xyz = "um"', 'xyz = "cm"'), "units.xyz: unit 'cm' is none of mm, m, inch, um"),
-        (('decimal = "."', 'decimal = ","'), "a comma can't stand both between cells and in numbers"),
+        (('decimal = "."', 'decimal = ","'), "a comma cannot be both the separator of cells and the decimal sign"),
         (('delimiter = ","\n', ""), "missing required field `delimiter`"),
         (('delimiter = ","', 'delimiter = "|"'), "Invalid enum value '|'"),
-        (("x = 6", 'x = "PosX"'), "no column 'PosX', or two; names of columns are none: the map has names = false"),
-        (("x = 6", "x = 60"), "data.txt:1: no column 60, the line has 9"),
-        (("x = 6", "x = 0"), "data.txt:1: no column 0"),
-        (("[columns]", 'join = "point"\n[columns]'), "join 'point' is none of its columns"),
+        (
+            ("x = 6", 'x = "PosX"'),
+            "column 'PosX' is missing or occurs twice; the columns are none, because the map has names = false",
+        ),
+        (("x = 6", "x = 60"), "data.txt:1: column 60 is missing: the line has 9 columns"),
+        (("x = 6", "x = 0"), "data.txt:1: column 0 is missing"),
+        (("[columns]", 'join = "point"\n[columns]'), "join 'point' is not one of its columns"),
         (("[columns]", "colour = 1\n[columns]"), "Object contains unknown field `colour`"),
         (("x = 6", "x = 6\nspeed = 3"), "data.txt column speed: not known"),
         (("z = 8\n", ""), "data.txt laser-tracker: column z missing"),
@@ -301,13 +304,13 @@ def test_maps_refused(write, change, words):
     ("export", "plan", "words"),
     [
         ("c,S,p9,1,2,3\n", PLAN, "data.txt:1 column point: 'p9' is not in the plan plan.csv"),
-        ("c,S,p1,1,2,3\n", PLAN + "p1,0,0,0,t1\n", "plan.csv:5 column point: 'p1' stands there twice"),
-        ("c,S,p1,1,2,3\n", PLAN.replace("target", "x"), "plan.csv:1 column x stands in the export too"),
+        ("c,S,p1,1,2,3\n", PLAN + "p1,0,0,0,t1\n", "plan.csv:5 column point: 'p1' occurs twice"),
+        ("c,S,p1,1,2,3\n", PLAN.replace("target", "x"), "plan.csv:1 column x occurs in the export too"),
         ("c,S,p1,1,2,3\n", PLAN.replace("point", "name"), "plan.csv:1 a plan: column point missing"),
         ("c,S,p1,1,2,3\n", PLAN.replace("p1,0,", "p1,left,"), "data.txt:1 column X: 'left' is no number"),
-        ("c,S,p1,1,2,3\nc,S,p1,1,2\n", PLAN, "data.txt:2: no column 6, the line has 5"),
+        ("c,S,p1,1,2,3\nc,S,p1,1,2\n", PLAN, "data.txt:2: column 6 is missing: the line has 5 columns"),
         ("c,S,p1,1,2,3mm\n", PLAN, "data.txt:1 column 6: '3mm' is no number"),
-        ("// nothing\n\n", PLAN, "data.txt: no data"),
+        ("// nothing\n\n", PLAN, "data.txt contains no data"),
     ],
 )
 def test_exports_refused(write, export, plan, words):
@@ -325,11 +328,11 @@ def test_shipped_maps():
 def test_map_and_plan_where_they_have_no_use(write):
     with pytest.raises(UserError, match="a column map is for delimited exports, not for format cmm"):
         read_any(write(CMM), GANTRY, "cmm", columns="leica")
-    with pytest.raises(UserError, match="by a column map with 'join'"):
+    with pytest.raises(UserError, match="a column map with 'join'"):
         read_any(write("1 2 3 4 5 6 7 8\n"), GANTRY, columns="leica", plan=write(PLAN, "plan.csv"))
     with pytest.raises(UserError, match="looks up 'point' in a plan: state the plan"):
         read_any(write("c,S,p1,1,2,3\n"), GANTRY, columns="spatialanalyzer")
-    with pytest.raises(UserError, match=r"takes a column map: leica, polyworks, spatialanalyzer, or a \.toml file"):
+    with pytest.raises(UserError, match=r"needs a column map: leica, polyworks, spatialanalyzer, or a \.toml file"):
         read_any(write("1 2"), GANTRY, "delimited")
 
 
@@ -348,7 +351,9 @@ def test_formats_are_recognised(write):
 
 @pytest.mark.parametrize("text", ["1 2 3\n4 5 6\n", "a,b\n1,2\n", b"\x89PNG\r\n\x1a\n\0\0", "G0 X1\n"])
 def test_other_files(write, text):
-    with pytest.raises(UserError, match=r"not a format that is known: ncomp \(measurement file.*delimited"):
+    with pytest.raises(
+        UserError, match=r"the format of the file is unknown; known formats are ncomp \(measurement file.*delimited"
+    ):
         read_any(write(text), GANTRY)
 
 
@@ -393,15 +398,15 @@ def test_etalon(write):
     [
         (("EXX", "EXA"), "t.txt:6 [EXA]: machine dmu50 (w C B b X Y Z t) has no axis A"),
         (("EXX", "FOO"), "t.txt:6 [FOO]: no error motion (EXY) and no location error (C0B)"),
-        (("EXX", "X0B"), "t.txt:6 [X0B]: a location error has one number, VALUE = ..."),
-        (("C0Y", "ECY"), "t.txt:2 [ECY]: an error motion has at least two grid points"),
+        (("EXX", "X0B"), "t.txt:6 [X0B]: a location error needs one number, VALUE = ..."),
+        (("C0Y", "ECY"), "t.txt:2 [ECY]: an error motion needs at least two grid points"),
         (("0.0  0.0005", "0.0"), "t.txt:9: '0.0' is not 'position value'"),
         (("0.0  0.0005", "0.0  abc"), "t.txt:9: 'abc' is no number"),
-        (("250.0  0.002", "-50.0  0.002"), "positions of the grid points do not ascend"),
+        (("250.0  0.002", "-50.0  0.002"), "the positions of the grid points must ascend"),
         (("[ECC]", "[EXX]"), "E_XX is given twice"),
         (("}  // end of EXX\n", ""), "is not 'position value'"),
         (("360 0.00002\n}", "360 0.00002"), "the grid points of [ECC] have no end '}'"),
-        (("// made up", "VALUE = 1"), "t.txt:1: 'VALUE = 1' stands before the first block"),
+        (("// made up", "VALUE = 1"), "t.txt:1: 'VALUE = 1' comes before the first block"),
         (("VALUE = 0.000022", "WERT = 3"), "t.txt:3: 'WERT = 3' is neither VALUE ="),
     ],
 )
@@ -413,7 +418,7 @@ def test_etalon_refused(write, change, words):
 
 
 def test_etalon_elsewhere(write):
-    with pytest.raises(UserError, match="an Etalon exchange file holds errors of the machine, not measurements of it"):
+    with pytest.raises(UserError, match="an Etalon exchange file contains errors of the machine, not measurements"):
         read_any(write(ETALON), DMU50)
     with pytest.raises(UserError, match="unit 'inch' is none of mm, um, m"):
         read_etalon(write(ETALON), DMU50, Convention("error", "inch", "rad"))
@@ -479,7 +484,7 @@ def test_given_header_keys_and_empty_files(write):
     text = (
         "# machine: gantry\n# instrument: laser-tracker\n# u_range_um: 1\n# u_angle_um: 5\nX,Y,Z,x,y,z\n1,2,3,4,5,6\n"
     )
-    assert "--header foo is not known, and not used" in read_any(write(text), GANTRY, header={"foo": "1"}).notes
+    assert "--header foo is unknown, and ignored" in read_any(write(text), GANTRY, header={"foo": "1"}).notes
     for nothing in ("", " \n\n"):
         with pytest.raises(UserError, match="is empty"):
             read_any(write(nothing), GANTRY)

@@ -62,7 +62,7 @@ def test_there_and_back(read):
     assert m.notes[0] == "values taken in mm of X, deviation observed minus command in um"
     assert m.notes[1].startswith("X moves at 300 mm/min: ")
     assert "X stands in 87 rows, the first on line 1 (0.00 s): they are used like the others" in m.notes
-    assert any(note.startswith("X speeds up, slows down or goes otherwise in ") for note in m.notes)
+    assert any(note.startswith("X accelerates, brakes or moves at another speed in ") for note in m.notes)
 
 
 def test_second_way_there_is_another_run(read):
@@ -81,9 +81,9 @@ def test_every_row_is_counted(read):
     m = read("\n".join(text))
     assert len(m) == 400 - 7
     assert m.notes[:3] == (
-        "5 values of ioc:cmd without one of the other within half a sample: left out",
-        "2 values of ioc:enc without one of the other within half a sample: left out",
-        "pairs of values lie up to 2 ms apart",
+        "5 values of ioc:cmd are left out: the other variable has no value within half a sample",
+        "2 values of ioc:enc are left out: the other variable has no value within half a sample",
+        "the two values of a pair differ in time by up to 2 ms",
     )
 
 
@@ -105,13 +105,13 @@ TEXT = log(*motion(), motion()[1])
         (TEXT, {"command": ""}, "command is missing: state --header command=NAME, one of ioc:cmd, ioc:enc, ioc:other"),
         (TEXT, {"observed": "enc"}, "observed 'enc' is not in the log: state --header observed=NAME, one of ioc:cmd"),
         (TEXT, {"observed": "ioc:cmd"}, "command and observed are both ioc:cmd"),
-        (TEXT, {"observed": "ioc:other"}, "1 values of ioc:other, too few"),
+        (TEXT, {"observed": "ioc:other"}, "1 values of ioc:other are too few"),
         (TEXT, {"axis": "Y"}, "axis 'Y' is none of machine single_axis (w b X t)"),
         (TEXT, {"u_um": "0"}, "uncertainty (k=1) of the interferometer is missing"),
         (TEXT.replace("33.417076 1", "33.417076 one", 1), {}, "a.log:11: 'one' is no number"),
         (TEXT.replace("33.417076 1", "33.417076 1 HIGH MINOR", 1), {}, "a.log:11: 'ioc:cmd"),
-        (TEXT.replace("16:17:33.417", "16:17:32.417", 1), {}, "a.log:11: the time of ioc:cmd does not go on"),
-        (TEXT.replace("2020-12-08 16:17:33.417", "2020-13-08 16:17:33.417", 1), {}, "a.log:11: 2020-13-08 16:17:33.417076 is no time"),
+        (TEXT.replace("16:17:33.417", "16:17:32.417", 1), {}, "a.log:11: the time of ioc:cmd does not increase"),
+        (TEXT.replace("2020-12-08 16:17:33.417", "2020-13-08 16:17:33.417", 1), {}, "a.log:11: 2020-13-08 16:17:33.417076 is not a time"),
         (log(*motion(), motion()[1], late=100.0), {}, "only 0 values of ioc:cmd and ioc:enc were taken within half a sample"),
     ],
 )  # fmt: skip

@@ -35,7 +35,7 @@ from calibration.simulation.true_model import (
     checked_half_widths,
     model_of,
     random_location_errors,
-    random_truth,
+    random_true_model,
     read_half_widths,
 )
 from kinematics.deviation import exact_deviation
@@ -76,7 +76,7 @@ def test_draws_fill_their_half_widths():
     rng = rng_of()
     drawn: dict[str, list] = {}
     for _ in range(400):
-        for effect in random_truth(GANTRY, rng, TABLE_1).effects:
+        for effect in random_true_model(GANTRY, rng, TABLE_1).effects:
             drawn.setdefault(effect.name, []).append(effect.parameters)
     assert drawn.keys() == TABLE_1.keys()
     for name, row in TABLE_1.items():
@@ -88,7 +88,7 @@ def test_draws_fill_their_half_widths():
 
 
 def test_the_printed_formula():
-    model = random_truth(GANTRY, rng_of(4))
+    model = random_true_model(GANTRY, rng_of(4))
     e_xx = next(effect for effect in model.effects if effect.name == "E_XX")
     a0, a1, b1, c1, b2, c2 = e_xx.parameters
     x = np.array([0.0, 1234.0, 5000.0])
@@ -102,7 +102,7 @@ def test_the_printed_formula():
 @pytest.mark.parametrize("name", ["trunnion_ac", "head_head", "dmu50"])
 def test_any_machine(name):
     machine = machines.load(name)
-    model = random_truth(machine, rng_of(1))
+    model = random_true_model(machine, rng_of(1))
     assert decode_model(encode_model(model), "truth") == model
     assert model.demonstration
     linear = [e for e in model.effects if isinstance(e, ErrorMotion)]
@@ -115,15 +115,15 @@ def test_any_machine(name):
 
 
 def test_axes_are_known_by_their_letters():
-    model = random_truth(BACKWARD, rng_of(1))
+    model = random_true_model(BACKWARD, rng_of(1))
     names = {effect.name for effect in model.effects if isinstance(effect, ErrorMotion)}
     assert {"E_XU", "E_YU", "E_AU", "E_XX", "E_ZZ"} <= names
-    own = random_truth(BACKWARD, rng_of(1), {"E_XU": (5.0, 0.0), "E_XX": (0.0, 7.0, 1.0, 2.0, 2.0)})
+    own = random_true_model(BACKWARD, rng_of(1), {"E_XU": (5.0, 0.0), "E_XX": (0.0, 7.0, 1.0, 2.0, 2.0)})
     u, x = sorted(own.effects, key=lambda effect: effect.name)
     assert abs(u.parameters[0]) <= 5
     assert u.parameters[1:] == (0.0,)
     assert x.basis.harmonics == (1.0,)
-    assert no_errors(GANTRY).effects == random_truth(GANTRY, rng_of(), {}).effects
+    assert no_errors(GANTRY).effects == random_true_model(GANTRY, rng_of(), {}).effects
 
 
 def test_location_errors():
@@ -149,7 +149,7 @@ def test_half_widths_from_files(tmp_path):
     with pytest.raises(UserError, match=r"bad\.toml"):
         read_half_widths(tmp_path / "bad.toml")
     with pytest.raises(UserError, match="no slope"):
-        random_truth(DMU50, rng_of(), {"E_AC": (0.0, 3.0)})
+        random_true_model(DMU50, rng_of(), {"E_AC": (0.0, 3.0)})
 
 
 # ---- effects by name
@@ -227,7 +227,7 @@ def test_a_tracker_sees_the_matrix_product():
     """Against a product of 4 x 4 matrices written down here."""
     rng = rng_of(2)
     made = plan(DMU50, "random", 30, choices=Choices(rotary="random", targets=TARGETS))
-    model = random_truth(DMU50, rng)
+    model = random_true_model(DMU50, rng)
     pose = tracker_pose((900.0, -2500.0, 100.0), rng)
     seen = observe(DMU50, model, made.state, TRACKER, rng, {"1": pose}, TARGETS, noise_scale=0.0)
     errors = model.errors(DMU50, made.state)
@@ -304,7 +304,7 @@ def test_noise_has_the_covariance_of_the_sheet(instrument):
 
 def test_one_seed_one_measurement_whatever_is_worked_through_together(monkeypatch):
     made = plan(GANTRY, "random", 700, choices=Choices(targets=TARGETS))
-    model = random_truth(GANTRY, rng_of())
+    model = random_true_model(GANTRY, rng_of())
 
     def once():
         return observe(
@@ -333,7 +333,7 @@ def test_effects_with_memory_are_not_cut(monkeypatch):
 
 def test_an_interferometer_reads_the_error_along_its_axis():
     made = plan(DMU50, "axes", choices=Choices(rotary="swept", runs=2))
-    model = random_truth(DMU50, rng_of(1))
+    model = random_true_model(DMU50, rng_of(1))
     model = msgspec.structs.replace(model, effects=(*model.effects, Backlash("X", 12.0)))
     seen = observe(
         DMU50, model, made.state, Interferometer(0.2), rng_of(), axis=made.axis, run=made.run, noise_scale=0.0
@@ -487,7 +487,7 @@ def test_a_plan_of_all_options_is_simulated(ncomp):
     measured = read_measurement(Path("data.csv"), DMU50)
     assert np.all(measured.state.approach == 1)
     assert len(measured) == 80
-    assert "the tracker stands 1.5 m before the volume" in result.err
+    assert "the tracker is 1.5 m in front of the middle of the volume" in result.err
 
 
 def test_the_truth_predicts_what_is_observed(ncomp):
@@ -544,11 +544,11 @@ BAD = {
     "no temperature": ([*GRID, "--effect", "thermal-drift-sensor:component=Z,sensor=spindle,coefficient=2"], "needs the temperature"),
     "stands on": ([*GRID, "--stands-on", "moon"], "--stands-on moon"),
     "widths": ([*GRID, "--errors", "no.toml"], "no.toml: No such file"),
-    "out of reach": ([*GRID, "--elevation", "80:81"], "sees none of the points"),
+    "out of reach": ([*GRID, "--elevation", "80:81"], "observes none of the points"),
     "truth and data": ([*GRID, "--truth", "data.csv"], "both name data.csv"),
     "no size": ([*GRID, "--location", "inf"], "--location inf: expected a finite number"),
     "negative uncertainty": ([*GRID, "-u", "u_angle_um=-1"], "u_angle_um=-1: expected a number of zero or above"),
-    "too many": ([*GRID, "--runs", "100000000"], "observations with all targets and runs, more than"),
+    "too many": ([*GRID, "--runs", "100000000"], "observations with all targets and runs are more than"),
     "backward range": ([*GRID, "--range", "X=5:1"], "axis X: nothing is left between 5 and 1"),
     "nothing left": ([*GRID, "--missing", "1"], "leaves no observation"),
 }  # fmt: skip

@@ -150,9 +150,9 @@ def test_an_export_takes_units_and_signs_from_its_map(tmp_path: Path) -> None:
         ("run,direction,X,EYQ_um", "1,+,0,1", "no axis 'Q'"),
         ("run,direction,EYX_um", "1,+,1", "position of X is missing: column target_mm or X"),
         ("run,direction,axis,X,EYX_um", "1,+,Y,0,1", "Y, but the row has an error motion of X"),
-        ("run,direction,X,EYX_um", "1,+,0,", "no error motion in any row"),
+        ("run,direction,X,EYX_um", "1,+,0,", "no row has an error motion"),
         ("run,direction,X,EYX_um", "1,+,0,a", "'a' is no number"),
-        ("run,direction,X,EYX_um,deviation_um", "1,+,0,1,1", "not allowed beside columns of error motions"),
+        ("run,direction,X,EYX_um,deviation_um", "1,+,0,1,1", "is not allowed together with columns of error motions"),
         ("axis,run,direction,component,target_mm,deviation_um", "X,1,+,Q,0,1", "'Q' is none of X, Y, Z, A, B, C"),
         ("axis,run,direction,component,target_mm,deviation_um", "X,1,+,B,0,1", "needs the column deviation_urad"),
     ],
@@ -175,7 +175,7 @@ def test_each_kind_needs_its_uncertainty(tmp_path: Path) -> None:
 
 def test_a_rotary_axis_has_no_such_columns(tmp_path: Path) -> None:
     text = HEAD.replace("cframe", "dmu50") + "run,direction,C,ECC_urad\n1,+,0,1\n"
-    with pytest.raises(UserError, match="are those of linear axes"):
+    with pytest.raises(UserError, match="belong to linear axes"):
         read_measurement(written(tmp_path, text), machines.load("dmu50"))
 
 

@@ -21,7 +21,7 @@ from calibration.measurement.plan_file import read_plan
 from calibration.measurement.readers import read_any
 from calibration.observation.equations import covariance
 from calibration.simulation.simulate import tracker_pose
-from calibration.simulation.true_model import random_truth
+from calibration.simulation.true_model import random_true_model
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -48,7 +48,7 @@ def stops_of(plan: Plan, rng: np.random.Generator, shortest: float = 0.4, longes
 
 def recorded(plan: Plan, stops: list[Stop], seed: int = 5, **options: object) -> Log:
     rng = np.random.default_rng(seed)
-    truth, pose = random_truth(plan.machine, rng), tracker_pose((-900.0, 700.0, 200.0), rng)
+    truth, pose = random_true_model(plan.machine, rng), tracker_pose((-900.0, 700.0, 200.0), rng)
     return log_of(plan.machine, truth, stops, plan.targets, pose, rng, speed=800.0, **options)  # type: ignore[arg-type]
 
 
@@ -92,8 +92,8 @@ def test_all_positions_are_found_and_none_is_false(tmp_path: Path, seed: int) ->
         stops.append(replace(stop, **changes.get(kind, {})))  # type: ignore[arg-type]
     measurement = read(tmp_path, plan, recorded(plan, stops))
     assert found_rows(measurement, plan.positions) == expected
-    assert len(listed(measurement, "position without a stand")) == len(whole) - len(expected)
-    assert len(listed(measurement, "stand that is not in the plan")) == foreign
+    assert len(listed(measurement, "position without a standstill")) == len(whole) - len(expected)
+    assert len(listed(measurement, "standstill that is not in the plan")) == foreign
     assert not listed(measurement, "not certain")
 
 
@@ -132,7 +132,7 @@ def test_creeping_is_no_stand(tmp_path: Path) -> None:
     measurement = read(tmp_path, plan, recorded(plan, stops))
     assert found_rows(measurement, plan.positions) == [0, 1, 2, 4, 5, 6, 8, 9, 10, 11]
     assert listed(measurement, "slow motion")
-    assert len(listed(measurement, "position without a stand")) == 2
+    assert len(listed(measurement, "position without a standstill")) == 2
 
 
 def test_rows_after_a_missing_position_do_not_claim_a_side_of_approach(tmp_path: Path) -> None:
@@ -247,7 +247,7 @@ def test_a_log_that_is_not_of_the_plan_is_refused(tmp_path: Path) -> None:
         read(tmp_path, plan, recorded(plan, elsewhere))
     with pytest.raises(UserError, match="10 or more readings per second"):
         read(tmp_path, plan, log.kept(np.arange(len(log.time)) % 200 == 0))
-    with pytest.raises(UserError, match="time goes back after"):
+    with pytest.raises(UserError, match="the time decreases after"):
         read(tmp_path, plan, replace(log, time=np.where(log.time > 5.0, log.time - 1.0, log.time)))
     with pytest.raises(UserError, match="no standstill of the target"):
         read(tmp_path, plan, recorded(plan, [replace(stop, dwell=0.05) for stop in stops]))
@@ -261,5 +261,5 @@ def test_a_plan_goes_with_a_log_and_not_with_a_path_or_positions(tmp_path: Path)
     assert "--plan is for measurements at standstill" in refusal("fit", log, *given, "--path", path)
     head = "\n".join(f"# {key}: {value}" for key, value in header(BZT).items())
     data = write(tmp_path / "data.csv", f"{head}\nX,Y,Z,x,y,z\n0,0,0,1000,0,0\n")
-    assert "columns of a tracker's log" in refusal("fit", data, *given)
+    assert "a tracker's log with the columns" in refusal("fit", data, *given)
     assert "--plan PLAN.csv" in refusal("fit", log, *given[:2], *given[4:])

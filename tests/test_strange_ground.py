@@ -60,7 +60,7 @@ def test_inches_on_a_strange_three_axis_chain(tmp_path: Path) -> None:
 
 
 def test_one_line_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="on one line only"):
+    with pytest.raises(UserError, match="lie on one line"):
         examined(tmp_path, "line", 1, rotary=1)
 
 

@@ -50,9 +50,9 @@ def test_inside_travel_whole_um_and_as_many_as_said(name, strategy, rotary):
     assert np.all(positions >= low + margin - 1e-9)
     assert np.all(positions <= high - margin + 1e-9)
     assert np.abs(positions * 1000 - np.round(positions * 1000)).max() < 1e-6
-    assert len(made) == made.places == len(made.names)
-    assert f"{made.places} positions" in made.summary
-    assert ("asked for 80" in made.summary) == (made.places != 80)
+    assert len(made) == made.position_count == len(made.names)
+    assert f"{made.position_count} positions" in made.summary
+    assert ("80 were requested" in made.summary) == (made.position_count != 80)
     assert made.minutes == pytest.approx(20 + len(made) / 4)
     moves = np.ptp(positions, axis=0) > 0
     assert moves[linear].all()
@@ -95,8 +95,8 @@ def test_grids_are_walked_without_jumps():
 
 def test_spacing_is_the_largest_distance():
     made = plan(GANTRY, "hexahedron", spacing_mm=333.0)
-    assert made.places == 4 * (17 + 11 + 6) - 16
-    assert made.asked is None
+    assert made.position_count == 4 * (17 + 11 + 6) - 16
+    assert made.requested is None
 
 
 def test_sub_volume_and_fixed_axes():
@@ -144,9 +144,9 @@ def test_space_filling_is_more_even_than_random():
 
 def test_joined_strategies_have_their_own_numbers():
     made = plan(GANTRY, "hexahedron+random", (170, 150))
-    assert made.asked == 320
+    assert made.requested == 320
     assert sum(name.startswith("R") for name in made.names) == 150
-    assert plan(GANTRY, "grid+random+random", 301).places >= 290
+    assert plan(GANTRY, "grid+random+random", 301).position_count >= 290
 
 
 def test_evaluation_grid():
@@ -177,7 +177,7 @@ def test_orders_are_of_the_same_positions():
     assert len(there_and_back) == 2 * n - 1
     assert np.array_equal(there_and_back.positions, there_and_back.positions[::-1])
     assert np.array_equal(there_and_back.positions[:n], given_order.positions)
-    assert there_and_back.places == n
+    assert there_and_back.position_count == n
 
 
 @pytest.mark.parametrize("target_order", ["in-turn", "alternating"])
@@ -371,9 +371,9 @@ def test_linuxcnc_goes_where_the_plan_says(linuxcnc, name):
     for manner in (ProgramSettings(), ProgramSettings(offset=OFFSET)):
         result = linuxcnc.run(program_of(made, manner, "iso"), work_offsets={"G54": (10.0, 0.0, -5.0)})
         assert (result.exit_status, result.message) == (0, "")
-        places = np.array([move.machine[:3] for move in result.moves])
+        position_count = np.array([move.machine[:3] for move in result.moves])
         order = [made.machine.index(axis) for axis in "XYZ"]
-        assert places == pytest.approx(in_units(made)[:, order], abs=1e-4)
+        assert position_count == pytest.approx(in_units(made)[:, order], abs=1e-4)
         assert {move.kind for move in result.moves} == {"line"}
         assert {move.feed for move in result.moves} == {2000.0}
 
@@ -385,7 +385,7 @@ def test_command(ncomp):
     arguments = ["plan", "--machine", "bzt_pfu", "--strategy", "hexahedron+random", "--points", "170+150"]
     result = ncomp(*arguments, "-o", "plan.csv", "--nc", "plan.nc", "--dwell", "3", "--feed", "3000")
     assert (result.status, result.out) == (0, b"")
-    assert re.search(r"hexahedron\+random: 3\d\d positions \(asked for 320\), \d+ min", result.err)
+    assert re.search(r"hexahedron\+random: 3\d\d positions \(320 were requested\), \d+ min", result.err)
     assert ncomp("plan.nc", "--machine", "bzt_pfu", "--calibration", "none", "-o", "same.nc").status == 0
     assert Path("same.nc").read_bytes() == Path("plan.nc").read_bytes()
     assert ncomp(*arguments, "-o", "-").out == ncomp(*arguments, "-o", "-", "--seed", "0").out

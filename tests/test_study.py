@@ -229,7 +229,7 @@ def test_fits_leave_of_lines_unseen_what_those_of_the_measurement_leave(changes)
     lefts, gains = [], []
     for each in (scale, 2.0):
         model, prior = with_effects(measured, bases, (), each)
-        gains.append(cross_validate(measured, model, prior, np.ones(len(measured), bool)).gain)
+        gains.append(cross_validate(measured, model, prior, np.ones(len(measured), bool)).improvement)
         lefts.append(ready.held_out_lines.left(parts, each, drawn.observed)[0] / setup.white[:, 0].size)
     assert lefts[1] - lefts[0] == pytest.approx(gains[0] - gains[1], rel=1e-2)
 
@@ -494,8 +494,8 @@ def test_examples_can_be_laid_out():
         (("gantry", "no_such"), "unknown machine"),
         (("hexahedron", "octahedron"), "case few: unknown strategy 'octahedron'"),
         (('name = "more"', 'name = "few"'), "two cases are named 'few'"),
-        (("tracker = [-1500, 1500, 300]", ""), "where does the laser tracker stand"),
-        (("tracker = [-1500, 1500, 300]", "tracker = [0, 0, 0]"), "can't stand there"),
+        (("tracker = [-1500, 1500, 300]", ""), "the position of the laser tracker is missing"),
+        (("tracker = [-1500, 1500, 300]", "tracker = [0, 0, 0]"), "move the tracker"),
         (("tracker = [-1500, 1500, 300]", "tracker = [1, 2]"), "expected [x, y, z]"),
         (("points = 100", "pionts = 100"), "pionts"),
         (("draws = 60", "draws = 1"), "draws"),
@@ -508,7 +508,7 @@ def test_examples_can_be_laid_out():
         (("seed = 5", '[errors]\nmodel = "fourier"'), "rows E_XX"),
         (("seed = 5", "[errors]\nE_QX = [1, 2]"), "E_QX"),
         (("seed = 5", '[errors]\neffects = ["backlash:axis=Q,width=1"]'), "no axis Q"),
-        (("seed = 5", '[instrument]\nu_range_um=1\nu_angle_um=1\nelevation = [80, 89]'), "sees none of the points"),
+        (("seed = 5", '[instrument]\nu_range_um=1\nu_angle_um=1\nelevation = [80, 89]'), "observes none of the points"),
         (("[[case]]", "[[case"), "study.toml"),
     ],
 )  # fmt: skip

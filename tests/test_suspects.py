@@ -12,7 +12,7 @@ from support.virtual_measurements import THREE, measured, pose_of, positions, tr
 import machines
 from calibration.fit.basis_selection import choose
 from calibration.fit.fit import fit
-from calibration.fit.residual_tests import suspects
+from calibration.fit.residual_tests import dependences
 from calibration.measurement.file import write_measurement
 from calibration.observation import equations
 from calibration.observation.full_model import BasisChoice, distinct_positions, rigid_model
@@ -42,21 +42,21 @@ def zeroed(model):
 
 def test_nothing_is_suspected_of_clean_data():
     measurement, base = spoilt()
-    assert suspects(fit(measurement, zeroed(base))) == []
+    assert dependences(fit(measurement, zeroed(base))) == []
 
 
 @pytest.mark.parametrize(
-    ("effect", "what"),
+    ("effect", "variable"),
     [
         (Backlash("X", 40.0), "the direction of X"),
         (Backlash("Z", 40.0), "the direction of Z"),
         (ThermalDrift(component="Z", rate=-40.0), "time"),
     ],
 )
-def test_a_missing_effect_is_suspected_first(effect, what):
+def test_a_missing_effect_is_suspected_first(effect, variable):
     measurement, base = spoilt(effect)
-    found = suspects(fit(measurement, zeroed(base)))
-    assert found[0].what == what
+    found = dependences(fit(measurement, zeroed(base)))
+    assert found[0].variable == variable
     assert effect.kind in found[0].hint
 
 

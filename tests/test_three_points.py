@@ -19,7 +19,7 @@ import machines
 from calibration.measurement.file import write_measurement
 from calibration.measurement.instruments import LaserTracker, Part
 from calibration.measurement.measurement import Measurement, Target
-from calibration.simulation.true_model import TABLE_1, random_truth
+from calibration.simulation.true_model import TABLE_1, random_true_model
 from calibration.single_axis.reference_lines import reference_line, straightness
 from calibration.single_axis.three_points import Choice, ThreePoints, identify
 from calibration.single_axis.three_points_figures import kind_of, ranges, squarenesses, straightnesses
@@ -123,7 +123,7 @@ def waves(monkeypatch, n: int, seed: int) -> tuple[ErrorModel, Measurement]:
     rng = np.random.default_rng(seed)
     for name in "XYZ":
         monkeypatch.setitem(SERIES, name, np.linspace(*DMU50.axes[DMU50.index(name)].travel, n))
-    truth = random_truth(DMU50, rng, TABLE_1)
+    truth = random_true_model(DMU50, rng, TABLE_1)
     return truth, measured(DMU50, truth, AROUND, axes="XYZ", rng=rng)
 
 
@@ -185,12 +185,12 @@ def test_waves_that_the_positions_hardly_resolve_are_named(monkeypatch):
 def test_a_curve_that_misses_its_points_is_named_and_widened(monkeypatch):
     _, seen = waves(monkeypatch, 21, 1)
     found = identify(seen, Choice(degrees={"XX": 3}))
-    (note,) = [note for note in found.notes if "misses its points" in note]
+    (note,) = [note for note in found.notes if "deviates from its points" in note]
     assert note.startswith("E_XX (")
     assert "--basis table" in note
     missed, *others = found.axes["X"].misfits
     factor = missed.widening
-    assert factor == pytest.approx((missed.chi2 / missed.freedom) ** 0.5)
+    assert factor == pytest.approx((missed.chi2 / missed.degrees_of_freedom) ** 0.5)
     assert factor > 1.5
     assert all(one.widening == 1.0 for one in others)
     monkeypatch.setattr("calibration.single_axis.error_curves.MISFIT", 0.0)
@@ -245,7 +245,7 @@ def test_chi2_of_curves_is_that_of_noise():
     ratios = []
     for _ in range(10):
         found = identify(measured(DMU50, truth, AROUND, rng=rng), CUBIC)
-        ratios += [one.chi2 / one.freedom for axis in found.axes.values() for one in axis.misfits]
+        ratios += [one.chi2 / one.degrees_of_freedom for axis in found.axes.values() for one in axis.misfits]
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.1)
 
 
@@ -288,7 +288,7 @@ def test_covariance_agrees_with_monte_carlo(stations):
         found = identify(measurement, LINEAR)
         errors.append(np.concatenate([axis.errors.reshape(-1) for axis in found.axes.values()]))
         values.append(found.model.parameters)
-        assert found.points.chi2 / found.points.freedom == pytest.approx(1.0, abs=0.25)
+        assert found.points.chi2 / found.points.degrees_of_freedom == pytest.approx(1.0, abs=0.25)
     u = np.concatenate([axis.u.reshape(-1) for axis in found.axes.values()])
     ratios = np.std(errors, axis=0, ddof=1) / u
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.06)
@@ -401,9 +401,9 @@ def test_refusals():
         identify(good.rows(np.flatnonzero(q[:, x] == 100.0)))
     with pytest.raises(UserError, match="no such error motion was measured"):
         identify(good, Choice(degrees={"XC": 3}))
-    with pytest.raises(UserError, match="degree 0 of E_XY: 11 positions take 1 to 10"):
+    with pytest.raises(UserError, match="degree 0 of E_XY: 11 positions allow 1 to 10"):
         identify(good, Choice(degrees={"XY": 0}))
-    with pytest.raises(UserError, match="nothing holds the frame"):
+    with pytest.raises(UserError, match="no points determine the frame"):
         identify(good, datums={})
     two = np.concatenate([q, q + np.eye(5)[DMU50.index("Z")]])
     twice = good.rows(np.tile(np.arange(len(good)), 2))

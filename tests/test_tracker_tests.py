@@ -112,7 +112,7 @@ def test_the_command_and_the_study_take_the_tests(tmp_path: Path) -> None:
         ("test,range_mm,length_mm,error_um\nlength,1000,-3,1\n", "'-3' is no number above 0"),
         ("test,range_mm,stated_um\ntwo-face,1000,1\n", "'# coverage: 2'"),
         ("test,range_mm\ntwo-face,1000\n", "one column, error_um (measured) or stated_um"),
-        ("test,range_mm,error_um\ntwo-face,-5,1\n", "a range is above 0"),
+        ("test,range_mm,error_um\ntwo-face,-5,1\n", "a range must be above 0"),
     ],
 )
 def test_tests_that_can_not_be_used(tmp_path: Path, text: str, words: str) -> None:

@@ -76,11 +76,11 @@ def test_direction_of_an_interferometer_decides(tmp_path):
     assert along[:4, GANTRY.index("X")].tolist() == [1, 1, -1, -1]
     assert along[4:6, GANTRY.index("Y")].tolist() == [1, 1]
     assert np.count_nonzero(along) == 6
-    assert m.notes[-1] == "line 11: a feed, but the axes stand where they stood and go nowhere: taken to stand still"
+    assert m.notes[-1] == "line 11: the row has a feed, but no axis moves: it is read as a standstill"
 
 
 def test_negative_feed_is_refused(read):
-    with pytest.raises(UserError, match=r"m\.csv:7 column feed: below 0"):
+    with pytest.raises(UserError, match=r"m\.csv:7 column feed: is below 0"):
         read("X,Y,Z,feed,x,y,z\n0,0,0,0,0,0,0\n3,4,0,-600,0,0,0\n")
 
 

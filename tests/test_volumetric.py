@@ -6,7 +6,7 @@ import pytest
 import machines
 from calibration.evaluation.volumetric import aligned, deviation_on, volumetric_error_um
 from calibration.planning.strategies import evaluation_grid
-from calibration.simulation.true_model import random_truth
+from calibration.simulation.true_model import random_true_model
 from kinematics.forward import tool_point
 from kinematics.state import State
 from kinematics.transforms import rotation_vector_matrix, turn
@@ -69,7 +69,7 @@ def test_statistics():
 def test_deviations_are_those_of_the_matrix_product():
     rng, machine = np.random.default_rng(5), machines.load("dmu50")
     grid = evaluation_grid(machine, 3)
-    model = random_truth(machine, rng)
+    model = random_true_model(machine, rng)
     deviation, points = deviation_on(machine, model, grid, (10.0, 0.0, -100.0))
     actual = tool_point(machine, grid, (10.0, 0.0, -100.0), model.errors(machine, State(grid)))
     assert deviation == pytest.approx(actual - points, abs=1e-12)
@@ -81,7 +81,7 @@ def test_the_gantry_of_the_virtual_calibration_paper():
     assert len(grid) == 729
     raw, fitted = [], []
     for _ in range(150):
-        deviation, points = deviation_on(GANTRY, random_truth(GANTRY, rng), grid)
+        deviation, points = deviation_on(GANTRY, random_true_model(GANTRY, rng), grid)
         raw.append(volumetric_error_um(deviation).rms)
         fitted.append(volumetric_error_um(deviation, points).rms)
     assert np.mean(raw) == pytest.approx(52.0, abs=3 * np.std(raw) / 150**0.5)

@@ -147,13 +147,13 @@ class _Curves:
 def _with_jumps(found: Estimate, data: Data, quasi: QuasiStatic) -> Estimate:
     """The estimate with additional rows close to both sides of each jump."""
     low, high = found.segment
-    places = [
+    jump_positions = [
         jump + side * max(each.shape.grain, JUMP_MM)
-        for each in found.ways.values()
+        for each in found.by_direction.values()
         for jump in each.jumps.places_mm
         for side in (-1.0, 1.0)
     ]
-    inside = [place for place in places if low < place < high]
+    inside = [position for position in jump_positions if low < position < high]
     if not inside:
         return found
     grid = found.fused.positions
@@ -163,20 +163,20 @@ def _with_jumps(found: Estimate, data: Data, quasi: QuasiStatic) -> Estimate:
 
 def _curves(found: Estimate) -> _Curves:
     """Error motion and reversal at the rows of the table, with their joint covariance."""
-    fused, ways = found.fused, len(found.fused.ways)
-    shares = [[0.5, 0.5], [float(fused.ways[0]), float(fused.ways[1])]] if ways == 2 else [[1.0]]
-    only = next(iter(found.ways.values()))
-    doubts = [found.ways.get(way, only).shape.doubt(fused.positions) for way in fused.ways]
-    spread = replace(fused, covariance=fused.covariance + np.diag(np.concatenate(doubts) ** 2))
-    direction = "mean" if ways == 2 else found.direction
-    error, reversal = found.table(direction), found.table("reversal") if ways == 2 else None
+    fused, count = found.fused, len(found.fused.signs)
+    shares = [[0.5, 0.5], [float(fused.signs[0]), float(fused.signs[1])]] if count == 2 else [[1.0]]
+    only = next(iter(found.by_direction.values()))
+    near_jumps = [found.by_direction.get(sign, only).shape.u_near_jumps(fused.positions) for sign in fused.signs]
+    spread = replace(fused, covariance=fused.covariance + np.diag(np.concatenate(near_jumps) ** 2))
+    direction = "mean" if count == 2 else found.direction
+    error, reversal = found.table(direction), found.table("reversal") if count == 2 else None
     rows = np.flatnonzero(error.continuous)
     total = len(error.position)
-    where = np.concatenate([rows + k * total for k in range(ways)])
+    where = np.concatenate([rows + k * total for k in range(count)])
     covariance = np.diag(np.square(np.concatenate([error.u, reversal.u] if reversal is not None else [error.u])))
-    scale = np.zeros(ways * total)
+    scale = np.zeros(count * total)
     scale[:total] = found.quasi.u_per_m * 1e-3 * (error.position - found.quasi.target[0])
-    covariance -= np.diag(np.tile(scale[:total] ** 2, ways))
+    covariance -= np.diag(np.tile(scale[:total] ** 2, count))
     covariance[np.ix_(where, where)] = spread.mixed(shares)[1]
     alone = np.flatnonzero(~error.continuous)
     covariance[alone, alone] += [_unseen(error, row) ** 2 for row in alone.tolist()]
@@ -212,8 +212,8 @@ def _thinned(curves: _Curves) -> tuple[_Curves, float]:
         rows = _nodes(curves.positions, columns, tolerance)
     thin = curves.at(rows)
     # between nodes the deviation is uniformly distributed within the tolerance
-    strays = np.where(np.arange(len(thin.values)) < len(rows), tolerance**2 / 3.0, 0.0)
-    return _Curves(thin.positions, thin.values, thin.covariance + np.diag(strays)), tolerance
+    interpolation = np.where(np.arange(len(thin.values)) < len(rows), tolerance**2 / 3.0, 0.0)
+    return _Curves(thin.positions, thin.values, thin.covariance + np.diag(interpolation)), tolerance
 
 
 def _nodes(x: Array, columns: Array, tolerance: float) -> np.ndarray:
@@ -274,40 +274,44 @@ def _joined(
     own: ErrorModel, base: ErrorModel, machine: Machine, axis: str, line: Line, both: bool
 ) -> tuple[list[str], ErrorModel]:
     """Names of the replaced effects of `base`, and `base` with the effects of the axis in their stead."""
-    gives_way = _gives_way(axis, both)
-    rest = base.part(lambda effect: not gives_way(effect))
+    is_replaced = _replaced_by(axis, both)
+    unchanged = base.part(lambda effect: not is_replaced(effect))
     motion = own.effects[0]
     assert isinstance(motion, ErrorMotion)
     nodes = np.array(motion.basis.nodes) if isinstance(motion.basis, BSpline) else np.zeros(0)
-    seen = _along(machine, axis, nodes, line)
-    registration = Registration(zeros={str(seen.groups[0]): 0.0})
+    line_readings = _along(machine, axis, nodes, line)
+    registration = Registration(zeros={str(line_readings.groups[0]): 0.0})
     forward = own_motion(machine, axis)[2]
-    shown = forward * 1e3 * expected(seen, registration, rest.observation(machine, seen.state))[:, 0]
-    design = rest.observation_design(machine, seen.state, transform(seen, registration))[:, 0] * (forward * 1e3)
+    shown = (
+        forward * 1e3 * expected(line_readings, registration, unchanged.observation(machine, line_readings.state))[:, 0]
+    )
+    design = unchanged.observation_design(machine, line_readings.state, transform(line_readings, registration))[
+        :, 0
+    ] * (forward * 1e3)
     centred = np.eye(len(nodes)) - mean_line(motion.basis).mean
-    n, old = len(own.parameters), len(rest.parameters)
-    lever = np.zeros((n, old))
-    lever[: len(nodes)] = -centred @ design
+    n, old = len(own.parameters), len(unchanged.parameters)
+    sensitivity = np.zeros((n, old))
+    sensitivity[: len(nodes)] = -centred @ design
     values = own.parameters.copy()
     values[: len(nodes)] -= centred @ shown
-    kept = np.array(rest.covariance) if rest.covariance is not None else np.diag(_variances(rest))
+    kept = np.array(unchanged.covariance) if unchanged.covariance is not None else np.diag(_variances(unchanged))
     whole = np.zeros((old + n, old + n))
     whole[:old, :old], whole[old:, old:] = kept.reshape(old, old), own.covariance
-    covariance = propagated(np.block([[np.eye(old), np.zeros((old, n))], [lever, np.eye(n)]]), whole)
-    model = msgspec.structs.replace(base, effects=(*rest.effects, *own.effects), provenance=own.provenance)
-    replaced = [effect.name for effect in base.effects if gives_way(effect)]
-    return replaced, model.with_parameters(np.concatenate([rest.parameters, values]), covariance)
+    covariance = propagated(np.block([[np.eye(old), np.zeros((old, n))], [sensitivity, np.eye(n)]]), whole)
+    model = msgspec.structs.replace(base, effects=(*unchanged.effects, *own.effects), provenance=own.provenance)
+    replaced = [effect.name for effect in base.effects if is_replaced(effect)]
+    return replaced, model.with_parameters(np.concatenate([unchanged.parameters, values]), covariance)
 
 
 def _variances(model: ErrorModel) -> Array:
     return np.square([u for effect in model.effects for u in effect.uncertainties])
 
 
-def _gives_way(axis: str, both: bool) -> Callable[[Effect], bool]:
+def _replaced_by(axis: str, both: bool) -> Callable[[Effect], bool]:
     """Condition for the effects to replace: the positioning error of the axis, and its reversal if that is known."""
     own = own_component(axis)
 
-    def gives_way(effect: Effect) -> bool:
+    def is_replaced(effect: Effect) -> bool:
         if isinstance(effect, ErrorMotion | Cyclic) and effect.component == own:
             return effect.axis == axis
         if isinstance(effect, Reversal) and effect.component == own:
@@ -316,7 +320,7 @@ def _gives_way(axis: str, both: bool) -> Callable[[Effect], bool]:
             return both and effect.axis == axis
         return isinstance(effect, QuantisedCompensation) and effect.axis == axis
 
-    return gives_way
+    return is_replaced
 
 
 def _along(machine: Machine, axis: str, nodes: Array, line: Line) -> Measurement:

@@ -26,20 +26,21 @@ FEW = 20
 
 def clocked(record: Record) -> tuple[Record, list[str]]:
     """The record with the better times, and a note if these are not the time stamps."""
-    time, way = record.time, record.displacement
+    time, displacement = record.time, record.displacement
     if len(time) < FEW:
         return record, []
     slots, period = raster(time)
-    period, begin = np.polyfit(slots, time, 1).tolist()
-    even = begin + period * slots
+    period, start = np.polyfit(slots, time, 1).tolist()
+    even = start + period * slots
     late = time - even
     if np.any(np.diff(slots) < 1) or np.median(np.abs(late)) > 0.25 * period:
         return record, []
-    speed = (way[-1] - way[0]) / (time[-1] - time[0])
-    stamped, clocked_noise = (noise_of(way - speed * each) for each in (time, even))
+    speed = (displacement[-1] - displacement[0]) / (time[-1] - time[0])
+    stamped, clocked_noise = (noise_of(displacement - speed * each) for each in (time, even))
     if clocked_noise >= SMOOTHER * stamped:
         return record, []
-    note = f"run {record.name}: time stamps scatter by {np.std(late) * 1e6:.3g} us about an even clock: that is used"
+    scatter = np.std(late) * 1e6
+    note = f"run {record.name}: time stamps scatter by {scatter:.3g} us about an even clock, which is used instead"
     return replace(record, time=even), [note]
 
 

@@ -24,9 +24,9 @@ BLOCKS = 16_384
 SPIKE = 8.0
 """Robust standard deviations from the median of its neighbours beyond which a sample is a fault of the beam."""
 NEIGHBOURS = 7
-STILL = 0.01
+STANDSTILL = 0.01
 """Share of the feed below which the axis is at rest."""
-REST_S = 0.1
+STANDSTILL_S = 0.1
 """Least duration of a rest, s."""
 AGREE_MM = 0.2
 """Largest difference, mm, of the positions of the run that follow from the two rests."""
@@ -88,14 +88,14 @@ def course_of(record: Record, segment: Segment, quasi: QuasiStatic) -> Course:
     curve = quasi.curve(record.direction)
     shift, notes = _shift(record, segment, curve)
     rows = slice(segment.first, segment.stop)
-    time, place = record.time[rows], record.displacement[rows] + shift
+    time, displacement = record.time[rows], record.displacement[rows] + shift
     slots, period = raster(time)
-    kept = ~_spikes(time, place)
-    time, place, slots = time[kept] - time[0], place[kept], slots[kept]
-    rough = place - np.interp(place, *curve) * 1e-3
+    kept = ~_spikes(time, displacement)
+    time, displacement, slots = time[kept] - time[0], displacement[kept], slots[kept]
+    rough = displacement - np.interp(displacement, *curve) * 1e-3
     speed, x0 = np.polyfit(time - time.mean(), rough, 1).tolist()
     x = x0 + speed * (time - time.mean())
-    error = (place - x) * 1e3
+    error = (displacement - x) * 1e3
     factor = math.ceil(len(x) / BLOCKS)
     block = slots // factor
     firsts = np.flatnonzero(np.diff(block, prepend=-1))
@@ -120,44 +120,51 @@ def course_of(record: Record, segment: Segment, quasi: QuasiStatic) -> Course:
 def _shift(record: Record, segment: Segment, curve: tuple[Array, Array]) -> tuple[float, list[str]]:
     """Offset from displacement to position, mm, from the rests at both ends or at one; notes."""
     found = []
-    for rest, place in zip(_rests(record, segment), (record.start, record.end), strict=True):
-        if rest is not None:
-            found.append(place + float(np.interp(place, *curve)) * 1e-3 - rest)
+    for standstill, displacement in zip(_standstills(record, segment), (record.start, record.end), strict=True):
+        if standstill is not None:
+            found.append(displacement + float(np.interp(displacement, *curve)) * 1e-3 - standstill)
     if len(found) == 2 and abs(found[0] - found[1]) > AGREE_MM:
         raise UserError(
-            f"{record.source}: from rest to rest run {record.name} goes "
-            f"{abs(record.end - record.start) + record.direction * (found[0] - found[1]):.4f} mm, its header says "
-            f"{abs(record.end - record.start):g}: mend '# start_mm' and '# end_mm' (where the axis rests), or the unit"
+            f"{record.source}: run {record.name} moves, from standstill to standstill, "
+            f"{abs(record.end - record.start) + record.direction * (found[0] - found[1]):.4f} mm, its header states "
+            f"{abs(record.end - record.start):g}: correct '# start_mm' and '# end_mm' (where the axis is at "
+            "standstill), or the unit"
         )
     if found:
         return float(np.mean(found)), []
     low, high = sorted((record.start, record.end))
-    places = record.displacement - np.interp(record.displacement, *curve) * 1e-3
-    if np.any((places < low - AGREE_MM) | (places > high + AGREE_MM)):
+    displacements = record.displacement - np.interp(record.displacement, *curve) * 1e-3
+    if np.any((displacements < low - AGREE_MM) | (displacements > high + AGREE_MM)):
         raise UserError(
-            f"{record.source}: run {record.name} rests neither before nor after its motion, and its displacement is "
-            f"not that from {low:g} to {high:g} mm: where along the axis it lay is not known"
+            f"{record.source}: run {record.name} has no standstill before or after its motion, and its displacement is "
+            f"not that from {low:g} to {high:g} mm: its position along the axis is unknown"
         )
-    return 0.0, [f"run {record.name} rests neither before nor after its motion: its displacement is taken as position"]
+    return 0.0, [
+        f"run {record.name} has no standstill before or after its motion: its displacement is used as the position"
+    ]
 
 
-def _rests(record: Record, segment: Segment) -> tuple[float | None, float | None]:
+def _standstills(record: Record, segment: Segment) -> tuple[float | None, float | None]:
     """Displacement, mm, at rest before and after the motion; None if the record shows no rest."""
-    least = max(round(REST_S / segment.sample_s), 3)
-    still = STILL * segment.speed * segment.sample_s * least
+    least = max(round(STANDSTILL_S / segment.sample_s), 3)
+    standstill_mm = STANDSTILL * segment.speed * segment.sample_s * least
     found: list[float | None] = []
-    for way in (record.displacement, record.displacement[::-1]):
-        level = float(np.median(way[:least]))
-        left = np.abs(way - level) > max(still, 4.0 * noise_of(way[:least]) if least > 8 else still)
-        count = int(np.argmax(left)) if left.any() else len(way)
-        rests = count >= least and float(np.ptp(way[: least // 2])) < still + 8.0 * noise_of(way)
-        found.append(float(np.median(way[: max(count // 2, 1)])) if rests else None)
+    for displacement in (record.displacement, record.displacement[::-1]):
+        level = float(np.median(displacement[:least]))
+        left = np.abs(displacement - level) > max(
+            standstill_mm, 4.0 * noise_of(displacement[:least]) if least > 8 else standstill_mm
+        )
+        count = int(np.argmax(left)) if left.any() else len(displacement)
+        stands_still = count >= least and float(np.ptp(displacement[: least // 2])) < standstill_mm + 8.0 * noise_of(
+            displacement
+        )
+        found.append(float(np.median(displacement[: max(count // 2, 1)])) if stands_still else None)
     return found[0], found[1]
 
 
-def _spikes(time: Array, place: Array) -> np.ndarray:
+def _spikes(time: Array, displacement: Array) -> np.ndarray:
     """Mask `(n,)` of the samples far from the median of their neighbours."""
-    level = place - np.polyval(np.polyfit(time - time.mean(), place, 1), time - time.mean())
+    level = displacement - np.polyval(np.polyfit(time - time.mean(), displacement, 1), time - time.mean())
     around = np.lib.stride_tricks.sliding_window_view(np.pad(level, NEIGHBOURS // 2, mode="edge"), NEIGHBOURS)
     off = np.abs(level - np.median(around, axis=1))
     scale = max(noise_of(level), 1.4826 * float(np.median(off)), 1e-7)

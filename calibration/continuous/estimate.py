@@ -14,7 +14,7 @@ from calibration.continuous.error_curve import Course, course_of
 from calibration.continuous.features import Found, features, pitch_of, without_jumps, without_waves
 from calibration.continuous.fusion import Fused, fused
 from calibration.continuous.noise import Noise, noise_of_course
-from calibration.continuous.records import WAYS, QuasiStatic, Record
+from calibration.continuous.records import DIRECTION_NAMES, QuasiStatic, Record
 from calibration.continuous.segment import constant_velocity
 from calibration.continuous.shape import Extra, Shape, shape_of
 from kinematics.transforms import Array
@@ -26,7 +26,7 @@ ROWS = 500
 MOST_ROWS = 4000
 LEAST_TARGETS = 2
 """Least number of targets inside the segment, because the fit estimates a straight line."""
-PASSES, MATTERS = 8, 0.05
+ITERATIONS, MATTERS = 8, 0.05
 """Iteration of positions from errors and errors from positions: largest number of rounds, and tolerance, um."""
 FEED_OFF = 0.05
 """Relative difference of the feed from the programmed one above which a note is given."""
@@ -60,7 +60,7 @@ class Jumps(NamedTuple):
 
 
 @dataclass(frozen=True)
-class OneWay:
+class OneDirection:
     """Result of the continuous runs of one direction."""
 
     courses: tuple[Course, ...]
@@ -85,7 +85,7 @@ class TableRows(NamedTuple):
 class Estimate:
     """Joint estimate of the axis."""
 
-    ways: Mapping[int, OneWay]
+    by_direction: Mapping[int, OneDirection]
     """Result of the continuous runs, by direction."""
     quasi: QuasiStatic
     fused: Fused
@@ -98,7 +98,7 @@ class Estimate:
     @property
     def segment(self) -> tuple[float, float]:
         """Ends of the range that all continuous runs cover at constant velocity, mm."""
-        return _common({way: each.shape for way, each in self.ways.items()})
+        return _common({sign: each.shape for sign, each in self.by_direction.items()})
 
     def curve(self, direction: str) -> tuple[Array, Array]:
         """Errors `(n,)` at the fused positions and their covariance, um and um2, without the instrument's scale.
@@ -107,7 +107,7 @@ class Estimate:
         """
         shares = {"forward": (1.0, 0.0), "backward": (0.0, 1.0), "mean": (0.5, 0.5), "reversal": (1.0, -1.0)}
         share = dict(zip((1, -1), shares[direction], strict=True))
-        values, covariance = self.fused.mixed([[share[way] for way in self.fused.ways]])
+        values, covariance = self.fused.mixed([[share[sign] for sign in self.fused.signs]])
         return values, covariance
 
     def table(self, direction: str | None = None) -> TableRows:
@@ -115,20 +115,20 @@ class Estimate:
         direction = direction or self.direction
         error, covariance = self.curve(direction)
         x, u = self.fused.positions, np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        for way in self.ways:
-            if direction in ("mean", WAYS[way]) or len(self.ways) == 1:
-                u = np.hypot(u, self.ways[way].shape.doubt(x) * (0.5 if direction == "mean" else 1.0))
+        for sign in self.by_direction:
+            if direction in ("mean", DIRECTION_NAMES[sign]) or len(self.by_direction) == 1:
+                u = np.hypot(u, self.by_direction[sign].shape.u_near_jumps(x) * (0.5 if direction == "mean" else 1.0))
         beyond = _outside(self.fused, direction)
         x, error, u = (np.concatenate(pair) for pair in zip((x, error, u), beyond, strict=True))
         order = np.argsort(x)
         scale = self.quasi.u_per_m * 1e-3 * (x - self.quasi.target[0])
-        inner = np.arange(len(x)) < len(self.fused.positions)
-        return TableRows(x[order], error[order], np.hypot(u, scale)[order], inner[order])
+        inside_segment = np.arange(len(x)) < len(self.fused.positions)
+        return TableRows(x[order], error[order], np.hypot(u, scale)[order], inside_segment[order])
 
     @property
     def both(self) -> bool:
         """True if the errors of both directions are known."""
-        return len(self.fused.ways) == 2
+        return len(self.fused.signs) == 2
 
 
 def estimate(
@@ -144,34 +144,40 @@ def estimate(
     """
     notes: list[str] = []
     used = _with_readings(records, quasi, notes)
-    courses = {way: _courses([r for r in used if r.direction == way], quasi, notes) for way in WAYS if _has(used, way)}
-    for _ in range(PASSES):
-        ways = {way: _one_way(own) for way, own in courses.items()}
-        shapes = {way: each.shape for way, each in ways.items()}
+    courses = {
+        sign: _courses([r for r in used if r.direction == sign], quasi, notes)
+        for sign in DIRECTION_NAMES
+        if _has(used, sign)
+    }
+    for _ in range(ITERATIONS):
+        by_direction = {sign: _one_direction(own) for sign, own in courses.items()}
+        shapes = {sign: each.shape for sign, each in by_direction.items()}
         inside = _inside(shapes, quasi)
         at = _positions(*_common(shapes), spacing) if positions is None else positions
-        asked = tuple(way for way in WAYS if np.any(inside & (quasi.direction == way)))
-        found = fused(shapes, quasi, inside, at, asked)
-        if _settled(shapes, found):
+        requested = tuple(sign for sign in DIRECTION_NAMES if np.any(inside & (quasi.direction == sign)))
+        found = fused(shapes, quasi, inside, at, requested)
+        if _converged(shapes, found):
             break
-        courses = {way: tuple(course.moved(*found.lines[way]) for course in own) for way, own in courses.items()}
+        courses = {sign: tuple(course.moved(*found.lines[sign]) for course in own) for sign, own in courses.items()}
     else:
-        notes.append("the error changes too fast along the axis for its positions to be sure: u_um does not hold that")
+        notes.append(
+            "the error changes so fast along the axis that its positions are uncertain: u_um does not contain this"
+        )
     _refuse_unexplained(quasi, inside, found)
-    chosen = _direction(direction, ways, found)
-    for course in (course for each in ways.values() for course in each.courses):
+    chosen = _direction(direction, by_direction, found)
+    for course in (course for each in by_direction.values() for course in each.courses):
         notes += _feed_notes(course)
     notes += _noise_notes(found)
     comparisons = {
-        course.record.name: compared(course, quasi, inside & (quasi.direction == way))
-        for way, each in ways.items()
+        course.record.name: compared(course, quasi, inside & (quasi.direction == sign))
+        for sign, each in by_direction.items()
         for course in each.courses
     }
-    return Estimate(ways, quasi, found, chosen, comparisons, tuple(notes))
+    return Estimate(by_direction, quasi, found, chosen, comparisons, tuple(notes))
 
 
-def _has(records: Sequence[Record], way: int) -> bool:
-    return any(record.direction == way for record in records)
+def _has(records: Sequence[Record], sign: int) -> bool:
+    return any(record.direction == sign for record in records)
 
 
 def _with_readings(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) -> list[Record]:
@@ -180,12 +186,13 @@ def _with_readings(records: Sequence[Record], quasi: QuasiStatic, notes: list[st
     for record in records:
         if record not in used:
             notes.append(
-                f"run {record.name} is not used: no quasi-static reading {WAYS[record.direction]} says where it lies"
+                f"run {record.name} is not used: its position is unknown without a quasi-static reading in its "
+                f"direction, {DIRECTION_NAMES[record.direction]}"
             )
     if not used:
         raise UserError(
             f"{quasi.source}: no quasi-static reading in the direction of the continuous run "
-            f"({', '.join(sorted({WAYS[record.direction] for record in records}))})"
+            f"({', '.join(sorted({DIRECTION_NAMES[record.direction] for record in records}))})"
         )
     return used
 
@@ -194,10 +201,10 @@ def _courses(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) ->
     """The runs of one direction at constant velocity."""
     courses = []
     for record in records:
-        timed, told = clocked(record)
+        timed, clock_notes = clocked(record)
         segment = constant_velocity(timed)
         course = course_of(timed, segment, quasi)
-        notes += [*told, *segment.notes, *course.notes]
+        notes += [*clock_notes, *segment.notes, *course.notes]
         courses.append(course)
     low = max(float(course.x.min()) for course in courses)
     high = min(float(course.x.max()) for course in courses)
@@ -205,10 +212,10 @@ def _courses(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) ->
     return tuple(courses)
 
 
-def _settled(shapes: Mapping[int, Shape], found: Fused) -> bool:
+def _converged(shapes: Mapping[int, Shape], found: Fused) -> bool:
     """True if the fitted lines shift the positions so little that errors change by less than MATTERS."""
-    for way, shape in shapes.items():
-        offset, slope = found.lines[way]
+    for sign, shape in shapes.items():
+        offset, slope = found.lines[sign]
         ends = np.array(shape.interval)
         moved = float(np.abs(offset + slope * ends).max()) * 1e-3
         if moved * shape.steepest > MATTERS:
@@ -216,7 +223,7 @@ def _settled(shapes: Mapping[int, Shape], found: Fused) -> bool:
     return True
 
 
-def _one_way(courses: tuple[Course, ...]) -> OneWay:
+def _one_direction(courses: tuple[Course, ...]) -> OneDirection:
     """Result of the runs of one direction."""
     found = features(courses)
     bare = [without_waves(course, without_jumps(course, found.jumps), found) for course in courses]
@@ -225,7 +232,7 @@ def _one_way(courses: tuple[Course, ...]) -> OneWay:
         for i, (course, error) in enumerate(zip(courses, bare, strict=True))
     )
     shape = shape_of(courses, noises, Extra(found.jumps, found.periods))
-    return OneWay(courses, noises, shape, found, _waves(courses[0], shape), _jumps(shape))
+    return OneDirection(courses, noises, shape, found, _waves(courses[0], shape), _jumps(shape))
 
 
 def _check_targets(record: Record, quasi: QuasiStatic, low: float, high: float) -> None:
@@ -234,13 +241,14 @@ def _check_targets(record: Record, quasi: QuasiStatic, low: float, high: float) 
     targets = np.unique(quasi.target[rows])
     if len(targets) < LEAST_TARGETS:
         raise UserError(
-            f"{quasi.source}: {len(targets)} target{'s' * (len(targets) != 1)} {WAYS[record.direction]} from "
-            f"{low:.3f} to {high:.3f} mm, where {record.source} moves at constant velocity: at least {LEAST_TARGETS} "
-            "are needed to find its scale and datum"
+            f"{quasi.source}: {len(targets)} target{'s' * (len(targets) != 1)} {DIRECTION_NAMES[record.direction]} "
+            f"from {low:.3f} to {high:.3f} mm, where {record.source} moves at constant velocity: at least "
+            f"{LEAST_TARGETS} are needed to find its scale and datum"
         )
     if len(targets) == LEAST_TARGETS and quasi.u is None:
         raise UserError(
-            f"{quasi.source}: two targets inside the segment say nothing of their own noise: state '# u_um: ...'"
+            f"{quasi.source}: two targets inside the segment do not show the noise of the readings; "
+            "state it with '# u_um: ...' in the header"
         )
 
 
@@ -294,37 +302,39 @@ def _common(shapes: Mapping[int, Shape]) -> tuple[float, float]:
 def _inside(shapes: Mapping[int, Shape], quasi: QuasiStatic) -> np.ndarray:
     """Mask `(m,)` of the readings within the segment of their direction, or of the other if theirs has no run."""
     inside = np.zeros(len(quasi), bool)
-    for way in WAYS:
-        low, high = shapes[way].interval if way in shapes else next(iter(shapes.values())).interval
-        inside |= (quasi.direction == way) & (quasi.target >= low) & (quasi.target <= high)
+    for sign in DIRECTION_NAMES:
+        low, high = shapes[sign].interval if sign in shapes else next(iter(shapes.values())).interval
+        inside |= (quasi.direction == sign) & (quasi.target >= low) & (quasi.target <= high)
     return inside
 
 
 def _positions(low: float, high: float, spacing: float | None) -> Array:
     """Positions of the table, mm: multiples of the spacing inside the segment, and both ends."""
     if spacing is None:
-        wanted = (high - low) / ROWS
-        decade = 10.0 ** np.floor(np.log10(wanted))
-        spacing = float(min((decade * step for step in (1.0, 2.0, 5.0, 10.0)), key=lambda each: abs(each - wanted)))
+        requested = (high - low) / ROWS
+        decade = 10.0 ** np.floor(np.log10(requested))
+        spacing = float(min((decade * step for step in (1.0, 2.0, 5.0, 10.0)), key=lambda each: abs(each - requested)))
     if (high - low) / spacing > MOST_ROWS:
         raise UserError(
             f"--spacing-mm {spacing:g}: {(high - low) / spacing:.0f} rows over {high - low:.1f} mm, "
             f"more than {MOST_ROWS}"
         )
-    inner = spacing * np.arange(np.ceil(low / spacing), np.floor(high / spacing) + 1.0)
-    ends = [end for end in (low, high) if len(inner) == 0 or np.abs(inner - end).min() > 0.05 * spacing]
-    return np.sort(np.concatenate([np.round(inner, 9), ends]))
+    inside_segment = spacing * np.arange(np.ceil(low / spacing), np.floor(high / spacing) + 1.0)
+    ends = [
+        end for end in (low, high) if len(inside_segment) == 0 or np.abs(inside_segment - end).min() > 0.05 * spacing
+    ]
+    return np.sort(np.concatenate([np.round(inside_segment, 9), ends]))
 
 
-def _direction(wanted: Direction, ways: Mapping[int, OneWay], found: Fused) -> str:
+def _direction(requested: Direction, by_direction: Mapping[int, OneDirection], found: Fused) -> str:
     """Direction of the table; UserError if the data do not contain it."""
-    if wanted == "auto":
-        return "mean" if len(ways) == 2 else WAYS[next(iter(ways))]
-    needed = {1, -1} if wanted == "mean" else {way for way, name in WAYS.items() if name == wanted}
-    if not needed <= set(found.ways):
-        there = ", ".join(WAYS[way] for way in found.ways)
-        raise UserError(f"--direction {wanted}: the quasi-static readings have only {there}")
-    return wanted
+    if requested == "auto":
+        return "mean" if len(by_direction) == 2 else DIRECTION_NAMES[next(iter(by_direction))]
+    needed = {1, -1} if requested == "mean" else {sign for sign, name in DIRECTION_NAMES.items() if name == requested}
+    if not needed <= set(found.signs):
+        there = ", ".join(DIRECTION_NAMES[sign] for sign in found.signs)
+        raise UserError(f"--direction {requested}: the quasi-static readings have only {there}")
+    return requested
 
 
 def _outside(found: Fused, direction: str) -> tuple[Array, Array, Array]:
@@ -333,9 +343,9 @@ def _outside(found: Fused, direction: str) -> tuple[Array, Array, Array]:
     Mean and reversal are given at targets with readings in both directions.
     """
     nothing = (np.zeros(0), np.zeros(0), np.zeros(0))
-    if direction in WAYS.values():
-        way = next(way for way, name in WAYS.items() if name == direction)
-        return found.outside.get(way, nothing)
+    if direction in DIRECTION_NAMES.values():
+        sign = next(sign for sign, name in DIRECTION_NAMES.items() if name == direction)
+        return found.outside.get(sign, nothing)
     if set(found.outside) != {1, -1}:
         return nothing
     (x, up, u_up), (other, down, u_down) = found.outside[1], found.outside[-1]
@@ -349,11 +359,11 @@ def _feed_notes(course: Course) -> list[str]:
     record, name = course.record, course.record.name
     notes = []
     if abs(course.feed / record.feed - 1.0) > FEED_OFF:
-        notes.append(f"run {name} moved at {course.feed:.5g} mm/min, its header says {record.feed:g}")
+        notes.append(f"run {name} moved at {course.feed:.5g} mm/min, its header states {record.feed:g}")
     if course.dropped:
-        notes.append(f"run {name}: {course.dropped} samples far off their neighbours left out")
+        notes.append(f"run {name}: {course.dropped} samples far from their neighbours are left out")
     if course.missing:
-        notes.append(f"run {name}: {course.missing} samples missing in the record")
+        notes.append(f"run {name}: {course.missing} samples are missing in the record")
     return notes
 
 
@@ -363,14 +373,14 @@ def _refuse_unexplained(quasi: QuasiStatic, inside: np.ndarray, found: Fused) ->
     Only if the readings scatter by more than the instrument specification allows.
     """
     squares, free = 0.0, 0
-    for way in WAYS:
-        rows = inside & (quasi.direction == way)
+    for sign in DIRECTION_NAMES:
+        rows = inside & (quasi.direction == sign)
         if rows.sum() > LEAST_TARGETS:
             x, y = quasi.target[rows], quasi.deviation[rows]
             squares += float(np.sum((y - np.polyval(np.polyfit(x, y, 1), x)) ** 2))
             free += int(rows.sum()) - LEAST_TARGETS
     line = (squares / free) ** 0.5 if free else np.inf
-    if found.spread.noise > max(AGREES * found.spread.sheet, NO_BETTER * line):
+    if found.spread.noise > max(AGREES * found.spread.specified, NO_BETTER * line):
         raise UserError(
             f"{quasi.source}: the readings scatter by {found.spread.noise:.3g} um about the error that the continuous "
             f"runs show, and by {line:.3g} um about a straight line: the runs do not explain them. Compare unit, sign "
@@ -380,9 +390,10 @@ def _refuse_unexplained(quasi: QuasiStatic, inside: np.ndarray, found: Fused) ->
 
 def _noise_notes(found: Fused) -> list[str]:
     spread = found.spread
-    if spread.sheet and spread.noise > AGREES * spread.sheet:
+    if spread.specified and spread.noise > AGREES * spread.specified:
         return [
-            f"quasi-static readings scatter by {spread.noise:.2g} um about the continuous curve, the instrument's "
-            f"sheet says {spread.sheet:.2g}: the axis repeats no better, or moves otherwise than it stands; u says so"
+            f"quasi-static readings scatter by {spread.noise:.2g} um about the continuous curve, the instrument "
+            f"specification gives {spread.specified:.2g} um: the axis repeats no better, or its motion differs from "
+            "its standstill; u is increased accordingly"
         ]
     return []

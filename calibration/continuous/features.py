@@ -56,8 +56,8 @@ class Found(NamedTuple):
 def features(courses: Sequence[Course]) -> Found:
     """Jumps and waves of the courses of one direction: detected in the longest course, waves checked in all."""
     main = max(courses, key=len)
-    places = jumps(main)
-    bare = [without_jumps(course, places) for course in courses]
+    positions = jumps(main)
+    bare = [without_jumps(course, positions) for course in courses]
     left = bare[courses.index(main)]
     length = float(np.ptp(main.x))
     kept: list[float] = []
@@ -74,17 +74,17 @@ def features(courses: Sequence[Course]) -> Found:
         if not _keeps_phase(parts):
             continue
         left = _without(main, left, period)
-        if _keeps_place(parts):
+        if _keeps_position(parts):
             kept.append(period)
         else:
             loose.append((main.speed / period, float(np.mean(np.abs(parts.mean(axis=1))))))
-    return Found(places, tuple(kept), tuple(loose))
+    return Found(positions, tuple(kept), tuple(loose))
 
 
 def jumps(course: Course) -> tuple[float, ...]:
     """Positions of jumps of the error, mm, ascending."""
     taken = np.zeros(len(course), bool)
-    places: list[float] = []
+    positions: list[float] = []
     for side in SIDES:
         if len(course) < 8 * side:
             continue
@@ -96,19 +96,19 @@ def jumps(course: Course) -> tuple[float, ...]:
             near = slice(max(peak - side, 0), peak + side + 1)
             if not taken[near].any() and 0 < peak < len(course):
                 taken[peak] = True
-                places.append(float(course.x[peak - 1] + course.x[peak]) / 2.0)
-    return tuple(sorted(places)) if len(places) <= MOST_JUMPS else ()
+                positions.append(float(course.x[peak - 1] + course.x[peak]) / 2.0)
+    return tuple(sorted(positions)) if len(positions) <= MOST_JUMPS else ()
 
 
-def without_jumps(course: Course, places: Sequence[float]) -> Array:
+def without_jumps(course: Course, positions: Sequence[float]) -> Array:
     """Errors `(n,)`, um, without the jumps at these positions."""
-    if not places:
+    if not positions:
         return course.error
     ascending = course.x[-1] > course.x[0]
     x, error = (course.x, course.error) if ascending else (course.x[::-1], course.error[::-1])
     side = SIDES[0]
     size = _disagreement(error, side)
-    at = np.clip(np.searchsorted(x, np.array(places)), 0, len(x) - 1)
+    at = np.clip(np.searchsorted(x, np.array(positions)), 0, len(x) - 1)
     level = np.zeros(len(x))
     np.add.at(level, at, size[at])
     left = error - np.cumsum(level)
@@ -123,19 +123,19 @@ def without_waves(course: Course, error: Array, found: Found) -> Array:
     return error
 
 
-def pitch_of(places: Sequence[float], grain: float) -> tuple[float, float] | None:
+def pitch_of(positions: Sequence[float], grain: float) -> tuple[float, float] | None:
     """Pitch and its standard uncertainty, mm, of equally spaced jumps; None if they are not equally spaced.
 
     `grain`: length, mm, within which the position of a jump is unknown.
     """
-    if len(places) < LEAST_REGULAR:
+    if len(positions) < LEAST_REGULAR:
         return None
-    at = np.array(places)
+    at = np.array(positions)
     steps = np.diff(at)
     pitch = float(np.median(steps))
     numbers = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(steps / pitch), 1.0))])
-    pitch, begin = np.polyfit(numbers, at, 1).tolist()
-    off = at - begin - pitch * numbers
+    pitch, start = np.polyfit(numbers, at, 1).tolist()
+    off = at - start - pitch * numbers
     if np.mean(np.abs(off) < REGULAR * pitch) < 0.8:
         return None
     spread = float(np.sqrt((np.mean(off**2) + grain**2 / 12.0) / np.sum((numbers - numbers.mean()) ** 2)))
@@ -178,7 +178,7 @@ def _keeps_phase(parts: np.ndarray) -> bool:
     )
 
 
-def _keeps_place(parts: np.ndarray) -> bool:
+def _keeps_position(parts: np.ndarray) -> bool:
     """True if the runs `(runs, parts)` agree in amplitude and phase over position within the scatter of their parts."""
     runs = len(parts)
     means = parts.mean(axis=1)

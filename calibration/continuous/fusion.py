@@ -38,7 +38,7 @@ class Spread:
 
     noise: float
     """Noise of a reading, increased for its degrees of freedom."""
-    sheet: float
+    specified: float
     """Noise of a reading by the instrument specification; 0 without one."""
     offset: float
     """Offset of a run against the others."""
@@ -66,7 +66,7 @@ class Fused:
     """Errors at `positions` `(n,)`, mm, in each direction, stacked by direction, um."""
 
     positions: Array
-    ways: tuple[int, ...]
+    signs: tuple[int, ...]
     values: Array
     """Errors `(directions, n)`, um."""
     covariance: Array
@@ -84,63 +84,65 @@ class Fused:
 
     def mixed(self, shares: Sequence[Sequence[float]]) -> tuple[Array, Array]:
         """Sums `(k n,)` of the directions by shares `(k, directions)`, um, and their covariance `(k n, k n)`, um2."""
-        own, (ways, n) = np.array(shares), self.values.shape
-        blocks = self.covariance.reshape(ways, n, ways, n).transpose(0, 2, 1, 3)
+        own, (signs, n) = np.array(shares), self.values.shape
+        blocks = self.covariance.reshape(signs, n, signs, n).transpose(0, 2, 1, 3)
         half = np.tensordot(own, blocks, axes=(1, 0))
         whole = np.tensordot(own, half, axes=(1, 1))
         return (own @ self.values).ravel(), whole.transpose(1, 2, 0, 3).reshape(len(own) * n, len(own) * n)
 
 
 @dataclass(frozen=True)
-class _Places:
+class _Points:
     """Positions `(n,)`, mm, of estimates or readings, each with its direction."""
 
     x: Array
-    way: np.ndarray
+    sign: np.ndarray
 
     def __len__(self) -> int:
         return len(self.x)
 
 
 def fused(
-    shapes: Mapping[int, Shape], quasi: QuasiStatic, inside: np.ndarray, positions: Array, ways: tuple[int, ...]
+    shapes: Mapping[int, Shape], quasi: QuasiStatic, inside: np.ndarray, positions: Array, signs: tuple[int, ...]
 ) -> Fused:
     """The joint estimate at positions `(n,)`, mm, in these directions.
 
     `inside`: mask `(m,)` of the readings within the segment, where each direction with a continuous run needs two
     targets.
     """
-    read = _Places(quasi.target, quasi.direction)
-    asked = _Places(np.tile(positions, len(ways)), np.repeat(ways, len(positions)))
+    read = _Points(quasi.target, quasi.direction)
+    requested = _Points(np.tile(positions, len(signs)), np.repeat(signs, len(positions)))
     centre, half = _scale(shapes)
-    fixed = _fixed(shapes, read, ways, centre, half)
+    fixed = _fixed(shapes, read, signs, centre, half)
     beyond, cells = _outside_columns(read, inside)
     design = np.concatenate([np.where(inside[:, None], fixed, 0.0), beyond], axis=1)
     known = inside.astype(float)
-    both = _Places(np.concatenate([asked.x, read.x]), np.concatenate([asked.way, read.way]))
+    both = _Points(np.concatenate([requested.x, read.x]), np.concatenate([requested.sign, read.sign]))
     mean, covariance = _curves(shapes, both)
-    n = len(asked)
+    n = len(requested)
     observed = quasi.deviation - mean[n:] * known
     own = covariance[n:, n:] * np.outer(known, known) + _beside_jumps(shapes, read, known)
     groups = _groups(quasi, shapes, read, inside, centre, half)
-    sheet = quasi.u or 0.0
-    spread, variance = _spread(observed, design, own, groups, sheet)
+    specified = quasi.u or 0.0
+    spread, variance = _spread(observed, design, own, groups, specified)
     solved = _Solved(observed, design, variance)
-    asked_design = np.concatenate([_fixed(shapes, asked, ways, centre, half), np.zeros((n, beyond.shape[1]))], axis=1)
+    requested_design = np.concatenate(
+        [_fixed(shapes, requested, signs, centre, half), np.zeros((n, beyond.shape[1]))], axis=1
+    )
     cross = covariance[:n, n:] * known
     prior = covariance[:n, :n]
-    reversal = _reversal_kernel(shapes, asked, half)
+    reversal = _reversal_kernel(shapes, requested, half)
     if reversal is not None:
-        other = _reversal_kernel(shapes, asked, half, read)
+        other = _reversal_kernel(shapes, requested, half, read)
         assert other is not None
         cross = cross + spread.reversal**2 * other * known
         prior = prior + spread.reversal**2 * reversal
-    values, joint = solved.predicted(asked_design, cross, prior)
+    values, joint = solved.predicted(requested_design, cross, prior)
     residual = solved.residual[inside]
     return Fused(
         positions,
-        ways,
-        (mean[:n] + values).reshape(len(ways), -1),
+        signs,
+        (mean[:n] + values).reshape(len(signs), -1),
         joint,
         solved.outside(cells, fixed.shape[1]),
         spread,
@@ -158,56 +160,56 @@ def _scale(shapes: Mapping[int, Shape]) -> tuple[float, float]:
     return (low + high) / 2.0, (high - low) / 2.0
 
 
-def _fixed(shapes: Mapping[int, Shape], places: _Places, ways: tuple[int, ...], centre: float, half: float) -> Array:
+def _fixed(shapes: Mapping[int, Shape], points: _Points, signs: tuple[int, ...], centre: float, half: float) -> Array:
     """Columns of a line for each curve, and of one for the reversal of a direction without a curve."""
-    line = np.stack([np.ones(len(places)), (places.x - centre) / half], axis=1)
-    own = [line * (_owner(shapes, places) == way)[:, None] for way in shapes]
-    missing = [way for way in (1, -1) if way not in shapes and (way in ways or np.any(places.way == way))]
-    return np.concatenate([*own, *(line * (places.way == way)[:, None] for way in missing)], axis=1)
+    line = np.stack([np.ones(len(points)), (points.x - centre) / half], axis=1)
+    own = [line * (_owner(shapes, points) == sign)[:, None] for sign in shapes]
+    missing = [sign for sign in (1, -1) if sign not in shapes and (sign in signs or np.any(points.sign == sign))]
+    return np.concatenate([*own, *(line * (points.sign == sign)[:, None] for sign in missing)], axis=1)
 
 
-def _owner(shapes: Mapping[int, Shape], places: _Places) -> np.ndarray:
+def _owner(shapes: Mapping[int, Shape], points: _Points) -> np.ndarray:
     """Direction `(n,)` of the curve that applies at each position."""
     only = next(iter(shapes))
-    return places.way if len(shapes) == 2 else np.full(len(places), only)
+    return points.sign if len(shapes) == 2 else np.full(len(points), only)
 
 
-def _curves(shapes: Mapping[int, Shape], places: _Places) -> tuple[Array, Array]:
+def _curves(shapes: Mapping[int, Shape], points: _Points) -> tuple[Array, Array]:
     """Mean `(n,)`, um, and covariance `(n, n)`, um2, of the curves; equal positions on a curve share one value."""
-    mean, covariance = np.zeros(len(places)), np.zeros((len(places), len(places)))
-    owner = _owner(shapes, places)
-    for way, shape in shapes.items():
-        rows = np.flatnonzero(owner == way)
-        where, which = np.unique(places.x[rows], return_inverse=True)
+    mean, covariance = np.zeros(len(points)), np.zeros((len(points), len(points)))
+    owner = _owner(shapes, points)
+    for sign, shape in shapes.items():
+        rows = np.flatnonzero(owner == sign)
+        where, which = np.unique(points.x[rows], return_inverse=True)
         mean[rows] = shape.at(where)[which]
         covariance[np.ix_(rows, rows)] = shape.covariance(where)[np.ix_(which, which)]
     return mean, covariance
 
 
-def _beside_jumps(shapes: Mapping[int, Shape], read: _Places, known: Array) -> Array:
+def _beside_jumps(shapes: Mapping[int, Shape], read: _Points, known: Array) -> Array:
     """Covariance `(m, m)`, um2, at targets on a jump: all readings of a target lie on one side of it."""
-    doubt, owner = np.zeros(len(read)), _owner(shapes, read)
-    for way, shape in shapes.items():
-        rows = np.flatnonzero(owner == way)
-        doubt[rows] = shape.doubt(read.x[rows])
-    same = (read.x[:, None] == read.x) & (read.way[:, None] == read.way)
-    return np.asarray(same * np.outer(doubt * known, doubt * known))
+    u_near_jumps, owner = np.zeros(len(read)), _owner(shapes, read)
+    for sign, shape in shapes.items():
+        rows = np.flatnonzero(owner == sign)
+        u_near_jumps[rows] = shape.u_near_jumps(read.x[rows])
+    same = (read.x[:, None] == read.x) & (read.sign[:, None] == read.sign)
+    return np.asarray(same * np.outer(u_near_jumps * known, u_near_jumps * known))
 
 
 def _lines(shapes: Mapping[int, Shape], fixed: Array, centre: float, half: float) -> dict[int, tuple[float, float]]:
-    slopes = {way: float(fixed[2 * i + 1]) / half for i, way in enumerate(shapes)}
-    return {way: (float(fixed[2 * i]) - slopes[way] * centre, slopes[way]) for i, way in enumerate(shapes)}
+    slopes = {sign: float(fixed[2 * i + 1]) / half for i, sign in enumerate(shapes)}
+    return {sign: (float(fixed[2 * i]) - slopes[sign] * centre, slopes[sign]) for i, sign in enumerate(shapes)}
 
 
-def _outside_columns(read: _Places, inside: np.ndarray) -> tuple[Array, list[tuple[float, int]]]:
+def _outside_columns(read: _Points, inside: np.ndarray) -> tuple[Array, list[tuple[float, int]]]:
     """A column for every target outside the segment in every direction; the target, mm, and direction of each."""
-    cells = sorted({(float(x), int(way)) for x, way in zip(read.x[~inside], read.way[~inside], strict=True)})
-    columns = [(~inside & (read.x == x) & (read.way == way)).astype(float) for x, way in cells]
+    cells = sorted({(float(x), int(sign)) for x, sign in zip(read.x[~inside], read.sign[~inside], strict=True)})
+    columns = [(~inside & (read.x == x) & (read.sign == sign)).astype(float) for x, sign in cells]
     return np.array(columns).reshape(len(cells), len(read)).T, cells
 
 
 def _groups(
-    quasi: QuasiStatic, shapes: Mapping[int, Shape], read: _Places, inside: np.ndarray, centre: float, half: float
+    quasi: QuasiStatic, shapes: Mapping[int, Shape], read: _Points, inside: np.ndarray, centre: float, half: float
 ) -> dict[str, Array]:
     """Correlations `(n, n)` of the readings, by the name of the standard deviation that scales them."""
     found = {}
@@ -222,19 +224,19 @@ def _groups(
 
 
 def _reversal_kernel(
-    shapes: Mapping[int, Shape], places: _Places, half: float, other: _Places | None = None
+    shapes: Mapping[int, Shape], points: _Points, half: float, other: _Points | None = None
 ) -> Array | None:
     """Correlation of the random part of the reversal; None if both directions have their own curve."""
     if len(shapes) == 2:
         return None
-    other = places if other is None else other
+    other = points if other is None else other
     only = next(iter(shapes))
-    apart = np.abs(places.x[:, None] - other.x) / (2.0 * half * REACH)
-    return np.asarray(np.exp(-apart) * np.outer(places.way != only, other.way != only))
+    apart = np.abs(points.x[:, None] - other.x) / (2.0 * half * REACH)
+    return np.asarray(np.exp(-apart) * np.outer(points.sign != only, other.sign != only))
 
 
 def _spread(
-    observed: Array, design: Array, own: Array, groups: Mapping[str, Array], sheet: float
+    observed: Array, design: Array, own: Array, groups: Mapping[str, Array], specified: float
 ) -> tuple[Spread, Array]:
     """Standard deviations by REML, and the resulting covariance of the readings, um2."""
     free = len(observed) - int(np.linalg.matrix_rank(design))
@@ -242,7 +244,7 @@ def _spread(
     identity = np.eye(len(observed))
 
     def covariance(sizes: Array, noise: float) -> Array:
-        total = own + (sheet**2 + noise**2) * identity
+        total = own + (specified**2 + noise**2) * identity
         for name, size in zip(names, sizes, strict=True):
             total = total + size**2 * groups[name]
         return np.asarray(total)
@@ -256,16 +258,16 @@ def _spread(
     else:
         from scipy.optimize import minimize
 
-        begin = np.log(np.full(1 + len(names), START))
+        start = np.log(np.full(1 + len(names), START))
         found = minimize(
-            cost, begin, method="Nelder-Mead", options={"xatol": 0.02, "fatol": 1e-2, "maxfev": MOST_TRIES}
+            cost, start, method="Nelder-Mead", options={"xatol": 0.02, "fatol": 1e-2, "maxfev": MOST_TRIES}
         )
         best = np.exp(np.clip(found.x, np.log(SMALLEST), np.log(LARGEST)))
         noise, sizes = float(best[0]) * np.sqrt(free / max(free - 2.0, 1.0)), best[1:]
     by_name = dict(zip(names, sizes.tolist(), strict=True))
     spread = Spread(
-        float(np.hypot(sheet, noise)),
-        sheet,
+        float(np.hypot(specified, noise)),
+        specified,
         by_name.get("offset", 0.0),
         by_name.get("slope", 0.0),
         by_name.get("reversal", 0.0),
@@ -299,16 +301,16 @@ class _Solved:
     def predicted(self, design: Array, cross: Array, prior: Array) -> tuple[Array, Array]:
         """Values `(k,)` and covariance of quantities with this fixed part, covariance with observations, and prior."""
         values = design @ self.fixed + cross @ self.solved
-        lever = design - cross @ self.weighted
-        return values, prior - cross @ cho_solve(self.factor, cross.T) + lever @ self.own @ lever.T
+        sensitivity = design - cross @ self.weighted
+        return values, prior - cross @ cho_solve(self.factor, cross.T) + sensitivity @ self.own @ sensitivity.T
 
     def outside(self, cells: list[tuple[float, int]], first: int) -> dict[int, tuple[Array, Array, Array]]:
         """Targets, errors and standard uncertainties outside the segment, by direction; fixed effects from `first`."""
         found = {}
-        for way in {way for _, way in cells}:
-            rows = [i for i, cell in enumerate(cells) if cell[1] == way]
+        for sign in {sign for _, sign in cells}:
+            rows = [i for i, cell in enumerate(cells) if cell[1] == sign]
             at = np.array(rows) + first
-            found[way] = (np.array([cells[i][0] for i in rows]), self.fixed[at], np.sqrt(np.diag(self.own)[at]))
+            found[sign] = (np.array([cells[i][0] for i in rows]), self.fixed[at], np.sqrt(np.diag(self.own)[at]))
         return found
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from calibration.continuous.records import WAYS, QuasiStatic, Record
+from calibration.continuous.records import DIRECTION_NAMES, QuasiStatic, Record
 from calibration.measurement.readers import iso230_table, renishaw
 from calibration.measurement.readers.text import given_entries, old_text
 from calibration.measurement.states import DIRECTIONS
@@ -73,18 +73,21 @@ def read_all(paths: Sequence[Path], header: Mapping[str, str]) -> Data:
     if len(runs) == len(files):
         raise UserError(
             f"{names}: no quasi-static data (columns axis, run, direction, target_mm, deviation_um) among them; a "
-            "continuous run alone can't show the scale and the datum of an axis"
+            "continuous run alone does not show the scale and the datum of an axis"
         )
     notes: list[str] = []
     axis = _axis(runs)
-    stills = [_still(file, axis, header, notes) for file in files if not file.continuous]
-    _refuse_copies([*runs, *stills])
-    _refuse_other_machines([*runs, *stills])
+    quasi_static = [_quasi_static_table(file, axis, header, notes) for file in files if not file.continuous]
+    _refuse_copies([*runs, *quasi_static])
+    _refuse_other_machines([*runs, *quasi_static])
     records = tuple(record for table in runs for record in _records(table, len(runs) > 1, notes))
-    parts = [_quasi(table, axis, f"{Path(table.source).name}:" if len(stills) > 1 else "", notes) for table in stills]
-    prints = {table.source: table.fingerprint for table in (*runs, *stills)}
+    parts = [
+        _quasi(table, axis, f"{Path(table.source).name}:" if len(quasi_static) > 1 else "", notes)
+        for table in quasi_static
+    ]
+    prints = {table.source: table.fingerprint for table in (*runs, *quasi_static)}
     standing = tuple(file.path for file in files if not file.continuous)
-    return Data(axis, records, _together(parts), prints, tuple(notes), standing, _machine([*runs, *stills]))
+    return Data(axis, records, _together(parts), prints, tuple(notes), standing, _machine([*runs, *quasi_static]))
 
 
 def _read(path: Path, header: Mapping[str, str]) -> _File:
@@ -106,14 +109,14 @@ def _read(path: Path, header: Mapping[str, str]) -> _File:
     return _File(path, data, None, replace(table, entries={**table.entries, **given_entries(header, {})}))
 
 
-def _still(file: _File, axis: str, header: Mapping[str, str], notes: list[str]) -> Table:
+def _quasi_static_table(file: _File, axis: str, header: Mapping[str, str], notes: list[str]) -> Table:
     """The table of quasi-static data."""
     if file.table is not None:
         return file.table
     assert file.reader is not None
     single = Machine(f"axis {axis}", "", (make_axis(axis, "tool", (-np.inf, np.inf)),))
-    table, told = file.reader.to_table(file.data, str(file.path), single, header)
-    notes += told
+    table, more = file.reader.to_table(file.data, str(file.path), single, header)
+    notes += more
     return cast(Table, table)
 
 
@@ -130,11 +133,11 @@ def _refuse_other_machines(tables: Sequence[Table]) -> None:
 
 
 def _refuse_copies(tables: Sequence[Table]) -> None:
-    seen: dict[str, str] = {}
+    earlier: dict[str, str] = {}
     for table in tables:
-        if table.fingerprint in seen:
-            raise UserError(f"{table.source} holds the same as {seen[table.fingerprint]}")
-        seen[table.fingerprint] = table.source
+        if table.fingerprint in earlier:
+            raise UserError(f"{table.source} contains the same data as {earlier[table.fingerprint]}")
+        earlier[table.fingerprint] = table.source
 
 
 def _axis(runs: Sequence[Table]) -> str:
@@ -161,17 +164,17 @@ def _records(table: Table, several: bool, notes: list[str]) -> Iterator[Record]:
     table.need_columns(RUN_COLUMNS[:2], "a continuous run")
     for key in table.entries:
         if key not in RUN_KEYS and not key.startswith("u_"):
-            notes.append(f"{table.source}: header key {key!r} is not known, and not used")
-    start, end, feed = _way(table)
+            notes.append(f"{table.source}: header key {key!r} is unknown, and ignored")
+    start, end, feed = _programmed_run(table)
     columns = table.numbers(RUN_COLUMNS[:2])
     run = table.texts(["run"])["run"] if "run" in table.names else np.full(len(table), "1")
     own = 1 if end > start else -1
     direction = _directions(table) if "direction" in table.names else np.full(len(table), own)
     low, high = sorted((start, end))
-    ways = [(name, way) for name in dict.fromkeys(run.tolist()) for way in (1, -1)]
+    passes = [(name, sign) for name in dict.fromkeys(run.tolist()) for sign in (1, -1)]
     prefix = f"{Path(table.source).name}:" if several else ""
-    for name, way in ways:
-        rows = np.flatnonzero((run == name) & (direction == way))
+    for name, sign in passes:
+        rows = np.flatnonzero((run == name) & (direction == sign))
         if not len(rows):
             continue
         time = columns["time_s"][rows]
@@ -183,25 +186,25 @@ def _records(table: Table, several: bool, notes: list[str]) -> Iterator[Record]:
                 f"{time[back[0] + 1]:g} does not follow {time[back[0]]:g} (runs in one file need a column run)",
             )
         yield Record(
-            f"{prefix}{name} {WAYS[way]}",
-            way,
+            f"{prefix}{name} {DIRECTION_NAMES[sign]}",
+            sign,
             time - time[0],
             columns["displacement_mm"][rows],
-            low if way > 0 else high,
-            high if way > 0 else low,
+            low if sign > 0 else high,
+            high if sign > 0 else low,
             feed,
             f"{table.source}:{table.lines[rows[0]]}",
         )
 
 
-def _way(table: Table) -> tuple[float, float, float]:
+def _programmed_run(table: Table) -> tuple[float, float, float]:
     """Start and end, mm, and feed, mm/min, from the header."""
     for key in ("start_mm", "end_mm", "feed_mm_min"):
         if key not in table.entries:
             raise UserError(f"{table.source}: header line '# {key}: ...' is missing")
     (start,), (end,), (feed,) = (table.header_numbers(key, 1) for key in ("start_mm", "end_mm", "feed_mm_min"))
     if start == end:
-        table.header_fault("end_mm", f"{end:g} is the start too: no way between")
+        table.header_fault("end_mm", f"{end:g} is also the start: the run has no length")
     if feed <= 0.0:
         table.header_fault("feed_mm_min", f"{feed:g} is not above zero")
     return start, end, feed
@@ -219,11 +222,11 @@ def _directions(table: Table) -> np.ndarray:
 
 
 def _refuse_same_names(records: Sequence[Record]) -> None:
-    seen: dict[str, Record] = {}
+    earlier: dict[str, Record] = {}
     for record in records:
-        if record.name in seen:
-            raise UserError(f"{record.source}: run {record.name} was read before, from {seen[record.name].source}")
-        seen[record.name] = record
+        if record.name in earlier:
+            raise UserError(f"{record.source}: run {record.name} was read before, from {earlier[record.name].source}")
+        earlier[record.name] = record
 
 
 # ---- quasi-static data
@@ -248,7 +251,7 @@ def _quasi(table: Table, axis: str, prefix: str, notes: list[str]) -> QuasiStati
     _refuse_motion(part)
     _refuse_positions(part, axis, columns["target_mm"])
     _refuse_dead(part, columns["deviation_um"])
-    u, u_per_m = _sheet(table, notes)
+    u, u_per_m = _specification(table, notes)
     return QuasiStatic(
         np.round(columns["target_mm"], DIGITS),
         columns["deviation_um"],
@@ -285,7 +288,7 @@ def _refuse_positions(table: Table, axis: str, targets: Array) -> None:
             table.fault(int(off[0]), axis, f"not the target, {targets[off[0]]:g}")
 
 
-def _sheet(table: Table, notes: list[str]) -> tuple[float | None, float]:
+def _specification(table: Table, notes: list[str]) -> tuple[float | None, float]:
     """Standard uncertainties of the instrument: reading, um; scale, um per m."""
     values: dict[str, float] = {}
     for key in ("u_um", "u_um_per_m"):
@@ -295,21 +298,21 @@ def _sheet(table: Table, notes: list[str]) -> tuple[float | None, float]:
                 table.header_fault(key, f"{values[key]:g} is negative")
     if "u_um" not in values:
         notes.append(
-            f"{table.source}: no uncertainty of the instrument (# u_um:, # u_um_per_m:): only what the readings show "
-            "is in u_um, not the instrument's scale"
+            f"{table.source}: the uncertainty of the instrument is missing (# u_um:, # u_um_per_m:): u_um contains the "
+            "scatter of the readings, but not the instrument's scale"
         )
     return values.get("u_um"), values.get("u_um_per_m", 0.0)
 
 
 def _together(parts: Sequence[QuasiStatic]) -> QuasiStatic:
     """Data of several files together: the largest uncertainty of their instruments holds for all."""
-    sheets = [part.u for part in parts if part.u is not None]
+    specified = [part.u for part in parts if part.u is not None]
     return QuasiStatic(
         np.concatenate([part.target for part in parts]),
         np.concatenate([part.deviation for part in parts]),
         np.concatenate([part.direction for part in parts]),
         np.concatenate([part.run for part in parts]),
-        max(sheets) if len(sheets) == len(parts) else None,
+        max(specified) if len(specified) == len(parts) else None,
         max(part.u_per_m for part in parts),
         ", ".join(part.source for part in parts),
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.transforms import Array
 
-WAYS = {1: "forward", -1: "backward"}
+DIRECTION_NAMES = {1: "forward", -1: "backward"}
 """Directions, by the sign of the motion along the axis."""
 
 

@@ -62,13 +62,13 @@ class Segment(NamedTuple):
 
 def constant_velocity(record: Record) -> Segment:
     """The segment of constant velocity of a record; UserError if there is none."""
-    time, way = record.time, record.displacement * record.direction
+    time, travelled = record.time, record.displacement * record.direction
     if len(record) < LEAST_SAMPLES:
         raise UserError(f"{record.source}: {len(record)} samples of run {record.name}, at least {LEAST_SAMPLES} needed")
     sample = float(np.median(np.diff(time)))
-    span = _span(record, way, sample)
+    span = _span(record, travelled, sample)
     while True:
-        speed = _speeds(time, way, span)
+        speed = _speeds(time, travelled, span)
         usual = _usual(speed, record)
         off = np.abs(speed / usual - 1.0)
         spread = 1.4826 * float(np.median(off[speed > usual / 2.0]))
@@ -81,9 +81,11 @@ def constant_velocity(record: Record) -> Segment:
     moving = np.flatnonzero(speed > 0.02 * usual)
     elsewhere = np.count_nonzero(off <= tolerance) - (stop - first)
     if elsewhere > 0.05 * (stop - first):
-        notes.append(f"run {record.name}: the feed changes on the way; only its longest constant stretch is used")
+        notes.append(
+            f"run {record.name}: the feed changes during the run; only its longest part at constant feed is used"
+        )
     first, stop = _without_ramps(time, off, first, stop, (tolerance, usual), span, sample)
-    first, stop, settling = _settled(way - usual * time, first, stop, sample)
+    first, stop, settling = _without_vibration(travelled - usual * time, first, stop, sample)
     if settling:
         notes.append(f"run {record.name}: {settling}")
     if stop - first < LEAST_SAMPLES:
@@ -91,7 +93,7 @@ def constant_velocity(record: Record) -> Segment:
             f"{record.source}: run {record.name} moves at constant velocity for {max(stop - first, 0)} samples only, "
             f"at least {LEAST_SAMPLES} needed: a longer travel, a lower feed, or a higher sampling rate"
         )
-    moved = float(way[moving[-1]] - way[moving[0]])
+    moved = float(travelled[moving[-1]] - travelled[moving[0]])
     return Segment(first, stop, usual, sample, moved, tuple(notes))
 
 
@@ -101,23 +103,23 @@ def noise_of(values: Array) -> float:
     return 1.4826 * float(np.median(np.abs(third - np.median(third)))) / math.sqrt(20.0)
 
 
-def _span(record: Record, way: Array, sample: float) -> int:
+def _span(record: Record, travelled: Array, sample: float) -> int:
     """Number of samples in the means on both sides of a speed."""
     rough = abs(record.feed) / 60.0
-    wanted = (noise_of(way) * math.sqrt(2.0) / (SPEED_NOISE * rough * sample)) ** (2.0 / 3.0)
-    return int(min(max(math.ceil(wanted), 2), max(len(way) // MOST_SPANS, 2)))
+    needed = (noise_of(travelled) * math.sqrt(2.0) / (SPEED_NOISE * rough * sample)) ** (2.0 / 3.0)
+    return int(min(max(math.ceil(needed), 2), max(len(travelled) // MOST_SPANS, 2)))
 
 
-def _speeds(time: Array, way: Array, span: int) -> Array:
+def _speeds(time: Array, travelled: Array, span: int) -> Array:
     """Speeds `(n,)`, mm/s, at all samples; the first and last `span` samples take the nearest value."""
 
     def means(values: Array) -> Array:
         sums = np.concatenate([[0.0], np.cumsum(values - values[0])])
         return np.asarray((sums[span:] - sums[:-span]) / span)
 
-    place, moment = means(way), means(time)
-    inner = (place[span:] - place[:-span]) / (moment[span:] - moment[:-span])
-    return np.asarray(np.pad(inner, (span, len(way) - len(inner) - span), mode="edge"))
+    position, time_of = means(travelled), means(time)
+    inner = (position[span:] - position[:-span]) / (time_of[span:] - time_of[:-span])
+    return np.asarray(np.pad(inner, (span, len(travelled) - len(inner) - span), mode="edge"))
 
 
 def _usual(speed: Array, record: Record) -> float:
@@ -125,14 +127,17 @@ def _usual(speed: Array, record: Record) -> float:
     high, low = np.quantile(speed, [0.95, 0.05]).tolist()
     if high < -low:
         raise UserError(
-            f"{record.source}: the displacement of run {record.name} falls where the axis goes from "
-            f"{record.start:g} to {record.end:g} mm: turn its sign, or mend '# start_mm' and '# end_mm'"
+            f"{record.source}: the displacement of run {record.name} decreases while the axis moves from "
+            f"{record.start:g} to {record.end:g} mm: reverse its sign, or correct '# start_mm' and '# end_mm'"
         )
     if high <= 0.0:
-        raise UserError(f"{record.source}: the displacement of run {record.name} does not change: the axis stood")
+        raise UserError(
+            f"{record.source}: the displacement of run {record.name} does not change: the axis did not move"
+        )
     if low < -FAR * high:
         raise UserError(
-            f"{record.source}: run {record.name} goes there and back: give each traverse its own run or direction"
+            f"{record.source}: run {record.name} moves forward and backward: give each traverse its own run or "
+            "direction"
         )
     return float(np.median(speed[speed > FAST * high]))
 
@@ -164,7 +169,7 @@ def _without_ramps(
     return first, max(stop, first)
 
 
-def _settled(course: Array, first: int, stop: int, sample: float) -> tuple[int, int, str]:
+def _without_vibration(course: Array, first: int, stop: int, sample: float) -> tuple[int, int, str]:
     """The segment without ends that vibrate more than its middle, and a note on the time left out.
 
     course: displacement minus the motion at constant speed, mm.
@@ -174,17 +179,17 @@ def _settled(course: Array, first: int, stop: int, sample: float) -> tuple[int, 
     if n < 8 * window:
         return first, stop, ""
     inner = course[first:stop]
-    bend = inner[2 * half :] - 2.0 * inner[half:-half] + inner[: -2 * half]
-    sums = np.concatenate([[0.0], np.cumsum(bend**2)])
+    second_differences = inner[2 * half :] - 2.0 * inner[half:-half] + inner[: -2 * half]
+    sums = np.concatenate([[0.0], np.cumsum(second_differences**2)])
     energy = (sums[window::window] - sums[:-window:window]) / window
     calm = energy <= RESTLESS * np.median(energy)
     most = int(SETTLES * len(calm))
-    begin = _restless(calm[:most]) * window
+    start = _restless(calm[:most]) * window
     end = _restless(calm[::-1][:most]) * window
-    if not begin and not end:
+    if not start and not end:
         return first, stop, ""
-    lost = (begin + end) * sample
-    return first + begin, stop - end, f"{lost:.3g} s at the ends left out, where the axis still vibrates"
+    lost = (start + end) * sample
+    return first + start, stop - end, f"{lost:.3g} s at the ends are left out, where the axis still vibrates"
 
 
 def _restless(calm: np.ndarray) -> int:

@@ -91,8 +91,8 @@ class Shape:
         """Covariance of the curve `(n, n)`, um2, at positions `(n,)`, mm."""
         hats = _hats(self.nodes, x).toarray()
         inner = hats @ cho_solve_banded((self.factor, True), hats.T)
-        lever = self.extra.columns(x) @ np.eye(self.extra.size, self.left.shape[0]) - hats @ self.beside
-        return np.asarray(inner + lever @ self.left @ lever.T)
+        sensitivity = self.extra.columns(x) @ np.eye(self.extra.size, self.left.shape[0]) - hats @ self.beside
+        return np.asarray(inner + sensitivity @ self.left @ sensitivity.T)
 
     @property
     def steepest(self) -> float:
@@ -103,7 +103,7 @@ class Shape:
         smooth = smooth + self.extra.columns(x) @ (rows * self.amounts[: self.extra.size])
         return float(np.abs(np.diff(smooth)).max() / (x[1] - x[0]))
 
-    def doubt(self, x: Array) -> Array:
+    def u_near_jumps(self, x: Array) -> Array:
         """Standard uncertainty `(n,)`, um, close to jumps, because the side on which a position lies is unknown."""
         if not self.extra.jumps:
             return np.zeros(len(x))
@@ -249,13 +249,15 @@ def _solved(equations: _Equations, prior: Array, order: int, logarithm: float) -
     amounts = left @ (equations.own_right - equations.beside.T @ columns[:, k])
     values = columns[:, k] - columns[:, :k] @ amounts
     free = equations.count - order - k
-    rest = max(float(equations.squares - equations.right @ values - equations.own_right @ amounts), 1e-300)
+    unexplained = max(float(equations.squares - equations.right @ values - equations.own_right @ amounts), 1e-300)
     determinant = 2.0 * float(np.log(factor[0]).sum()) + (float(np.linalg.slogdet(schur)[1]) if k else 0.0)
     apart = float(equations.nodes[1] - equations.nodes[0])
     pseudo = math.log(m) if order == 1 else math.log(m**2 * (m**2 - 1.0) / 12.0)
     of_prior = (m - order) * (logarithm - (2 * order - 1) * math.log(apart)) + pseudo
-    evidence = 0.5 * (of_prior - determinant - free * math.log(rest))
-    return _Solved(float(evidence), logarithm, float(np.sqrt(rest / free)), factor, columns, left, values, amounts)
+    evidence = 0.5 * (of_prior - determinant - free * math.log(unexplained))
+    return _Solved(
+        float(evidence), logarithm, float(np.sqrt(unexplained / free)), factor, columns, left, values, amounts
+    )
 
 
 def _whitener(course: Course, noise: Noise) -> csr_matrix:
@@ -271,9 +273,9 @@ def _whitener(course: Course, noise: Noise) -> csr_matrix:
 
 def _hats(nodes: Array, x: Array) -> csr_matrix:
     """Linear interpolation `(n, m)` between nodes; constant beyond the ends."""
-    place = np.clip((x - nodes[0]) / (nodes[1] - nodes[0]), 0.0, len(nodes) - 1.0)
-    below = np.minimum(place.astype(int), len(nodes) - 2)
-    share = place - below
+    number = np.clip((x - nodes[0]) / (nodes[1] - nodes[0]), 0.0, len(nodes) - 1.0)
+    below = np.minimum(number.astype(int), len(nodes) - 2)
+    share = number - below
     rows = np.repeat(np.arange(len(x)), 2)
     columns = np.stack([below, below + 1], axis=1).ravel()
     return csr_matrix((np.stack([1.0 - share, share], axis=1).ravel(), (rows, columns)), (len(x), len(nodes)))

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from calibration.continuous.records import WAYS, Record
+from calibration.continuous.records import DIRECTION_NAMES, Record
 from calibration.measurement.instruments import Interferometer
 from calibration.measurement.measurement import Measurement
 from calibration.simulation.simulate import observe, read_out
@@ -53,7 +53,7 @@ class Motion:
     """Jerk, mm/s3."""
     lag: float = 0.02
     """Time constant of the position loop, s; 0 for no lag."""
-    rest: float = 1.0
+    standstill_s: float = 1.0
     """Rest before and after the motion, s."""
 
 
@@ -117,30 +117,30 @@ def measure(
     """
     low, high = sorted((motion.start, motion.end))
     stood = _standing(machine, axis, low, high, motion.feed, targets)
-    ways = [way for _ in range(passes) for way in ((1, -1) if both else (1 if motion.end > motion.start else -1,))]
+    signs = [sign for _ in range(passes) for sign in ((1, -1) if both else (1 if motion.end > motion.start else -1,))]
     profile = _profile(motion, laser.rate)
-    if len(profile.time) * len(ways) > MOST_SAMPLES:
-        raise UserError(f"{len(profile.time) * len(ways)} samples, more than {MOST_SAMPLES}")
+    if len(profile.time) * len(signs) > MOST_SAMPLES:
+        raise UserError(f"{len(profile.time) * len(signs)} samples, more than {MOST_SAMPLES}")
     length = float(profile.time[-1]) + 1.0
     assert stood.time is not None
-    begin = float(stood.time[-1]) + PAUSE_S
-    moved = [_moving(machine, axis, motion, profile, way, begin + i * length) for i, way in enumerate(ways)]
-    total = begin + len(ways) * length
+    start_s = float(stood.time[-1]) + PAUSE_S
+    moved = [_moving(machine, axis, motion, profile, sign, start_s + i * length) for i, sign in enumerate(signs)]
+    total = start_s + len(signs) * length
     courses = temperatures or {}
     stood, *moved = (_warmed(state, courses, total) for state in (stood, *moved))
     quasi = _observed(machine, model, axis, stood, instrument, rng)
     exact = Interferometer(u_um=1.0)
     records, shift = [], None
-    for i, (way, state) in enumerate(zip(ways, moved, strict=True)):
-        seen = observe(
+    for i, (sign, state) in enumerate(zip(signs, moved, strict=True)):
+        observation = observe(
             machine, model, state, exact, rng, axis=np.full(len(state), axis), run=np.full(len(state), "1"),
             noise_scale=0.0,
         )  # fmt: skip
-        place = state.position(machine, axis)
-        displacement = place + seen.observed[:, 0]
+        along = state.position(machine, axis)
+        displacement = along + observation.observed[:, 0]
         if shift is None:
             shift = displacement[0]
-        records.append(_record(f"{i // (1 + both) + 1}", way, motion, profile, displacement - shift, laser, rng))
+        records.append(_record(f"{i // (1 + both) + 1}", sign, motion, profile, displacement - shift, laser, rng))
     return Measured(tuple(records), quasi)
 
 
@@ -159,7 +159,7 @@ class _Profile(NamedTuple):
     """The motion from 0 to the whole travel, at the samples."""
 
     time: Array
-    place: Array
+    along: Array
     """Position from the start, mm."""
     speed: Array
     acceleration: Array
@@ -169,16 +169,16 @@ class _Profile(NamedTuple):
 
 def _profile(motion: Motion, rate: float) -> _Profile:
     """The motion as a trapezoid of speed, smoothed by a moving mean according to the jerk, and delayed by the lag."""
-    way = abs(motion.end - motion.start)
-    top = min(motion.feed / 60.0, np.sqrt(way * motion.acceleration))
+    sign = abs(motion.end - motion.start)
+    top = min(motion.feed / 60.0, np.sqrt(sign * motion.acceleration))
     ramp, rounding = top / motion.acceleration, motion.acceleration / motion.jerk
-    cruise = way / top - ramp
+    cruise = sign / top - ramp
     step = min(FINE_S, 1.0 / (FINER * rate))
-    total = motion.rest + 2.0 * ramp + cruise + rounding + motion.rest + 10.0 * motion.lag
+    total = motion.standstill_s + 2.0 * ramp + cruise + rounding + motion.standstill_s + 10.0 * motion.lag
     if total / step > 8 * MOST_SAMPLES or total * rate > MOST_SAMPLES:
         raise UserError(f"a run of {total:.0f} s at {rate:g} Hz: more than {MOST_SAMPLES} samples")
     fine = np.arange(0.0, total, step)
-    since = fine - motion.rest
+    since = fine - motion.standstill_s
     speed = np.clip(np.minimum(since, 2.0 * ramp + cruise - since) * motion.acceleration, 0.0, top)
     box = max(round(rounding / step), 1)
     sums = np.concatenate([np.zeros(box), np.cumsum(speed)])
@@ -186,31 +186,31 @@ def _profile(motion: Motion, rate: float) -> _Profile:
     if motion.lag > 0.0:
         share = float(np.exp(-step / motion.lag))
         speed = lfilter([1.0 - share], [1.0, -share], speed)
-    place = np.cumsum(speed) * step
-    place *= way / place[-1]
+    along = np.cumsum(speed) * step
+    along *= sign / along[-1]
     time = np.arange(0.0, total, 1.0 / rate)
-    changes = motion.rest + np.array([0.0, ramp, ramp + cruise, 2.0 * ramp + cruise])
+    changes = motion.standstill_s + np.array([0.0, ramp, ramp + cruise, 2.0 * ramp + cruise])
     return _Profile(
         time,
-        np.interp(time, fine, place),
+        np.interp(time, fine, along),
         np.interp(time, fine, speed),
         np.interp(time, fine, np.gradient(speed, step)),
         changes,
     )
 
 
-def _moving(machine: Machine, axis: str, motion: Motion, profile: _Profile, way: int, begin: float) -> State:
+def _moving(machine: Machine, axis: str, motion: Motion, profile: _Profile, sign: int, start_s: float) -> State:
     """The states of the machine at the samples of one run."""
     low, high = sorted((motion.start, motion.end))
-    place = low + profile.place if way > 0 else high - profile.place
-    positions = _at(machine, axis, place)
+    along = low + profile.along if sign > 0 else high - profile.along
+    positions = _at(machine, axis, along)
     own = machine.index(axis)
     velocity, acceleration, approach = (np.zeros(positions.shape) for _ in range(3))
-    velocity[:, own], acceleration[:, own] = way * profile.speed, way * profile.acceleration
-    approach[:, own] = way
+    velocity[:, own], acceleration[:, own] = sign * profile.speed, sign * profile.acceleration
+    approach[:, own] = sign
     return State(
         positions, approach=approach, last_move=approach * (high - low), velocity=velocity, acceleration=acceleration,
-        time=begin + profile.time, cycle=np.zeros(len(place)),
+        time=start_s + profile.time, cycle=np.zeros(len(along)),
     )  # fmt: skip
 
 
@@ -221,21 +221,21 @@ def _standing(machine: Machine, axis: str, low: float, high: float, feed: float,
         raise UserError(f"{high - low:g} mm are no whole number of {targets.spacing:g} mm between targets")
     there = low + targets.spacing * np.arange(count + 1)
     one = np.concatenate([there, there[::-1]]) if targets.both else there
-    ways = np.repeat([1.0, -1.0], count + 1) if targets.both else np.ones(count + 1)
-    place, approach = np.tile(one, targets.runs), np.tile(ways, targets.runs)
-    moves = np.abs(np.diff(place, prepend=place[0]))
+    signs = np.repeat([1.0, -1.0], count + 1) if targets.both else np.ones(count + 1)
+    along, approach = np.tile(one, targets.runs), np.tile(signs, targets.runs)
+    moves = np.abs(np.diff(along, prepend=along[0]))
     moves[1:][approach[1:] != approach[:-1]] += 2.0 * targets.overrun
     time = np.cumsum(moves / feed * 60.0 + targets.dwell)
-    sides = np.zeros((len(place), len(machine.axes)))
+    sides = np.zeros((len(along), len(machine.axes)))
     sides[:, machine.index(axis)] = approach
     cycle = np.repeat(np.arange(float(targets.runs)), len(one))
-    return State(_at(machine, axis, place), approach=sides, last_move=sides * targets.spacing, time=time, cycle=cycle)
+    return State(_at(machine, axis, along), approach=sides, last_move=sides * targets.spacing, time=time, cycle=cycle)
 
 
-def _at(machine: Machine, axis: str, place: Array) -> Array:
+def _at(machine: Machine, axis: str, along: Array) -> Array:
     """Axis positions `(n, axes)`, mm and rad: one axis at the given positions `(n,)`, mm, the others at home."""
-    positions = np.tile(np.array([each.home for each in machine.axes]) * machine.scale, (len(place), 1))
-    positions[:, machine.index(axis)] = place
+    positions = np.tile(np.array([each.home for each in machine.axes]) * machine.scale, (len(along), 1))
+    positions[:, machine.index(axis)] = along
     return positions
 
 
@@ -256,7 +256,7 @@ def _observed(
 
 
 def _record(
-    name: str, way: int, motion: Motion, profile: _Profile, displacement: Array, laser: Laser, rng: np.random.Generator
+    name: str, sign: int, motion: Motion, profile: _Profile, displacement: Array, laser: Laser, rng: np.random.Generator
 ) -> Record:
     """The record of a run by the laser: with noise, vibration, scattered time stamps and lost samples."""
     time, n = profile.time, len(profile.time)
@@ -276,12 +276,12 @@ def _record(
     shown = np.round(displacement + 1e-3 * off, 6)
     order = np.argsort(stamps[kept], kind="stable")
     return Record(
-        f"{name} {WAYS[way]}",
-        way,
+        f"{name} {DIRECTION_NAMES[sign]}",
+        sign,
         np.round(stamps[kept][order], 6),
         shown[kept],
-        low if way > 0 else high,
-        high if way > 0 else low,
+        low if sign > 0 else high,
+        high if sign > 0 else low,
         motion.feed,
-        f"virtual run {name} {WAYS[way]}",
+        f"virtual run {name} {DIRECTION_NAMES[sign]}",
     )

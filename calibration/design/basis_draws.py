@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calibration.design.equations import BESIDES, Columns, Sample
+from calibration.design.equations import OTHER_EFFECTS, Columns, Sample
 from calibration.design.held_out_lines import HeldOutLines
 from calibration.design.solver import Fits
 from calibration.fit import basis_search
@@ -57,10 +57,10 @@ def _unexplained(held_out_lines: HeldOutLines, drawn: Sample) -> Unexplained:
 
 def parts_of(fits: Fits, choice: Choice) -> tuple[Part, ...]:
     """The parts of the model of a choice."""
-    return with_besides(fits.columns, choice.bases)
+    return with_other_effects(fits.columns, choice.bases)
 
 
-def with_besides(columns: Columns, bases: Mapping[str, BasisChoice]) -> tuple[Part, ...]:
+def with_other_effects(columns: Columns, bases: Mapping[str, BasisChoice]) -> tuple[Part, ...]:
     """The parts of a model with these bases, and of its additional effects."""
-    besides = ((BESIDES, ""),) if columns.besides else ()
-    return (*((axis, str(basis)) for axis, basis in bases.items()), *besides)
+    other_effects = ((OTHER_EFFECTS, ""),) if columns.other_effects else ()
+    return (*((axis, str(basis)) for axis, basis in bases.items()), *other_effects)

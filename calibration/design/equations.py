@@ -24,11 +24,11 @@ from kinematics.effects import Effect
 from kinematics.error_model.model import Design, ErrorModel, no_errors
 from kinematics.transforms import Array
 
-SEEN = 1e-10
+IDENTIFIABLE = 1e-10
 """Share of the largest singular value below which a direction of the registration counts as none."""
 ROUNDING = 1e-7
 """Share of a column below which its part outside the registration is rounding."""
-BESIDES = ""
+OTHER_EFFECTS = ""
 """Entry of a part instead of its axis, for the effects that are fitted in addition to the error motions."""
 
 
@@ -46,15 +46,15 @@ class Made(NamedTuple):
 class Columns:
     """Whitened derivatives of the observations, registration eliminated, and aligned derivatives of the volumes."""
 
-    def __init__(self, setup: Setup, volumes: Sequence[Volume], besides: Sequence[Effect]) -> None:
-        self.measurement, self.volumes, self.besides = setup.measurement, tuple(volumes), tuple(besides)
+    def __init__(self, setup: Setup, volumes: Sequence[Volume], other_effects: Sequence[Effect]) -> None:
+        self.measurement, self.volumes, self.other_effects = setup.measurement, tuple(volumes), tuple(other_effects)
         self._transform = setup.white @ equations.transform(setup.measurement, setup.registration)
         own = setup.white @ equations.registration_design(setup.measurement, setup.registration)
         flat = own.reshape(-1, own.shape[2])
         self._units = np.linalg.norm(flat, axis=0)
         self.registration = flat / self._units
         """Whitened derivatives `(N, r)` by the registration, of unit length."""
-        self._registration = column_space(self.registration, SEEN)
+        self._registration = column_space(self.registration, IDENTIFIABLE)
 
     def of_true_models(self, true_models: TrueModels) -> tuple[Array, Array]:
         """Derivatives by the coefficients of true models, as of `observed` `(N, t)` and of `evaluated` `(G, t)`."""
@@ -72,12 +72,12 @@ class Columns:
 
     def model(self, parts: Sequence[Part]) -> ErrorModel:
         """The model of these parts, all zero."""
-        return model_of(self.measurement, parts, self.besides)
+        return model_of(self.measurement, parts, self.other_effects)
 
     def registered(self, parts: Sequence[Part], left: Array, step: Array) -> Array:
         """The step of the registration for residuals `(N,)`, with the step `(p,)` of the parameters."""
-        rest = left - self.observed(self.model(parts)) @ step
-        return np.asarray(self._registration.back @ (self._registration.basis.T @ rest) / self._units)
+        unexplained = left - self.observed(self.model(parts)) @ step
+        return np.asarray(self._registration.back @ (self._registration.basis.T @ unexplained) / self._units)
 
     def evaluated(self, model: ErrorModel) -> Array:
         """Derivatives `(G, p)`, um, of the aligned deviations in all volumes."""
@@ -89,11 +89,11 @@ class Columns:
         return np.asarray(design.of(slice(None), self._transform).reshape(self._transform[:, :, 0].size, -1))
 
 
-def model_of(measurement: Measurement, parts: Sequence[Part], besides: Sequence[Effect]) -> ErrorModel:
+def model_of(measurement: Measurement, parts: Sequence[Part], other_effects: Sequence[Effect]) -> ErrorModel:
     """The fitted model: the error motions of axes in their bases, and additional effects."""
     effects: list[Effect] = []
     for axis, basis in parts:
-        effects += besides if axis == BESIDES else axis_effects(measurement, axis, parse_basis(basis))
+        effects += other_effects if axis == OTHER_EFFECTS else axis_effects(measurement, axis, parse_basis(basis))
     return msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
 
 
@@ -109,10 +109,10 @@ class Sample:
     """Noise `(draws, n, d)` in `observed`."""
 
 
-def sample(setup: Setup, seen: Array, coefficients: Array, rng: np.random.Generator) -> Sample:
-    """The observations of true models by the instrument; `seen` `(N, t)`: as of `Columns.of_true_models`."""
+def sample(setup: Setup, observed_columns: Array, coefficients: Array, rng: np.random.Generator) -> Sample:
+    """The observations of true models by the instrument; `observed_columns` `(N, t)`: as `Columns.of_true_models`."""
     n, d, _ = setup.noise.shape
     # one draw after the other: the first draws do not depend on their number
     normal = rng.standard_normal((coefficients.shape[1], n, d))
     noise = (setup.noise @ normal[..., None])[..., 0]
-    return Sample(coefficients, seen @ coefficients + noise.reshape(len(noise), -1).T, noise)
+    return Sample(coefficients, observed_columns @ coefficients + noise.reshape(len(noise), -1).T, noise)

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.design.equations import SEEN
+from calibration.design.equations import IDENTIFIABLE
 from calibration.design.solver import Fits
-from calibration.fit.cross_validation import blocks_of, lines, placed
+from calibration.fit.cross_validation import blocks_of, lines, registered
 from calibration.fit.linear import Part, Posterior, column_space
 from calibration.observation.outliers import refuse_lines
 from kinematics.transforms import Array
@@ -20,20 +20,20 @@ from kinematics.user_error import UserError
 class Line(NamedTuple):
     """One line, or another block of rows, and the other rows, which are fitted to predict it."""
 
-    told: np.ndarray
+    predicted: np.ndarray
     """True `(N,)` for the scalars of the line that the others can predict."""
     others: np.ndarray
     """True `(N,)` for the scalars that are fitted."""
     registration: Array
     """Orthonormal columns `(others, r)` of the effect of the registration on the other lines."""
     carried: Array
-    """Effect `(told, r)` of the same registration on the line."""
+    """Effect `(predicted, r)` of the same registration on the line."""
 
     def split(self, columns: Array) -> tuple[Array, Array]:
         """Columns `(N, k)` at the others and at the line, without the registration of the others in both."""
         others = columns[self.others]
         along = self.registration.T @ others
-        return others - self.registration @ along, columns[self.told] - self.carried @ along
+        return others - self.registration @ along, columns[self.predicted] - self.carried @ along
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class HeldOutLines:
     """The lines of a measurement on a few diagonals, each predicted by fits of the others."""
 
     fits: Fits
-    held: Sequence[Line]
+    lines_held_out: Sequence[Line]
     _raw: dict[Part, Array] = field(default_factory=dict)
 
     @classmethod
@@ -51,10 +51,10 @@ class HeldOutLines:
         if lines(measurement) is None:
             return None
         labels, _ = blocks_of(measurement)
-        held, number = [], 0
+        lines_held_out, number = [], 0
         for label in np.unique(labels):
-            others, told = labels != label, (labels == label) & placed(measurement, labels != label)
-            if not told.any():
+            others, predicted = labels != label, (labels == label) & registered(measurement, labels != label)
+            if not predicted.any():
                 continue
             if others.sum() * measurement.components <= registration.shape[1]:
                 return None
@@ -62,16 +62,18 @@ class HeldOutLines:
                 refuse_lines(measurement.rows(np.flatnonzero(others)))
             except UserError:  # the other rows alone can't be fitted
                 return None
-            held.append(_line(registration, *(np.repeat(rows, measurement.components) for rows in (told, others))))
-            number += int(told.sum())
-        return cls(fits, held) if 2 * number >= len(measurement) else None
+            lines_held_out.append(
+                _line(registration, *(np.repeat(rows, measurement.components) for rows in (predicted, others)))
+            )
+            number += int(predicted.sum())
+        return cls(fits, lines_held_out) if 2 * number >= len(measurement) else None
 
     def left(self, parts: Sequence[Part], prior_scale: float, observed: Array) -> Array:
         """Sums of squares `(draws,)` of the whitened residuals of the lines, for observations `(N, draws)`."""
         columns = np.concatenate([self._columns(part) for part in parts], axis=1)
         columns *= self.fits.scale(parts, prior_scale)
         total = np.zeros(observed.shape[1])
-        for line in self.held:
+        for line in self.lines_held_out:
             (design, predicting), (fitted, left_out) = line.split(columns), line.split(observed)
             parameters = Posterior(design.T @ design, 1.0).solve(design.T @ fitted)
             total += np.sum((left_out - predicting @ parameters) ** 2, axis=0)
@@ -84,6 +86,6 @@ class HeldOutLines:
         return self._raw[part]
 
 
-def _line(registration: Array, told: np.ndarray, others: np.ndarray) -> Line:
-    space = column_space(registration[others], SEEN)
-    return Line(told, others, space.basis, registration[told] @ space.back)
+def _line(registration: Array, predicted: np.ndarray, others: np.ndarray) -> Line:
+    space = column_space(registration[others], IDENTIFIABLE)
+    return Line(predicted, others, space.basis, registration[predicted] @ space.back)

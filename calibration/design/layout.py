@@ -60,13 +60,17 @@ def laid_out(
     minutes = plan.minutes
     if isinstance(instrument, LaserTracker):
         if not trackers:
-            raise UserError("where does the laser tracker stand? (tracker = [x, y, z])")
+            raise UserError("the position of the laser tracker is missing: state tracker = [x, y, z]")
         # the rotation of a levelled tracker about its vertical has no effect: it need not be drawn
-        poses = {f"s{k}": tracker_pose(place, np.random.default_rng(0)) for k, place in enumerate(trackers, start=1)}
+        poses = {
+            f"s{k}": tracker_pose(tracker, np.random.default_rng(0)) for k, tracker in enumerate(trackers, start=1)
+        }
         state = at_stations(state, list(poses))
         minutes *= len(poses)
     elif trackers:
-        raise UserError(f"a tracker has no place in a measurement by {type(instrument).__name__.lower()}")
+        raise UserError(
+            f"a position of a tracker is not allowed in a measurement by {type(instrument).__name__.lower()}"
+        )
     if temperatures:
         state = with_temperatures(state, temperatures)
     repeat = len(state) // len(plan)
@@ -74,10 +78,10 @@ def laid_out(
     run, rows = np.tile(plan.run, repeat), np.arange(len(state))
     if poses is not None and reach is not None:
         nothing = np.zeros((len(state), 3))
-        seen = in_reach(Measurement(plan.machine, instrument, state, nothing, plan.targets), poses, reach)
-        rows, notes = np.flatnonzero(seen.rows), [*notes, *seen.notes]
+        visible = in_reach(Measurement(plan.machine, instrument, state, nothing, plan.targets), poses, reach)
+        rows, notes = np.flatnonzero(visible.rows), [*notes, *visible.notes]
         if not len(rows):
-            raise UserError("the tracker sees none of the points from where it stands")
+            raise UserError("the tracker observes none of the points from its position")
     model = no_errors(plan.machine)
     nominal = observe(
         plan.machine, model, state.rows(rows), instrument, np.random.default_rng(0), poses, plan.targets,
@@ -85,7 +89,7 @@ def laid_out(
     )  # fmt: skip
     nominal = replace(nominal, source=plan.strategy)
     if poses is not None and np.linalg.norm(nominal.observed, axis=1).min() < NEAREST_MM:
-        raise UserError(f"a target comes closer than {NEAREST_MM:g} mm to the tracker, which can't stand there")
+        raise UserError(f"a target comes closer than {NEAREST_MM:g} mm to the tracker: move the tracker")
     registration = start(nominal, np.ones(len(nominal), bool))
     # rows out of reach cost no time
     minutes *= len(rows) / len(state)

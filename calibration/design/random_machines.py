@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from calibration.simulation.true_model import HalfWidths, largest_truth
+from calibration.simulation.true_model import HalfWidths, largest_true_model
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import Machine
@@ -33,7 +33,7 @@ class TrueModels:
         cls, machine: Machine, half_widths: HalfWidths, drawn: Sequence[Effect] = (), fixed: Sequence[Effect] = ()
     ) -> TrueModels:
         """Error motions within half-widths; `drawn` effects within plus and minus their amplitudes; `fixed` ones."""
-        motions = largest_truth(machine, half_widths)
+        motions = largest_true_model(machine, half_widths)
         effects = (*motions, *drawn, *fixed)
         model = msgspec.structs.replace(no_errors(machine), effects=effects)
         table = [quantity for effect in effects for quantity in effect.parameter_table]

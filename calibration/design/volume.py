@@ -12,7 +12,7 @@ from calibration.fit.linear import column_space
 from calibration.measurement.measurement import with_moves
 from calibration.planning.strategies import evaluation_grid
 from kinematics.error_model.model import Design, ErrorModel
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
@@ -62,7 +62,7 @@ class Volume:
         """The volume of any positions, with a tool `(3,)` or `(n, 3)`, mm."""
         # points on one line leave a rotation undetermined
         rigid = column_space(rigid_columns(tool_point(machine, state.positions, tool)), RIGID).basis
-        return cls(machine, state, tool, place_transform(machine, state.positions, tool)[:, :3], rigid)
+        return cls(machine, state, tool, error_transform_with_tool(machine, state.positions, tool)[:, :3], rigid)
 
     def columns(self, model: ErrorModel) -> Array:
         """Derivatives `(3 n, p)`, um per unit of its parameters, of the deviations of a model, aligned."""
@@ -73,12 +73,12 @@ class Volume:
 
 def standing(positions: Array, sensors: Iterable[str] = ()) -> State:
     """The machine at rest at positions `(n, axes)`, mm and rad, approached in this order, at 20 degC."""
-    n, still = len(positions), np.zeros(positions.shape)
+    n, at_rest = len(positions), np.zeros(positions.shape)
     return with_moves(
         State(
             positions,
-            velocity=still,
-            acceleration=still,
+            velocity=at_rest,
+            acceleration=at_rest,
             time=np.zeros(n),
             temperatures={sensor: np.zeros(n) for sensor in sensors},
             cycle=np.zeros(n),

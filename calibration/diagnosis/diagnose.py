@@ -24,7 +24,13 @@ from calibration.diagnosis.search.selection import Accepted, Evaluated, Selector
 from calibration.diagnosis.search.start_model import Base, base_of
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, NotVisible, in_terms_of, named, not_visible, outliers, smallest_sizes
-from calibration.fit.acceptance import no_gain, nominal_residuals, refuse_few, seen_by, significant_share
+from calibration.fit.acceptance import (
+    nominal_residuals,
+    reason_against,
+    refuse_few,
+    relative_deviations,
+    significant_share,
+)
 from calibration.fit.cross_validation import summed_up
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.measurement.measurement import Measurement
@@ -96,7 +102,7 @@ class Diagnosis:
     def significant_share(self) -> float:
         """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
         kept = self.after.fit.measurement.rows(np.flatnonzero(self.after.fit.kept))
-        return significant_share(seen_by(self.model, kept))
+        return significant_share(relative_deviations(self.model, kept))
 
     @property
     def with_unnamed(self) -> bool:
@@ -234,10 +240,10 @@ def _no_gain(stage: Stage) -> str:
     micro = found.measurement.per_micro[linearised.rows]
     counted = held.counted & found.kept[linearised.rows]
     if not counted.any():
-        return no_gain(found, before, None)
+        return reason_against(found, before, None)
     predicted = np.stack([held.residual_um / micro, everywhere[linearised.rows]])[:, counted]
     figures = summed_up(predicted, linearised.white[counted], micro[counted], held.blocks, "cells of space")
-    return no_gain(found, before, figures)
+    return reason_against(found, before, figures)
 
 
 def _looked_at(measurement: Measurement) -> tuple[Measurement, list[Finding]]:

@@ -20,7 +20,7 @@ from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.normal_equations import whitened, whiteners
-from calibration.plausibility.repeated_positions import place_numbers
+from calibration.plausibility.repeated_positions import position_numbers
 from kinematics.transforms import Array
 
 CLOSE_S = 120.0
@@ -73,7 +73,7 @@ def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
     own = measurement.rows(np.flatnonzero(kept))
     if not len(own):
         return None
-    places = place_numbers(own)
+    places = position_numbers(own)
     close = _seen_again(own, _clusters(own, places))
     if close.degrees_of_freedom * own.instrument.components >= ENOUGH:
         return _judged(own, close, places, apart=False)

@@ -32,7 +32,7 @@ from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS, Effect
 from kinematics.effects.base import own_component, own_motion, unit_of
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_transform import place_transform, pose_slopes
+from kinematics.error_transform import error_transform_with_tool, pose_slopes
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -187,7 +187,7 @@ class Comparison:
         }
 
 
-class _Seen(NamedTuple):
+class _Curve(NamedTuple):
     """Error motion of one calibration: values `(n,)`, and derivatives with respect to its parameters `(n, p)`."""
 
     values: Array
@@ -202,15 +202,15 @@ class _Side:
         self.model = model.part(lambda effect: not _left_out(effect))
         self.intervals = _intervals(machine, self.model)
 
-    def seen(self, i: int, k: int, positions: Array, way: float = 0.0) -> _Seen:
-        """Component k of axis i, um or urad, at its positions, mm and rad; `way`: direction of approach, -1, 0 or 1."""
-        state = _along(self.machine, i, positions, way)
+    def curve(self, i: int, k: int, positions: Array, sign: float = 0.0) -> _Curve:
+        """Component k of axis i, um or urad, at positions in mm and rad; `sign`: direction of approach, -1, 0 or 1."""
+        state = _along(self.machine, i, positions, sign)
         values = self.model.errors(self.machine, state)[:, i, k]
         chosen = np.zeros((len(positions), 1, 6 * (len(self.machine.axes) + 1)))
         chosen[:, :, 6 * i + k] = 1.0
         design = self.model.design(self.machine, state, chosen)[:, 0]
         size = unit_of(COMPONENTS[k])[1]
-        return _Seen(values / size, design / size)
+        return _Curve(values / size, design / size)
 
     def covariance(self, design: Array) -> Array:
         """Covariance `(n, n)` of quantities with these derivatives `(n, p)`."""
@@ -272,7 +272,7 @@ def _tracks(
             if ends is None:
                 continue
             if ends[0] >= ends[1]:
-                outside.append(f"{name}: no range that both calibrations know")
+                outside.append(f"{name}: the two calibrations have no common range")
                 continue
             at = used.setdefault(axis.name, _reference(machine, i, ends, references))
             tracks.append(Sampled(i, k, ends, _positions(machine, i, ends), at))
@@ -281,7 +281,7 @@ def _tracks(
 
 def _in_common_frame(
     machine: Machine, sides: Sequence[_Side], tracks: Sequence[Sampled]
-) -> Iterator[tuple[_Seen, ...]]:
+) -> Iterator[tuple[_Curve, ...]]:
     """Each error motion of both calibrations, at its positions and, last, at the reference."""
     if not tracks:
         return
@@ -289,12 +289,12 @@ def _in_common_frame(
     ends = np.cumsum([len(track.everywhere) for track in tracks])[:-1]
     pairs = []
     for side in sides:
-        seen = [
-            side.seen(track.axis, track.component, track.everywhere * machine.scale[track.axis]) for track in tracks
+        curve = [
+            side.curve(track.axis, track.component, track.everywhere * machine.scale[track.axis]) for track in tracks
         ]
-        values = np.split(frame.moved(np.concatenate([each.values for each in seen])), ends)
-        designs = np.split(frame.moved(np.concatenate([each.design for each in seen])), ends)
-        pairs.append(map(_Seen, values, designs))
+        values = np.split(frame.moved(np.concatenate([each.values for each in curve])), ends)
+        designs = np.split(frame.moved(np.concatenate([each.design for each in curve])), ends)
+        pairs.append(map(_Curve, values, designs))
     yield from zip(*pairs, strict=True)
 
 
@@ -307,11 +307,11 @@ def _left_out(effect: Effect) -> str:
     return f"depends on {', '.join(dict.fromkeys(others))}" if others else ""
 
 
-def _along(machine: Machine, i: int, positions: Array, way: float) -> State:
+def _along(machine: Machine, i: int, positions: Array, sign: float) -> State:
     q = np.tile([axis.home for axis in machine.axes] * machine.scale, (len(positions), 1))
     q[:, i] = positions
     approach = np.zeros(q.shape)
-    approach[:, i] = way
+    approach[:, i] = sign
     return State(q, approach=approach)
 
 
@@ -320,13 +320,13 @@ def _intervals(machine: Machine, model: ErrorModel) -> dict[tuple[int, int], Int
     found: dict[tuple[int, int], Interval] = {}
     for effect in model.effects:
         known = effect.intervals
-        for place, component, _ in effect.columns(machine, _along(machine, 0, np.zeros(1), 1.0)):
-            if not 0 <= place < len(machine.axes):
+        for key, component, _ in effect.columns(machine, _along(machine, 0, np.zeros(1), 1.0)):
+            if not 0 <= key < len(machine.axes):
                 continue
-            axis = machine.axes[place]
+            axis = machine.axes[key]
             low, high = known.get(axis.name, axis.travel)
-            before = found.get((place, component), axis.travel)
-            found[place, component] = max(before[0], low), min(before[1], high)
+            before = found.get((key, component), axis.travel)
+            found[key, component] = max(before[0], low), min(before[1], high)
     return found
 
 
@@ -356,8 +356,8 @@ def _reference(machine: Machine, i: int, ends: Interval, references: Mapping[str
         return float(np.clip(axis.home, *ends))
     if not ends[0] <= at <= ends[1]:
         raise UserError(
-            f"--reference {axis.name}={at:g}: both calibrations know {axis.name} from {ends[0]:g} to {ends[1]:g} "
-            f"{axis.unit}"
+            f"--reference {axis.name}={at:g}: the common range of both calibrations is {axis.name} from {ends[0]:g} to "
+            f"{ends[1]:g} {axis.unit}"
         )
     return at
 
@@ -384,13 +384,13 @@ def _rule(machine: Machine, track: Sampled, straightness: Straightness) -> _Rule
     return _Rule(f"from the {straightness} line", matrix)
 
 
-def _motion(machine: Machine, sides: Sequence[_Side], track: Sampled, pair: Sequence[_Seen], rule: _Rule) -> Motion:
-    axis, place = machine.axes[track.axis], (track.axis, track.component)
-    values = [rule.matrix @ seen.values for seen in pair]
-    covariances = [side.covariance(rule.matrix @ seen.design) for side, seen in zip(sides, pair, strict=True)]
+def _motion(machine: Machine, sides: Sequence[_Side], track: Sampled, pair: Sequence[_Curve], rule: _Rule) -> Motion:
+    axis, key = machine.axes[track.axis], (track.axis, track.component)
+    values = [rule.matrix @ curve.values for curve in pair]
+    covariances = [side.covariance(rule.matrix @ curve.design) for side, curve in zip(sides, pair, strict=True)]
     U = [COVERAGE * np.sqrt(np.maximum(np.diag(covariance), 0.0)) for covariance in covariances]
     significant = _significant(values[1] - values[0], covariances[0] + covariances[1])
-    known = (place in sides[0].intervals, place in sides[1].intervals)
+    known = (key in sides[0].intervals, key in sides[1].intervals)
     unit = unit_of(COMPONENTS[track.component])[0]
     return Motion(
         track.name(machine),
@@ -424,10 +424,10 @@ def _significant(difference: Array, covariance: Array) -> bool:
     return bool(np.any(size[known] > k * u[known]))
 
 
-def _location(sides: Sequence[_Side], name: str, pair: Sequence[_Seen], unit: str) -> Figure:
+def _location(sides: Sequence[_Side], name: str, pair: Sequence[_Curve], unit: str) -> Figure:
     """The mean of an error motion of a rotary axis."""
-    means = [float(seen.values[:-1].mean()) for seen in pair]
-    U = [side.U(seen.design[:-1].mean(axis=0)) for side, seen in zip(sides, pair, strict=True)]
+    means = [float(curve.values[:-1].mean()) for curve in pair]
+    U = [side.U(curve.design[:-1].mean(axis=0)) for side, curve in zip(sides, pair, strict=True)]
     return Figure(f"{name[:3]}0{name[3:]}", "location of the axis line", unit, *means, *U)
 
 
@@ -459,7 +459,7 @@ def _squareness(machine: Machine, sides: Sequence[_Side], straightness: Straight
             value = scale * (lines[1] @ leans[0].values + lines[0] @ leans[1].values)
             design = scale * (lines[1] @ leans[0].design + lines[0] @ leans[1].design)
             found.append((float(value), side.U(design), design.any()))
-        if any(seen for *_, seen in found):
+        if any(curve for *_, curve in found):
             names = machine.names[i], machine.names[j]
             name = f"E_{letter}0{names[0]} - E_{letter}0{names[1]}"
             title = f"squareness of {names[0]} to {names[1]}"
@@ -473,7 +473,7 @@ def _direction(machine: Machine, i: int) -> Array:
     return np.asarray(own_motion(machine, machine.names[i])[2] * slope / np.linalg.norm(slope))
 
 
-def _lean(side: _Side, i: int, ends: Interval | None, straightness: Straightness) -> _Seen:
+def _lean(side: _Side, i: int, ends: Interval | None, straightness: Straightness) -> _Curve:
     """Tilt of the line of a linear axis against its direction: vector `(3,)`, workpiece frame, mm per mm.
 
     The slope of the reference line through the deviations across the axis over a range, mm. The axis' own angular
@@ -487,14 +487,14 @@ def _lean(side: _Side, i: int, ends: Interval | None, straightness: Straightness
     here, home = _along(machine, i, x, 0.0), _along(machine, i, np.full(POSITIONS, axis.home), 0.0)
     across = np.eye(3) - np.outer(direction, direction)
     slope = own_motion(machine, axis.name)[2] * reference_line(straightness, x, np.zeros(POSITIONS)).slope_of
-    transform = across @ place_transform(machine, here.positions)[:, :3]
+    transform = across @ error_transform_with_tool(machine, here.positions)[:, :3]
     own = np.zeros(transform.shape[2])
     own[6 * i + 3 : 6 * i + 6] = 1.0
     parts = ((here, transform * (1.0 - own)), (home, transform * own))
     errors = [side.model.errors(machine, state).reshape(POSITIONS, 1, -1) for state, _ in parts]
     values = [np.sum(part * each, axis=2) for (_, part), each in zip(parts, errors, strict=True)]
     designs = [side.model.design(machine, state, part) for state, part in parts]
-    return _Seen(slope @ (values[0] + values[1]), np.tensordot(slope, designs[0] + designs[1], axes=1))
+    return _Curve(slope @ (values[0] + values[1]), np.tensordot(slope, designs[0] + designs[1], axes=1))
 
 
 def _reversals(machine: Machine, sides: Sequence[_Side]) -> Iterator[Figure]:
@@ -507,7 +507,7 @@ def _reversals(machine: Machine, sides: Sequence[_Side]) -> Iterator[Figure]:
         x = _positions(machine, i, ends) * machine.scale[i]
         found = []
         for side in sides:
-            ahead, behind = side.seen(i, k, x, 1.0), side.seen(i, k, x, -1.0)
+            ahead, behind = side.curve(i, k, x, 1.0), side.curve(i, k, x, -1.0)
             value = forward * float(np.mean(ahead.values - behind.values))
             found.append((value, side.U((ahead.design - behind.design).mean(axis=0))))
         if any(abs(value) > LEAST for value, _ in found):
@@ -531,7 +531,7 @@ def _volume(machine: Machine, sides: Sequence[_Side], tool_mm: float) -> Volume:
     state = State(q, approach=np.zeros(q.shape))
     deviations = [exact_deviation(machine, q, side.model.errors(machine, state), tool).position for side in sides]
     difference = deviations[1] - deviations[0]
-    transform = place_transform(machine, q, tool)[:, :3]
+    transform = error_transform_with_tool(machine, q, tool)[:, :3]
     u = [side.model.standard_uncertainty(machine, state, transform) * 1e3 for side in sides]
     expected = float(np.sqrt(np.mean(np.sum(u[0] ** 2 + u[1] ** 2, axis=1))))
     return Volume(

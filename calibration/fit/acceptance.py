@@ -12,14 +12,14 @@ import numpy as np
 from calibration.fit.cross_validation import CrossValidation
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability
-from calibration.fit.prediction import Seen, relative_at_most
+from calibration.fit.prediction import RelativeDeviation, relative_at_most
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes
 from calibration.observation.normal_equations import whitened, whiteners
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS
 from kinematics.error_model.model import ErrorModel, no_errors
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import forward
 from kinematics.state import State
 from kinematics.transforms import Array, by_turn
@@ -37,20 +37,20 @@ ANYWHERE = 300
 """Number of states, within the measured ranges of all axes, at which a correction is compared with its uncertainty."""
 
 
-def refuse_few(found: Fit, seen: Identifiability) -> None:
+def refuse_few(found: Fit, identified: Identifiability) -> None:
     """UserError where the rows show nothing, can't determine the model's parameters, or leave nothing to check them."""
     measurement, registered = found.measurement, len(found.registration.names)
-    if seen.parameters and not seen.rank_registered:
+    if identified.parameters and not identified.rank_registered:
         raise UserError(
             f"{measurement.source}: the rows do not show the machine's errors: no axis moves between the instrument "
             "and its targets, or the registration absorbs every motion; measure positions at which an axis moves"
         )
     # the priors determine the parameters of a basis finer than cubics where the rows do not
     cubics = 4 * len(COMPONENTS) * len(moving_axes(measurement))
-    unknown = registered + min(seen.parameters - seen.by_convention, cubics)
-    told = _information(measurement.rows(np.flatnonzero(found.kept)))
-    checked = found.observations * (1.0 - SPARE) >= registered + seen.rank_registered
-    if checked and (told >= unknown or measurement.components == 1):
+    unknown = registered + min(identified.parameters - identified.by_convention, cubics)
+    information = _information(measurement.rows(np.flatnonzero(found.kept)))
+    checked = found.observations * (1.0 - SPARE) >= registered + identified.rank_registered
+    if checked and (information >= unknown or measurement.components == 1):
         return
     advice = "repeat the runs, or measure more positions"
     if measurement.components > 1:
@@ -58,9 +58,9 @@ def refuse_few(found: Fit, seen: Identifiability) -> None:
         advice = f"measure about {positions} positions or more, spread over the travel, or fit a smaller basis"
     raise UserError(
         f"{measurement.source}: {np.count_nonzero(found.kept)} rows ({found.observations} observations) are too few "
-        f"for {seen.parameters} parameters of the machine and {registered} of the registration: they determine "
-        f"{registered + seen.rank_registered} of {unknown}, and {100 * SPARE:g} % of the observations must remain to "
-        f"check them; {advice}"
+        f"for {identified.parameters} parameters of the machine and {registered} of the registration: they determine "
+        f"{registered + identified.rank_registered} of {unknown}, and {100 * SPARE:g} % of the observations must "
+        f"remain to check them; {advice}"
     )
 
 
@@ -77,14 +77,14 @@ def nominal_residuals(found: Fit) -> Array:
     return fit(kept, no_errors(kept.machine), prior=np.zeros(0)).residual
 
 
-def refuse_worse(found: Fit, before: Array, held: CrossValidation | None) -> None:
-    """UserError for a fit that is no improvement, with the reason of `no_gain`."""
-    reason = no_gain(found, before, held)
+def refuse_worse(found: Fit, before: Array, held_out: CrossValidation | None) -> None:
+    """UserError for a fit that is no improvement, with the reason of `reason_against`."""
+    reason = reason_against(found, before, held_out)
     if reason:
         raise UserError(f"{found.measurement.source}: {reason}")
 
 
-def no_gain(found: Fit, before: Array, held: CrossValidation | None) -> str:
+def reason_against(found: Fit, before: Array, held_out: CrossValidation | None) -> str:
     """Reason why a fit is no improvement (larger residuals, or predictions, than the nominal machine); else empty.
 
     A reason needs larger values both in um and in units of the instrument's uncertainty. before: as
@@ -93,22 +93,22 @@ def no_gain(found: Fit, before: Array, held: CrossValidation | None) -> str:
     advice = "No calibration is written: check the data and the model (ncomp diagnose), or measure more"
     if found.chi2_reduced < QUIET:
         advice += (
-            f"; chi2/dof is {found.chi2_reduced:.2g}: the stated uncertainty of the instrument hides what the data "
-            "show; 'ncomp fit --noise estimate' takes it from the residuals"
+            f"; chi2/dof is {found.chi2_reduced:.2g}: the stated uncertainty of the instrument is too large for these "
+            "data; 'ncomp fit --noise estimate' takes it from the residuals"
         )
     kept = found.measurement.rows(np.flatnonzero(found.kept))
     rms_um = float(np.sqrt(np.mean((before * kept.per_micro) ** 2)))
     if found.rms_um > rms_um and found.chi2 > float(np.sum(whitened(whiteners(kept), before) ** 2)):
         return f"the fit leaves {found.rms_um:.3g} um RMS, more than the nominal machine ({rms_um:.3g} um). {advice}"
-    if held is not None and held.gain < 0.0 and held.rms_um > held.nominal_rms_um:
+    if held_out is not None and held_out.improvement < 0.0 and held_out.rms_um > held_out.nominal_rms_um:
         return (
-            f"the fit of the others predicts held-out {held.what} worse ({held.rms_um:.3g} um RMS) than the nominal "
-            f"machine does ({held.nominal_rms_um:.3g} um). {advice}"
+            f"the fit of the others predicts held-out {held_out.name} worse ({held_out.rms_um:.3g} um RMS) than the "
+            f"nominal machine does ({held_out.nominal_rms_um:.3g} um). {advice}"
         )
     return ""
 
 
-def seen_by(model: ErrorModel, measurement: Measurement) -> Seen:
+def relative_deviations(model: ErrorModel, measurement: Measurement) -> RelativeDeviation:
     """Predicted deviations of the tool target with the most rows, at evenly spread measured states."""
     on_tool = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
     rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
@@ -129,15 +129,15 @@ def refuse_uncertain(model: ErrorModel, measurement: Measurement) -> None:
     tool = np.tile(_usual_target(measurement), (ANYWHERE, 1))
     machine, less = measurement.machine, _without_clamp(forward(measurement.machine, q).apply(tool))
     deviation = less @ exact_deviation(machine, q, model.errors(machine, state), tool).position.reshape(-1)
-    design = model.design(machine, state, place_transform(machine, q, tool)[:, :3]).reshape(3 * ANYWHERE, -1)
+    design = model.design(machine, state, error_transform_with_tool(machine, q, tool)[:, :3]).reshape(3 * ANYWHERE, -1)
     u = model.propagated((less @ design).reshape(ANYWHERE, 3, -1))
     rms_um, u_um = (1e3 * float(np.sqrt(np.sum(each**2) / ANYWHERE)) for each in (deviation, u))
     if 0.0 < rms_um < math.sqrt(2.0) * u_um:
         raise UserError(
             f"{measurement.source}: within the measured ranges of all axes the correction is {rms_um:.3g} um RMS, with "
-            f"a standard uncertainty of {u_um:.3g} um: it would leave more than it takes away "
-            f"({math.sqrt(max(rms_um**2 - u_um**2, 0.0)):.3g} um). Nothing is written: measure from more stations, "
-            "with targets farther from each other, in more rounds, or only the ranges that are used"
+            f"a standard uncertainty of {u_um:.3g} um: it would add more error than it removes "
+            f"({math.sqrt(max(rms_um**2 - u_um**2, 0.0)):.3g} um). No calibration is written: measure from more "
+            "stations, with targets farther from each other, in more rounds, or only the ranges that are used"
         )
 
 
@@ -157,11 +157,11 @@ def _usual_target(measurement: Measurement) -> tuple[float, ...]:
     return tuple(targets[int(np.bincount(measurement.target_number[on_tool]).argmax())].position)
 
 
-def significant_share(seen: Seen) -> float:
+def significant_share(identified: RelativeDeviation) -> float:
     """Share of the states at which a component of the deviation exceeds COVERAGE standard uncertainties.
 
     Deviations are relative to their mean: a common shift is no error of a part whose zero was touched off on the
     machine.
     """
-    u = np.where(seen.u > 0.0, seen.u, np.inf)
-    return float(np.mean(np.any(np.abs(seen.deviation) > COVERAGE * u, axis=1)))
+    u = np.where(identified.u > 0.0, identified.u, np.inf)
+    return float(np.mean(np.any(np.abs(identified.deviation) > COVERAGE * u, axis=1)))

@@ -94,7 +94,7 @@ class Search:
         """
         unknown = [kind for kind in kinds if kind not in SIZES]
         if unknown:
-            raise UserError(f"basis auto:{unknown[0]}: there is none of that kind ({', '.join(SIZES)})")
+            raise UserError(f"basis auto:{unknown[0]}: the kind is unknown; known kinds are ({', '.join(SIZES)})")
         most = {axis: distinct_positions(measurement, axis) for axis in moving_axes(measurement)}
         few = {axis: number if axis[0] in "ABC" else min(number, finest) for axis, number in most.items()}
         return cls(kinds, rotary_kind, prior_scale, few)

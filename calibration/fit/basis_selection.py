@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.cores import each
 from calibration.fit.basis_search import FINEST, SIZES, Choice, Search, Unexplained, chosen
-from calibration.fit.fit import DOUBT, Fit, Progress, fit
+from calibration.fit.fit import DOUBTFUL_P, Fit, Progress, fit
 from calibration.fit.linear import NormalBlocks, Part
 from calibration.fit.problem import solution
 from calibration.measurement.measurement import Measurement
@@ -40,7 +40,7 @@ ROWS = 5000
 KEPT = 250_000_000
 """Size of the cache of columns, bytes, in addition to the blocks."""
 REGISTRATION: Part = ("", "registration")
-BESIDES: Part = ("", "besides")
+OTHER_EFFECTS: Part = ("", "besides")
 
 
 def choose(
@@ -93,23 +93,23 @@ class LinearEvidence:
         rows = np.flatnonzero(first.kept)
         some = rows[np.linspace(0, len(rows) - 1, min(len(rows), ROWS)).astype(int)]
         self._measurement, self._registration = first.measurement.rows(some), first.registration
-        self._factor = first.variance_factor if first.p_value < DOUBT else 1.0
+        self._factor = first.variance_factor if first.p_value < DOUBTFUL_P else 1.0
         self._effects = tuple(effects)
         # the additional effects start at their values of the first fit
-        besides = sum(len(effect.parameters) for effect in effects)
-        self._besides = first.model.parameters[len(first.prior) - besides :]
+        other_effects = sum(len(effect.parameters) for effect in effects)
+        self._other_effects = first.model.parameters[len(first.prior) - other_effects :]
         self._white = whiteners(self._measurement) / np.sqrt(self._factor)
         self._transform = self._white @ equations.transform(self._measurement, self._registration)
         at_start = msgspec.structs.replace(no_errors(self._measurement.machine), effects=self._effects)
-        left = residuals(self._measurement, at_start.with_parameters(self._besides), self._registration)
+        left = residuals(self._measurement, at_start.with_parameters(self._other_effects), self._registration)
         self._residual = whitened(self._white, left).reshape(-1)
         widest = 6 * (FINEST + 2) * self._residual.nbytes
         self._columns = lru_cache(maxsize=max(KEPT // widest, len(self._measurement.machine.axes) + 4))(self._made)
         self._right = cache(self._along)
         self._priors = cache(self._typical)
-        own = self._priors(BESIDES)
+        own = self._priors(OTHER_EFFECTS)
         start = np.array([value for effect in effects for value in effect.parameters])
-        self._moved = np.where(np.isfinite(own), (self._besides - start) / own, 0.0)
+        self._moved = np.where(np.isfinite(own), (self._other_effects - start) / own, 0.0)
         self._blocks = NormalBlocks(self._columns)
         self._known: dict[str, float] = {}
 
@@ -125,9 +125,11 @@ class LinearEvidence:
 
     def _evidence(self, choice: Choice) -> float:
         axes: list[Part] = [(axis, str(basis)) for axis, basis in choice.bases.items()]
-        parts = [REGISTRATION, *axes, BESIDES]
+        parts = [REGISTRATION, *axes, OTHER_EFFECTS]
         normal = NormalEquations(self._blocks.matrix(parts), np.concatenate([self._right(part) for part in parts]))
-        prior = np.concatenate([*(choice.prior_scale * self._priors(part) for part in axes), self._priors(BESIDES)])
+        prior = np.concatenate(
+            [*(choice.prior_scale * self._priors(part) for part in axes), self._priors(OTHER_EFFECTS)]
+        )
         away = np.zeros(len(prior))
         away[len(prior) - len(self._moved) :] = self._moved
         solved = solution(normal, self._registration, prior, away)
@@ -153,6 +155,6 @@ class LinearEvidence:
     def _model(self, part: Part) -> ErrorModel:
         """The model of a part: the error motions of an axis in its basis, or the additional effects."""
         axis, basis = part
-        own = self._effects if part == BESIDES else axis_effects(self._measurement, axis, parse_basis(basis))
+        own = self._effects if part == OTHER_EFFECTS else axis_effects(self._measurement, axis, parse_basis(basis))
         model = msgspec.structs.replace(no_errors(self._measurement.machine), effects=tuple(own))
-        return model.with_parameters(self._besides) if part == BESIDES else model
+        return model.with_parameters(self._other_effects) if part == OTHER_EFFECTS else model

@@ -11,7 +11,13 @@ from importlib.metadata import version
 import msgspec
 import numpy as np
 
-from calibration.fit.acceptance import nominal_residuals, refuse_few, refuse_worse, seen_by, significant_share
+from calibration.fit.acceptance import (
+    nominal_residuals,
+    refuse_few,
+    refuse_worse,
+    relative_deviations,
+    significant_share,
+)
 from calibration.fit.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.basis_selection import choose, finer
 from calibration.fit.cross_validation import CrossValidation, cross_validate, lines
@@ -19,8 +25,8 @@ from calibration.fit.datum import to_datum
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.location_errors import split_locations, transformed
-from calibration.fit.prediction import Seen
-from calibration.fit.residual_tests import Suspect, suspects
+from calibration.fit.prediction import RelativeDeviation
+from calibration.fit.residual_tests import DependenceTest, dependences
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes, stated_bases, with_effects
 from calibration.observation.outliers import Variance, duplicates
@@ -43,12 +49,12 @@ class Calibration:
     """RMS residual per scalar, um, of the nominal machine with a registration of its own."""
     before_max_um: float
     """Largest length of these residuals in a row, um."""
-    suspects: tuple[Suspect, ...]
+    dependences: tuple[DependenceTest, ...]
     """Variables on which the residuals depend."""
     cross_validation: CrossValidation | None
     findings: tuple[Finding, ...]
     """Anomalies of the data."""
-    seen: Seen
+    seen: RelativeDeviation
     """Predicted deviations at the measured states relative to their mean, with uncertainties."""
 
     @property
@@ -83,12 +89,12 @@ def calibrate(
     model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
     found = fit(measurement, model, prior=prior, variance=variance, progress=progress)
     before = nominal_residuals(found)
-    progress("what the data see")
+    progress("identifiability")
     seen = identifiability(found)
     refuse_few(found, seen)
     progress("held-out residuals")
-    held = cross_validate(measurement, model, prior, found.kept, variance) if hold_out else None
-    refuse_worse(found, before, held)
+    held_out = cross_validate(measurement, model, prior, found.kept, variance) if hold_out else None
+    refuse_worse(found, before, held_out)
     written = _written(found, valid_days)
     kept = measurement.rows(np.flatnonzero(found.kept))
     before_um = before * kept.per_micro
@@ -99,10 +105,10 @@ def calibrate(
         seen,
         float(np.sqrt(np.mean(before_um**2))),
         float(np.linalg.norm(before_um, axis=1).max()),
-        tuple(suspects(found)),
-        held,
+        tuple(dependences(found)),
+        held_out,
         tuple(findings),
-        seen_by(written, kept),
+        relative_deviations(written, kept),
     )
 
 
@@ -136,8 +142,8 @@ def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Ch
     In units of the instrument's variance; infinite where no line can be held out.
     """
     model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
-    held = cross_validate(measurement, model, prior, ~duplicates(measurement))
-    return np.array([np.inf if held is None else -held.gain])
+    held_out = cross_validate(measurement, model, prior, ~duplicates(measurement))
+    return np.array([np.inf if held_out is None else -held_out.improvement])
 
 
 def in_datum(found: Fit) -> ErrorModel:

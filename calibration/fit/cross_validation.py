@@ -45,11 +45,11 @@ class CrossValidation(NamedTuple):
     """Largest length of the residual of a row, um; urad on rotary axes of an interferometer."""
     blocks: int
     """Number of blocks."""
-    what: str
+    name: str
     """Name of the blocks, plural: runs, lines, cells of space, ..."""
     nominal_rms_um: float
     """RMS residual of the same rows on the nominal machine, registered by the others, um."""
-    gain: float
+    improvement: float
     """Mean square residual of the nominal machine minus that of the fit, in units of the instrument's variance; below
     zero if the fit predicts worse."""
 
@@ -66,17 +66,17 @@ def cross_validate(
 
 
 def predicted_by_others(
-    good: Measurement, labels: np.ndarray, what: str, refit: Callable[[Measurement], Fit]
+    good: Measurement, labels: np.ndarray, name: str, refit: Callable[[Measurement], Fit]
 ) -> CrossValidation | None:
     """Residuals of each block of rows under `refit`, and under the nominal machine, of the other rows.
 
     labels `(n,)`: numbers of the blocks; negative for rows of no block. Rows whose set-up or target hardly occurs in
     the others depend on the registration, not on the machine, and don't count. None if too few rows count.
     """
-    missed = np.full((2, len(good), good.components), np.nan)
+    unexplained = np.full((2, len(good), good.components), np.nan)
     for label in np.unique(labels[labels >= 0]):
-        told = (labels == label) & placed(good, labels != label)
-        if not told.any():
+        predicted = (labels == label) & registered(good, labels != label)
+        if not predicted.any():
             continue
         others = good.rows(np.flatnonzero(labels != label))
         for i, each in enumerate((refit, _nominal)):
@@ -85,12 +85,14 @@ def predicted_by_others(
             except UserError:  # the other rows alone can't be fitted
                 return None
             # effects with memory need the rows in between
-            missed[i, told] = residuals(good, found.model, found.registration)[told]
-    told = ~np.isnan(missed[0, :, 0])
-    if 2 * told.sum() < len(good):
+            unexplained[i, predicted] = residuals(good, found.model, found.registration)[predicted]
+    predicted = ~np.isnan(unexplained[0, :, 0])
+    if 2 * predicted.sum() < len(good):
         return None
-    part = good.rows(told)
-    return summed_up(missed[:, told], whiteners(part), part.per_micro, len(np.unique(labels[labels >= 0])), what)
+    part = good.rows(predicted)
+    return summed_up(
+        unexplained[:, predicted], whiteners(part), part.per_micro, len(np.unique(labels[labels >= 0])), name
+    )
 
 
 def _nominal(measurement: Measurement) -> Fit:
@@ -98,12 +100,12 @@ def _nominal(measurement: Measurement) -> Fit:
     return fit(measurement, no_errors(measurement.machine), prior=np.zeros(0))
 
 
-def summed_up(missed: Array, whitener: Array, per_micro: Array, blocks: int, what: str) -> CrossValidation:
+def summed_up(unexplained: Array, whitener: Array, per_micro: Array, blocks: int, name: str) -> CrossValidation:
     """Statistics of the residuals `(2, n, d)`, mm and rad, of the fit and of the nominal machine."""
-    squares = [float(np.mean(whitened(whitener, residual) ** 2)) for residual in missed]
-    rms = [float(np.sqrt(np.mean((part * per_micro) ** 2))) for part in missed]
-    largest = float(np.linalg.norm(missed[0] * per_micro, axis=1).max())
-    return CrossValidation(rms[0], largest, blocks, what, rms[1], squares[1] - squares[0])
+    squares = [float(np.mean(whitened(whitener, residual) ** 2)) for residual in unexplained]
+    rms = [float(np.sqrt(np.mean((part * per_micro) ** 2))) for part in unexplained]
+    largest = float(np.linalg.norm(unexplained[0] * per_micro, axis=1).max())
+    return CrossValidation(rms[0], largest, blocks, name, rms[1], squares[1] - squares[0])
 
 
 def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:
@@ -184,12 +186,12 @@ def _every_eighth(measurement: Measurement) -> np.ndarray:
     return labels
 
 
-def placed(measurement: Measurement, others: np.ndarray) -> np.ndarray:
+def registered(measurement: Measurement, others: np.ndarray) -> np.ndarray:
     """True `(n,)` for rows whose set-up, and target on table or bed, have enough rows among the `others`."""
     few = POSE if measurement.instrument.components > 1 else 1
-    told = np.ones(len(measurement), bool)
+    predicted = np.ones(len(measurement), bool)
     known = np.array([target.known for target in measurement.targets.values()])
     for labels, needed in ((measurement.groups, True), (measurement.target_number, ~known[measurement.target_number])):
         _, number = np.unique(labels, return_inverse=True)
-        told &= (np.bincount(number, others)[number] >= few) | ~np.asarray(needed)
-    return told
+        predicted &= (np.bincount(number, others)[number] >= few) | ~np.asarray(needed)
+    return predicted

@@ -136,16 +136,16 @@ def _rules(machine: Machine, model: ErrorModel) -> Array:
     for effect, part in error_motions(model):
         line = mean_line(effect.basis)
         axis = machine.axes[machine.index(effect.axis)]
-        wanted = []
+        properties = []
         if (
             effect.component in along_own_line(effect.axis)
             if axis.rotary
             else not (effect.axis in last and effect.angular)
         ):
-            wanted.append(line.mean)
+            properties.append(line.mean)
         if effect.name in DATUM_SLOPES:
-            wanted.append(line.slope * (effect.basis.interval[1] - effect.basis.interval[0]))
-        for values in wanted:
+            properties.append(line.slope * (effect.basis.interval[1] - effect.basis.interval[0]))
+        for values in properties:
             row = np.zeros(len(model.parameters))
             row[part] = values
             rows.append(row)
@@ -167,10 +167,10 @@ def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
             q = np.linspace(low, high, 201)
             line = axis.error_frame.T @ axis.unit_direction
             across = np.linalg.svd(line[None])[2][1:]
-            turning = rotation_about(line, q if axis.side == "tool" else -q) @ across.T
-            still = np.broadcast_to(across.T, turning.shape)
+            after_turn = rotation_about(line, q if axis.side == "tool" else -q) @ across.T
+            at_zero = np.broadcast_to(across.T, after_turn.shape)
             # rotating component of a curve that is the sum of a constant and a rotating vector
-            columns = np.concatenate([still, turning], axis=2).swapaxes(0, 1).reshape(-1, 4)
+            columns = np.concatenate([at_zero, after_turn], axis=2).swapaxes(0, 1).reshape(-1, 4)
             parts = np.linalg.pinv(columns)[2:].reshape(2, 3, len(q))
             for turned in parts:
                 row = np.zeros(len(model.parameters))

@@ -45,7 +45,7 @@ CONVERGED = 1e-3
 AHEAD = 1.9
 """Over-relaxation of every other step: with Huber weights a Gauss-Newton step is too short. Below 2 the objective can't
 rise by it."""
-DOUBT = 1e-3
+DOUBTFUL_P = 1e-3
 """p of chi2 below which the uncertainties of the instrument specification are widened to the residuals (Birge)."""
 Progress = Callable[[str], None]
 
@@ -104,7 +104,7 @@ class Fit:
     @property
     def doubtful(self) -> bool:
         """True where the residuals are larger than the instrument specification allows."""
-        return self.variance_factor == 1.0 and self.p_value < DOUBT
+        return self.variance_factor == 1.0 and self.p_value < DOUBTFUL_P
 
     @property
     def rms_um(self) -> float:
@@ -156,11 +156,11 @@ def fit(
     some = _some(np.flatnonzero(trusted & ~copies))
     progress("iterating")
     iterated = problem.rows(some)
-    at_rest, factor, solved = _iterate(iterated, iterated.point(np.array(model.parameters), registration), variance)
+    converged, factor, solved = _iterate(iterated, iterated.point(np.array(model.parameters), registration), variance)
     progress("solving")
-    point = problem.point(at_rest.parameters, at_rest.registration)
+    point = problem.point(converged.parameters, converged.registration)
     least = _least(solved, len(some) * measurement.components, variance)
-    bad, failed = _judge(problem, point, copies, solved.effective_parameters, least)
+    bad, failed = _left_out(problem, point, copies, solved.effective_parameters, least)
     for _ in range(10):
         kept = ~bad
         _refuse_too_few(measurement, kept, point)
@@ -168,7 +168,7 @@ def fit(
         point = problem.moved(point, solved.step)
         if variance == "estimate":
             factor = max(_estimated(problem, point, kept, solved), least)
-        bad, failed = _judge(problem, point, copies, solved.effective_parameters, least)
+        bad, failed = _left_out(problem, point, copies, solved.effective_parameters, least)
         if np.array_equal(bad, ~kept):
             break
     chi2 = float(np.sum(problem.distances(point)[kept]))
@@ -200,7 +200,7 @@ def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point,
             distances, components, robust_factor(distances, components, effective_parameters, least)
         )
         # amplitudes first: a period or time constant is undetermined without one
-        solved = (problem if step else problem.shapes_held()).solve(point, weights, factor)
+        solved = (problem if step else problem.shapes_fixed()).solve(point, weights, factor)
         aim = solved.step * (AHEAD if step % 2 else 1.0)
         before, point, effective_parameters = (
             point,
@@ -222,7 +222,7 @@ def _least(solved: Solved, scalars: int, variance: Variance) -> float:
     return LEAST if variance == "estimate" and (solved.parameters < spare or solved.rank < spare) else 1.0
 
 
-def _judge(
+def _left_out(
     problem: Problem, point: Point, copies: np.ndarray, effective_parameters: float, least: float
 ) -> tuple[np.ndarray, list[str]]:
     """Mask `(n,)` of the rows to leave out, and the stations that failed as a whole."""
@@ -246,9 +246,9 @@ def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved)
 def _refuse_too_few(measurement: Measurement, kept: np.ndarray, point: Point) -> None:
     if kept.sum() * measurement.components <= point.registered:
         if kept.all():
-            setups = len(np.unique(measurement.groups))
+            stations = len(np.unique(measurement.groups))
             raise UserError(
-                f"{measurement.source}: {len(measurement)} rows of {setups} set-ups are too few for the positions of "
+                f"{measurement.source}: {len(measurement)} rows of {stations} set-ups are too few for the positions of "
                 "the instrument alone"
             )
         raise UserError(

@@ -118,19 +118,21 @@ def _beyond(directions: Array, known: Array) -> Array:
     """The part of the space of `directions` that is orthogonal to `known`, as a basis."""
     if not directions.shape[1]:
         return directions
-    rest = directions - known @ (known.T @ directions)
-    u, values, _ = np.linalg.svd(rest, full_matrices=False)
+    unknown = directions - known @ (known.T @ directions)
+    u, values, _ = np.linalg.svd(unknown, full_matrices=False)
     return np.asarray(u[:, values > PART])
 
 
 def _unidentifiable(fit: Fit, effects: Sequence[Effect], directions: int, parameters: int) -> Unidentifiable:
     names = tuple(effect.name for effect in effects)
     if len(effects) == 1:
-        reason = "not seen" if directions == parameters else f"{directions} of its {parameters} shapes not seen"
+        reason = (
+            "not seen" if directions == parameters else f"{directions} of its {parameters} shapes are unidentifiable"
+        )
     elif len(effects) == 2:
-        reason = f"only together, not apart ({directions} of {parameters} shapes)"
+        reason = f"only their sum is identifiable ({directions} of {parameters} shapes)"
     else:
-        reason = f"{directions} {'combination' if directions == 1 else 'combinations'} of them not seen"
+        reason = f"{directions} {'combination' if directions == 1 else 'combinations'} of them unidentifiable"
     return Unidentifiable(names, directions, parameters, reason, _remedy(fit, effects))
 
 

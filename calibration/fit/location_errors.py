@@ -34,10 +34,10 @@ def split_locations(machine: Machine, model: ErrorModel) -> tuple[tuple[Effect, 
     found: list[LocationError] = []
     rows: list[Array] = []
     for effect, part in error_motions(model):
-        held = None if effect.name in DATUM_SLOPES else _location(machine, effect)
-        if held is None:
+        located = None if effect.name in DATUM_SLOPES else _location(machine, effect)
+        if located is None:
             continue
-        location, own, function = held
+        location, own, function = located
         row = np.zeros(len(model.parameters))
         row[part] = own
         matrix[part] -= np.outer(function, row)
@@ -61,7 +61,7 @@ def _location(machine: Machine, effect: ErrorMotion) -> tuple[LocationError, Arr
     if axis.rotary:
         if effect.component in along_own_line(effect.axis):
             return None
-        component, value, wanted = effect.component, line.mean, _written(effect, np.ones_like)
+        component, value, coefficients = effect.component, line.mean, _written(effect, np.ones_like)
     else:
         if effect.angular:
             return None
@@ -72,8 +72,8 @@ def _location(machine: Machine, effect: ErrorMotion) -> tuple[LocationError, Arr
         if abs(abs(turn[k]) - 1.0) > ALIGNED:
             return None
         component, value = get_args(Component)[3 + k], turn[k] * line.slope * 1e3
-        wanted = _written(effect, lambda x: turn[k] * x * 1e-3)
-    return None if wanted is None else (LocationError(component, effect.axis, 0.0), value, wanted)
+        coefficients = _written(effect, lambda x: turn[k] * x * 1e-3)
+    return None if coefficients is None else (LocationError(component, effect.axis, 0.0), value, coefficients)
 
 
 def _written(effect: ErrorMotion, function: Callable[[Array], Array]) -> Array | None:

@@ -16,17 +16,17 @@ import numpy as np
 
 from calibration.measurement.file import KEYS, KINDS, OBSERVED, uncertainty_keys
 from calibration.measurement.states import (
-    Places,
+    MeasurementStates,
     allow_columns,
     check_machine,
     note_unknown_keys,
-    read_places,
+    read_states,
     state_columns,
 )
 from calibration.measurement.text_table import Table, read_table
 from kinematics.deviation import exact_deviation
 from kinematics.error_model.model import Design, ErrorModel
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array, blocks
@@ -46,7 +46,7 @@ class Points:
 
     machine: Machine
     table: Table
-    places: Places
+    states: MeasurementStates
     notes: tuple[str, ...]
 
 
@@ -89,7 +89,7 @@ class Prediction:
         """Standard uncertainties `(n, 3)` of the deviations, um, k = 1."""
         return self._whole[1]
 
-    def seen(self) -> Seen:
+    def seen(self) -> RelativeDeviation:
         """Deviations relative to their mean, with their uncertainties, at no more than STATES of the states."""
         return relative_at_most(self.model, self.machine, self.state, self.tool)
 
@@ -106,7 +106,7 @@ class Prediction:
         return notes
 
 
-class Seen(NamedTuple):
+class RelativeDeviation(NamedTuple):
     """Deviations at several states relative to their mean, and the shift that all have in common; um."""
 
     deviation: Array
@@ -135,19 +135,21 @@ class Seen(NamedTuple):
         return {"between_positions": self.u_between.tolist(), "common_shift": self.u_shift.tolist()}
 
 
-def relative(model: ErrorModel, machine: Machine, state: State, tool: Array) -> Seen:
+def relative(model: ErrorModel, machine: Machine, state: State, tool: Array) -> RelativeDeviation:
     """Deviations at states relative to their mean, tool `(n, 3)`, mm; all states at once."""
     deviation = exact_deviation(machine, state.positions, model.errors(machine, state), tool).position
-    design = model.design(machine, state, place_transform(machine, state.positions, tool)[:, :3])
+    design = model.design(machine, state, error_transform_with_tool(machine, state.positions, tool)[:, :3])
     mean = design.mean(axis=0, keepdims=True)
-    return Seen(
+    return RelativeDeviation(
         (deviation - deviation.mean(axis=0)) * MM,
         model.propagated(design - mean) * MM,
         model.propagated(mean)[0] * MM,
     )
 
 
-def relative_at_most(model: ErrorModel, machine: Machine, state: State, tool: Array, most: int = STATES) -> Seen:
+def relative_at_most(
+    model: ErrorModel, machine: Machine, state: State, tool: Array, most: int = STATES
+) -> RelativeDeviation:
     """As `relative`, at `most` states or fewer, evenly spread."""
     rows = np.unique(np.linspace(0, len(state) - 1, min(len(state), most)).astype(int))
     return relative(model, machine, state.rows(rows), tool[rows])
@@ -163,14 +165,16 @@ def read_points(path: Path, machine: Machine) -> Points:
     note_unknown_keys(table, lambda key: key in keys, notes)
     again = [name for name in ADDED if name in table.names]
     if again:
-        raise UserError(f"{table.head} column {again[0]}: these points bear a prediction already")
+        raise UserError(f"{table.head} column {again[0]}: these points already have a prediction")
     observed = dict.fromkeys(name for names in (*OBSERVED.values(), ["scatter_um"]) for name in names)
     allow_columns(table, [*state_columns(machine), *observed])
-    places = read_places(table, machine, notes)
-    for name, target in places.targets.items():
+    states = read_states(table, machine, notes)
+    for name, target in states.targets.items():
         if target.carrier != "tool":
-            raise UserError(f"{table.source}: target {name} sits on the {target.carrier}: predicted is the tool")
-    return Points(machine, table, places, tuple(notes))
+            raise UserError(
+                f"{table.source}: target {name} is on the {target.carrier}: only a target on the tool can be predicted"
+            )
+    return Points(machine, table, states, tuple(notes))
 
 
 def predictions(model: ErrorModel, machine: Machine, state: State, tool: Array) -> Iterator[Predicted]:
@@ -183,6 +187,6 @@ def predictions(model: ErrorModel, machine: Machine, state: State, tool: Array) 
     for rows in blocks(len(state)):
         q = state.positions[rows]
         deviation = exact_deviation(machine, q, errors[rows], tool[rows]).position
-        transform = place_transform(machine, q, tool[rows])[:, :3]
+        transform = error_transform_with_tool(machine, q, tool[rows])[:, :3]
         unmeasured = model.unmeasured_variance(machine, state.rows(rows), transform)
         yield Predicted(rows, deviation * MM, model.propagated(design.of(rows, transform), unmeasured) * MM)

@@ -20,7 +20,7 @@ from kinematics.user_error import UserError
 UNSEEN = 1e-10
 """Eigenvalues below this share of the largest count as zero."""
 
-HELD = 1e-9
+FIXED = 1e-9
 """Prior standard deviation of a parameter that is held."""
 HALVINGS = 12
 """Largest number of halvings of a step that raises the objective."""
@@ -100,12 +100,12 @@ class Problem:
         """The problem with some of its rows."""
         return replace(self, measurement=self.measurement.rows(index), white=self.white[index])
 
-    def shapes_held(self) -> Problem:
+    def shapes_fixed(self) -> Problem:
         """The problem with its periods and time constants held."""
         linear = [quantity.linear for effect in self.model.effects for quantity in effect.parameter_table]
         if self.prior.ndim == 1:
-            return replace(self, prior=np.where(linear, self.prior, HELD))
-        return replace(self, prior=self.prior * np.outer(linear, linear) + np.diag(np.where(linear, 0.0, HELD)))
+            return replace(self, prior=np.where(linear, self.prior, FIXED))
+        return replace(self, prior=self.prior * np.outer(linear, linear) + np.diag(np.where(linear, 0.0, FIXED)))
 
     def at(self, parameters: Array) -> ErrorModel:
         """The model with these parameters."""
@@ -136,8 +136,8 @@ class Problem:
     def descended(self, point: Point, step: Array, weights: Array, factor: float) -> Point:
         """The point after a step, halved until the objective does not rise; the same point if every halving fails."""
         limit = self.objective(point, weights, factor) * (1.0 + ROUNDING) + ROUNDING
-        halves = (self.moved(point, 0.5**k * step) for k in range(HALVINGS))
-        return next((moved for moved in halves if self.objective(moved, weights, factor) <= limit), point)
+        shortened = (self.moved(point, 0.5**k * step) for k in range(HALVINGS))
+        return next((moved for moved in shortened if self.objective(moved, weights, factor) <= limit), point)
 
     def solve(self, point: Point, weights: Array, factor: float) -> Solved:
         """The Gauss-Newton step at a point; weights `(n,)` of the rows; the instrument's variances times `factor`."""
@@ -190,7 +190,7 @@ def solution(normal: NormalEquations, registration: Registration, prior: Array, 
     half, _, spread = registered = pseudo_inverse(own, UNSEEN, 1.0)
     eliminated = mixed.T @ half
     information = machine - eliminated @ eliminated.T
-    inner = right[size:] - eliminated @ (half.T @ right[:size]) - away
+    eliminated_right = right[size:] - eliminated @ (half.T @ right[:size]) - away
     try:
         # parameters that neither the data nor a prior determines do not move
         posterior = Posterior(information + np.diag(limited), UNSEEN * (1.0 + np.diag(information)))
@@ -199,9 +199,9 @@ def solution(normal: NormalEquations, registration: Registration, prior: Array, 
             "the equations of the fit have no solution: positions or readings of the data differ by so many orders of "
             "magnitude that one of them must have a wrong unit or number"
         ) from None
-    parameters = posterior.solve(inner)
+    parameters = posterior.solve(eliminated_right)
     step_of_own = half @ (half.T @ (right[:size] - mixed @ parameters))
-    length = float(np.sqrt(max(parameters @ inner, 0.0) / max(len(parameters), 1)))
+    length = float(np.sqrt(max(parameters @ eliminated_right, 0.0) / max(len(parameters), 1)))
     log_determinant = posterior.log_determinant + spread - 2.0 * float(np.sum(np.log(scales)))
     reduction = float(right @ np.concatenate([step_of_own, parameters]))
     step = np.concatenate([step_of_own * scales, _times(parameters, root.T)])

@@ -18,16 +18,16 @@ CLIP = 5.0
 """Largest residual in the tests, in standard uncertainties; larger ones are reduced to it."""
 
 
-class Suspect(NamedTuple):
+class DependenceTest(NamedTuple):
     """A variable on which the residuals depend."""
 
-    what: str
+    variable: str
     p_value: float
     hint: str
     """The effect to try, as an option of the fit."""
 
 
-def suspects(fit: Fit) -> list[Suspect]:
+def dependences(fit: Fit) -> list[DependenceTest]:
     """Directions, time and temperatures on which the residuals depend, the most significant first.
 
     For each, the F-test of the whitened residuals' regression on it, component by component in the instrument's frame.
@@ -38,8 +38,10 @@ def suspects(fit: Fit) -> list[Suspect]:
     white = np.clip(whitened(whiteners(measurement), fit.residual)[rows], -CLIP, CLIP)
     looked_at = list(_variables(fit))
     limit = SIGNIFICANCE / max(len(looked_at), 1)
-    found = [Suspect(what, _p_value(white, values[rows]), hint) for what, values, hint in looked_at]
-    return sorted((suspect for suspect in found if suspect.p_value < limit), key=lambda suspect: suspect.p_value)
+    found = [DependenceTest(variable, _p_value(white, values[rows]), hint) for variable, values, hint in looked_at]
+    return sorted(
+        (dependence for dependence in found if dependence.p_value < limit), key=lambda dependence: dependence.p_value
+    )
 
 
 def _variables(fit: Fit) -> Iterator[tuple[str, Array, str]]:
@@ -65,6 +67,8 @@ def _p_value(white: Array, values: Array) -> float:
         return 1.0
     slopes = spread @ (white - white.mean(axis=0)) / size
     explained = float(np.sum(slopes**2)) * size
-    rest = float(np.sum((white - white.mean(axis=0)) ** 2)) - explained
+    unexplained = float(np.sum((white - white.mean(axis=0)) ** 2)) - explained
     degrees_of_freedom = components * (n - 2)
-    return float(special.fdtrc(components, degrees_of_freedom, explained / components / (rest / degrees_of_freedom)))
+    return float(
+        special.fdtrc(components, degrees_of_freedom, explained / components / (unexplained / degrees_of_freedom))
+    )

@@ -33,14 +33,14 @@ def spread(table: Table, machine: Machine) -> Table:
     clash = [name for name in ("component", "deviation_um", "deviation_urad") if name in table.names]
     if clash:
         raise UserError(
-            f"{table.head} column {clash[0]}: not allowed beside columns of error motions ({', '.join(found)}): "
-            "keep one kind of column"
+            f"{table.head} column {clash[0]}: is not allowed together with columns of error motions "
+            f"({', '.join(found)}): keep one kind of column"
         )
     kept = [name for name in table.names if name not in found and name != "axis"]
     cells, beside = table.cells(list(found)), table.cells(kept)
     filled = np.stack([column != "" for column in cells.values()], axis=1)
     if not filled.any():
-        raise UserError(f"{table.head}: no error motion in any row")
+        raise UserError(f"{table.head}: no row has an error motion")
     row, which = np.nonzero(filled)
     names = list(found)
     texts = {name: column[row].tolist() for name, column in beside.items()}
@@ -64,10 +64,12 @@ def _check(table: Table, machine: Machine, name: str, match: re.Match[str]) -> N
     if axis not in machine.names:
         raise UserError(f"{where}: machine {machine.name} ({machine.chain}) has no axis {axis!r}")
     if machine.axes[machine.index(axis)].rotary:
-        raise UserError(f"{where}: error motions as columns are those of linear axes; of rotary ones target_deg")
-    wanted = "um" if component in "XYZ" else "urad"
-    if unit != wanted:
-        raise UserError(f"{where}: E_{component}{axis} is in {wanted}")
+        raise UserError(
+            f"{where}: columns of error motions belong to linear axes; a rotary axis needs the column target_deg"
+        )
+    expected = "um" if component in "XYZ" else "urad"
+    if unit != expected:
+        raise UserError(f"{where}: E_{component}{axis} is in {expected}")
 
 
 def _check_axis(table: Table, row: np.ndarray, axes: list[str]) -> None:

@@ -18,12 +18,12 @@ from calibration.measurement.measurement import Measurement, with_moves
 from calibration.measurement.states import (
     CARRIERS,
     PLAIN_NAME,
-    Places,
+    MeasurementStates,
     allow_columns,
     by_kind,
     check_machine,
     note_unknown_keys,
-    read_places,
+    read_states,
     state_columns,
 )
 from calibration.measurement.text_table import Table, read_table
@@ -71,28 +71,31 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     allow_columns(table, [*OBSERVED[kind], *state_columns(machine), *own])
     if kind == "interferometer":
         table.need_columns(["axis", "run", "direction"], "an interferometer")
-    places = read_places(table, machine, notes)
-    _check_component_uncertainties(table, instrument, places)
-    observed = _observed(table, machine, kind, places)
-    if kind != "laser-tracker" and not all(target.known for target in places.targets.values()):
-        raise UserError(f"{table.source}: targets on table and bed are for a laser tracker, not for: {kind}")
+    states = read_states(table, machine, notes)
+    _check_component_uncertainties(table, instrument, states)
+    observed = _observed(table, machine, kind, states)
+    if kind != "laser-tracker" and not all(target.known for target in states.targets.values()):
+        raise UserError(
+            f"{table.source}: only a laser tracker can have targets on the table or on the bed, but the instrument is "
+            f"{kind}"
+        )
     return Measurement(
         machine,
         instrument,
-        replace(places.state, observed=observed if kind == "laser-tracker" else None),
+        replace(states.state, observed=observed if kind == "laser-tracker" else None),
         observed,
-        places.targets,
-        places.stands_on,
-        places.axis,
-        places.run,
-        places.actual,
-        places.feed,
-        places.part_zero,
+        states.targets,
+        states.stands_on,
+        states.axis,
+        states.run,
+        states.actual,
+        states.feed,
+        states.part_zero,
         table.lines,
         table.source,
         table.fingerprint,
         tuple(notes),
-        component=places.component,
+        component=states.component,
         scatter=_scatter(table),
     )
 
@@ -156,7 +159,7 @@ def read_instrument(table: Table) -> Instrument:
             if values[key] < 0:
                 table.header_fault(key, f"{values[key]:g} is negative")
             if values[key] > LARGEST_U:
-                table.header_fault(key, f"{values[key]:g} is more than {LARGEST_U:g}, and no uncertainty")
+                table.header_fault(key, f"{values[key]:g} is more than {LARGEST_U:g}: this is not an uncertainty")
     if "component" not in table.names:
         check_uncertainties(kind, values, table.source, "header line '# {}: ...'")
     components = {} if kind != "part" else {"components": 3 if "z" in table.names else 2}
@@ -164,32 +167,32 @@ def read_instrument(table: Table) -> Instrument:
     return instrument
 
 
-def _check_component_uncertainties(table: Table, instrument: Instrument, places: Places) -> None:
+def _check_component_uncertainties(table: Table, instrument: Instrument, states: MeasurementStates) -> None:
     """UserError for observed error motions without a given uncertainty."""
-    if not isinstance(instrument, Interferometer) or places.component is None or places.axis is None:
+    if not isinstance(instrument, Interferometer) or states.component is None or states.axis is None:
         return
-    own = np.array([own_component(name) for name in places.axis.tolist()])
-    positioning, angular = (places.component == "") | (places.component == own), np.isin(places.component, list("ABC"))
+    own = np.array([own_component(name) for name in states.axis.tolist()])
+    positioning, angular = (states.component == "") | (states.component == own), np.isin(states.component, list("ABC"))
     across = instrument.u_straightness_um + instrument.u_straightness_um_per_m
-    for rows, u, key, what in (
+    for rows, u, key, quantity in (
         (positioning, instrument.u_um, "u_um", "positioning"),
         (~positioning & angular, instrument.u_angle_urad, "u_angle_urad", "angles"),
         (~positioning & ~angular, across, "u_straightness_um", "straightness"),
     ):
         if rows.any() and not u:
             raise UserError(
-                f"{table.source}: the standard uncertainty (k=1) of {what} is missing: state {key} above zero "
+                f"{table.source}: the standard uncertainty (k=1) of {quantity} is missing: state {key} above zero "
                 f"(header line '# {key}: ...')"
             )
 
 
-def _observed(table: Table, machine: Machine, kind: str, places: Places) -> Array:
+def _observed(table: Table, machine: Machine, kind: str, states: MeasurementStates) -> Array:
     """Observations `(n, components)`, mm; rad for angles."""
     if kind == "interferometer":
-        assert places.axis is not None
-        turning = np.isin(places.axis, [axis.name for axis in machine.axes if axis.rotary])
-        angular = None if places.component is None else turning | np.isin(places.component, list("ABC"))
-        sizes = np.where(turning if angular is None else angular, URAD, UM)
+        assert states.axis is not None
+        rotary = np.isin(states.axis, [axis.name for axis in machine.axes if axis.rotary])
+        angular = None if states.component is None else rotary | np.isin(states.component, list("ABC"))
+        sizes = np.where(rotary if angular is None else angular, URAD, UM)
         return (by_kind(table, machine, "deviation_um", "deviation_urad", angular) * sizes)[:, None]
     points = ["x", "y", "z"] if kind == "laser-tracker" or "z" in table.names else ["x", "y"]
     table.need_columns(points, kind)
@@ -228,7 +231,7 @@ def header_lines(measurement: Measurement) -> Iterator[str]:
     keys = {carrier: key for key, carrier in CARRIERS.items()}
     for name, target in measurement.targets.items():
         if not PLAIN_NAME.fullmatch(name):
-            raise UserError(f"target {name!r}: a measurement file takes names without blanks, commas and colons")
+            raise UserError(f"target {name!r}: its name must not contain blanks, commas or colons")
         yield f"{keys[target.carrier]}.{name}: {_numbers(target.position)}"
 
 

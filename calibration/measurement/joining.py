@@ -62,12 +62,12 @@ def _check_alike(measurements: Sequence[Measurement]) -> None:
         "the zero of the part": lambda m: m.part_zero,
     }
     for number, m in enumerate(measurements):
-        for what, of in alike.items():
+        for quantity, of in alike.items():
             if of(m) != of(first):
-                raise UserError(f"{first.source} and {m.source} differ in {what}: they can't be taken together")
+                raise UserError(f"{first.source} and {m.source} differ in {quantity}: they cannot be combined")
         for other in measurements[:number]:
             if m.fingerprint and m.fingerprint == other.fingerprint:
-                raise UserError(f"{other.source} and {m.source} are the same data")
+                raise UserError(f"{other.source} and {m.source} contain the same data")
 
 
 def _names(measurements: Sequence[Measurement]) -> list[str]:
@@ -82,8 +82,8 @@ def _state(measurements: Sequence[Measurement], names: list[str], notes: list[st
     states = [m.state for m in measurements]
     stations = _named(names, [state.station for state in states], measurements)
 
-    def column(name: str, what: str) -> Array | None:
-        return _together(what, [getattr(state, name) for state in states], names, notes)
+    def column(name: str, quantity: str) -> Array | None:
+        return _together(quantity, [getattr(state, name) for state in states], names, notes)
 
     return State(
         np.concatenate([state.positions for state in states]),
@@ -107,14 +107,16 @@ def _components(measurements: Sequence[Measurement]) -> np.ndarray | None:
     return np.concatenate([np.full(len(m), "") if m.component is None else m.component for m in measurements])
 
 
-def _together(what: str, columns: Sequence[np.ndarray | None], names: list[str], notes: list[str]) -> np.ndarray | None:
+def _together(
+    quantity: str, columns: Sequence[np.ndarray | None], names: list[str], notes: list[str]
+) -> np.ndarray | None:
     """The concatenated columns; None if one is missing, with a note if only some are."""
     there = [column for column in columns if column is not None]
     if len(there) == len(columns):
         return np.concatenate(there)
     if there:
         missing = ", ".join(name for name, column in zip(names, columns, strict=True) if column is None)
-        notes.append(f"{what} is not known in {missing}: not used in the other files either")
+        notes.append(f"{quantity} is unknown in {missing}: it is not used in the other files either")
     return None
 
 
@@ -135,8 +137,8 @@ def _targets(measurements: Sequence[Measurement], names: list[str]) -> dict[str,
         for name, target in m.targets.items():
             if found.setdefault(name, target) != target:
                 raise UserError(
-                    f"{file}: target {name} sits at {_place(target)}, in another file at {_place(found[name])}: give "
-                    "them names of their own"
+                    f"{file}: target {name} is at {_place(target)}, in another file at {_place(found[name])}: give the "
+                    "two targets different names"
                 )
     return found
 

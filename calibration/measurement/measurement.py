@@ -47,12 +47,12 @@ class AcrossPath:
     """Number of independent readings in the mean of each row `(n,)`."""
     ends: Array
     """Smallest and largest axis positions of the path `(2, axes)`, mm and rad."""
-    way: Array
+    distances: Array
     """Distance along the path `(n,)`, mm."""
 
     def rows(self, index: slice | np.ndarray) -> AcrossPath:
         """Some of the rows; the path stays the same."""
-        return AcrossPath(self.directions[index], self.readings[index], self.ends, self.way[index])
+        return AcrossPath(self.directions[index], self.readings[index], self.ends, self.distances[index])
 
     def of(self, vectors: Array) -> Array:
         """Components across the path `(n, 2, ...)` of vectors or matrices `(n, 3, ...)` in the instrument's frame."""
@@ -158,8 +158,8 @@ class Measurement:
     @property
     def angular(self) -> np.ndarray:
         """Mask `(n,)` of the observations of angles: of rotary axes, and angular error motions of linear ones."""
-        turning = [axis.name for axis in self.machine.axes if axis.rotary]
-        mask = np.isin(self.axis, turning) if self.axis is not None else np.zeros(len(self), bool)
+        rotary = [axis.name for axis in self.machine.axes if axis.rotary]
+        mask = np.isin(self.axis, rotary) if self.axis is not None else np.zeros(len(self), bool)
         return mask if self.component is None else mask | np.isin(self.component, list("ABC"))
 
     @property

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
-from kinematics.error_transform import place_transform, pose_slopes
+from kinematics.error_transform import error_transform_with_tool, pose_slopes
 from kinematics.forward import forward
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array
@@ -50,9 +50,9 @@ def seen_transform(measurement: Measurement, tool: Array) -> Array:
         positions, target = _positions(measurement, sight), tool[sight.rows]
         if sight.against:
             back = forward(machine, positions).inverse()
-            part = -back.rotation @ place_transform(machine, positions, back.apply(target))[:, :3]
+            part = -back.rotation @ error_transform_with_tool(machine, positions, back.apply(target))[:, :3]
         else:
-            part = place_transform(machine, positions, target)[:, :3]
+            part = error_transform_with_tool(machine, positions, target)[:, :3]
         transform[sight.rows] = part * np.repeat(sight.seen, 6)
     return transform
 

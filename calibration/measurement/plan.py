@@ -59,7 +59,7 @@ class Choices:
     seed: int = 0
 
 
-class Way(NamedTuple):
+class MeasuringSequence(NamedTuple):
     """Positions in the order of the path, in file units."""
 
     positions: Array
@@ -70,11 +70,11 @@ class Way(NamedTuple):
     from_side: Array | None = None
     """Sign of the required direction of approach `(n, axes)`; 0 for any."""
 
-    def rows(self, index: np.ndarray) -> Way:
+    def rows(self, index: np.ndarray) -> MeasuringSequence:
         """Some of the positions, or another order."""
         axis = None if self.axis is None else self.axis[index]
         side = None if self.from_side is None else self.from_side[index]
-        return Way(self.positions[index], self.names[index], axis, side)
+        return MeasuringSequence(self.positions[index], self.names[index], axis, side)
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,9 @@ class Plan:
     """Positions `(n, axes)`, mm and rad, to pass before a point without measuring; NaN for none."""
     minutes: float = 0.0
     """Duration with set-up, min."""
-    asked: int | None = None
+    requested: int | None = None
     """Requested number of positions."""
-    places: int = 0
+    position_count: int = 0
     """Number of positions of the strategy, without repetitions."""
     notes: tuple[str, ...] = field(default=())
 
@@ -113,6 +113,6 @@ class Plan:
     @property
     def summary(self) -> str:
         """Text with numbers of positions and observations, and duration."""
-        asked = "" if self.asked in (None, self.places) else f" (asked for {self.asked})"
-        observed = "" if len(self) == self.places else f", {len(self)} observations"
-        return f"{self.strategy}: {self.places} positions{asked}{observed}, {self.minutes:.0f} min"
+        requested = "" if self.requested in (None, self.position_count) else f" ({self.requested} were requested)"
+        observed = "" if len(self) == self.position_count else f", {len(self)} observations"
+        return f"{self.strategy}: {self.position_count} positions{requested}{observed}, {self.minutes:.0f} min"

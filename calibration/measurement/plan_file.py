@@ -15,7 +15,7 @@ from calibration.measurement.states import (
     PLAIN_NAME,
     allow_columns,
     check_machine,
-    read_places,
+    read_states,
     state_columns,
 )
 from calibration.measurement.text_table import read_table
@@ -33,7 +33,7 @@ def write_plan(plan: Plan, file: BinaryIO) -> None:
     head = [f"machine: {plan.machine.name}", f"strategy: {plan.strategy}", f"minutes: {plan.minutes:.1f}"]
     for name, target in plan.targets.items():
         if not PLAIN_NAME.fullmatch(name):
-            raise UserError(f"target {name!r}: a name has no blanks, commas and colons")
+            raise UserError(f"target {name!r}: its name must not contain blanks, commas or colons")
         head.append(f"{keys[target.carrier]}.{name}: {' '.join(f'{v!r}' for v in target.position)}")
     columns: dict[str, list[str]] = {}
     if state.time is not None:
@@ -58,21 +58,21 @@ def read_plan(path: Path, machine: Machine) -> Plan:
     table, notes = read_table(path, "plan"), list[str]()
     check_machine(table, machine, notes)
     allow_columns(table, [*state_columns(machine), "axis", "target_mm", "target_deg"])
-    places = read_places(table, machine, notes)
+    states = read_states(table, machine, notes)
     names = table.texts([name for name in (POINT,) if name in table.names])
     count = np.arange(1, len(table) + 1).astype(str)
     strategy = table.entries["strategy"].value if "strategy" in table.entries else path.name
     return Plan(
-        machine, strategy, places.state, names.get(POINT, count), count if places.run is None else places.run,
-        places.targets, places.axis, minutes=_minutes(places.state.time), places=len(table), notes=tuple(notes),
+        machine, strategy, states.state, names.get(POINT, count), count if states.run is None else states.run,
+        states.targets, states.axis, minutes=_minutes(states.state.time), position_count=len(table), notes=tuple(notes),
     )  # fmt: skip
 
 
 def _measured(plan: Plan, axis: np.ndarray, columns: Mapping[str, list[str]]) -> dict[str, list[str]]:
     """The axis of each row and its position, as in a measurement with an interferometer."""
-    turning = [each.name for each in plan.machine.axes if each.rotary]
+    rotary = [each.name for each in plan.machine.axes if each.rotary]
     found = {"axis": axis.tolist()}
-    for header, rows in (("target_mm", ~np.isin(axis, turning)), ("target_deg", np.isin(axis, turning))):
+    for header, rows in (("target_mm", ~np.isin(axis, rotary)), ("target_deg", np.isin(axis, rotary))):
         if rows.any():
             cells = zip(axis.tolist(), rows.tolist(), range(len(axis)), strict=True)
             found[header] = [columns[name][row] if filled else "" for name, filled, row in cells]

@@ -34,7 +34,7 @@ NOMINAL_AGREES = 1e-3
 
 
 @dataclass(frozen=True)
-class Places:
+class MeasurementStates:
     """Measurement states, one row per observation, in the order of acquisition; fields as in `Measurement`."""
 
     state: State
@@ -68,7 +68,7 @@ def allow_columns(table: Table, known: list[str]) -> None:
 def check_machine(table: Table, machine: Machine, notes: list[str]) -> None:
     """UserError if the file belongs to another machine."""
     if "machine" not in table.entries:
-        notes.append(f"the file names no machine: taken to be {machine.name}")
+        notes.append(f"the file names no machine: it is read as data of {machine.name}")
     elif table.entries["machine"].value != machine.name:
         table.header_fault("machine", f"the file is of {table.entries['machine'].value!r}, not of {machine.name}")
 
@@ -78,11 +78,11 @@ def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[st
     for key, entry in table.entries.items():
         if not known(key) and key not in OF_A_PLAN and key.partition(".")[0] not in CARRIERS:
             where = f"line {entry.line}: header key {key!r}" if entry.line else f"--header {key}"
-            notes.append(f"{where} is not known, and not used")
-    notes += [f"line {remark.line}: {remark.value!r} is no 'key: value', and not used" for remark in table.remarks]
+            notes.append(f"{where} is unknown, and ignored")
+    notes += [f"line {remark.line}: {remark.value!r} is not 'key: value', and is ignored" for remark in table.remarks]
 
 
-def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
+def read_states(table: Table, machine: Machine, notes: list[str]) -> MeasurementStates:
     """The states and targets of a table; assumptions are added to the notes."""
     targets, target = read_targets(table, notes)
     tool = _tool(targets, target)
@@ -95,7 +95,7 @@ def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
     elif given:
         positions = _of_axes(table, machine, notes)
         if "nominal_x" in table.names:
-            part_zero = _seen_zero(table, tool_point(machine, positions, tool), notes)
+            part_zero = _observed_zero(table, tool_point(machine, positions, tool), notes)
     else:
         _refuse_on_the_fly(table, machine)
     optional = table.numbers([name for name in ("time_s", "feed") if name in table.names])
@@ -118,7 +118,9 @@ def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
     stands_on = read_stands_on(table)
     actual = _actual(table, machine)
     component = read_component(table, machine) if "axis" in table.names else None
-    return Places(state, targets, stands_on, texts.get("axis"), run, actual, optional.get("feed"), part_zero, component)
+    return MeasurementStates(
+        state, targets, stands_on, texts.get("axis"), run, actual, optional.get("feed"), part_zero, component
+    )
 
 
 def axis_columns(table: Table, machine: Machine) -> np.ndarray:
@@ -142,7 +144,9 @@ def read_component(table: Table, machine: Machine) -> np.ndarray | None:
         table.fault(row, "component", f"{str(letters[row])!r} is none of {', '.join(COMPONENTS)}")
     turning = np.flatnonzero(machine.rotary[axis_columns(table, machine)] & (letters != ""))
     if len(turning):
-        table.fault(int(turning[0]), "component", "error motions are read of linear axes; of a rotary one it is empty")
+        table.fault(
+            int(turning[0]), "component", "only linear axes have components here; leave it empty for a rotary axis"
+        )
     return letters
 
 
@@ -159,14 +163,16 @@ def by_kind(table: Table, machine: Machine, linear: str, rotary: str, angular: n
             continue
         if name not in table.names:
             kind = "rotary" if name == rotary else "linear"
-            what = f"a {kind} axis" if angular is None else "a row of this kind"
-            table.fault(int(np.flatnonzero(rows)[0]), "axis", f"{what} needs the column {name}")
+            subject = f"a {kind} axis" if angular is None else "a row of this kind"
+            table.fault(int(np.flatnonzero(rows)[0]), "axis", f"{subject} needs the column {name}")
         if rows.all():
             return table.numbers([name])[name]
         filled = table.cells([name])[name] != ""
         wrong = np.flatnonzero(filled != rows)
         if len(wrong):
-            table.fault(int(wrong[0]), name, "filled for an axis of the other kind" if filled[wrong[0]] else "empty")
+            table.fault(
+                int(wrong[0]), name, "must be empty for an axis of the other kind" if filled[wrong[0]] else "empty"
+            )
         part = replace(table, rows=[table.rows[i] for i in np.flatnonzero(rows).tolist()], lines=table.lines[rows])
         values[rows] = part.numbers([name])[name]
     return values
@@ -209,9 +215,9 @@ def _of_part(table: Table, machine: Machine, tool: Array, notes: list[str]) -> t
     zero = _given_zero(table)
     if zero is None:
         zero = (0.0, 0.0, 0.0)
-        notes.append("no part_offset: the part's zero is taken to lie at that of the workpiece frame")
+        notes.append("part_offset is missing: the zero of the part is assumed at that of the workpiece frame")
     if "nominal_z" not in table.names:
-        notes.append("no column nominal_z: features are taken to lie at z = 0 of the part")
+        notes.append("column nominal_z is missing: the features are assumed at z = 0 of the part")
     points = _nominal(table) + zero
     home = np.array([axis.home for axis in machine.axes]) * machine.scale
     movers = list(machine.translators)
@@ -222,8 +228,8 @@ def _of_part(table: Table, machine: Machine, tool: Array, notes: list[str]) -> t
     along = (tool_point(machine, steps) - tool_point(machine, home)).T
     positions = np.tile(home, (len(table), 1))
     positions[:, movers] = np.linalg.solve(along, (points - start).T).T
-    placed = ", ".join(machine.names[i] for i in movers)
-    notes.append(f"no columns of axis positions: {placed} are taken to stand where the tool point is nominal")
+    standing = ", ".join(machine.names[i] for i in movers)
+    notes.append(f"columns of axis positions are missing: the positions of {standing} follow from the nominal features")
     _note_home(machine, [name for i, name in enumerate(machine.names) if i not in movers], notes)
     return positions, zero
 
@@ -243,7 +249,7 @@ def _given_zero(table: Table) -> Vector | None:
     return x, y, z
 
 
-def _seen_zero(table: Table, points: Array, notes: list[str]) -> Vector:
+def _observed_zero(table: Table, points: Array, notes: list[str]) -> Vector:
     """The part's zero, mm, for tool points `(n, 3)`; a note if they do not fit the nominal features."""
     nominal = _nominal(table)
     planar = "nominal_z" not in table.names
@@ -267,20 +273,22 @@ def read_targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.
             if not dot or not PLAIN_NAME.fullmatch(name):
                 table.header_fault(key, f"expected {first}.<name>, the name without blanks")
             if name in targets:
-                table.header_fault(key, f"there is another target {name}")
+                table.header_fault(key, f"the name of target {name} occurs twice")
             x, y, z = table.header_numbers(key, 3)
             targets[name] = Target((x, y, z), CARRIERS[first])
     named = "target" in table.names
     if not targets:
         if named:
             raise UserError(
-                f"{table.head} column target: the header says of no target where it sits (# target.<name>: x y z)"
+                f"{table.head} column target: the header gives the position of no target (# target.<name>: x y z)"
             )
-        notes.append("no target in the header: taken to sit in the tool reference point (spindle nose)")
+        notes.append("the header gives no target: it is assumed in the tool reference point (spindle nose)")
         targets = {"1": SPINDLE_NOSE}
     if not named:
         if len(targets) > 1:
-            raise UserError(f"{table.head}: several targets ({', '.join(targets)}) and no column target")
+            raise UserError(
+                f"{table.head}: the header has several targets ({', '.join(targets)}), but the column target is missing"
+            )
         return targets, np.full(len(table), next(iter(targets)))
     column = table.texts(["target"])["target"]
     unknown = np.flatnonzero(~np.isin(column, list(targets)))
@@ -329,19 +337,19 @@ def _velocity(table: Table, machine: Machine, positions: Array, feed: Array | No
     if feed is None:
         return None
     if np.any(feed < 0.0):
-        table.fault(int(np.argmax(feed < 0.0)), "feed", "below 0; a machine that stands has 0")
-    begins, told = np.zeros(len(table), bool), np.zeros(positions.shape)
+        table.fault(int(np.argmax(feed < 0.0)), "feed", "is below 0; a machine at standstill has 0")
+    run_starts, programmed = np.zeros(len(table), bool), np.zeros(positions.shape)
     for column in table.texts([name for name in ("run", "axis", "station") if name in table.names]).values():
-        begins |= np.append(True, column[1:] != column[:-1])
+        run_starts |= np.append(True, column[1:] != column[:-1])
     if "direction" in table.names:
         own = np.arange(len(table)), axis_columns(table, machine)
-        told[own] = _signs(table)
-        begins |= np.append(True, np.any(told[1:] != told[:-1], axis=1))
-    velocity, lost = velocities(machine, positions, feed, begins, told)
+        programmed[own] = _signs(table)
+        run_starts |= np.append(True, np.any(programmed[1:] != programmed[:-1], axis=1))
+    velocity, lost = velocities(machine, positions, feed, run_starts, programmed)
     if lost.any():
         line = table.lines[np.argmax(lost)]
         notes.append(
-            f"line {line}: a feed, but the axes stand where they stood and go nowhere: taken to stand still"
+            f"line {line}: the row has a feed, but no axis moves: it is read as a standstill"
             f"{f' ({lost.sum()} such rows)' if lost.sum() > 1 else ''}"
         )
     return velocity
@@ -385,7 +393,7 @@ def _in_order(names: np.ndarray) -> np.ndarray:
 def _ordered(table: Table, time: Array | None, notes: list[str]) -> Array | None:
     if time is not None and np.any(np.diff(time) < 0):
         line = table.lines[np.argmax(np.diff(time) < 0) + 1]
-        notes.append(f"line {line}: time goes back; rows are taken in the order they stand in")
+        notes.append(f"line {line}: the time decreases; the rows keep the order of the file")
     return time
 
 
@@ -407,7 +415,7 @@ def _note_travel(machine: Machine, positions: Array, notes: list[str]) -> None:
 
 def _refuse_on_the_fly(table: Table, machine: Machine) -> NoReturn:
     raise UserError(
-        f"{table.head}: no column with commanded positions of an axis "
-        f"({', '.join(machine.names)}); data taken on the fly need the program that was run, --path PATH.nc, and a "
-        "log of stands the plan of its positions, --plan PLAN.csv"
+        f"{table.head}: no column has commanded positions of an axis ({', '.join(machine.names)}); data taken on the "
+        "fly need the program that was run, --path PATH.nc, and a tracker's log of standstills needs the plan of its "
+        "positions, --plan PLAN.csv"
     )

@@ -96,8 +96,8 @@ class Table:
         cells = self.entries[key].value.replace(",", " ").split()
         values = [number_of(cell) for cell in cells]
         if len(values) != count or None in values:
-            what = "a number" if count == 1 else f"{count} numbers"
-            self.header_fault(key, f"expected {what}, got {self.entries[key].value!r}")
+            label = "a number" if count == 1 else f"{count} numbers"
+            self.header_fault(key, f"expected {label}, got {self.entries[key].value!r}")
         return tuple(value for value in values if value is not None)
 
     def allow_columns(self, known: Callable[[str], bool], listed: Sequence[str]) -> None:
@@ -108,12 +108,12 @@ class Table:
                 meant = f" (did you mean {near[0]}?)" if near else ""
                 raise UserError(f"{self.head} column {name}: not known{meant}; known are {', '.join(listed)}")
 
-    def need_columns(self, names: Sequence[str], what: str) -> None:
+    def need_columns(self, names: Sequence[str], label: str) -> None:
         """UserError for missing columns."""
         missing = [name for name in names if name not in self.names]
         if missing:
             columns = f"column{'s' if len(missing) > 1 else ''} {', '.join(missing)}"
-            raise UserError(f"{self.head} {what}: {columns} missing, found {', '.join(self.names)}")
+            raise UserError(f"{self.head} {label}: {columns} missing, found {', '.join(self.names)}")
 
     def _load(self, names: Sequence[str], kind: type) -> np.ndarray:
         """Cells `(n, names)` of the given type."""
@@ -131,9 +131,9 @@ class Table:
         raise AssertionError("every cell is a number")
 
 
-def read_table(path: Path, what: str) -> Table:
+def read_table(path: Path, label: str) -> Table:
     """The table in a file; UserError, naming the kind of file, if it cannot be read."""
-    return parse_table(read_input(path, what), str(path))
+    return parse_table(read_input(path, label), str(path))
 
 
 def parse_table(data: bytes, source: str) -> Table:
@@ -149,12 +149,12 @@ def parse_table(data: bytes, source: str) -> Table:
         elif content:
             break
     else:
-        raise UserError(f"{source}: no line with the names of columns")
+        raise UserError(f"{source}: the line with the names of columns is missing")
     names = tuple(name.strip() for name in next(csv.reader([line])))
     if all(number_of(name) is not None for name in names):
-        raise UserError(f"{source}:{number}: no line with the names of columns above the numbers")
+        raise UserError(f"{source}:{number}: the line with the names of columns above the numbers is missing")
     if len(names) == 1 and (";" in line or "\t" in line):
-        raise UserError(f"{source}:{number}: cells are to be separated by commas, numbers written with a point")
+        raise UserError(f"{source}:{number}: separate cells by commas, and write numbers with a decimal point")
     for name in names:
         if not name or names.count(name) > 1:
             raise UserError(f"{source}:{number} column {name}: {'twice' if name else 'without a name'}")
@@ -174,7 +174,7 @@ def table_of(
     csv.writer(text, lineterminator="\n").writerows(zip(*columns.values(), strict=True))
     rows = text.getvalue().split("\n")[:-1]
     if not rows:
-        raise UserError(f"{source}: no observations")
+        raise UserError(f"{source} contains no observations")
     return Table(source, digest, entries, (), tuple(columns), 0, rows, np.array(lines))
 
 
@@ -183,25 +183,25 @@ def body(table: Table, lines: Sequence[str]) -> Table:
     first = table.names_line
     filled = [(number, line) for number, line in enumerate(lines[first:], start=first + 1) if line and line.strip()]
     if not filled:
-        raise UserError(f"{table.source}: no rows below the names of columns")
+        raise UserError(f"{table.source}: there are no rows below the names of columns")
     numbers, rows = zip(*filled, strict=True)
-    wanted, delimiter = len(table.names), table.delimiter
+    expected, delimiter = len(table.names), table.delimiter
     for number, row in filled:
-        if row.count(delimiter) != wanted - 1 or '"' in row:
-            _check_row(row, f"{table.source}:{number}", wanted, delimiter)
+        if row.count(delimiter) != expected - 1 or '"' in row:
+            _check_row(row, f"{table.source}:{number}", expected, delimiter)
     return replace(table, rows=rows, lines=np.array(numbers))
 
 
-def _check_row(row: str, where: str, wanted: int, delimiter: str) -> None:
+def _check_row(row: str, where: str, expected: int, delimiter: str) -> None:
     if row.lstrip().startswith("#"):
-        raise UserError(f"{where}: header lines stand above the names of columns")
+        raise UserError(f"{where}: header lines must be above the names of columns")
     try:
         count = len(next(csv.reader([row], delimiter=delimiter, strict=True)))
     except csv.Error as fault:
         raise UserError(f"{where}: {fault}") from None
-    if count != wanted:
-        hint = " (a decimal comma?)" if count > wanted and delimiter == "," else ""
-        raise UserError(f"{where}: {count} cells, {wanted} columns have names{hint}")
+    if count != expected:
+        hint = " (a decimal comma?)" if count > expected and delimiter == "," else ""
+        raise UserError(f"{where}: {count} cells, but {expected} columns have names{hint}")
 
 
 def refuse_empty(data: bytes, source: str) -> None:

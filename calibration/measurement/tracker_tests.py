@@ -55,7 +55,7 @@ class TrackerTests:
     source: str
 
     @property
-    def freedom(self) -> Array:
+    def degrees_of_freedom(self) -> Array:
         """Number of components of each value `(n,)`."""
         return np.where(self.kind == "two-face", 2.0, 1.0)
 
@@ -93,13 +93,19 @@ class Fitted:
     def chi2(self, kind: str) -> tuple[float, int]:
         """chi2 of the measured errors of one kind, and its degrees of freedom."""
         rows = self.tests.kind == kind
-        freedom = self.tests.freedom[rows]
-        return float(np.sum(freedom * (self.tests.value[rows] / self.predicted[rows]) ** 2)), int(freedom.sum())
+        degrees_of_freedom = self.tests.degrees_of_freedom[rows]
+        return float(np.sum(degrees_of_freedom * (self.tests.value[rows] / self.predicted[rows]) ** 2)), int(
+            degrees_of_freedom.sum()
+        )
 
     def doubtful(self, kind: str) -> bool:
         """True if measured errors of a kind are significantly larger than predicted."""
-        value, freedom = self.chi2(kind)
-        return self.tests.coverage is None and freedom > 0 and float(special.chdtrc(freedom, value)) < DOUBTFUL
+        value, degrees_of_freedom = self.chi2(kind)
+        return (
+            self.tests.coverage is None
+            and degrees_of_freedom > 0
+            and float(special.chdtrc(degrees_of_freedom, value)) < DOUBTFUL
+        )
 
 
 def read_tests(path: Path) -> TrackerTests:
@@ -119,36 +125,47 @@ def read_tests(path: Path) -> TrackerTests:
         table.fault(int(unknown[0]), "test", f"{str(kind[unknown[0]])!r} is none of {', '.join(KINDS)}")
     near = table.numbers(["range_mm"])["range_mm"] * 1e-3
     if np.any(near <= 0.0):
-        table.fault(int(np.argmax(near <= 0.0)), "range_mm", "a range is above 0")
+        table.fault(int(np.argmax(near <= 0.0)), "range_mm", "a range must be above 0")
     if np.any(near < NEAREST):
-        table.fault(int(np.argmax(near < NEAREST)), "range_mm", "a range below 100 mm is none of a tracker's test: mm?")
+        table.fault(
+            int(np.argmax(near < NEAREST)),
+            "range_mm",
+            "a range below 100 mm is too short for a test of a tracker: is the unit mm?",
+        )
     far = _own(table, "range_2_mm", kind == "ranging") * 1e-3
     half = _own(table, "length_mm", kind == "length") * 0.5e-3
     ends = np.where(kind == "ranging", far, np.hypot(near, half))
-    begins = np.where(kind == "ranging", near, ends)
+    starts = np.where(kind == "ranging", near, ends)
     along = np.where(kind == "ranging", 1.0, (half / ends) ** 2)
     name = "error_um" if "error_um" in table.names else "stated_um"
     value, coverage = table.numbers([name])[name], _coverage(table) if name == "stated_um" else None
     if coverage is not None and np.any(value <= 0.0):
-        table.fault(int(np.argmax(value <= 0.0)), name, "a stated value is above 0")
+        table.fault(int(np.argmax(value <= 0.0)), name, "a stated value must be above 0")
     if np.any(np.abs(value) > LARGEST_UM):
-        table.fault(int(np.argmax(np.abs(value) > LARGEST_UM)), name, "more than 1 mm is no error of a tracker: um?")
+        table.fault(
+            int(np.argmax(np.abs(value) > LARGEST_UM)),
+            name,
+            "more than 1 mm is too large for an error of a tracker: is the unit um?",
+        )
     if not np.any(np.abs(value) > LEAST_UM):
-        raise UserError(f"{table.source}: no {name} is above {LEAST_UM:g} um, less than any tracker errs: um?")
-    return TrackerTests(kind, np.stack([begins, ends], axis=1), along, value, coverage, str(path))
+        raise UserError(
+            f"{table.source}: every {name} is below {LEAST_UM:g} um, less than the errors of any tracker: is the unit "
+            "um?"
+        )
+    return TrackerTests(kind, np.stack([starts, ends], axis=1), along, value, coverage, str(path))
 
 
 def fit_tests(tests: TrackerTests) -> Fitted:
     """Parameters of the tracker; UserError if tests of ranges or of angles are missing or too few."""
     from scipy.optimize import minimize
 
-    _refuse_blind(tests)
+    _refuse_unidentifiable(tests)
     objective = _likelihood if tests.coverage is None else _logarithms
     bounds = [(SMALLEST, None)] * 4
     tried = [minimize(objective, start, (tests,), jac=True, method="L-BFGS-B", bounds=bounds) for start in STARTS]
     best = min(tried, key=lambda one: float(one.fun)).x
     parameters = np.where(best <= 2.0 * SMALLEST, 0.0, best)
-    predicted = np.sqrt(tests.variances(best) * tests.freedom)
+    predicted = np.sqrt(tests.variances(best) * tests.degrees_of_freedom)
     return Fitted(tests, parameters, _uncertainties(tests, best, predicted), predicted)
 
 
@@ -181,29 +198,29 @@ def _coverage(table: Table) -> float:
     return k
 
 
-def _refuse_blind(tests: TrackerTests) -> None:
+def _refuse_unidentifiable(tests: TrackerTests) -> None:
     across = np.isin(tests.kind, ["length", "two-face"])
-    for rows, what, remedy in (
+    for rows, fault, remedy in (
         (tests.kind == "ranging", "the range", "ranging tests"),
         (across, "the angles", "length or two-face tests"),
     ):
         apart = np.unique(np.round(tests.ranges[rows].max(axis=1), 3)) if rows.any() else np.empty(0)
         if len(apart) < 2 or rows.sum() < 3:
-            raise UserError(f"{tests.source}: {what}: three or more {remedy}, at two or more ranges, are needed")
+            raise UserError(f"{tests.source}: {fault}: three or more {remedy}, at two or more ranges, are needed")
 
 
 def _likelihood(parameters: Array, tests: TrackerTests) -> tuple[float, Array]:
     """Negative log-likelihood of measured errors, and its derivatives."""
     variance, slopes = tests.variances(parameters), tests.slopes(parameters)
-    total = 0.5 * np.sum(tests.freedom * np.log(variance) + tests.value**2 / variance)
-    return float(total), 0.5 * (tests.freedom / variance - (tests.value / variance) ** 2) @ slopes
+    total = 0.5 * np.sum(tests.degrees_of_freedom * np.log(variance) + tests.value**2 / variance)
+    return float(total), 0.5 * (tests.degrees_of_freedom / variance - (tests.value / variance) ** 2) @ slopes
 
 
 def _logarithms(parameters: Array, tests: TrackerTests) -> tuple[float, Array]:
     """Sum of squares of logarithms of stated over predicted values, and its derivatives."""
     assert tests.coverage is not None
     variance, slopes = tests.variances(parameters), tests.slopes(parameters)
-    left = 0.5 * np.log(variance * tests.freedom) - np.log(tests.value / tests.coverage)
+    left = 0.5 * np.log(variance * tests.degrees_of_freedom) - np.log(tests.value / tests.coverage)
     return float(left @ left), (left / variance) @ slopes
 
 
@@ -211,7 +228,7 @@ def _uncertainties(tests: TrackerTests, parameters: Array, predicted: Array) -> 
     """Standard uncertainties `(4,)` from Fisher's information; for stated values from the scatter about the fit."""
     relative = tests.slopes(parameters) / tests.variances(parameters)[:, None]
     if tests.coverage is None:
-        information = 0.5 * (relative * tests.freedom[:, None]).T @ relative
+        information = 0.5 * (relative * tests.degrees_of_freedom[:, None]).T @ relative
     else:
         left = np.log(predicted) - np.log(tests.value / tests.coverage)
         scatter = float(left @ left) / max(len(left) - 4, 1)

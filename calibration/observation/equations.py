@@ -17,7 +17,7 @@ from calibration.measurement.registration import Registration, rigid
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS
 from kinematics.error_model.model import Observation
-from kinematics.error_transform import place_transform, pose_slopes
+from kinematics.error_transform import error_transform_with_tool, pose_slopes
 from kinematics.forward import axis_frames
 from kinematics.transforms import Array, by_turn, turn
 
@@ -79,7 +79,7 @@ def transform(measurement: Measurement, registration: Registration) -> Array:
     """
     n = len(measurement)
     if isinstance(measurement.instrument, Interferometer):
-        six = place_transform(measurement.machine, measurement.state.positions, measurement.tool)
+        six = error_transform_with_tool(measurement.machine, measurement.state.positions, measurement.tool)
         own = np.einsum("nk,nkp->np", _lines(measurement), six)[:, None]
         return np.concatenate([own, np.zeros((n, 1, 3))], axis=2)
     seen = seen_transform(measurement, registration.tool(measurement))

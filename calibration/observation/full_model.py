@@ -19,7 +19,7 @@ from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.turn import gap_of, measured_arc, swept_arc
 from kinematics.user_error import UserError
 
-STILL = 1e-6
+STANDSTILL = 1e-6
 """Range, mm or degrees, up to which an axis does not move."""
 _KINDS = "b-spline:N, cubic:N (nodes), legendre:N, polynomial:N (degree), fourier:N (harmonics)"
 
@@ -75,7 +75,7 @@ def stated_bases(text: str, axes: Sequence[str]) -> dict[str, BasisChoice]:
         bases[axis.strip()] = parse_basis(choice)
     missing = [axis for axis in axes if axis not in bases]
     if missing:
-        raise UserError(f"basis {text!r} says nothing of {', '.join(missing)}, which moves in these data")
+        raise UserError(f"basis {text!r} has no entry for {', '.join(missing)}, which moves in these data")
     unknown = [axis for axis in bases if axis not in axes]
     if unknown:
         raise UserError(f"basis {text!r}: {', '.join(unknown)} does not move in these data")
@@ -97,7 +97,7 @@ def moving_axes(measurement: Measurement) -> dict[str, Interval]:
             ends[i] = measured_arc(positions[:, i]) if across is None else swept_arc(*ends[i])
     names = measurement.machine.names
     measured = set(names) if measurement.axis is None else set(measurement.axis.tolist())
-    return {name: (a, b) for name, (a, b) in zip(names, ends, strict=True) if b - a > STILL and name in measured}
+    return {name: (a, b) for name, (a, b) in zip(names, ends, strict=True) if b - a > STANDSTILL and name in measured}
 
 
 def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> ErrorModel:

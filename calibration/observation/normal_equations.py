@@ -52,8 +52,8 @@ def whiteners(measurement: Measurement) -> Array:
     if len(certain):
         keys = [field for field in measurement.instrument.__struct_fields__ if field.startswith("u_")]
         raise UserError(
-            f"{measurement.source}: the instrument would be without uncertainty in some direction, and its rows count "
-            f"without limit: state {', '.join(keys)} (k=1) so that none is"
+            f"{measurement.source}: the uncertainty of the instrument is zero in some direction, so that the weight of "
+            f"its rows has no limit: state {', '.join(keys)} (k=1)"
         )
     return np.asarray(np.linalg.inv(root))
 

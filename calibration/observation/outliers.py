@@ -95,8 +95,8 @@ def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarr
     trusted = np.ones(n, bool)
     for _ in range(10):
         registration = equations.start(measurement, trusted)
-        missed = np.linalg.norm(measurement.counted - equations.expected(measurement, registration, nominal), axis=1)
-        closer = missed <= max(1.0, ASTRAY * float(np.median(missed)))
+        residual = np.linalg.norm(measurement.counted - equations.expected(measurement, registration, nominal), axis=1)
+        closer = residual <= max(1.0, ASTRAY * float(np.median(residual)))
         if np.array_equal(closer, trusted):
             break
         trusted = closer
@@ -112,6 +112,7 @@ def refuse_lines(measurement: Measurement) -> None:
         mine = points[groups == name]
         if len(mine) > 2 and np.ptp(mine, axis=0).max() > equations.IN_LINE > equations.width(mine):
             raise UserError(
-                f"{measurement.source}: station {name} saw points on one line only, and how the instrument is turned "
-                "about it can't be told: errors across would get wrong directions. Measure some points off the line"
+                f"{measurement.source}: all points of station {name} lie on one line: the rotation of the instrument "
+                "about it is unidentifiable, and errors across it would get wrong directions. Measure some points off "
+                "the line"
             )

@@ -26,7 +26,7 @@ class Reach:
     """Largest distance of a target from the tracker, mm."""
 
 
-class Seen(NamedTuple):
+class InReach(NamedTuple):
     """The rows in reach of a tracker."""
 
     rows: np.ndarray
@@ -35,7 +35,7 @@ class Seen(NamedTuple):
     """Reasons why others are not, with the numbers of their rows."""
 
 
-def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) -> Seen:
+def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) -> InReach:
     """The rows of a planned measurement that a tracker can observe from its poses, at nominal positions.
 
     Each reflector is mounted so that its axis points to the tracker as well as possible over all its positions.
@@ -53,9 +53,9 @@ def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) 
     if reach.incidence is not None:
         angle = _incidence(measurement, poses, points)
         reasons[f"incidence above {reach.incidence:g} deg"] = angle > reach.incidence
-    seen = ~np.any([*reasons.values(), np.zeros(len(points), bool)], axis=0)
+    visible = ~np.any([*reasons.values(), np.zeros(len(points), bool)], axis=0)
     notes = [f"{int(rows.sum())} observations left out: {reason}" for reason, rows in reasons.items() if rows.any()]
-    return Seen(seen, tuple(notes))
+    return InReach(visible, tuple(notes))
 
 
 def _incidence(measurement: Measurement, poses: Mapping[str, Pose], points: Array) -> Array:

@@ -15,17 +15,17 @@ from calibration.on_the_fly.nominal_path import TargetPath
 from kinematics.transforms import Array, Pose, by_turn, rotation_vector_matrix, turn
 from kinematics.user_error import UserError
 
-SOME = 20_000
+MOST_POINTS = 20_000
 """Largest number of points that determine the pose of a station."""
 ROUNDS = 30
-AT_REST = 1e-6
+CONVERGED_MM = 1e-6
 """Step of the points, mm, below which the pose has converged."""
 ASIDE = (-2.0, -1.0, 0.0, 1.0, 2.0)
 """Start values of the search for the nearest position, in widths from the expected position."""
 TIE = 1e-8
 """Weight of the squared distance from the expected position: it decides between two equally near positions."""
 NEWTON = 3
-ASTRAY_MM = 2.0
+NOT_FOLLOWED_MM = 2.0
 """Median distance from the path, mm, above which the points did not follow it."""
 HUBER = 1.5
 AT_A_TIME = 65_536
@@ -37,14 +37,14 @@ class Pass(NamedTuple):
     path: TargetPath
     points: Array
     """Points `(n, 3)`, mm, in the instrument's frame."""
-    way: Array
+    distances: Array
     """Distance along the path `(n,)`, mm, as estimated so far."""
     width: float
     """Uncertainty of these distances, mm."""
 
     def rows(self, index: np.ndarray) -> Pass:
         """Some of the points."""
-        return self._replace(points=self.points[index], way=self.way[index])
+        return self._replace(points=self.points[index], distances=self.distances[index])
 
 
 def nearest(path: TargetPath, points: Array, expected: Array, width: float) -> Array:
@@ -64,8 +64,8 @@ def _nearest(path: TargetPath, points: Array, expected: Array, width: float) -> 
     for aside in ASIDE:
         s = np.clip(expected + aside * width, 0.0, path.length)
         for _ in range(NEWTON):
-            place = path.at(s)
-            s = np.clip(s + np.sum(place.tangents * (points - place.points), axis=1), 0.0, path.length)
+            located = path.at(s)
+            s = np.clip(s + np.sum(located.tangents * (points - located.points), axis=1), 0.0, path.length)
         away = np.sum((points - path.at(s).points) ** 2, axis=1) + TIE * (s - expected) ** 2
         nearer = away < least
         best, least = np.where(nearer, s, best), np.where(nearer, away, least)
@@ -74,17 +74,17 @@ def _nearest(path: TargetPath, points: Array, expected: Array, width: float) -> 
 
 def aligned_pose(pose: Pose, passes: Sequence[Pass], where: str) -> Pose:
     """The pose of a station, from all its passes; UserError, naming `where`, if they did not follow the path."""
-    share = min(1.0, SOME / sum(len(each.way) for each in passes))
+    share = min(1.0, MOST_POINTS / sum(len(each.distances) for each in passes))
     some = []
     for each in passes:
-        count = max(int(share * len(each.way)), min(len(each.way), 10))
-        some.append(each.rows(np.unique(np.linspace(0, len(each.way) - 1, count).astype(int))))
+        count = max(int(share * len(each.distances)), min(len(each.distances), 10))
+        some.append(each.rows(np.unique(np.linspace(0, len(each.distances) - 1, count).astype(int))))
     for _ in range(ROUNDS):
         parts = []
         for i, each in enumerate(some):
-            inner = pose.inverse().apply(each.points)
-            some[i] = each._replace(way=nearest(each.path, inner, each.way, each.width))
-            parts.append(_across(each.path, inner, some[i].way))
+            on_path = pose.inverse().apply(each.points)
+            some[i] = each._replace(distances=nearest(each.path, on_path, each.distances, each.width))
+            parts.append(_across(each.path, on_path, some[i].distances))
         design, left = (np.concatenate(column) for column in zip(*parts, strict=True))
         away = np.linalg.norm(left, axis=1)
         scale = max(float(np.median(away)), 1e-9)
@@ -96,21 +96,21 @@ def aligned_pose(pose: Pose, passes: Sequence[Pass], where: str) -> Pose:
         # a point p of the path moves to centre + R (p - centre) + shift
         pose = pose @ Pose(rotation, centre - turn(rotation, centre) + step[:3])
         size = max(each.path.length for each in some)
-        if np.abs(step[:3]).max() + np.abs(step[3:]).max() * size < AT_REST:
+        if np.abs(step[:3]).max() + np.abs(step[3:]).max() * size < CONVERGED_MM:
             break
-    if scale > ASTRAY_MM:
+    if scale > NOT_FOLLOWED_MM:
         raise UserError(
-            f"{where}: half of the points miss the path of the program by more than {scale:.1f} mm: is it the program "
-            "that was run, with these work offsets, and is the target where the header says?"
+            f"{where}: half of the points are more than {scale:.1f} mm away from the path of the program: check the "
+            "program, its work offsets, and the position of the target in the header"
         )
     return pose
 
 
-def _across(path: TargetPath, points: Array, way: Array) -> tuple[Array, Array]:
+def _across(path: TargetPath, points: Array, distances: Array) -> tuple[Array, Array]:
     """Projections `(n, 3, 3)` across the path, and the residuals across it `(n, 3)`, mm."""
-    place = path.at(way)
-    across = np.eye(3) - place.tangents[:, :, None] * place.tangents[:, None, :]
-    return across, turn(across, points - place.points)
+    located = path.at(distances)
+    across = np.eye(3) - located.tangents[:, :, None] * located.tangents[:, None, :]
+    return across, turn(across, points - located.points)
 
 
 def _turned(across: Array, passes: Sequence[Pass], pose: Pose, centre: Array) -> Array:

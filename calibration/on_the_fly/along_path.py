@@ -10,10 +10,10 @@ import numpy as np
 
 from calibration.measurement.measurement import AcrossPath, Measurement, with_moves
 from calibration.on_the_fly.alignment import AT_A_TIME, Pass, aligned_pose, nearest
-from calibration.on_the_fly.cells import Cells, cell_numbers, reduced
 from calibration.on_the_fly.coarse_alignment import SAMPLES, rough
 from calibration.on_the_fly.constant_feed import steadiness
 from calibration.on_the_fly.nominal_path import NominalPath, TargetPath, target_path
+from calibration.on_the_fly.path_cells import Cells, cell_numbers, reduced
 from calibration.on_the_fly.readings import Readings
 from calibration.on_the_fly.reduction import Reduction
 from kinematics.state import State
@@ -33,7 +33,7 @@ class OnTheFly:
 
     measurement: Measurement
     reduction: Reduction
-    ways: Mapping[str, TargetPath]
+    paths: Mapping[str, TargetPath]
     """Path of each target, by name."""
 
 
@@ -52,17 +52,17 @@ def on_path(
     errors jointly, as for any measurement. UserError for readings that did not follow the path.
     """
     names = np.unique(readings.target).tolist()
-    ways = {name: target_path(path, readings.targets[name], readings.stands_on) for name in names}
+    paths = {name: target_path(path, readings.targets[name], readings.stands_on) for name in names}
     passes = list(readings.passes())
-    length = sum(ways[str(readings.target[rows.start])].length for rows in passes)
+    length = sum(paths[str(readings.target[rows.start])].length for rows in passes)
     cell = cell_mm if cell_mm is not None else max(CELL_MM, round(length / MOST, 1))
     progress("rough alignment")
     poses: dict[str, Pose] = {}
     roughly: list[Pass] = []
     for rows in passes:
-        way, station = ways[str(readings.target[rows.start])], str(readings.station[rows.start])
-        found = rough(way, readings.points[rows], readings.where(rows))
-        roughly.append(Pass(way, readings.points[rows], found.way, 1.5 * way.length / SAMPLES))
+        target, station = paths[str(readings.target[rows.start])], str(readings.station[rows.start])
+        found = rough(target, readings.points[rows], readings.where(rows))
+        roughly.append(Pass(target, readings.points[rows], found.distances, 1.5 * target.length / SAMPLES))
         poses.setdefault(station, found.pose)
     progress("fine alignment")
     for station, roughly_posed in poses.items():
@@ -80,13 +80,13 @@ def on_path(
         correlated = max(correlated, cells.correlation)
     taken = _Rows(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     if not len(taken.first):
-        raise UserError(f"{readings.source}: no reading counts: all are close to corners or at changing speed")
+        raise UserError(f"{readings.source}: no reading can be used: all are close to corners or at changing speed")
     corners, unsteady, astray = lost.tolist()
     reduction = Reduction(
         len(readings), corners, unsteady, astray, len(taken.first), cell, corner_mm, len(passes), tuple(feeds),
-        max(way.length for way in ways.values()) * 1e-3, correlated,
+        max(each.length for each in paths.values()) * 1e-3, correlated,
     )  # fmt: skip
-    return OnTheFly(_measurement(taken, readings, path), reduction, ways)
+    return OnTheFly(_measurement(taken, readings, path), reduction, paths)
 
 
 class _Rows(NamedTuple):
@@ -105,33 +105,33 @@ class _Rows(NamedTuple):
     directions: Array
     """Unit vectors `(c, 2, 3)` across the path."""
     readings: Array
-    way: Array
+    distances: Array
 
 
 def _reduced_pass(
     readings: Readings, rows: slice, each: Pass, pose: Pose, cell_mm: float, corner_mm: float
 ) -> tuple[_Rows, np.ndarray, Cells]:
     """The cells of one pass; numbers of readings left out near corners, at changing speed, as outliers."""
-    way, deviation = _followed(each, pose)
-    steady = steadiness(each.path, readings.time[rows], way, corner_mm, cell_mm)
+    distances, deviation = _followed(each, pose)
+    steady = steadiness(each.path, readings.time[rows], distances, corner_mm, cell_mm)
     used = np.flatnonzero(~steady.corner & ~steady.unsteady)
     sensors = [column[rows] for column in readings.temperatures.values()]
     columns = np.stack([readings.time[rows], steady.speed, steady.feed, *sensors], axis=1)
-    cells = reduced(cell_numbers(each.path, way[used], cell_mm), way[used], deviation[used], columns[used])
-    place = each.path.at(cells.way)
-    observed = pose.apply(place.points + _perpendicular(cells.deviation, place.tangents))
+    cells = reduced(cell_numbers(each.path, distances[used], cell_mm), distances[used], deviation[used], columns[used])
+    located = each.path.at(cells.distances)
+    observed = pose.apply(located.points + _perpendicular(cells.deviation, located.tangents))
     taken = _Rows(
         rows.start + used[cells.first],
-        each.path.positions_at(cells.way),
-        _approach(each.path, cells.way),
-        each.path.slopes_at(cells.way) * cells.columns[:, 1:2],
+        each.path.positions_at(cells.distances),
+        _approach(each.path, cells.distances),
+        each.path.slopes_at(cells.distances) * cells.columns[:, 1:2],
         cells.columns[:, 0],
         cells.columns[:, 2],
         cells.columns[:, 3:],
         observed,
-        across_path(turn(pose.rotation, place.tangents), observed),
+        across_path(turn(pose.rotation, located.tangents), observed),
         cells.count / cells.correlation,
-        cells.way,
+        cells.distances,
     )
     return taken, np.array([steady.corner.sum(), steady.unsteady.sum(), cells.astray]), cells
 
@@ -155,7 +155,7 @@ def _measurement(taken: _Rows, readings: Readings, path: NominalPath) -> Measure
         path.machine, readings.instrument, with_moves(state, taken.approach), taken.observed, readings.targets,
         readings.stands_on, run=run, feed=taken.feed, lines=readings.lines[first], source=readings.source,
         fingerprint=readings.fingerprint, notes=readings.notes,
-        across=AcrossPath(taken.directions, taken.readings, path.ends, taken.way),
+        across=AcrossPath(taken.directions, taken.readings, path.ends, taken.distances),
     )  # fmt: skip
 
 
@@ -178,24 +178,24 @@ def across_path(along: Array, observed: Array) -> Array:
 
 def _followed(each: Pass, pose: Pose) -> tuple[Array, Array]:
     """Distances along the path `(n,)` and deviations across it `(n, 3)`, mm, of the points of a pass."""
-    way, deviation = np.empty(len(each.way)), np.empty((len(each.way), 3))
+    distances, deviation = np.empty(len(each.distances)), np.empty((len(each.distances), 3))
     back = pose.inverse()
-    for start in range(0, len(way), AT_A_TIME):
+    for start in range(0, len(distances), AT_A_TIME):
         rows = slice(start, start + AT_A_TIME)
         points = back.apply(each.points[rows])
-        way[rows] = nearest(each.path, points, each.way[rows], each.width)
-        place = each.path.at(way[rows])
-        deviation[rows] = _perpendicular(points - place.points, place.tangents)
-    return way, deviation
+        distances[rows] = nearest(each.path, points, each.distances[rows], each.width)
+        located = each.path.at(distances[rows])
+        deviation[rows] = _perpendicular(points - located.points, located.tangents)
+    return distances, deviation
 
 
 def _perpendicular(vectors: Array, along: Array) -> Array:
     return np.asarray(vectors - np.sum(vectors * along, axis=1, keepdims=True) * along)
 
 
-def _approach(path: TargetPath, way: Array) -> Array:
+def _approach(path: TargetPath, distances: Array) -> Array:
     """Direction of the last move of each axis `(n, axes)`; 0 before its first move."""
     moves = np.sign(np.where(np.abs(path.slopes) > 1e-9, path.slopes, 0.0))
     moved = np.where(moves != 0.0, np.arange(len(moves))[:, None], 0)
     last = np.take_along_axis(moves, np.maximum.accumulate(moved, axis=0), axis=0)
-    return np.asarray(last[np.minimum((way / path.step).astype(int), len(last) - 1)])
+    return np.asarray(last[np.minimum((distances / path.step).astype(int), len(last) - 1)])

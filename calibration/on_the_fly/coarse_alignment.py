@@ -32,7 +32,7 @@ class Rough(NamedTuple):
 
     pose: Pose
     """Pose from the frame to which the instrument is fixed to its own."""
-    way: Array
+    distances: Array
     """Distance along the path `(n,)`, mm, of each point."""
 
 
@@ -60,8 +60,8 @@ def rough(path: TargetPath, points: Array, where: str) -> Rough:
         if np.array_equal(partner, before):
             break
     along = np.interp(centre[kept], centre[kept], arc) / length
-    way = np.interp(along, share, partner / SAMPLES * path.length)
-    return Rough(pose, np.interp(np.arange(len(points)), centre[kept], way))
+    distances = np.interp(along, share, partner / SAMPLES * path.length)
+    return Rough(pose, np.interp(np.arange(len(points)), centre[kept], distances))
 
 
 def in_order(observed: Array, nominal: Array) -> np.ndarray:
@@ -100,8 +100,10 @@ def _medians(points: Array) -> tuple[Array, Array]:
     centre = np.asarray(np.arange(len(medians)) * size + (size - 1) / 2.0, float)
     if size == 1 or whole == len(points):
         return centre, medians
-    rest = points[whole:]
-    return np.append(centre, whole + (len(rest) - 1) / 2.0), np.append(medians, np.median(rest, axis=0)[None], axis=0)
+    last_block = points[whole:]
+    return np.append(centre, whole + (len(last_block) - 1) / 2.0), np.append(
+        medians, np.median(last_block, axis=0)[None], axis=0
+    )
 
 
 def _moved(points: Array, least: float) -> np.ndarray:

@@ -33,23 +33,26 @@ class Steadiness(NamedTuple):
     """Feed `(n,)`, mm/min, or deg/min where only rotary axes move."""
 
 
-def steadiness(path: TargetPath, time: Array, way: Array, corner_mm: float, cell_mm: float) -> Steadiness:
+def steadiness(path: TargetPath, time: Array, distances: Array, corner_mm: float, cell_mm: float) -> Steadiness:
     """Evaluation of readings at times `(n,)`, s, and distances along the path `(n,)`, mm."""
-    stretch = path.stretch(way)
-    distance = np.minimum(way - path.corners[stretch], path.corners[stretch + 1] - way)
-    corner = (distance < corner_mm) | ~path.usable[stretch]
+    segment = path.segment_at(distances)
+    to_corner = np.minimum(distances - path.corners[segment], path.corners[segment + 1] - distances)
+    corner = (to_corner < corner_mm) | ~path.usable[segment]
     # the speed is taken over enough readings to suppress noise
-    span = max(1, round(len(way) * cell_mm / path.length / 2.0))
-    after, before = np.minimum(np.arange(len(way)) + span, len(way) - 1), np.maximum(np.arange(len(way)) - span, 0)
+    span = max(1, round(len(distances) * cell_mm / path.length / 2.0))
+    after, before = (
+        np.minimum(np.arange(len(distances)) + span, len(distances) - 1),
+        np.maximum(np.arange(len(distances)) - span, 0),
+    )
     lasted = time[after] - time[before]
-    fed = path.way_at(way)
-    speed, feed = (way[after] - way[before]) / lasted, (fed[after] - fed[before]) / lasted
+    fed = path.feed_distance_at(distances)
+    speed, feed = (distances[after] - distances[before]) / lasted, (fed[after] - fed[before]) / lasted
     plateau = np.full(len(path.usable), np.inf)
     inside = np.flatnonzero(~corner)
-    order = inside[np.argsort(stretch[inside], kind="stable")]
-    numbers, first = np.unique(stretch[order], return_index=True)
+    order = inside[np.argsort(segment[inside], kind="stable")]
+    numbers, first = np.unique(segment[order], return_index=True)
     for number, rows in zip(numbers.tolist(), np.split(order, first[1:]), strict=True):
         plateau[number] = np.quantile(feed[rows], PLATEAU)
     with np.errstate(invalid="ignore"):
-        unsteady = ~(np.abs(feed / plateau[stretch] - 1.0) <= STEADY) & ~corner
+        unsteady = ~(np.abs(feed / plateau[segment] - 1.0) <= STEADY) & ~corner
     return Steadiness(corner, unsteady, speed, feed * 60.0)

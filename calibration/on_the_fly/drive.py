@@ -10,7 +10,7 @@ from calibration.on_the_fly.nominal_path import CORNER_DEG, NominalPath
 from kinematics.transforms import Array
 
 
-class Manner(NamedTuple):
+class PathDynamics(NamedTuple):
     """Dynamics of the motion, and the rate of the readings."""
 
     feed: float
@@ -38,7 +38,7 @@ class Driven(NamedTuple):
     """Acceleration `(n, axes)`, mm/s2 and rad/s2."""
 
 
-class _Stretches(NamedTuple):
+class _Segments(NamedTuple):
     """Segments `k` of the path, each between two stops."""
 
     stops: Array
@@ -51,43 +51,43 @@ class _Stretches(NamedTuple):
     """Duration `(k,)`, s."""
 
 
-def duration(path: NominalPath, manner: Manner) -> float:
+def duration(path: NominalPath, dynamics: PathDynamics) -> float:
     """Duration of a pass, s."""
-    return float(_stretches(path, manner).lasting.sum()) + 2.0 * manner.pause_s
+    return float(_segments(path, dynamics).lasting.sum()) + 2.0 * dynamics.pause_s
 
 
-def driven(path: NominalPath, manner: Manner) -> Driven:
+def driven(path: NominalPath, dynamics: PathDynamics) -> Driven:
     """Motion of the axes along the path, from standstill at its start to standstill at its end."""
-    stops, peak, ramp, lasting = _stretches(path, manner)
+    stops, peak, ramp, lasting = _segments(path, dynamics)
     lengths = np.diff(stops)
-    begins = manner.pause_s + np.concatenate([[0.0], np.cumsum(lasting)])
-    time = np.arange(0.0, begins[-1] + manner.pause_s, 1.0 / manner.rate)
-    stretch = np.clip(np.searchsorted(begins, time, side="right") - 1, 0, len(lengths) - 1)
-    since = np.clip(time - begins[stretch], 0.0, lasting[stretch])
-    left, up, a = lasting[stretch] - since, ramp[stretch], manner.acceleration
+    starts = dynamics.pause_s + np.concatenate([[0.0], np.cumsum(lasting)])
+    time = np.arange(0.0, starts[-1] + dynamics.pause_s, 1.0 / dynamics.rate)
+    segment = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(lengths) - 1)
+    since = np.clip(time - starts[segment], 0.0, lasting[segment])
+    left, up, a = lasting[segment] - since, ramp[segment], dynamics.acceleration
     speeding, slowing = since < up, left < up
     along = np.where(
         speeding,
         0.5 * a * since**2,
-        np.where(slowing, lengths[stretch] - 0.5 * a * left**2, peak[stretch] * (since - 0.5 * up)),
+        np.where(slowing, lengths[segment] - 0.5 * a * left**2, peak[segment] * (since - 0.5 * up)),
     )
-    stands = (since <= 0.0) | (left <= 0.0)
-    speed = np.where(speeding, a * since, np.where(slowing, a * left, peak[stretch]))
-    change = np.where(stands, 0.0, np.where(speeding, a, np.where(slowing, -a, 0.0)))
-    way = stops[stretch] + along
-    piece = np.clip(np.searchsorted(path.way, way, side="right") - 1, 0, len(path.way) - 2)
-    slopes = np.diff(path.positions, axis=0) / np.maximum(np.diff(path.way), 1e-12)[:, None]
-    positions = path.positions[piece] + (way - path.way[piece])[:, None] * slopes[piece]
-    return Driven(time, positions, slopes[piece] * speed[:, None], slopes[piece] * change[:, None])
+    at_rest = (since <= 0.0) | (left <= 0.0)
+    speed = np.where(speeding, a * since, np.where(slowing, a * left, peak[segment]))
+    change = np.where(at_rest, 0.0, np.where(speeding, a, np.where(slowing, -a, 0.0)))
+    travelled = stops[segment] + along
+    move = np.clip(np.searchsorted(path.feed_distance, travelled, side="right") - 1, 0, len(path.feed_distance) - 2)
+    slopes = np.diff(path.positions, axis=0) / np.maximum(np.diff(path.feed_distance), 1e-12)[:, None]
+    positions = path.positions[move] + (travelled - path.feed_distance[move])[:, None] * slopes[move]
+    return Driven(time, positions, slopes[move] * speed[:, None], slopes[move] * change[:, None])
 
 
-def _stretches(path: NominalPath, manner: Manner) -> _Stretches:
+def _segments(path: NominalPath, dynamics: PathDynamics) -> _Segments:
     at = _stops(path)
-    lengths = np.diff(path.way[at])
-    feeds = np.where(path.counts[at[1:]], manner.feed, manner.rapid) / 60.0
-    peak = np.minimum(feeds, np.sqrt(manner.acceleration * lengths))
-    ramp = peak / manner.acceleration
-    return _Stretches(path.way[at], peak, ramp, lengths / peak + ramp)
+    lengths = np.diff(path.feed_distance[at])
+    feeds = np.where(path.feed_move[at[1:]], dynamics.feed, dynamics.rapid) / 60.0
+    peak = np.minimum(feeds, np.sqrt(dynamics.acceleration * lengths))
+    ramp = peak / dynamics.acceleration
+    return _Segments(path.feed_distance[at], peak, ramp, lengths / peak + ramp)
 
 
 def _stops(path: NominalPath) -> np.ndarray:
@@ -95,5 +95,5 @@ def _stops(path: NominalPath) -> np.ndarray:
     moves = np.diff(path.positions, axis=0) / np.where(path.machine.rotary, path.machine.scale, 1.0)
     directions = moves / np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-12)
     turns = np.sum(directions[1:] * directions[:-1], axis=1) < np.cos(np.radians(CORNER_DEG))
-    changes = path.counts[2:] != path.counts[1:-1]
-    return np.concatenate([[0], np.flatnonzero(turns | changes) + 1, [len(path.way) - 1]])
+    changes = path.feed_move[2:] != path.feed_move[1:-1]
+    return np.concatenate([[0], np.flatnonzero(turns | changes) + 1, [len(path.feed_distance) - 1]])

@@ -16,13 +16,13 @@ from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-PIECE_DEG = 0.25
+SEGMENT_DEG = 0.25
 """Largest rotation between two points by which the path length of a target is measured, degrees."""
 STEPS, SHORTEST = 40_000, 0.2
 """Number of equal steps in which the path of a target is stored; shortest step, mm."""
 CORNER_DEG = 1.0
 """Change of direction, degrees, above which a path has a corner."""
-STANDS = 1e-6
+STANDSTILL = 1e-6
 """Distance, mm, below which a target does not move."""
 
 
@@ -33,9 +33,9 @@ class NominalPath:
     machine: Machine
     positions: Array
     """Axis positions `(m, axes)`, mm and rad."""
-    way: Array
+    feed_distance: Array
     """Distance that the feed refers to `(m,)`, from 0: mm of the linear axes together, degrees of rotary axes alone."""
-    counts: np.ndarray
+    feed_move: np.ndarray
     """True `(m,)` where the move to the vertex is a feed move; the path of a rapid move is unknown."""
     source: str = ""
     fingerprint: str = ""
@@ -69,7 +69,7 @@ class TargetPath:
     """Points `(k, 3)`, mm, in the frame to which the instrument is fixed."""
     tangents: Array
     """Unit vectors `(k, 3)`."""
-    way: Array
+    feed_distance: Array
     """Distance that the feed refers to `(k,)`, mm, or degrees where only rotary axes move."""
     corners: Array
     """Distances along the path `(c,)`, mm, at which it turns, stops or continues in rapid, with its two ends."""
@@ -83,7 +83,7 @@ class TargetPath:
 
     def at(self, s: Array) -> Located:
         """Points and tangents at `(n,)` mm along the path; points are cubic between two steps."""
-        i, u = self._place(s)
+        i, u = self._step_and_share(s)
         u = u[:, None]
         p, q, a, b = self.points[i], self.points[i + 1], self.tangents[i], self.tangents[i + 1]
         rest = 1.0 - u
@@ -94,23 +94,23 @@ class TargetPath:
 
     def positions_at(self, s: Array) -> Array:
         """Axis positions `(n, axes)`, mm and rad, at `(n,)` mm along the path."""
-        i, u = self._place(s)
+        i, u = self._step_and_share(s)
         return np.asarray(self.positions[i] + u[:, None] * (self.positions[i + 1] - self.positions[i]))
 
     def slopes_at(self, s: Array) -> Array:
         """Derivatives of the axis positions `(n, axes)`, mm and rad per mm of the path."""
-        return np.asarray(self.slopes[self._place(s)[0]])
+        return np.asarray(self.slopes[self._step_and_share(s)[0]])
 
-    def way_at(self, s: Array) -> Array:
+    def feed_distance_at(self, s: Array) -> Array:
         """Distance that the feed refers to `(n,)`, mm, or degrees where only rotary axes move."""
-        i, u = self._place(s)
-        return np.asarray(self.way[i] + u * (self.way[i + 1] - self.way[i]))
+        i, u = self._step_and_share(s)
+        return np.asarray(self.feed_distance[i] + u * (self.feed_distance[i + 1] - self.feed_distance[i]))
 
-    def stretch(self, s: Array) -> np.ndarray:
+    def segment_at(self, s: Array) -> np.ndarray:
         """Index `(n,)` of the segment between two corners."""
         return np.clip(np.searchsorted(self.corners, s, side="right") - 1, 0, len(self.usable) - 1)
 
-    def _place(self, s: Array) -> tuple[np.ndarray, Array]:
+    def _step_and_share(self, s: Array) -> tuple[np.ndarray, Array]:
         along = np.clip(s / self.step, 0.0, len(self.points) - 1.0)
         i = np.minimum(along.astype(int), len(self.points) - 2)
         return i, along - i
@@ -118,7 +118,7 @@ class TargetPath:
 
 def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece", "bed"] = "workpiece") -> TargetPath:
     """The path of a target, by exact kinematics; UserError for a target that hardly moves."""
-    vertices, places = _pieces(path)
+    vertices, move = _segments(path)
 
     def at(positions: Array) -> Measurement:
         state = State(positions, target=np.full(len(positions), "1"))
@@ -127,53 +127,57 @@ def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece
     corner = at(vertices)
     chords = np.diff(seen_points(corner, None, corner.tool), axis=0)
     lengths = np.linalg.norm(chords, axis=1)
-    lengths[lengths < STANDS] = 0.0
+    lengths[lengths < STANDSTILL] = 0.0
     arc = np.concatenate([[0.0], np.cumsum(lengths)])
     length = float(arc[-1])
     if length < 10.0 * SHORTEST:
-        raise UserError(f"{path.source}: the target moves by {length:.3g} mm only, which is no path to follow")
+        raise UserError(f"{path.source}: the target moves by {length:.3g} mm only, which is too short for a path")
     count = max(int(np.ceil(length / max(length / STEPS, SHORTEST))), 2)
     s = np.linspace(0.0, length, count + 1)
     moving = np.flatnonzero(lengths)
-    piece = moving[np.clip(np.searchsorted(arc[moving], s, side="right") - 1, 0, len(moving) - 1)]
-    slopes = (np.diff(vertices, axis=0)[piece]) / lengths[piece][:, None]
-    positions = vertices[piece] + (s - arc[piece])[:, None] * slopes
+    segment = moving[np.clip(np.searchsorted(arc[moving], s, side="right") - 1, 0, len(moving) - 1)]
+    slopes = (np.diff(vertices, axis=0)[segment]) / lengths[segment][:, None]
+    positions = vertices[segment] + (s - arc[segment])[:, None] * slopes
     there = at(positions)
     tangents = np.einsum("nca,na->nc", seen_slopes(there, there.tool), slopes)
-    corners, usable = _corners(chords, lengths, arc, path.counts[1:][places])
-    way = np.interp(_places_of(piece, arc, s, lengths), np.arange(len(vertices)), _way(path, places))
+    corners, usable = _corners(chords, lengths, arc, path.feed_move[1:][move])
+    feed_distance = np.interp(
+        _vertex_index(segment, arc, s, lengths), np.arange(len(vertices)), _feed_distance(path, move)
+    )
     return TargetPath(
         length / count, positions, slopes, seen_points(there, None, there.tool),
-        tangents / np.linalg.norm(tangents, axis=1, keepdims=True), way, corners, usable,
+        tangents / np.linalg.norm(tangents, axis=1, keepdims=True), feed_distance, corners, usable,
     )  # fmt: skip
 
 
-def _places_of(piece: np.ndarray, arc: Array, s: Array, lengths: Array) -> Array:
+def _vertex_index(segment: np.ndarray, arc: Array, s: Array, lengths: Array) -> Array:
     """Fractional index `(n,)` of the vertices at `s` mm along the path; whole numbers at the vertices."""
-    return np.asarray(piece + np.clip((s - arc[piece]) / lengths[piece], 0.0, 1.0))
+    return np.asarray(segment + np.clip((s - arc[segment]) / lengths[segment], 0.0, 1.0))
 
 
-def _pieces(path: NominalPath) -> tuple[Array, np.ndarray]:
+def _segments(path: NominalPath) -> tuple[Array, np.ndarray]:
     """Vertices `(v, axes)` between which rotary axes turn by PIECE_DEG at most; move `(v - 1,)` of each segment."""
     moves = np.diff(path.positions, axis=0)
     turned = np.degrees(np.abs(moves[:, path.machine.rotary]).max(axis=1, initial=0.0))
-    counts = np.maximum(np.ceil(turned / PIECE_DEG), 1).astype(int)
-    places = np.repeat(np.arange(len(moves)), counts)
+    counts = np.maximum(np.ceil(turned / SEGMENT_DEG), 1).astype(int)
+    move = np.repeat(np.arange(len(moves)), counts)
     first = np.cumsum(counts) - counts
-    share = (np.arange(len(places)) - first[places] + 1) / counts[places]
-    inner = path.positions[places] + share[:, None] * moves[places]
-    return np.concatenate([path.positions[:1], inner]), places
+    share = (np.arange(len(move)) - first[move] + 1) / counts[move]
+    between = path.positions[move] + share[:, None] * moves[move]
+    return np.concatenate([path.positions[:1], between]), move
 
 
-def _way(path: NominalPath, places: np.ndarray) -> Array:
+def _feed_distance(path: NominalPath, move: np.ndarray) -> Array:
     """Distance that the feed refers to `(v,)`, at the vertices of the segments."""
-    counts = np.bincount(places, minlength=len(path.way) - 1)
+    counts = np.bincount(move, minlength=len(path.feed_distance) - 1)
     first = np.cumsum(counts) - counts
-    share = (np.arange(len(places)) - first[places] + 1) / counts[places]
-    return np.concatenate([path.way[:1], path.way[places] + share * np.diff(path.way)[places]])
+    share = (np.arange(len(move)) - first[move] + 1) / counts[move]
+    return np.concatenate(
+        [path.feed_distance[:1], path.feed_distance[move] + share * np.diff(path.feed_distance)[move]]
+    )
 
 
-def _corners(chords: Array, lengths: Array, arc: Array, counts: np.ndarray) -> tuple[Array, np.ndarray]:
+def _corners(chords: Array, lengths: Array, arc: Array, feed_move: np.ndarray) -> tuple[Array, np.ndarray]:
     """Corners `(c,)`, mm along the path, and the mask `(c - 1,)` of the segments between them that are feed moves.
 
     A corner lies where the path turns, the target stops, or feed and rapid change.
@@ -181,8 +185,8 @@ def _corners(chords: Array, lengths: Array, arc: Array, counts: np.ndarray) -> t
     moving = np.flatnonzero(lengths)
     directions = chords[moving] / lengths[moving][:, None]
     turns = np.sum(directions[1:] * directions[:-1], axis=1) < np.cos(np.radians(CORNER_DEG))
-    stands = np.diff(moving) > 1
-    changes = counts[moving][1:] != counts[moving][:-1]
-    at = np.flatnonzero(turns | stands | changes)
+    stops = np.diff(moving) > 1
+    changes = feed_move[moving][1:] != feed_move[moving][:-1]
+    at = np.flatnonzero(turns | stops | changes)
     corners = np.concatenate([[0.0], arc[moving[at + 1]], arc[-1:]])
-    return corners, counts[moving][np.append(0, at + 1)]
+    return corners, feed_move[moving][np.append(0, at + 1)]

@@ -69,9 +69,9 @@ class Readings:
     def where(self, rows: slice) -> str:
         """Name of a pass, for messages."""
         at = rows.start
-        said = [("station", self.station), ("run", self.run), ("target", self.target)]
+        columns = [("station", self.station), ("run", self.run), ("target", self.target)]
         several = [
-            f"{name} {column[at]}" for name, column in said if column[0] != column[-1] or np.any(column != column[0])
+            f"{name} {column[at]}" for name, column in columns if column[0] != column[-1] or np.any(column != column[0])
         ]
         return ", ".join([f"{self.source}:{self.lines[at]}", *several])
 
@@ -81,15 +81,13 @@ def read_readings(table: Table, machine: Machine) -> Readings:
     notes: list[str] = []
     instrument = read_instrument(table)
     if not isinstance(instrument, LaserTracker):
-        raise UserError(f"{table.source}: data taken on the fly (--path) are a laser tracker's")
+        raise UserError(f"{table.source}: data taken on the fly (--path) need a laser tracker")
     check_machine(table, machine, notes)
     keys = ["machine", "instrument", "stands_on", *uncertainty_keys(LaserTracker)]
     note_unknown_keys(table, lambda key: key in keys, notes)
     positions = [name for name in machine.names if name in table.names]
     if positions:
-        raise UserError(
-            f"{table.head} column {positions[0]}: the file says itself where the axes stood; it needs no --path"
-        )
+        raise UserError(f"{table.head} column {positions[0]}: the file contains positions of axes; omit --path")
     allow_columns(table, list(COLUMNS))
     table.need_columns(["time_s", "x", "y", "z"], "data taken on the fly")
     numbers = table.numbers(["time_s", "x", "y", "z"])
@@ -98,7 +96,8 @@ def read_readings(table: Table, machine: Machine) -> Readings:
     moving = [name for name, each in targets.items() if each.carrier != "tool"]
     if moving:
         raise UserError(
-            f"{table.source}: target {moving[0]} sits on the {targets[moving[0]].carrier}: no path leads it"
+            f"{table.source}: target {moving[0]} is on the {targets[moving[0]].carrier}: only a target on the tool "
+            "follows a path"
         )
     texts = table.texts([name for name in ("station", "run") if name in table.names])
     found = Readings(

@@ -37,14 +37,14 @@ class Reduction:
     def __str__(self) -> str:
         feeds = ", ".join(f"{feed:.0f}" for feed in sorted(set(np.round(self.feeds, -1).tolist())))
         shares = [
-            f"{100 * count / self.readings:.1f} % {what}"
-            for count, what in (
+            f"{100 * count / self.readings:.1f} % {reason}"
+            for count, reason in (
                 (self.corners, f"within {self.corner_mm:g} mm of corners or in rapid"),
                 (self.unsteady, "speeding up or slowing down"),
                 (self.astray, "astray"),
             )
         ]
-        slow = f"; noise goes on in time, means are {self.correlation**0.5:.2g} times as uncertain"
+        slow = f"; the noise is correlated in time: the means are {self.correlation**0.5:.2g} times as uncertain"
         return (
             f"{self.readings} readings in {self.passes} pass{'es' * (self.passes > 1)} along {self.length_m:.2f} m at "
             f"{feeds} mm/min: {self.used} used, in {self.rows} cells of {self.cell_mm:g} mm; left out "

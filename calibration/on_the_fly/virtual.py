@@ -13,7 +13,7 @@ import numpy as np
 from calibration.measurement.file import CHUNK, header_lines
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.on_the_fly.drive import Driven, Manner, driven
+from calibration.on_the_fly.drive import Driven, PathDynamics, driven
 from calibration.on_the_fly.nominal_path import NominalPath
 from calibration.simulation.simulate import observe, with_temperatures
 from kinematics.error_model.model import ErrorModel
@@ -37,7 +37,7 @@ class Session:
     """Consecutive passes along a path: with every target, at every feed, from every station."""
 
     path: NominalPath
-    manners: Sequence[Manner]
+    settings: Sequence[PathDynamics]
     targets: Mapping[str, Target]
     poses: Mapping[str, Pose]
     """Pose of each station, from the frame to which the tracker is fixed to its own."""
@@ -60,15 +60,15 @@ def readings_of(
     Exact kinematics and the full covariance of the tracker (`calibration.simulation.simulate`). Temperatures, start and
     end in K from 20 degC by sensor, change linearly over the whole session.
     """
-    rides = [driven(session.path, manner) for manner in session.manners]
-    state, run = _states(session, rides)
+    motions = [driven(session.path, dynamics) for dynamics in session.settings]
+    state, run = _states(session, motions)
     if temperatures:
         state = with_temperatures(state, temperatures)
     seen = observe(
         session.path.machine, model, state, tracker, rng, session.poses, session.targets,
         stands_on=session.stands_on, run=run, noise_scale=noise_scale, progress=progress,
     )  # fmt: skip
-    return replace(seen, observed=seen.observed + _shaken(session, state, run, rng))
+    return replace(seen, observed=seen.observed + _vibration(session, state, run, rng))
 
 
 def write_readings(readings: Measurement, file: BinaryIO) -> None:
@@ -92,27 +92,27 @@ def write_readings(readings: Measurement, file: BinaryIO) -> None:
     text.detach()
 
 
-def _states(session: Session, rides: Sequence[Driven]) -> tuple[State, np.ndarray]:
+def _states(session: Session, motions: Sequence[Driven]) -> tuple[State, np.ndarray]:
     """The states of all passes, and their runs: one per feed, numbered anew for each target and station."""
-    parts, names, begin = [], [], 0.0
+    parts, names, start = [], [], 0.0
     for station in session.poses:
         for target in session.targets:
-            for number, ride in enumerate(rides, start=1):
-                n = len(ride.time)
-                parts.append((ride, begin, station, target))
+            for number, motion in enumerate(motions, start=1):
+                n = len(motion.time)
+                parts.append((motion, start, station, target))
                 names.append(np.full(n, str(number)))
-                begin += float(ride.time[-1]) + BETWEEN_S
-    moved = [with_moves(State(ride.positions)) for ride, *_ in parts]
+                start += float(motion.time[-1]) + BETWEEN_S
+    moved = [with_moves(State(motion.positions)) for motion, *_ in parts]
     approach = [each.approach for each in moved if each.approach is not None]
     last = [each.last_move for each in moved if each.last_move is not None]
-    counts = [len(ride.time) for ride, *_ in parts]
+    counts = [len(motion.time) for motion, *_ in parts]
     state = State(
-        np.concatenate([ride.positions for ride, *_ in parts]),
+        np.concatenate([motion.positions for motion, *_ in parts]),
         approach=np.concatenate(approach),
         last_move=np.concatenate(last),
-        velocity=np.concatenate([ride.velocity for ride, *_ in parts]),
-        acceleration=np.concatenate([ride.acceleration for ride, *_ in parts]),
-        time=np.concatenate([ride.time + at for ride, at, *_ in parts]),
+        velocity=np.concatenate([motion.velocity for motion, *_ in parts]),
+        acceleration=np.concatenate([motion.acceleration for motion, *_ in parts]),
+        time=np.concatenate([motion.time + at for motion, at, *_ in parts]),
         station=np.repeat([station for *_, station, _ in parts], counts),
         target=np.repeat([target for *_, target in parts], counts),
         cycle=np.concatenate([column.astype(float) for column in names]) - 1.0,
@@ -120,7 +120,7 @@ def _states(session: Session, rides: Sequence[Driven]) -> tuple[State, np.ndarra
     return state, np.concatenate(names)
 
 
-def _shaken(session: Session, state: State, run: np.ndarray, rng: np.random.Generator) -> Array:
+def _vibration(session: Session, state: State, run: np.ndarray, rng: np.random.Generator) -> Array:
     """Displacement by vibration `(n, 3)`, mm."""
     assert state.time is not None
     if not session.vibration.rms_um:

@@ -13,7 +13,7 @@ from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.observed_points import seen_points
 from calibration.measurement.plan import Choices
 from calibration.observation.reach import Reach, in_reach
-from calibration.planning.strategies import limits, rounded, stand
+from calibration.planning.strategies import fixed_positions, limits, rounded
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array, Pose
@@ -40,9 +40,9 @@ class Obstacle:
 
     def between(self, origin: Array, points: Array) -> np.ndarray:
         """Mask `(n,)` of the lines from the origin `(3,)` to points `(n, 3)` that cross the box (slab method)."""
-        way = points - origin
-        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
-        ends = np.stack([(np.array(self.low) - origin) / way, (np.array(self.high) - origin) / way])
+        directions = points - origin
+        directions = np.where(np.abs(directions) < 1e-9, 1e-9, directions)
+        ends = np.stack([(np.array(self.low) - origin) / directions, (np.array(self.high) - origin) / directions])
         enters, leaves = ends.min(axis=0).max(axis=1), ends.max(axis=0).min(axis=1)
         return np.asarray((enters <= leaves) & (leaves >= 0.0) & (enters <= 1.0))
 
@@ -73,37 +73,35 @@ def positions(machine: Machine, choices: Choices, number: int) -> Array:
     moving = [i for i in range(len(low)) if low[i] < high[i] and (together or not machine.rotary[i])]
     endless = [machine.names[i] for i in moving if not np.isfinite(high[i] - low[i])]
     if endless or not moving:
-        raise UserError(
-            f"axis {endless[0]} has no end of travel: say how far it is to go" if endless else "nothing moves"
-        )
+        raise UserError(f"axis {endless[0]} has no end of travel: state its range" if endless else "nothing moves")
     share = np.clip((qmc.Halton(len(moving), seed=choices.seed).random(number) - 0.5) * BEYOND + 0.5, 0.0, 1.0)
-    found = np.tile(stand(machine, choices), (number, 1))
+    found = np.tile(fixed_positions(machine, choices), (number, 1))
     found[:, moving] = low[moving] + share * (high - low)[moving]
     return np.unique(rounded(found, machine, choices), axis=0) * machine.scale
 
 
-def with_targets(places: Array, targets: Mapping[str, Target]) -> State:
+def with_targets(positions_of_axes: Array, targets: Mapping[str, Target]) -> State:
     """States of every position with every target, approached in random order, as in a shuffled plan."""
     rng = np.random.default_rng(0)
-    every = np.tile(places, (len(targets), 1))
+    every = np.tile(positions_of_axes, (len(targets), 1))
     n = len(every)
     order = rng.permutation(n)
     moves = np.empty_like(every)
     moves[order] = np.diff(every[order], axis=0, prepend=every[order[:1]])
     time = np.empty(n)
     time[order] = np.arange(n) * 15.0
-    still = np.zeros_like(every)
+    at_rest = np.zeros_like(every)
     return State(
-        every, approach=np.sign(moves), last_move=moves, velocity=still, acceleration=still, time=time,
-        cycle=np.zeros(n), target=np.repeat(list(targets), len(places)),
+        every, approach=np.sign(moves), last_move=moves, velocity=at_rest, acceleration=at_rest, time=time,
+        cycle=np.zeros(n), target=np.repeat(list(targets), len(positions_of_axes)),
     )  # fmt: skip
 
 
-def seen(
+def visible_from(
     machine: Machine,
     state: State,
     targets: Mapping[str, Target],
-    place: Vector,
+    position: Vector,
     pose: Pose,
     reach: Reach | None,
     obstacles: Sequence[Obstacle],
@@ -113,20 +111,20 @@ def seen(
     nothing = np.zeros((len(state), 3))
     blank = Measurement(machine, LaserTracker(), stationed, nothing, targets)
     points = seen_points(blank, None, blank.tool)
-    free = np.linalg.norm(points - place, axis=1) > NEAREST_MM
+    free = np.linalg.norm(points - position, axis=1) > NEAREST_MM
     for obstacle in obstacles:
-        free &= ~obstacle.contains(points) & ~obstacle.between(np.array(place), points)
+        free &= ~obstacle.contains(points) & ~obstacle.between(np.array(position), points)
     if reach is not None and free.any():
         rows = np.flatnonzero(free)
         free[rows] = in_reach(blank.rows(rows), {"s1": pose}, reach).rows
     return np.asarray(free)
 
 
-def places_around(machine: Machine, choices: Choices, target: Target) -> list[Vector]:
+def positions_around(machine: Machine, choices: Choices, target: Target) -> list[Vector]:
     """Possible tracker positions, mm: 1.5 m off the corners and sides of the volume, at a low and a middle height."""
     low, high = limits(machine, choices)
     linear = np.flatnonzero(~machine.rotary)
-    corners = np.tile(stand(machine, choices), (2 ** len(linear), 1))
+    corners = np.tile(fixed_positions(machine, choices), (2 ** len(linear), 1))
     corners[:, linear] = list(itertools.product(*zip(low[linear], high[linear], strict=True)))
     named = np.full(len(corners), "1")
     state = State(corners * machine.scale, target=named)
@@ -136,5 +134,5 @@ def places_around(machine: Machine, choices: Choices, target: Target) -> list[Ve
     middle = (least + most) / 2
     x, y = ((least[k] - OFF_MM, middle[k], most[k] + OFF_MM) for k in (0, 1))
     heights = (least[2] + LOW * (most[2] - least[2]), middle[2])
-    around = [place for place in itertools.product(x, y) if place != (middle[0], middle[1])]
+    around = [position for position in itertools.product(x, y) if position != (middle[0], middle[1])]
     return [(round(float(a)), round(float(b)), round(float(z))) for a, b in around for z in heights]

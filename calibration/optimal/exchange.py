@@ -47,7 +47,7 @@ class Selection:
         """tr(B V)."""
         return float(np.sum(self.evaluated * self.spread))
 
-    def gains(self, which: np.ndarray) -> Array:
+    def improvements(self, which: np.ndarray) -> Array:
         """Reductions `(n,)` of the variance by each of these candidates."""
         _, inner, outer = self._through(which)
         return np.asarray(np.einsum("nij,nji->n", np.linalg.inv(np.eye(inner.shape[1]) + inner), outer))
@@ -86,24 +86,24 @@ class Selection:
 
 def filled(selection: Selection, number: int, allowed: np.ndarray) -> None:
     """Choose the most useful of the allowed candidates, a mask, one by one until `number` are chosen."""
-    gains = np.where(allowed & ~selection.chosen, np.inf, -np.inf)
+    improvements = np.where(allowed & ~selection.chosen, np.inf, -np.inf)
     while np.count_nonzero(selection.chosen) < number:
-        order = np.argsort(-gains)
+        order = np.argsort(-improvements)
         start = 0
         while True:
             some = order[start : start + LOOKED_AT]
-            some = some[gains[some] > -np.inf]
+            some = some[improvements[some] > -np.inf]
             if not len(some):
                 break
-            gains[some] = selection.gains(some)
+            improvements[some] = selection.improvements(some)
             start += len(some)
-            if start >= len(order) or gains[order[:start]].max() >= gains[order[start]]:
+            if start >= len(order) or improvements[order[:start]].max() >= improvements[order[start]]:
                 break
-        best = int(np.argmax(gains))
-        if gains[best] == -np.inf:
+        best = int(np.argmax(improvements))
+        if improvements[best] == -np.inf:
             return
         selection.change(best, 1)
-        gains[best] = -np.inf
+        improvements[best] = -np.inf
 
 
 def exchanged(selection: Selection, allowed: np.ndarray, rounds: int) -> int:
@@ -123,7 +123,7 @@ def _one(selection: Selection, ranked: np.ndarray, allowed: np.ndarray) -> bool:
     for candidate in ranked.tolist():
         selection.change(candidate, -1)
         free = np.flatnonzero(allowed & ~selection.chosen)
-        best = int(free[np.argmax(selection.gains(free))])
+        best = int(free[np.argmax(selection.improvements(free))])
         selection.change(best, 1)
         if selection.variance < before * (1 - LEAST):
             return True

@@ -17,13 +17,13 @@ from kinematics.transforms import Array
 
 def toured(machine: Machine, positions: Array) -> np.ndarray:
     """Order `(n,)` of positions `(n, axes)`: the nearest one comes next, from the lowest corner on."""
-    places = positions / machine.scale
-    left, order = np.arange(len(places)), []
-    here = places.min(axis=0) if len(places) else np.zeros(0)
+    scaled = positions / machine.scale
+    left, order = np.arange(len(scaled)), []
+    here = scaled.min(axis=0) if len(scaled) else np.zeros(0)
     while len(left):
-        nearest = int(np.argmin(np.sum((places[left] - here) ** 2, axis=1)))
+        nearest = int(np.argmin(np.sum((scaled[left] - here) ** 2, axis=1)))
         order.append(left[nearest])
-        here = places[left[nearest]]
+        here = scaled[left[nearest]]
         left = np.delete(left, nearest)
     return np.array(order, int)
 
@@ -53,5 +53,5 @@ def plan_of(
     )
     return Plan(
         machine, "optimised", state, np.char.add("O", np.arange(1, len(found) + 1).astype(str)),
-        np.full(len(found), "1"), used, minutes=minutes + change_min * float(changes[-1]), places=len(found),
+        np.full(len(found), "1"), used, minutes=minutes + change_min * float(changes[-1]), position_count=len(found),
     )  # fmt: skip

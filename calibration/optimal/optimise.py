@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.design.basis_draws import with_besides
+from calibration.design.basis_draws import with_other_effects
 from calibration.design.equations import Columns
 from calibration.design.layout import laid_out
 from calibration.design.volume import Volume
@@ -21,7 +21,7 @@ from calibration.measurement.instruments import Instrument, LaserTracker
 from calibration.measurement.plan import Choices, Plan
 from calibration.observation.full_model import moving_axes, parse_basis
 from calibration.observation.reach import Reach
-from calibration.optimal.candidates import Obstacle, places_around, positions, seen, with_targets
+from calibration.optimal.candidates import Obstacle, positions, positions_around, visible_from, with_targets
 from calibration.optimal.exchange import Selection, exchanged, filled
 from calibration.optimal.measuring_order import plan_of
 from calibration.simulation.simulate import tracker_pose
@@ -48,7 +48,7 @@ WEIGHT, HEAVIER, TIMES = 1.0, 4.0, 7
 
 
 @dataclass(frozen=True)
-class Wish:
+class DesignRequest:
     """Requirements of the measurement, and obstacles."""
 
     choices: Choices
@@ -87,52 +87,56 @@ class _Field:
     prior: Array
     evaluated: Array
     allowed: np.ndarray
-    besides: Mapping[str, int]
+    other_effects: Mapping[str, int]
     """Columns of the amplitudes of effects, by name."""
 
     def selection(self, weight: float = 0.0) -> Selection:
         """An empty selection, with a weight on the variance of the required effects."""
         weights = np.zeros(len(self.prior))
-        weights[list(self.besides.values())] = weight
+        weights[list(self.other_effects.values())] = weight
         return Selection(self.rows, self.prior, self.evaluated + np.diag(weights), np.zeros(len(self.rows), bool))
 
 
 def optimised(
-    machine: Machine, instrument: Instrument, wish: Wish, progress: Callable[[str], None] = lambda _: None
+    machine: Machine, instrument: Instrument, request: DesignRequest, progress: Callable[[str], None] = lambda _: None
 ) -> Optimised:
     """The best plan that is found; UserError where no target is visible, or where no plan shows a required effect."""
     if not isinstance(instrument, LaserTracker):
-        raise UserError("an optimised plan is for a laser tracker")
-    if (wish.points is None) == (wish.minutes is None):
-        raise UserError("an optimised plan takes a number of points or of minutes, one of the two")
-    places = positions(machine, wish.choices, wish.candidates)
-    tracker = _tracker(machine, instrument, wish, places, progress)
+        raise UserError("an optimised plan needs a laser tracker")
+    if (request.points is None) == (request.minutes is None):
+        raise UserError("an optimised plan needs either a number of points or a number of minutes")
+    candidates = positions(machine, request.choices, request.candidates)
+    tracker = _tracker(machine, instrument, request, candidates, progress)
     progress("positions")
-    found = _seen_from(machine, instrument, wish, places, tracker)
-    number = _number(machine, wish, found)
+    found = _field_from(machine, instrument, request, candidates, tracker)
+    number = _number(machine, request, found)
     _refuse_hidden(found)
-    chosen = _chosen(found, number, wish)
-    plan, visible = _planned(machine, instrument, wish, found, chosen, tracker)
+    chosen = _chosen(found, number, request)
+    plan, visible = _plan_and_visible(machine, instrument, request, found, chosen, tracker)
     evaluated = found.evaluated
     spread = np.linalg.inv(found.prior + _information(found.rows[chosen]))
     return Optimised(plan, tracker, float(np.sqrt(np.sum(evaluated * spread))), visible)
 
 
 def _tracker(
-    machine: Machine, instrument: LaserTracker, wish: Wish, places: Array, progress: Callable[[str], None]
+    machine: Machine,
+    instrument: LaserTracker,
+    request: DesignRequest,
+    candidates: Array,
+    progress: Callable[[str], None],
 ) -> Vector:
     """The tracker position from which a smaller plan of the same kind is best."""
-    first = next(iter(wish.choices.targets.values()))
-    trackers = list(wish.trackers) or places_around(machine, wish.choices, first)
+    first = next(iter(request.choices.targets.values()))
+    trackers = list(request.trackers) or positions_around(machine, request.choices, first)
     if len(trackers) == 1:
         return trackers[0]
-    timing = wish.choices.timing
-    number = wish.points or int((wish.minutes or 0.0) * 60.0 / (timing.dwell_s or timing.point_s))
-    some, values = places[::IN_LITTLE], []
+    timing = request.choices.timing
+    number = request.points or int((request.minutes or 0.0) * 60.0 / (timing.dwell_s or timing.point_s))
+    some, values = candidates[::IN_LITTLE], []
     for k, tracker in enumerate(trackers, start=1):
-        progress(f"place {k} of {len(trackers)} of the tracker")
+        progress(f"position {k} of {len(trackers)} of the tracker")
         try:
-            found = _seen_from(machine, instrument, wish, some, tracker)
+            found = _field_from(machine, instrument, request, some, tracker)
         except UserError:
             values.append(np.inf)
             continue
@@ -140,31 +144,35 @@ def _tracker(
         filled(selection, number // IN_LITTLE, found.allowed)
         values.append(selection.variance)
     if not np.isfinite(min(values)):
-        raise UserError("the tracker sees nothing from any of the places it may stand at")
+        raise UserError("the tracker observes no point from any of its possible positions")
     return trackers[int(np.argmin(values))]
 
 
-def _seen_from(machine: Machine, instrument: LaserTracker, wish: Wish, places: Array, tracker: Vector) -> _Field:
+def _field_from(
+    machine: Machine, instrument: LaserTracker, request: DesignRequest, candidates: Array, tracker: Vector
+) -> _Field:
     """The candidates and their equations, for one tracker position."""
-    targets = wish.choices.targets
-    state = with_targets(places, targets)
+    targets = request.choices.targets
+    state = with_targets(candidates, targets)
     pose = tracker_pose(tracker, np.random.default_rng(0))
-    visible = np.flatnonzero(seen(machine, state, targets, tracker, pose, wish.reach, wish.obstacles))
+    visible = np.flatnonzero(visible_from(machine, state, targets, tracker, pose, request.reach, request.obstacles))
     if not len(visible):
-        raise UserError("the tracker sees none of the positions from where it stands")
+        raise UserError("the tracker observes none of the positions from its own position")
     state = state.rows(visible)
-    columns = _columns(machine, instrument, wish, _plan_at(machine, state, wish), tracker)
-    rows, prior, evaluated, besides = _equations(columns, len(state))
-    return _Field(state, rows, prior, evaluated, np.ones(len(state), bool), besides)
+    columns = _columns(machine, instrument, request, _plan_at(machine, state, request), tracker)
+    rows, prior, evaluated, other_effects = _equations(columns, len(state))
+    return _Field(state, rows, prior, evaluated, np.ones(len(state), bool), other_effects)
 
 
-def _plan_at(machine: Machine, state: State, wish: Wish) -> Plan:
+def _plan_at(machine: Machine, state: State, request: DesignRequest) -> Plan:
     """The states as a plan."""
     names = np.full(len(state), "1")
-    return Plan(machine, "optimised", state, names, names, wish.choices.targets, places=len(state))
+    return Plan(machine, "optimised", state, names, names, request.choices.targets, position_count=len(state))
 
 
-def _columns(machine: Machine, instrument: LaserTracker, wish: Wish, plan: Plan, tracker: Vector) -> Columns:
+def _columns(
+    machine: Machine, instrument: LaserTracker, request: DesignRequest, plan: Plan, tracker: Vector
+) -> Columns:
     setup = laid_out(plan, instrument, [tracker])
     low, high = (ends(plan.positions / machine.scale, axis=0) for ends in (np.min, np.max))
     turned = {
@@ -172,8 +180,8 @@ def _columns(machine: Machine, instrument: LaserTracker, wish: Wish, plan: Plan,
         for i, axis in enumerate(machine.axes)
         if axis.rotary and high[i] > low[i]
     }
-    volumes = [Volume.of(machine, target.position, turned) for target in wish.choices.targets.values()]
-    return Columns(setup, volumes, wish.visible)
+    volumes = [Volume.of(machine, target.position, turned) for target in request.choices.targets.values()]
+    return Columns(setup, volumes, request.visible)
 
 
 def _equations(columns: Columns, n: int) -> tuple[Array, Array, Array, dict[str, int]]:
@@ -181,22 +189,22 @@ def _equations(columns: Columns, n: int) -> tuple[Array, Array, Array, dict[str,
     bases = {
         axis: parse_basis(ROTARY_BASIS if axis[0] in "ABC" else BASIS) for axis in moving_axes(columns.measurement)
     }
-    model = columns.model(with_besides(columns, bases))
+    model = columns.model(with_other_effects(columns, bases))
     table = [(effect.name, quantity) for effect in model.effects for quantity in effect.parameter_table]
     scale = np.array([quantity.typical if quantity.linear else 0.0 for _, quantity in table]) * _smooth(model)
     own = columns.registration
     rows = np.concatenate([own, columns.observed(model) * scale], axis=1)
     prior = np.diag(np.append(np.full(own.shape[1], FREE), np.ones(len(scale))))
-    seen_in = columns.evaluated(model) * scale
+    evaluated_in = columns.evaluated(model) * scale
     evaluated = np.zeros_like(prior)
-    evaluated[own.shape[1] :, own.shape[1] :] = seen_in.T @ seen_in / (len(seen_in) / 3)
-    first = sum(len(effect.parameters) for effect in model.effects[: len(model.effects) - len(columns.besides)])
-    besides = {
+    evaluated[own.shape[1] :, own.shape[1] :] = evaluated_in.T @ evaluated_in / (len(evaluated_in) / 3)
+    first = sum(len(effect.parameters) for effect in model.effects[: len(model.effects) - len(columns.other_effects)])
+    other_effects = {
         f"{name} {quantity.name}": own.shape[1] + k
         for k, (name, quantity) in enumerate(table)
         if k >= first and quantity.linear
     }
-    return rows.reshape(n, -1, rows.shape[1]), prior, evaluated, besides
+    return rows.reshape(n, -1, rows.shape[1]), prior, evaluated, other_effects
 
 
 def _smooth(model: ErrorModel) -> Array:
@@ -211,83 +219,96 @@ def _smooth(model: ErrorModel) -> Array:
     )
 
 
-def _number(machine: Machine, wish: Wish, found: _Field) -> int:
+def _number(machine: Machine, request: DesignRequest, found: _Field) -> int:
     """Number of points; for a number of minutes, from the duration of plans through that many candidates."""
-    if wish.points is not None:
-        number = wish.points
+    if request.points is not None:
+        number = request.points
     else:
-        assert wish.minutes is not None
+        assert request.minutes is not None
         low, high = 0, len(found.state) + 1
         while high - low > 1:
             middle = (low + high) // 2
             spread = np.linspace(0, len(found.state) - 1, middle).astype(int)
-            low, high = (middle, high) if _minutes(machine, wish, found, spread) <= wish.minutes else (low, middle)
+            low, high = (
+                (middle, high) if _minutes(machine, request, found, spread) <= request.minutes else (low, middle)
+            )
         number = low
     if not 10 <= number <= len(found.state):
         raise UserError(
-            f"{number} points: an optimised plan has at least 10, and at most the {len(found.state)} it sees"
+            f"{number} points: an optimised plan needs at least 10, and at most the {len(found.state)} that the "
+            "tracker observes"
         )
     return number
 
 
-def _minutes(machine: Machine, wish: Wish, found: _Field, rows: np.ndarray) -> float:
-    return _as_plan(machine, wish, found, rows).minutes if len(rows) else 0.0
+def _minutes(machine: Machine, request: DesignRequest, found: _Field, rows: np.ndarray) -> float:
+    return _as_plan(machine, request, found, rows).minutes if len(rows) else 0.0
 
 
 def _as_plan(
-    machine: Machine, wish: Wish, found: _Field, rows: np.ndarray, shuffled: np.random.Generator | None = None
+    machine: Machine,
+    request: DesignRequest,
+    found: _Field,
+    rows: np.ndarray,
+    shuffled: np.random.Generator | None = None,
 ) -> Plan:
     assert found.state.target is not None
     return plan_of(
-        machine, found.state.positions[rows], found.state.target[rows], wish.choices.targets, wish.choices.timing,
-        wish.change_min, shuffled=shuffled,
+        machine, found.state.positions[rows], found.state.target[rows], request.choices.targets, request.choices.timing,
+        request.change_min, shuffled=shuffled,
     )  # fmt: skip
 
 
 def _refuse_hidden(found: _Field) -> None:
     """UserError for a required effect that all candidates together do not show."""
-    if found.besides:
+    if found.other_effects:
         spread = np.linalg.inv(found.prior + _information(found.rows))
-        for name, k in found.besides.items():
+        for name, k in found.other_effects.items():
             if spread[k, k] > VISIBLE**2:
                 raise UserError(
-                    f"{name} can't be told from the error motions and the tracker's place: measured at all of "
+                    f"{name} cannot be separated from the error motions and the tracker's position: measured at all of "
                     f"{len(found.rows)} positions it would be known to {np.sqrt(spread[k, k]):.0%} of its typical size"
                 )
 
 
-def _chosen(found: _Field, number: int, wish: Wish) -> np.ndarray:
+def _chosen(found: _Field, number: int, request: DesignRequest) -> np.ndarray:
     """Numbers of the best candidates; the weight of required effects grows until the candidates show them."""
     weight = WEIGHT
     for _ in range(TIMES):
-        selection = found.selection(weight if wish.visible else 0.0)
+        selection = found.selection(weight if request.visible else 0.0)
         filled(selection, number, found.allowed)
         exchanged(selection, found.allowed, EXCHANGES)
-        if all(selection.spread[k, k] <= VISIBLE**2 for k in found.besides.values()):
+        if all(selection.spread[k, k] <= VISIBLE**2 for k in found.other_effects.values()):
             break
         weight *= HEAVIER
     return np.flatnonzero(selection.chosen)
 
 
-def _planned(
-    machine: Machine, instrument: LaserTracker, wish: Wish, found: _Field, chosen: np.ndarray, tracker: Vector
+def _plan_and_visible(
+    machine: Machine,
+    instrument: LaserTracker,
+    request: DesignRequest,
+    found: _Field,
+    chosen: np.ndarray,
+    tracker: Vector,
 ) -> tuple[Plan, dict[str, float]]:
     """The plan of these candidates in an order that shows the required effects; UserError when none does."""
-    told: dict[str, float] = {}
-    for shuffled in (None, np.random.default_rng(wish.choices.seed)):
-        plan = _as_plan(machine, wish, found, chosen, shuffled)
-        if not wish.visible:
+    uncertainties: dict[str, float] = {}
+    for shuffled in (None, np.random.default_rng(request.choices.seed)):
+        plan = _as_plan(machine, request, found, chosen, shuffled)
+        if not request.visible:
             return plan, {}
-        columns = _columns(machine, instrument, wish, plan, tracker)
-        rows, prior, _, besides = _equations(columns, len(plan))
+        columns = _columns(machine, instrument, request, plan, tracker)
+        rows, prior, _, other_effects = _equations(columns, len(plan))
         spread = np.linalg.inv(prior + _information(rows))
-        told = {name: float(np.sqrt(spread[k, k])) for name, k in besides.items()}
-        if max(told.values()) <= VISIBLE:
-            return plan, told
-    worst = max(told, key=lambda name: told[name])
+        uncertainties = {name: float(np.sqrt(spread[k, k])) for name, k in other_effects.items()}
+        if max(uncertainties.values()) <= VISIBLE:
+            return plan, uncertainties
+    worst = max(uncertainties, key=lambda name: uncertainties[name])
     raise UserError(
-        f"{len(chosen)} points from {', '.join(f'{v:g}' for v in tracker)} would show {worst} to {told[worst]:.0%} of "
-        f"its typical size only, {VISIBLE:.0%} are wanted: more points, more targets, or another instrument"
+        f"{len(chosen)} points from {', '.join(f'{v:g}' for v in tracker)} determine {worst} to "
+        f"{uncertainties[worst]:.0%} of its typical size only, {VISIBLE:.0%} are required: take more points, more "
+        "targets, or another instrument"
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.measurement.measurement import with_moves
-from calibration.measurement.plan import Choices, Plan, Timing, Way
+from calibration.measurement.plan import Choices, MeasuringSequence, Plan, Timing
 from calibration.planning.patterns import LARGEST
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -15,64 +15,77 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 
-def visit(laid: Way, machine: Machine, strategy: str, choices: Choices, asked: int | None, reference: Array) -> Plan:
+def measuring_plan(
+    laid: MeasuringSequence, machine: Machine, strategy: str, choices: Choices, requested: int | None, reference: Array
+) -> Plan:
     """The plan for the positions of a strategy; `reference` `(axes,)`, in file units, is the reference position."""
-    planned = len(laid.positions) * len(choices.targets) * choices.runs
-    if planned > LARGEST:
-        raise UserError(f"{planned} observations with all targets and runs, more than {LARGEST}")
-    way = _ordered(laid, choices)
+    observations = len(laid.positions) * len(choices.targets) * choices.runs
+    if observations > LARGEST:
+        raise UserError(f"{observations} observations with all targets and runs are more than the limit of {LARGEST}")
+    sequence = _ordered(laid, choices)
     if choices.references:
-        way = _with_references(way, choices.references, reference)
-    return _finished(way, machine, strategy, choices, asked, len(laid.positions))
+        sequence = _with_references(sequence, choices.references, reference)
+    return _finished(sequence, machine, strategy, choices, requested, len(laid.positions))
 
 
-def _ordered(way: Way, choices: Choices) -> Way:
+def _ordered(sequence: MeasuringSequence, choices: Choices) -> MeasuringSequence:
     """The path with its directions of approach; shuffled, or forward and back."""
-    n = len(way.positions)
+    n = len(sequence.positions)
     if choices.approach != "any":
-        moves = np.ptp(way.positions, axis=0) > 0
+        moves = np.ptp(sequence.positions, axis=0) > 0
         side = moves * (1.0 if choices.approach == "positive" else -1.0)
-        way = way._replace(from_side=np.tile(side, (n, 1)))
+        sequence = sequence._replace(from_side=np.tile(side, (n, 1)))
     if choices.order == "shuffled":
-        way = way.rows(np.random.default_rng(choices.seed).permutation(n))
+        sequence = sequence.rows(np.random.default_rng(choices.seed).permutation(n))
     elif choices.order == "retraced":
-        way = way.rows(np.append(np.arange(n), np.arange(n - 1)[::-1]))
-    return way
+        sequence = sequence.rows(np.append(np.arange(n), np.arange(n - 1)[::-1]))
+    return sequence
 
 
-def _with_references(way: Way, every: int, reference: Array) -> Way:
+def _with_references(sequence: MeasuringSequence, every: int, reference: Array) -> MeasuringSequence:
     """The path with the reference position at its start, after every `every` positions, and at its end."""
-    n = len(way.positions)
+    n = len(sequence.positions)
     at = np.unique(np.append(np.arange(0, n, every), n))
-    axis = None if way.axis is None else np.insert(way.axis, at, way.axis[np.minimum(at, n - 1)])
+    axis = None if sequence.axis is None else np.insert(sequence.axis, at, sequence.axis[np.minimum(at, n - 1)])
     side = (
-        None if way.from_side is None else np.insert(way.from_side, at, way.from_side[0] * (way.axis is None), axis=0)
+        None
+        if sequence.from_side is None
+        else np.insert(sequence.from_side, at, sequence.from_side[0] * (sequence.axis is None), axis=0)
     )
-    names = np.insert(way.names.astype(object), at, "REF").astype(str)
-    return Way(np.insert(way.positions, at, reference, axis=0), names, axis, side)
+    names = np.insert(sequence.names.astype(object), at, "REF").astype(str)
+    return MeasuringSequence(np.insert(sequence.positions, at, reference, axis=0), names, axis, side)
 
 
-def _finished(way: Way, machine: Machine, strategy: str, choices: Choices, asked: int | None, places: int) -> Plan:
+def _finished(
+    sequence: MeasuringSequence,
+    machine: Machine,
+    strategy: str,
+    choices: Choices,
+    requested: int | None,
+    position_count: int,
+) -> Plan:
     """The plan of a path: with all runs and targets, and the approach and times that follow from the order."""
-    index, run, target = _repeated(len(way.positions), choices)
-    way = way.rows(index)
-    positions = way.positions * machine.scale
+    index, run, target = _repeated(len(sequence.positions), choices)
+    sequence = sequence.rows(index)
+    positions = sequence.positions * machine.scale
     before = None
-    if way.from_side is not None:
-        first = way.from_side.any(axis=1)
+    if sequence.from_side is not None:
+        first = sequence.from_side.any(axis=1)
         first &= np.append(True, np.diff(index) != 0) | (run != np.roll(run, 1))  # no approach between targets
-        start = np.where(first[:, None], (way.positions - way.from_side * choices.overrun) * machine.scale, np.nan)
+        start = np.where(
+            first[:, None], (sequence.positions - sequence.from_side * choices.overrun) * machine.scale, np.nan
+        )
         before = start if first.any() else None
-    state = _with_way(State(positions), before)
+    state = _with_approach(State(positions), before)
     time, minutes = times(machine, positions, before, choices.timing)
     state = replace(state, time=time, cycle=run - 1.0, target=np.array(list(choices.targets))[target])
     notes = []
     if machine.rotary.any() and choices.rotary == "fixed":
-        stands = (f"{a.name} {p:g}" for a, p in zip(machine.axes, way.positions[0], strict=True) if a.rotary)
-        notes.append(f"rotary axes stand still: {', '.join(stands)} deg (--rotary moves them)")
+        fixed = (f"{a.name} {p:g}" for a, p in zip(machine.axes, sequence.positions[0], strict=True) if a.rotary)
+        notes.append(f"the rotary axes do not move: {', '.join(fixed)} deg (--rotary moves them)")
     return Plan(
-        machine, strategy, state, way.names, run.astype(str), choices.targets, way.axis, before, minutes, asked, places,
-        tuple(notes),
+        machine, strategy, state, sequence.names, run.astype(str), choices.targets, sequence.axis, before, minutes,
+        requested, position_count, tuple(notes),
     )  # fmt: skip
 
 
@@ -92,7 +105,7 @@ def _repeated(n: int, choices: Choices) -> tuple[np.ndarray, np.ndarray, np.ndar
     )
 
 
-def _with_way(state: State, before: Array | None) -> State:
+def _with_approach(state: State, before: Array | None) -> State:
     """The state with approach and last moves, from all positions on the path."""
     if before is None:
         return with_moves(state)
@@ -119,6 +132,6 @@ def times(machine: Machine, positions: Array, before: Array | None, timing: Timi
         steps = np.diff(passed / machine.scale, axis=0, prepend=passed[:1] / machine.scale)
         # the feed refers to the linear axes together, or to the rotary axes if no linear axis moves
         linear, turned = (np.linalg.norm(steps[:, mask], axis=1) for mask in (~machine.rotary, machine.rotary))
-        way = np.cumsum(np.maximum(linear, turned) / timing.feed * 60.0)[measured]
-        time = time + way - way[0]
+        sequence = np.cumsum(np.maximum(linear, turned) / timing.feed * 60.0)[measured]
+        time = time + sequence - sequence[0]
     return np.asarray(time), timing.setup_min + float(time[-1] + each) / 60.0

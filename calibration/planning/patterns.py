@@ -33,19 +33,19 @@ class Points(NamedTuple):
 def hexahedron(box: Box, spacing: float) -> Points:
     """The edges of the box, ordered by direction, alternately forward and backward."""
     d = len(box.low)
-    return _walk(box, _parallel(d, [(axis,) for axis in range(d)]), spacing)
+    return _along_lines(box, _parallel(d, [(axis,) for axis in range(d)]), spacing)
 
 
 def space_diagonals(box: Box, spacing: float) -> Points:
     """The diagonals through the middle (four for three axes; ISO 230-6)."""
     d = len(box.low)
-    return _walk(box, _parallel(d, [tuple(range(d))]), spacing)
+    return _along_lines(box, _parallel(d, [tuple(range(d))]), spacing)
 
 
 def face_diagonals(box: Box, spacing: float) -> Points:
     """Both diagonals of each face (twelve for three axes; ISO 230-6)."""
     d = len(box.low)
-    return _walk(box, _parallel(d, list(itertools.combinations(range(d), 2))), spacing)
+    return _along_lines(box, _parallel(d, list(itertools.combinations(range(d), 2))), spacing)
 
 
 def diagonals(box: Box, spacing: float) -> Points:
@@ -66,9 +66,9 @@ def planes(box: Box, spacing: float) -> Points:
     for pair in itertools.combinations(range(len(box.low)), 2):
         chosen = list(pair)
         flat = grid(Box(box.low[chosen], box.high[chosen]), spacing)
-        place = np.tile(box.low + box.share * (box.high - box.low), (len(flat.positions), 1))
-        place[:, chosen] = flat.positions
-        positions.append(place)
+        position = np.tile(box.low + box.share * (box.high - box.low), (len(flat.positions), 1))
+        position[:, chosen] = flat.positions
+        positions.append(position)
         lines.append(flat.line + count)
         count = int(lines[-1][-1])
     return _once(np.concatenate(positions), np.concatenate(lines))
@@ -81,8 +81,8 @@ def grid(box: Box, spacing: float) -> Points:
     index = np.zeros((1, 0), int)
     for count in counts[::-1]:
         # one more axis in front: the path so far, forward at its even and backward at its odd positions
-        ways = [index[::-1] if k % 2 else index for k in range(count)]
-        index = np.concatenate([np.insert(way, 0, k, axis=1) for k, way in enumerate(ways)])
+        sequences = [index[::-1] if k % 2 else index for k in range(count)]
+        index = np.concatenate([np.insert(sequence, 0, k, axis=1) for k, sequence in enumerate(sequences)])
     share = index / np.maximum(counts - 1, 1)
     return Points(box.low + share * (box.high - box.low), np.arange(len(index)) // counts[-1] + 1)
 
@@ -148,7 +148,7 @@ def _parallel(d: int, bundles: list[tuple[int, ...]]) -> Iterator[tuple[Array, A
                 backward = not backward
 
 
-def _walk(box: Box, lines: Iterator[tuple[Array, Array]], spacing: float) -> Points:
+def _along_lines(box: Box, lines: Iterator[tuple[Array, Array]], spacing: float) -> Points:
     """Points along lines of the unit cube, scaled to the box, at a distance of `spacing` or a little less."""
     span = box.high - box.low
     positions, numbers = [], []
@@ -170,4 +170,4 @@ def _once(positions: Array, line: np.ndarray) -> Points:
 
 def _check(points: float) -> None:
     if points > LARGEST:
-        raise UserError(f"a spacing that makes {points:.3g} points, more than {LARGEST}")
+        raise UserError(f"a spacing that makes {points:.3g} points, more than the limit of {LARGEST}")

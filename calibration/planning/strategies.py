@@ -12,9 +12,9 @@ from typing import get_args, get_type_hints
 
 import numpy as np
 
-from calibration.measurement.plan import Choices, Plan, Way
+from calibration.measurement.plan import Choices, MeasuringSequence, Plan
 from calibration.planning import patterns
-from calibration.planning.measuring_sequence import visit
+from calibration.planning.measuring_sequence import measuring_plan
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -55,14 +55,15 @@ def plan(
     if "axes" in parts:
         if len(parts) > 1 or choices.order != "given" or choices.approach != "any":
             raise UserError(
-                "strategy axes goes forward and backward on one axis at a time: no other strategy, order or approach"
+                "strategy axes measures one axis at a time, forward and backward: it excludes other strategies, orders "
+                "and approaches"
             )
         laid = _axes(machine, points, spacing_mm, choices)
     else:
         laid = _volume(machine, parts, points, spacing_mm, choices)
-    asked = None if points is None else int(np.sum(points))
-    reference = rounded(stand(machine, choices), machine, choices)
-    return visit(laid, machine, strategy, choices, asked, reference)
+    requested = None if points is None else int(np.sum(points))
+    reference = rounded(fixed_positions(machine, choices), machine, choices)
+    return measuring_plan(laid, machine, strategy, choices, requested, reference)
 
 
 def evaluation_grid(machine: Machine, n: int = 9) -> Array:
@@ -82,41 +83,43 @@ def evaluation_grid(machine: Machine, n: int = 9) -> Array:
 
 def _volume(
     machine: Machine, parts: list[str], points: int | Sequence[int] | None, spacing: float | None, choices: Choices
-) -> Way:
+) -> MeasuringSequence:
     """Positions of patterns in the volume of the linear axes, with those of the rotary axes during and after these."""
     rng = np.random.default_rng(choices.seed)
     low, high = limits(machine, choices)
     moving = [i for i, axis in enumerate(machine.axes) if not axis.rotary and low[i] < high[i]]
-    turning = [i for i, axis in enumerate(machine.axes) if axis.rotary and low[i] < high[i]]
+    rotary = [i for i, axis in enumerate(machine.axes) if axis.rotary and low[i] < high[i]]
     if not moving:
         raise UserError(f"machine {machine.name}: no linear axis is left to move; 'axes' measures rotary axes alone")
-    for i in (*moving, *(turning if choices.rotary != "fixed" else ())):
+    for i in (*moving, *(rotary if choices.rotary != "fixed" else ())):
         need_ends(machine, i, low, high)
     box = patterns.Box(low[moving], high[moving], choices.planes_at)
-    ways = []
+    sequences = []
     for part, number in zip(parts, _shared(points, parts), strict=True):
-        together = turning if choices.rotary == "simultaneous" else []
+        together = rotary if choices.rotary == "simultaneous" else []
         if part in patterns.SCATTERED:
             share = patterns.SCATTERED[part](len(moving + together), number or DEFAULT_POINTS, rng)
-            share_moving, share_turning = share[:, : len(moving)], share[:, len(moving) :]
+            share_moving, share_rotary = share[:, : len(moving)], share[:, len(moving) :]
             laid = low[moving] + share_moving * (high - low)[moving]
             names = [f"{LETTERS[part]}{k}" for k in range(1, len(laid) + 1)]
         else:
             if len(moving) < 2:
                 raise UserError(f"strategy {part} needs two linear axes that move, {machine.names[moving[0]]} is one")
             chosen = _spaced(part, box, number, spacing)
-            laid, share_turning = chosen.positions, _waves(len(chosen.positions), len(together))
+            laid, share_rotary = chosen.positions, _waves(len(chosen.positions), len(together))
             names = _numbered(LETTERS[part], chosen.line)
-        positions = np.tile(stand(machine, choices), (len(laid), 1))
+        positions = np.tile(fixed_positions(machine, choices), (len(laid), 1))
         positions[:, moving] = laid
         if choices.rotary == "random":
-            together, share_turning = turning, rng.uniform(size=(len(laid), len(turning)))
-        positions[:, together] = low[together] + share_turning * (high - low)[together]
-        ways.append(Way(positions, np.array(names)))
+            together, share_rotary = rotary, rng.uniform(size=(len(laid), len(rotary)))
+        positions[:, together] = low[together] + share_rotary * (high - low)[together]
+        sequences.append(MeasuringSequence(positions, np.array(names)))
     if choices.rotary == "swept":
-        ways += [_sweep(machine, i, low, high, choices) for i in turning]
-    positions = np.concatenate([way.positions for way in ways])
-    return Way(rounded(positions, machine, choices), np.concatenate([way.names for way in ways]))
+        sequences += [_sweep(machine, i, low, high, choices) for i in rotary]
+    positions = np.concatenate([sequence.positions for sequence in sequences])
+    return MeasuringSequence(
+        rounded(positions, machine, choices), np.concatenate([sequence.names for sequence in sequences])
+    )
 
 
 def _spaced(name: str, box: patterns.Box, points: int | None, spacing: float | None) -> patterns.Points:
@@ -125,7 +128,9 @@ def _spaced(name: str, box: patterns.Box, points: int | None, spacing: float | N
     return patterns.spaced(name, box, points or DEFAULT_POINTS)
 
 
-def _axes(machine: Machine, points: int | Sequence[int] | None, spacing: float | None, choices: Choices) -> Way:
+def _axes(
+    machine: Machine, points: int | Sequence[int] | None, spacing: float | None, choices: Choices
+) -> MeasuringSequence:
     """Each axis alone, forward and backward, with the others in the middle (linear) or at home (rotary); ISO 230-2."""
     both = replace(choices, approach="positive"), replace(choices, approach="negative")
     (low, _), (_, high) = (limits(machine, each) for each in both)
@@ -137,7 +142,7 @@ def _axes(machine: Machine, points: int | Sequence[int] | None, spacing: float |
     if not moving:
         raise UserError(f"machine {machine.name}: no axis is left to move")
     linear = sum(not machine.rotary[i] for i in moving)
-    ways = []
+    sequences = []
     for i in moving:
         need_ends(machine, i, low, high)
         if machine.rotary[i]:
@@ -147,22 +152,22 @@ def _axes(machine: Machine, points: int | Sequence[int] | None, spacing: float |
         else:
             count = ON_AN_AXIS if points is None else max(round(int(np.sum(points)) / linear / 2), 2)
         forward = np.linspace(low[i], high[i], count)
-        positions = np.tile(stand(machine, choices), (2 * count, 1))
+        positions = np.tile(fixed_positions(machine, choices), (2 * count, 1))
         positions[:, i] = np.append(forward, forward[::-1])
         side = np.zeros_like(positions)
         side[[0, count], i] = 1.0, -1.0
         number = np.append(np.arange(1, count + 1), np.arange(count, 0, -1))
         names = np.array([f"{machine.names[i]}.{k}" for k in number])
-        ways.append(Way(positions, names, np.full(2 * count, machine.names[i]), side))
-    positions, names, axis, side = (np.concatenate(column) for column in zip(*ways, strict=True))
-    return Way(rounded(positions, machine, choices), names, axis, side)
+        sequences.append(MeasuringSequence(positions, names, np.full(2 * count, machine.names[i]), side))
+    positions, names, axis, side = (np.concatenate(column) for column in zip(*sequences, strict=True))
+    return MeasuringSequence(rounded(positions, machine, choices), names, axis, side)
 
 
-def _sweep(machine: Machine, i: int, low: Array, high: Array, choices: Choices) -> Way:
+def _sweep(machine: Machine, i: int, low: Array, high: Array, choices: Choices) -> MeasuringSequence:
     count = choices.rotary_points
-    positions = np.tile(stand(machine, choices), (count, 1))
+    positions = np.tile(fixed_positions(machine, choices), (count, 1))
     positions[:, i] = np.linspace(low[i], high[i], count)
-    return Way(positions, np.array([f"{machine.names[i]}.{k}" for k in range(1, count + 1)]))
+    return MeasuringSequence(positions, np.array([f"{machine.names[i]}.{k}" for k in range(1, count + 1)]))
 
 
 def limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
@@ -190,12 +195,10 @@ def need_ends(machine: Machine, i: int, low: Array, high: Array) -> None:
     """UserError for an axis without finite ends."""
     if not (np.isfinite(low[i]) and np.isfinite(high[i])):
         name = machine.names[i]
-        raise UserError(
-            f"axis {name} has no end of travel: say how far it is to go, with --range {name}=0:360 for instance"
-        )
+        raise UserError(f"axis {name} has no end of travel: state its range, for instance --range {name}=0:360")
 
 
-def stand(machine: Machine, choices: Choices) -> Array:
+def fixed_positions(machine: Machine, choices: Choices) -> Array:
     """Positions `(axes,)` of axes that do not move: linear axes in the middle, rotary axes nearest to home."""
     # axes that move elsewhere in the plan need room for their approach here as well
     moved = choices if choices.rotary != "fixed" else replace(choices, approach="any")
@@ -220,8 +223,8 @@ def _waves(n: int, axes: int) -> Array:
 def _numbered(letter: str, line: np.ndarray) -> list[str]:
     """Names of points, such as H3.7 for the seventh point on the third line."""
     starts = np.flatnonzero(np.diff(line, prepend=0))
-    place = np.arange(len(line)) - np.repeat(starts, np.diff(np.append(starts, len(line)))) + 1
-    return [f"{letter}{a}.{b}" for a, b in zip(line.tolist(), place.tolist(), strict=True)]
+    rank = np.arange(len(line)) - np.repeat(starts, np.diff(np.append(starts, len(line)))) + 1
+    return [f"{letter}{a}.{b}" for a, b in zip(line.tolist(), rank.tolist(), strict=True)]
 
 
 def _shared(points: int | Sequence[int] | None, parts: list[str]) -> Sequence[int | None]:
@@ -256,12 +259,12 @@ def _check(machine: Machine, choices: Choices, points: int | Sequence[int] | Non
         "references": (choices.references, 0, np.inf),
         "runs": (choices.runs, 1, np.inf),
         "rotary points": (choices.rotary_points, 2, np.inf),
-        "place of the planes": (choices.planes_at, 0.0, 1.0),
+        "position of the planes": (choices.planes_at, 0.0, 1.0),
     }
-    for what, (value, least, most) in bounds.items():
+    for option, (value, least, most) in bounds.items():
         if not (least <= value <= most and np.isfinite(value)):
             raise UserError(
-                f"{what}: {value:g} is not {f'between {least:g} and {most:g}' if most == 1 else f'{least} or more'}"
+                f"{option}: {value:g} is not {f'between {least:g} and {most:g}' if most == 1 else f'{least} or more'}"
             )
     hints = get_type_hints(Choices)
     for name in ("rotary", "order", "target_order", "approach"):

@@ -23,7 +23,7 @@ from calibration.plausibility.recording_mistakes import (
     trimmed_rms,
     worst_rms,
 )
-from calibration.plausibility.repeated_positions import place_numbers
+from calibration.plausibility.repeated_positions import position_numbers
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -39,7 +39,7 @@ TIED = 2.0
 """Factor of the residuals up to which two mistakes cannot be distinguished."""
 ROWS = 1500
 """Largest number of rows, chosen at random, in the search for mistakes."""
-PLACES = 5
+LEAST_POSITIONS = 5
 """Least number of measurement states common to all runs for a comparison of the first run with the others."""
 LEAST = 10
 """Least number of rows for the search for a relation between columns."""
@@ -56,15 +56,17 @@ FAR = 1000.0
 """Distance of a target from the tool reference point that is possible on every machine, mm."""
 SMALL = 0.05
 """Share of the travel of linear axes below which their unit is questioned."""
-NOTICED = 1e-3
-"""Difference of read-back and command, mm and rad, below which it is ignored."""
+NOTICED_MM, NOTICED_RAD = 1e-3, 1e-5
+"""RMS difference of read-back and command below which it is ignored: linear axes, rotary axes.
+
+Rounding to 0.001 deg gives 5e-6 rad. 1e-5 rad is 3 um at a distance of 300 mm."""
 
 
 class Finding(NamedTuple):
     """One result of the checks."""
 
-    what: str
-    says: str
+    check: str
+    message: str
     """Message: one sentence, with numbers."""
     fatal: bool
     """True if the data cannot be used without a correction."""
@@ -86,7 +88,7 @@ def sanity(measurement: Measurement) -> list[Finding]:
 def usable(measurement: Measurement) -> list[Finding]:
     """Findings on a measurement; UserError for fatal ones."""
     findings = sanity(measurement)
-    fatal = [finding.says for finding in findings if finding.fatal]
+    fatal = [finding.message for finding in findings if finding.fatal]
     if fatal:
         raise UserError(f"{measurement.source}: {'; '.join(fatal)}")
     return findings
@@ -110,8 +112,8 @@ def _order(measurement: Measurement) -> Iterator[Finding]:
     if len(measurement) >= LEAST and back > BACK * len(measurement):
         yield Finding(
             "order",
-            f"time goes back at {back} of {len(measurement)} rows: they are not in the order of acquisition, which "
-            "tells from which side the axes came; sort them by time",
+            f"time goes back at {back} of {len(measurement)} rows: they are not in the order of acquisition, from "
+            "which the directions of approach follow; sort them by time",
             True,
         )
 
@@ -121,7 +123,9 @@ def _temperatures(measurement: Measurement) -> Iterator[Finding]:
         mean = float(np.mean(kelvin)) + 20.0
         if mean > HOT:
             yield Finding(
-                "units", f"temp_{name} reads {mean:.4g} in the mean: temperatures are wanted in degC (kelvin?)", True
+                "units",
+                f"temp_{name} reads {mean:.4g} in the mean: temperatures must be in degC (are these kelvin?)",
+                True,
             )
 
 
@@ -147,7 +151,7 @@ def _far_targets(measurement: Measurement) -> Iterator[Finding]:
             yield Finding(
                 "targets",
                 f"target {name} is stated {away:.5g} mm from the tool reference point, farther than {reach:.5g} mm "
-                "(the longest travel, or 1 m): tilts of axes would count with that arm. Mend its position (mm)",
+                "(the longest travel, or 1 m): tilts of axes would act with this lever arm. Correct its position (mm)",
                 True,
             )
 
@@ -174,8 +178,8 @@ def _mistakes(measurement: Measurement) -> Iterator[Finding]:
     if len(rows) > ROWS:
         rows = np.sort(np.random.default_rng(0).choice(rows, ROWS, replace=False))
     some = measurement.rows(rows)
-    missed, _ = misfit(some)
-    before = worst_rms(some, missed)
+    residual, _ = misfit(some)
+    before = worst_rms(some, residual)
     if before < SUSPICIOUS:
         return
     for kinds in (alternatives, misplaced):
@@ -184,13 +188,13 @@ def _mistakes(measurement: Measurement) -> Iterator[Finding]:
         if best < before / FALLS and best < PLAUSIBLE:
             yield _mistake(before, [pair for pair in tried if pair[0] <= TIED * best])
             return
-    lengths = np.linalg.norm(missed, axis=1)
+    lengths = np.linalg.norm(residual, axis=1)
     if float(np.median(lengths)) > HOPELESS:
         yield Finding(
             "unexplained",
-            f"the points miss the commanded positions by {np.median(lengths):.4g} mm (median, instrument registered), "
-            "and no exchange of columns, targets, signs or units explains that: are these points of this machine and "
-            "of these positions?",
+            f"the points differ from the commanded positions by {np.median(lengths):.4g} mm (median, instrument "
+            "registered), and no exchange of columns, targets, signs or units explains this: are these points of this "
+            "machine and of these positions?",
             True,
         )
         return
@@ -200,10 +204,11 @@ def _mistakes(measurement: Measurement) -> Iterator[Finding]:
 def _mistake(before: float, tied: list[tuple[float, Alternative]]) -> Finding:
     after, first = min(tied, key=lambda pair: pair[0])
     words = ", or ".join(other.by for _, other in tied)
-    open_end = "" if len(tied) == 1 else "; these data can't tell which"
+    open_end = "" if len(tied) == 1 else "; these data do not show which of them"
     return Finding(
         first.what,
-        f"the points miss the commanded positions by {before:.4g} mm RMS, and by {after:.3g} mm {words}{open_end}",
+        f"the points differ from the commanded positions by {before:.4g} mm RMS, and by {after:.3g} mm "
+        f"{words}{open_end}",
         True,
     )
 
@@ -217,8 +222,8 @@ def _stations(measurement: Measurement, lengths: Array) -> Iterator[Finding]:
         if len(sizes) > 1 and size > max(FALLS * usual, PLAUSIBLE):
             yield Finding(
                 "station",
-                f"the points of station {name} miss the commanded positions by {size:.3g} mm RMS, those of the others "
-                f"by {usual:.3g} mm: it moved while it measured, or its rows are of other positions",
+                f"the points of station {name} differ from the commanded positions by {size:.3g} mm RMS, those of the "
+                f"others by {usual:.3g} mm: it moved while it measured, or its rows are of other positions",
                 False,
             )
 
@@ -257,15 +262,15 @@ def _clock(measurement: Measurement) -> Iterator[Finding]:
     if len(moving) < LEAST:
         return
     part = measurement.rows(moving)
-    missed, registration = misfit(part)
-    missed, along = _centred(part, missed), by_axes(part, registration)
+    residual, registration = misfit(part)
+    residual, along = _centred(part, residual), by_axes(part, registration)
     swept = _centred(part, (along @ velocity[moving][:, :, None])[:, :, 0])
     size = float(np.sum(swept**2))
     if size <= 0.0:
         return
-    lag = float(np.sum(swept * missed)) / size
-    before, after = (float(np.sqrt(np.mean(rows**2))) for rows in (missed, missed - lag * swept))
-    with_play = _after_play(part, missed, along * np.sign(velocity[moving])[:, None, :])
+    lag = float(np.sum(swept * residual)) / size
+    before, after = (float(np.sqrt(np.mean(rows**2))) for rows in (residual, residual - lag * swept))
+    with_play = _after_play(part, residual, along * np.sign(velocity[moving])[:, None, :])
     if after < before / FALLS and after < TIED * with_play:
         ahead = "later" if lag > 0 else "earlier"
         causes = "two clocks, or following error" if with_play > TIED * after else "two clocks, following error or play"
@@ -279,11 +284,11 @@ def _clock(measurement: Measurement) -> Iterator[Finding]:
         )
 
 
-def _after_play(measurement: Measurement, missed: Array, behind: Array) -> float:
+def _after_play(measurement: Measurement, residual: Array, behind: Array) -> float:
     """RMS of residuals `(n, d)` after a fit of a backlash of each axis, with derivatives `(n, d, axes)`."""
     design = np.stack([_centred(measurement, behind[:, :, i]).reshape(-1) for i in range(behind.shape[2])], axis=1)
-    size, *_ = np.linalg.lstsq(design, missed.reshape(-1), rcond=None)
-    return float(np.sqrt(np.mean((missed.reshape(-1) - design @ size) ** 2)))
+    size, *_ = np.linalg.lstsq(design, residual.reshape(-1), rcond=None)
+    return float(np.sqrt(np.mean((residual.reshape(-1) - design @ size) ** 2)))
 
 
 def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
@@ -293,15 +298,19 @@ def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
         return
     later = cells[:, 1:]
     middle = later.mean(axis=1, keepdims=True)
-    k, freedom = later.shape[1], later[:, 0].size
+    k, degrees_of_freedom = later.shape[1], later[:, 0].size
     first = float(np.mean((cells[:, 0] - middle[:, 0]) ** 2)) / (1.0 + 1.0 / k)
-    rest = float(np.sum((later - middle) ** 2)) / (freedom * (k - 1))
-    if rest > 0.0 and special.fdtrc(freedom, freedom * (k - 1), first / rest) < SIGNIFICANCE and first > FALLS * rest:
+    scatter = float(np.sum((later - middle) ** 2)) / (degrees_of_freedom * (k - 1))
+    if (
+        scatter > 0.0
+        and special.fdtrc(degrees_of_freedom, degrees_of_freedom * (k - 1), first / scatter) < SIGNIFICANCE
+        and first > FALLS * scatter
+    ):
         unit = "um" if float(measurement.per_micro.max()) < 1e6 else "um or urad"
         yield Finding(
             "first cycle",
-            f"the first run differs from the later ones by {first**0.5:.3g} {unit} RMS at {len(cells)} places, they "
-            f"from each other by {rest**0.5:.3g}: a first cycle, or a drift that dies down",
+            f"the first run differs from the later ones by {first**0.5:.3g} {unit} RMS at {len(cells)} positions, the "
+            f"later ones from each other by {scatter**0.5:.3g}: a first cycle, or a drift that dies down",
             False,
         )
 
@@ -315,18 +324,18 @@ def _by_run(measurement: Measurement) -> Array | None:
         return None
     names, first, run = np.unique(measurement.run, return_index=True, return_inverse=True)
     run = np.argsort(np.argsort(first))[run]
-    places = place_numbers(measurement)
-    shape = int(places.max()) + 1, len(names)
+    numbers = position_numbers(measurement)
+    shape = int(numbers.max()) + 1, len(names)
     count, sums = np.zeros(shape), np.zeros((*shape, measurement.observed.shape[1]))
-    np.add.at(count, (places, run), 1.0)
-    np.add.at(sums, (places, run), measurement.observed * measurement.per_micro)
+    np.add.at(count, (numbers, run), 1.0)
+    np.add.at(sums, (numbers, run), measurement.observed * measurement.per_micro)
     shared = count.all(axis=1)
-    if len(names) < 3 or shared.sum() < PLACES:
+    if len(names) < 3 or shared.sum() < LEAST_POSITIONS:
         return None
     cells = np.asarray(sums[shared] / count[shared][:, :, None])
     if measurement.axis is not None:
         axis = np.empty(shape[0], measurement.axis.dtype)
-        axis[places] = measurement.axis
+        axis[numbers] = measurement.axis
         for name in np.unique(axis[shared]).tolist():
             cells[axis[shared] == name] -= cells[axis[shared] == name].mean(axis=0)
     return cells
@@ -337,29 +346,31 @@ def _read_back(measurement: Measurement) -> Iterator[Finding]:
     if measurement.actual is None:
         return
     machine, state = measurement.machine, measurement.state
-    missed, registration = misfit(measurement)
+    residual, registration = misfit(measurement)
     along = by_axes(measurement, registration)
     for i, axis in enumerate(machine.axes):
         apart = measurement.actual[:, i] - state.positions[:, i]
         rows = np.isfinite(apart) & along[:, :, i].any(axis=1)
         rms = float(np.sqrt(np.mean(apart[rows] ** 2))) if rows.any() else 0.0
-        if rows.sum() < LEAST or rms < NOTICED:
+        if rows.sum() < LEAST or rms < (NOTICED_RAD if axis.rotary else NOTICED_MM):
             continue
         small, unit = (1e6, "urad") if axis.rotary else (1e3, "um")
-        own = np.einsum("nd,nd->n", missed, along[:, :, i])[rows] / np.sum(along[rows, :, i] ** 2, axis=1)
-        says = [f"read-back and command of {axis.name} differ by {rms * small:.3g} {unit} RMS"]
+        own = np.einsum("nd,nd->n", residual, along[:, :, i])[rows] / np.sum(along[rows, :, i] ** 2, axis=1)
+        message = [f"read-back and command of {axis.name} differ by {rms * small:.3g} {unit} RMS"]
         slope, r = _related(apart[rows], own)
         if r > RELATED and 0.5 < slope < 1.5:
-            says.append(f"the observed deviation follows with slope {slope:.2f}: it did not stand where it was told")
+            message.append(
+                f"the observed deviation follows with slope {slope:.2f}: the axis did not reach its commanded position"
+            )
         if state.last_move is not None:
             slope, r = _related(state.last_move[rows, i], apart[rows])
             if abs(r) > RELATED:
-                says.append(f"by {slope * 1e6:.3g} ppm of the last move: it had not settled (r = {r:.2f})")
+                message.append(f"by {slope * 1e6:.3g} ppm of the last move: the axis had not settled (r = {r:.2f})")
         if state.velocity is not None and state.velocity[rows, i].any():
             slope, r = _related(state.velocity[rows, i], apart[rows])
             if abs(r) > RELATED:
-                says.append(f"by {slope * 1e3:.3g} ms of the velocity: following error, or two clocks (r = {r:.2f})")
-        yield Finding("read-back", "; ".join(says), False)
+                message.append(f"by {slope * 1e3:.3g} ms of the velocity: following error, or two clocks (r = {r:.2f})")
+        yield Finding("read-back", "; ".join(message), False)
 
 
 def _related(one: Array, other: Array) -> tuple[float, float]:

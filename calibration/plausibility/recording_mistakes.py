@@ -16,7 +16,7 @@ import numpy as np
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.observed_points import carried, seen_points, seen_slopes
 from calibration.measurement.registration import Registration
-from calibration.observation.full_model import STILL
+from calibration.observation.full_model import STANDSTILL
 from calibration.observation.normal_equations import residuals
 from calibration.observation.outliers import first_registration
 from kinematics.error_model.model import no_errors
@@ -62,9 +62,9 @@ def misfit(measurement: Measurement) -> tuple[Array, Registration]:
     return residuals(measurement, no_errors(measurement.machine), registration), registration
 
 
-def worst_rms(measurement: Measurement, missed: Array) -> float:
+def worst_rms(measurement: Measurement, residual: Array) -> float:
     """Largest RMS length, mm, of residuals `(n, d)`: of all rows, and of each target and station with several rows."""
-    lengths, parts = np.linalg.norm(missed, axis=1), [np.ones(len(missed), bool)]
+    lengths, parts = np.linalg.norm(residual, axis=1), [np.ones(len(residual), bool)]
     for names in (measurement.target_number, measurement.groups):
         parts += [names == name for name in np.unique(names).tolist()]
     return max(trimmed_rms(lengths[part]) for part in parts if part.sum() > 3 or part.all())
@@ -102,17 +102,17 @@ def _units(measurement: Measurement) -> Iterator[Alternative]:
 def _scale(measurement: Measurement) -> float | None:
     """Ratio of the distances between points to the commanded ones; None if all points coincide."""
     points = seen_points(measurement, None, measurement.tool)[:, : measurement.instrument.components]
-    inner, outer = _spread(measurement, points), _spread(measurement, measurement.observed)
-    if min(inner, outer) <= 0.0:
+    nominal_spread, observed_spread = _spread(measurement, points), _spread(measurement, measurement.observed)
+    if min(nominal_spread, observed_spread) <= 0.0:
         return None
-    scale = outer / inner
+    scale = observed_spread / nominal_spread
     for _ in range(3):
         scaled = replace(measurement, observed=measurement.observed / scale)
-        missed, _ = misfit(scaled)
-        there = _centred(measurement, scaled.observed - missed)
-        seen, lengths = _centred(measurement, scaled.observed), np.linalg.norm(missed, axis=1)
+        residual, _ = misfit(scaled)
+        there = _centred(measurement, scaled.observed - residual)
+        observed_centred, lengths = _centred(measurement, scaled.observed), np.linalg.norm(residual, axis=1)
         good = lengths <= 3.0 * np.median(lengths)
-        scale *= float(np.sum(seen[good] * there[good]) / np.sum(there[good] ** 2))
+        scale *= float(np.sum(observed_centred[good] * there[good]) / np.sum(there[good] ** 2))
     return scale if scale > 0.0 else None
 
 
@@ -132,7 +132,7 @@ def _centred(measurement: Measurement, values: Array) -> Array:
 def _axes(measurement: Measurement) -> Iterator[Alternative]:
     """Columns of axes that are exchanged, of wrong sign, or in rad."""
     machine, q = measurement.machine, measurement.state.positions
-    moving = np.flatnonzero(np.ptp(q / machine.scale, axis=0) > STILL).tolist()
+    moving = np.flatnonzero(np.ptp(q / machine.scale, axis=0) > STANDSTILL).tolist()
     for i, j in combinations(moving, 2):
         if machine.rotary[i] == machine.rotary[j]:
             order = np.arange(q.shape[1])
@@ -144,8 +144,8 @@ def _axes(measurement: Measurement) -> Iterator[Alternative]:
         yield Alternative(
             "sign", f"with the sign of {machine.names[i]} reversed", _with_positions(measurement, q * signs)
         )
-    turning = [i for i in moving if machine.rotary[i]]
-    for some in ([turning] if len(turning) > 1 else []) + [[i] for i in turning]:
+    rotary = [i for i in moving if machine.rotary[i]]
+    for some in ([rotary] if len(rotary) > 1 else []) + [[i] for i in rotary]:
         names = " and ".join(machine.names[i] for i in some)
         for factor, by in ((180.0 / np.pi, "read as rad"), (np.pi / 180.0, "turned into degrees once less")):
             factors = np.where(np.isin(np.arange(q.shape[1]), some), factor, 1.0)
@@ -182,10 +182,10 @@ def misplaced(measurement: Measurement) -> Iterator[Alternative]:
     for name, target in own.items():
         other = measurement
         for _ in range(ROUNDS):
-            missed, registration = misfit(other)
+            residual, registration = misfit(other)
             rows = measurement.target_number == list(measurement.targets).index(name)
-            directions = (registration.rotations(other) @ carried(other))[rows, : missed.shape[1]]
-            shift, *_ = np.linalg.lstsq(directions.reshape(-1, 3), missed[rows].reshape(-1), rcond=None)
+            directions = (registration.rotations(other) @ carried(other))[rows, : residual.shape[1]]
+            shift, *_ = np.linalg.lstsq(directions.reshape(-1, 3), residual[rows].reshape(-1), rcond=None)
             x, y, z = np.array(other.targets[name].position) + shift
             position: Vector = (float(x), float(y), float(z))
             other = _with_targets(other, {name: replace(target, position=position)})

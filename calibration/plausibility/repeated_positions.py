@@ -10,7 +10,7 @@ DIGITS = 6
 """Decimals, mm or degrees, to which commanded positions are rounded; equal ones are the same state."""
 
 
-def place_numbers(measurement: Measurement) -> np.ndarray:
+def position_numbers(measurement: Measurement) -> np.ndarray:
     """Number `(n,)` from 0 of the measurement state of each row."""
     state = measurement.state
     columns = [np.round(state.positions / measurement.machine.scale, DIGITS) + 0.0]

@@ -52,9 +52,9 @@ def _from_file(path: Path) -> list[Effect]:
 
 
 def _fields(text: str, where: str) -> dict[str, Any]:
-    kind, _, rest = text.partition(":")
+    kind, _, entries = text.partition(":")
     fields: dict[str, Any] = {"kind": kind.strip()}
-    for entry in _split(rest):
+    for entry in _split(entries):
         name, equals, value = entry.partition("=")
         if not equals:
             last = list(fields)[-1]

@@ -123,8 +123,8 @@ def tracker_poses(
     if not trackers:
         trackers = [_before(machine, positions)]
         position = ",".join(f"{v:g}" for v in trackers[0])
-        notes = (f"the tracker stands 1.5 m before the volume, at its middle: --tracker {position}",)
-    return {f"s{k}": tracker_pose(place, rng) for k, place in enumerate(trackers, start=1)}, notes
+        notes = (f"the tracker is 1.5 m in front of the middle of the volume: --tracker {position}",)
+    return {f"s{k}": tracker_pose(tracker, rng) for k, tracker in enumerate(trackers, start=1)}, notes
 
 
 def check_distance(measured: Measurement) -> None:
@@ -135,18 +135,18 @@ def check_distance(measured: Measurement) -> None:
         assert measured.state.station is not None
         raise UserError(
             f"--tracker: observation {row + 1} is closer than {NEAREST_MM:g} mm to the tracker at "
-            f"{measured.state.station[row]}; it can't stand there"
+            f"{measured.state.station[row]}; move the tracker"
         )
 
 
 def check_names(effects: Sequence[Effect], targets: Mapping[str, object], stations: Sequence[str]) -> None:
     """UserError for an effect of a target or a station that the measurement does not have."""
     for effect in effects:
-        for what, names in (("target", list(targets)), ("station", list(stations))):
-            name = getattr(effect, what, None)
+        for kind, names in (("target", list(targets)), ("station", list(stations))):
+            name = getattr(effect, kind, None)
             if name is not None and name not in names:
                 known = f"known are {', '.join(names)}" if names else "there is none"
-                raise UserError(f"--effect {effect.name}: no {what} {name!r}; {known}")
+                raise UserError(f"--effect {effect.name}: no {kind} {name!r}; {known}")
 
 
 def _before(machine: Machine, positions: Array) -> tuple[float, float, float]:
@@ -180,10 +180,10 @@ def _reached(
         plan.machine, virtual.instrument, state, np.zeros((len(state), 3)), plan.targets,
         stands_on=virtual.stands_on, run=None,
     )  # fmt: skip
-    seen = in_reach(blank, poses, virtual.reach)
-    if not seen.rows.any():
-        raise UserError(f"the tracker sees none of the points from where it stands: {'; '.join(seen.notes)}")
-    return np.flatnonzero(seen.rows), tuple(seen.notes)
+    visible = in_reach(blank, poses, virtual.reach)
+    if not visible.rows.any():
+        raise UserError(f"the tracker observes none of the points from its position: {'; '.join(visible.notes)}")
+    return np.flatnonzero(visible.rows), tuple(visible.notes)
 
 
 def _components(

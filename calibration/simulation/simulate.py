@@ -17,15 +17,12 @@ from calibration.measurement.measurement import SPINDLE_NOSE, Measurement, Targe
 from calibration.measurement.observed_points import seen_points
 from calibration.measurement.registration import Registration
 from calibration.observation.equations import covariance, expected
-from calibration.simulation.true_model import TABLE_1, random_truth
 from kinematics.effects.base import UM, URAD
 from kinematics.error_model.model import ErrorModel, Observation
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array, Pose, rotation_vector_matrix, turn
 from kinematics.user_error import UserError
-
-__all__ = ["TABLE_1", "Faults", "at_stations", "observe", "random_truth", "spoil", "tracker_pose", "with_temperatures"]
 
 AT_A_TIME = 32_768
 """Number of rows evaluated together, which limits the memory."""
@@ -73,8 +70,8 @@ def observe(
     registration = _registration(blank, poses, rng)
     if isinstance(instrument, LaserTracker):
         # instrument effects use the beam to the nominal point: the influence of machine errors on it is negligible
-        seen = [registration.seen(part, seen_points(part, None, part.tool)) for part in _parts(blank, AT_A_TIME)]
-        blank = replace(blank, state=replace(blank.state, observed=np.concatenate(seen)))
+        points = [registration.seen(part, seen_points(part, None, part.tool)) for part in _parts(blank, AT_A_TIME)]
+        blank = replace(blank, state=replace(blank.state, observed=np.concatenate(points)))
     together = len(blank) if any(effect.HAS_MEMORY for effect in model.effects) else AT_A_TIME
     exact = np.empty((len(blank), instrument.components))
     done = 0
@@ -134,19 +131,19 @@ def spoil(measurement: Measurement, faults: Faults, rng: np.random.Generator) ->
         return measurement, ()
     n, components = measurement.observed.shape
     bad = rng.permutation(n)[: round(faults.outliers * n)]
-    way = rng.standard_normal((len(bad), components))
+    direction = rng.standard_normal((len(bad), components))
     smallest, largest = np.log(faults.outlier_mm).tolist()
     size = np.exp(rng.uniform(smallest, largest, len(bad)))
     observed = measurement.observed.copy()
-    observed[bad] += way / np.linalg.norm(way, axis=1, keepdims=True) * size[:, None]
+    observed[bad] += direction / np.linalg.norm(direction, axis=1, keepdims=True) * size[:, None]
     doubled = rng.permutation(n)[: round(faults.duplicates * n)]
     lost = rng.permutation(n)[: round(faults.missing * n)]
     kept = np.setdiff1d(np.arange(n), lost)
     rows = np.sort(np.concatenate([kept, np.intersect1d(doubled, kept)]))
     notes = []
-    for what, index in (("outliers", bad), ("doubled rows", doubled), ("missing rows", lost)):
+    for kind, index in (("outliers", bad), ("doubled rows", doubled), ("missing rows", lost)):
         if len(index):
-            notes.append(f"{len(index)} {what}")
+            notes.append(f"{len(index)} {kind}")
     return replace(measurement, observed=observed).rows(rows), tuple(notes)
 
 
@@ -163,18 +160,18 @@ def _blank(
     """The measurement without observations."""
     targets, n = targets or {"1": SPINDLE_NOSE}, len(state)
     if isinstance(instrument, Interferometer) and (axis is None or run is None):
-        raise UserError("an interferometer measures one axis at a time, in runs: strategy axes")
+        raise UserError("an interferometer measures one axis at a time, in runs: it needs strategy axes")
     if state.last_move is None:
         state = with_moves(state, state.approach)
     if state.target is None:
         state = replace(state, target=np.full(n, next(iter(targets))))
     if state.station is None and isinstance(instrument, LaserTracker):
         state = replace(state, station=np.full(n, next(iter(poses)) if poses else "1"))
-    still = np.broadcast_to(0.0, state.positions.shape)
+    at_rest = np.broadcast_to(0.0, state.positions.shape)
     state = replace(
         state,
-        velocity=still if state.velocity is None else state.velocity,
-        acceleration=still if state.acceleration is None else state.acceleration,
+        velocity=at_rest if state.velocity is None else state.velocity,
+        acceleration=at_rest if state.acceleration is None else state.acceleration,
     )
     nothing = np.zeros((n, instrument.components))
     return Measurement(machine, instrument, state, nothing, targets, stands_on, axis, run)
@@ -189,7 +186,7 @@ def _registration(blank: Measurement, poses: Mapping[str, Pose] | None, rng: np.
         return Registration(zeros=dict.fromkeys(groups, 0.0), slopes=slopes)
     if poses is None:
         if isinstance(blank.instrument, LaserTracker):
-            raise UserError("where does the laser tracker stand? (--tracker x,y,z)")
+            raise UserError("the position of the laser tracker is missing: state --tracker x,y,z")
         poses = {group: _alignment(blank.instrument.components == 2, rng) for group in groups}
     missing = [group for group in groups if group not in poses]
     if missing:

@@ -66,7 +66,7 @@ ROTARY: HalfWidths = {
 DEFAULT: HalfWidths = {**TABLE_1, **ROTARY}
 
 
-def random_truth(machine: Machine, rng: np.random.Generator, half_widths: HalfWidths = DEFAULT) -> ErrorModel:
+def random_true_model(machine: Machine, rng: np.random.Generator, half_widths: HalfWidths = DEFAULT) -> ErrorModel:
     """A random machine; error motions that are not in the table are zero.
 
     An axis takes the rows of its own name (E_XX2), or else those of its letter, with U V W as X Y Z.
@@ -78,8 +78,8 @@ def random_truth(machine: Machine, rng: np.random.Generator, half_widths: HalfWi
     return model_of(machine, effects)
 
 
-def largest_truth(machine: Machine, half_widths: HalfWidths = DEFAULT) -> list[Effect]:
-    """The effects of `random_truth` with every amplitude at its half-width."""
+def largest_true_model(machine: Machine, half_widths: HalfWidths = DEFAULT) -> list[Effect]:
+    """The effects of `random_true_model` with every amplitude at its half-width."""
     return [
         effect
         for axis, component, row in _rows(machine, half_widths)

@@ -150,17 +150,17 @@ class Misfit:
     """Deviation of a curve from its points, evaluated with their covariance."""
 
     chi2: float
-    freedom: int
+    degrees_of_freedom: int
 
     @property
     def significant(self) -> bool:
         """True if the deviation exceeds the scatter of the points."""
-        return self.freedom > 0 and float(special.chdtrc(self.freedom, self.chi2)) < MISFIT
+        return self.degrees_of_freedom > 0 and float(special.chdtrc(self.degrees_of_freedom, self.chi2)) < MISFIT
 
     @property
     def widening(self) -> float:
         """Factor of the curve's standard uncertainty (Birge); 1 if the deviation is not significant."""
-        return float(np.sqrt(max(self.chi2 / self.freedom, 1.0))) if self.significant else 1.0
+        return float(np.sqrt(max(self.chi2 / self.degrees_of_freedom, 1.0))) if self.significant else 1.0
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ def polynomials(
             open_.append(j)
         elif not least[j] <= degree <= most:
             raise UserError(
-                f"degree {degree} of E_{name}{axis.name}: {len(positions)} positions take {least[j]} to {most}"
+                f"degree {degree} of E_{name}{axis.name}: {len(positions)} positions allow {least[j]} to {most}"
             )
         else:
             degrees[j] = degree
@@ -339,10 +339,10 @@ def averaged(candidates: Candidates, positions: Array, motions: RigidMotions) ->
     if not candidates.others:
         return best
     shape = _widest(candidates)
-    own = _placed(best, shape)
+    own = _extended(best, shape)
     estimator, spread = own, []
     for others in candidates.others:
-        away = [(_placed(fit(other, positions, motions), shape) - own, weight) for other, weight in others]
+        away = [(_extended(fit(other, positions, motions), shape) - own, weight) for other, weight in others]
         mean = np.sum([weight * each for each, weight in away], axis=0)
         estimator = estimator + mean
         spread += [np.sqrt(weight) * (each - mean) for each, weight in away]
@@ -357,13 +357,13 @@ def _widest(candidates: Candidates) -> Shape:
     return Shape(candidates.best.axis, bases)
 
 
-def _placed(curves: Curves, shape: Shape) -> Array:
+def _extended(curves: Curves, shape: Shape) -> Array:
     """The estimator `(p, 6n)` of curves, extended to a shape whose bases begin with theirs."""
-    placed = np.zeros((shape.size, curves.estimator.shape[1]))
+    extended = np.zeros((shape.size, curves.estimator.shape[1]))
     for part, own in zip(shape.parts, curves.shape.parts, strict=True):
-        placed[part.start : part.start + own.stop - own.start] = curves.estimator[own]
-    placed[shape.parts[-1].stop :] = curves.estimator[curves.shape.parts[-1].stop :]
-    return placed
+        extended[part.start : part.start + own.stop - own.start] = curves.estimator[own]
+    extended[shape.parts[-1].stop :] = curves.estimator[curves.shape.parts[-1].stop :]
+    return extended
 
 
 def misfits(curves: Curves, positions: Array, motions: RigidMotions, covariance: Array) -> tuple[Misfit, ...]:
@@ -399,8 +399,8 @@ def widening(axis: Axis, effects: tuple[Effect, ...], found: tuple[Misfit, ...])
 
 def _rows(shape: Shape, positions: Array, weights: Array, hold: float) -> Array:
     """Whitened design, and below it the prior rows of the wobble with standard deviation `hold`, um and urad."""
-    held = np.eye(shape.size)[shape.parts[-1].stop :] / hold
-    return np.concatenate([weights @ shape.design(positions), held])
+    function_parameters = np.eye(shape.size)[shape.parts[-1].stop :] / hold
+    return np.concatenate([weights @ shape.design(positions), function_parameters])
 
 
 def axis_model(axis: Axis, positions: Array, curves: Curves, motions: RigidMotions) -> AxisModel:
@@ -414,10 +414,10 @@ def axis_model(axis: Axis, positions: Array, curves: Curves, motions: RigidMotio
     taken = np.zeros((6, len(curves.parameters), len(curves.parameters)))
     for component, (function, amount) in left.items():
         basis, part = curves.shape.bases[component], curves.shape.parts[component]
-        held = np.linalg.lstsq(columns_of(axis, basis, positions), function, rcond=None)[0]
-        taken[component, part] = np.outer(held, amount)
-    bases, held_together = _with_wobble(curves.shape)
-    matrix = np.concatenate([rows, held_together @ (np.eye(len(curves.parameters)) - taken.sum(axis=0))])
+        function_parameters = np.linalg.lstsq(columns_of(axis, basis, positions), function, rcond=None)[0]
+        taken[component, part] = np.outer(function_parameters, amount)
+    bases, with_wobble = _with_wobble(curves.shape)
+    matrix = np.concatenate([rows, with_wobble @ (np.eye(len(curves.parameters)) - taken.sum(axis=0))])
     effects: list[Effect] = [LocationError(name, axis.name, 0.0) for name in names]
     for name, basis in zip(COMPONENTS, bases, strict=True):
         effects.append(ErrorMotion(cast(Component, name), axis.name, basis, (0.0,) * basis.size))

@@ -41,7 +41,7 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 FORWARD, BACKWARD = 0, 1
-WAYS = ("forward", "backward")
+DIRECTIONS = ("forward", "backward")
 ORDER = ("B", "mean", "E", "M", "R", "A")
 """Order of the values, by the first word of their symbols."""
 DIGITS = 6
@@ -118,21 +118,23 @@ class AxisTest:
     def values(self) -> tuple[Value, ...]:
         """The values of the axis that the readings allow."""
         found = []
-        for way, name in enumerate(WAYS):
+        for direction, name in enumerate(DIRECTIONS):
             cells = np.zeros((2, len(self.positions)), bool)
-            cells[way] = True
+            cells[direction] = True
             found += self._ranges(cells, name, f" {name}")
         if self.both.any():
             found += self._reversals()
             found += self._ranges(np.broadcast_to(self.both, (2, len(self.positions))), "", ", both directions")
         return tuple(sorted(found, key=lambda value: ORDER.index(value.symbol.split()[0])))
 
-    def table(self, way: int) -> tuple[TableRow, ...]:
+    def table(self, direction: int) -> tuple[TableRow, ...]:
         """The error table of one direction, FORWARD or BACKWARD."""
-        u = np.hypot(self._random()[way], self._scale())
+        u = np.hypot(self._random()[direction], self._scale())
         return tuple(
-            TableRow(float(self.positions[i]), float(self.mean[way, i]), float(u[i]), int(self.count[way, i]))
-            for i in np.flatnonzero(self.count[way]).tolist()
+            TableRow(
+                float(self.positions[i]), float(self.mean[direction, i]), float(u[i]), int(self.count[direction, i])
+            )
+            for i in np.flatnonzero(self.count[direction]).tolist()
         )
 
     def effects(self, machine: Machine) -> tuple[ErrorMotion | Backlash, ...]:
@@ -140,22 +142,22 @@ class AxisTest:
 
         For one direction only: its table. Standard uncertainties as in the tables, k = 1.
         """
-        ways = [way for way in (FORWARD, BACKWARD) if self.count[way].any()]
-        used = (self.count[ways] > 0).all(axis=0)
+        directions = [direction for direction in (FORWARD, BACKWARD) if self.count[direction].any()]
+        used = (self.count[directions] > 0).all(axis=0)
         if used.sum() < 2:
-            raise UserError(f"axis {self.axis}: an error table takes at least two targets")
+            raise UserError(f"axis {self.axis}: an error table needs at least two targets")
         _, _, sign = own_motion(machine, self.axis)
-        random = self._random()[ways][:, used]
-        u = np.hypot(np.sqrt((random**2).sum(axis=0)) / len(ways), self._scale()[used])
+        random = self._random()[directions][:, used]
+        u = np.hypot(np.sqrt((random**2).sum(axis=0)) / len(directions), self._scale()[used])
         motion = ErrorMotion(
             component=own_component(self.axis),
             axis=self.axis,
             basis=BSpline(tuple(self.positions[used].tolist()), 1),
-            parameters=tuple((sign * self.mean[ways][:, used].mean(axis=0)).tolist()),
+            parameters=tuple((sign * self.mean[directions][:, used].mean(axis=0)).tolist()),
             u=tuple(u.tolist()),
-            note=f"ISO 230-2, {' and '.join(WAYS[way] for way in ways)}",
+            note=f"ISO 230-2, {' and '.join(DIRECTIONS[direction] for direction in directions)}",
         )
-        if len(ways) == 1:
+        if len(directions) == 1:
             return (motion,)
         width, u_width = -float(self.reversal[used].mean()), float(np.sqrt((random**2).sum())) / int(used.sum())
         return motion, Backlash(axis=self.axis, width=width, u=(u_width,), note="ISO 230-2, minus mean B")
@@ -171,11 +173,11 @@ class AxisTest:
                     f"position_{p}": float(self.positions[i]),
                     **{
                         name: {
-                            f"mean_{e}": _number(self.mean[way, i]),
-                            f"s_{e}": _number(self.spread[way, i]),
-                            "runs": int(self.count[way, i]),
+                            f"mean_{e}": _number(self.mean[direction, i]),
+                            f"s_{e}": _number(self.spread[direction, i]),
+                            "runs": int(self.count[direction, i]),
                         }
-                        for way, name in enumerate(WAYS)
+                        for direction, name in enumerate(DIRECTIONS)
                     },
                     f"B_{e}": _number(self.reversal[i]),
                 }
@@ -256,9 +258,9 @@ class AxisTest:
 
     def _pooled(self) -> float:
         """Pooled s of all cells; 0 without repeated readings."""
-        freedom = np.maximum(self.count - 1, 0)
-        squares = np.where(freedom > 0, np.nan_to_num(self.spread) ** 2 * freedom, 0.0).sum()
-        return float(np.sqrt(squares / max(freedom.sum(), 1)))
+        degrees_of_freedom = np.maximum(self.count - 1, 0)
+        squares = np.where(degrees_of_freedom > 0, np.nan_to_num(self.spread) ** 2 * degrees_of_freedom, 0.0).sum()
+        return float(np.sqrt(squares / max(degrees_of_freedom.sum(), 1)))
 
     def _random(self) -> Array:
         """Standard uncertainties of the means `(2, m)` from the independent errors of readings."""
@@ -272,10 +274,10 @@ class AxisTest:
 def evaluate(measurement: Measurement) -> tuple[AxisTest, ...]:
     """The tests of all axes in interferometer data, in the order of the machine's axes; UserError for other data."""
     if not isinstance(measurement.instrument, Interferometer) or measurement.axis is None:
-        raise UserError(f"{measurement.source}: ISO 230-2 takes data of an interferometer (axis by axis)")
+        raise UserError(f"{measurement.source}: ISO 230-2 needs data of an interferometer (axis by axis)")
     measurement = measurement.rows(np.flatnonzero(measurement.positioning))
     if not len(measurement):
-        raise UserError(f"{measurement.source}: ISO 230-2 takes positioning deviations, and the data have none")
+        raise UserError(f"{measurement.source}: ISO 230-2 needs positioning deviations, and the data contain none")
     assert measurement.axis is not None
     return tuple(_axis_test(measurement, name) for name in measurement.machine.names if name in measurement.axis)
 
@@ -288,10 +290,10 @@ def _axis_test(measurement: Measurement, name: str) -> AxisTest:
     approach = measurement.state.need("approach", f"ISO 230-2 of {name}")[rows, column]
     if not np.all(approach):
         unknown = int(rows[np.argmin(np.abs(approach))])
-        raise UserError(f"{measurement.where(unknown)}: from which direction {name} came to its target is not known")
+        raise UserError(f"{measurement.where(unknown)}: the direction of approach of {name} to its target is unknown")
     target = np.round(measurement.state.position(machine, name)[rows], DIGITS) + 0.0
-    positions, place = np.unique(target, return_inverse=True)
-    cell = (approach < 0).astype(int), place
+    positions, number = np.unique(target, return_inverse=True)
+    cell = (approach < 0).astype(int), number
     readings = measurement.observed[rows, 0] / unit_of(name)[1]
     shape = (2, len(positions))
     count, total, squares = np.zeros(shape, int), np.zeros(shape), np.zeros(shape)
@@ -316,26 +318,31 @@ def _axis_test(measurement: Measurement, name: str) -> AxisTest:
 
 def _remarks(name: str, unit: str, positions: Array, count: np.ndarray) -> list[str]:
     """Notes on deviations of the test from ISO 230-2."""
-    ways = [way for way in (FORWARD, BACKWARD) if count[way].any()]
+    directions = [direction for direction in (FORWARD, BACKWARD) if count[direction].any()]
     remarks = []
-    if len(ways) == 1:
-        remarks.append(f"{name}: {WAYS[ways[0]]} runs only: no reversal value, and nothing of both directions")
-    for way in ways:
-        runs = count[way]
+    if len(directions) == 1:
+        remarks.append(
+            f"{name}: {DIRECTIONS[directions[0]]} runs only: the reversal value and all bidirectional values are "
+            "missing"
+        )
+    for direction in directions:
+        runs = count[direction]
         without = positions[runs == 0]
         if len(without):
-            remarks.append(f"{name}: no {WAYS[way]} reading at {_listed(without)} {unit}")
+            remarks.append(f"{name}: no {DIRECTIONS[direction]} reading at {_listed(without)} {unit}")
         if len(set(runs[runs > 0].tolist())) > 1:
             fewer = positions[(runs > 0) & (runs < runs.max())]
-            remarks.append(f"{name}: fewer than {runs.max()} {WAYS[way]} readings at {_listed(fewer)} {unit}")
+            remarks.append(
+                f"{name}: fewer than {runs.max()} {DIRECTIONS[direction]} readings at {_listed(fewer)} {unit}"
+            )
     if count.max() == 1:
-        remarks.append(f"{name}: one run: nothing is known of repeatability (no s, R and A)")
-    elif count[ways].min() < RUNS or len(positions) < TARGETS:
-        least, most = int(count[ways].min()), int(count.max())
+        remarks.append(f"{name}: one run only: the repeatability is unknown (no s, R and A)")
+    elif count[directions].min() < RUNS or len(positions) < TARGETS:
+        least, most = int(count[directions].min()), int(count.max())
         readings = f"{least} to {most}" if least < most else str(most)
         remarks.append(
             f"{name}: {len(positions)} targets, {readings} readings each: "
-            f"ISO 230-2 asks for at least {TARGETS} targets and {RUNS} runs in each direction"
+            f"ISO 230-2 requires at least {TARGETS} targets and {RUNS} runs in each direction"
         )
     return remarks
 
@@ -348,9 +355,9 @@ def _listed(positions: Sequence[float] | Array) -> str:
 def _highest(cells: np.ndarray, values: Array, last: bool = False) -> tuple[int, int]:
     """The cell with the highest value in a mask; the first, or the last, of equal ones."""
     chosen = np.where(cells, values, -np.inf).reshape(-1)
-    place = len(chosen) - 1 - np.argmax(chosen[::-1]) if last else np.argmax(chosen)
-    way, target = np.unravel_index(place, cells.shape)
-    return int(way), int(target)
+    number = len(chosen) - 1 - np.argmax(chosen[::-1]) if last else np.argmax(chosen)
+    direction, target = np.unravel_index(number, cells.shape)
+    return int(direction), int(target)
 
 
 def _last_least(values: Array) -> int:

@@ -28,7 +28,7 @@ from kinematics.user_error import UserError
 ROUNDS = 20
 CONVERGED = 1e-9
 """Step, mm and rad, below which the iteration ends."""
-SETTLED = 1e-3
+VARIANCE_CONVERGED = 1e-3
 """Relative change of the repeatability's variance below which its search ends."""
 SIGNIFICANT = 0.95
 """Probability that the scatter of a measurement within the specification stays below the limit."""
@@ -52,7 +52,7 @@ class Points:
     scatter."""
     chi2: float
     """chi2 of the readings about the points, with the specification alone."""
-    freedom: int
+    degrees_of_freedom: int
     """Degrees of freedom of the scatter; 0 if every point was observed once."""
 
 
@@ -90,60 +90,67 @@ def _anchors(measurement: Measurement, anchors: Mapping[int, Array]) -> tuple[np
     spread = np.linalg.svd(nominal - nominal.mean(axis=0), compute_uv=False) if len(numbers) else np.zeros(3)
     if len(numbers) < 3 or spread[1] < 1e-3 * max(spread[0], 1.0):
         raise UserError(
-            f"{measurement.source}: nothing holds the frame; it takes three points that are not in one line, "
-            "on the tool (datums: on the bed)"
+            f"{measurement.source}: no points determine the frame: three points that are not in one line are needed on "
+            "the tool (datums: on the bed)"
         )
     return numbers, nominal
 
 
 def _first_poses(measurement: Measurement, point: np.ndarray, numbers: np.ndarray, nominal: Array) -> Registration:
     """Pose of each station from the anchors that it observes; UserError if these are too few."""
-    place = np.searchsorted(numbers, point).clip(max=len(numbers) - 1)
-    anchored = numbers[place] == point
+    anchor = np.searchsorted(numbers, point).clip(max=len(numbers) - 1)
+    anchored = numbers[anchor] == point
     poses, centres = {}, {}
     for group in np.unique(measurement.groups).tolist():
         mine = measurement.groups == group
         rows = mine & anchored
         if len(np.unique(point[rows])) < 3:
             raise UserError(
-                f"{measurement.source}: station {group} sees fewer than three of the points that hold the frame "
-                "(on the tool; datums: on the bed)"
+                f"{measurement.source}: station {group} observes fewer than three of the points that determine the "
+                "frame (on the tool; datums: on the bed)"
             )
-        poses[group] = rigid(nominal[place[rows]], measurement.observed[rows])
+        poses[group] = rigid(nominal[anchor[rows]], measurement.observed[rows])
         centres[group] = measurement.observed[mine].mean(axis=0)
     return Registration(poses, centres)
 
 
 def _solve(bundle: _Bundle, poses: Registration) -> Points:
     """Gauss-Newton adjustment, then the repeatability, then adjustment again with it, until the variance converges."""
-    sheet = covariance(bundle.measurement)
-    weights = _inverses(sheet)
-    positions, registration = _adjust(bundle, weights, _seen_from(bundle, poses), poses)
-    freedom = 3 * len(bundle.measurement) - 3 * bundle.size - 6 * (len(poses.poses) - 1)
+    specified = covariance(bundle.measurement)
+    weights = _inverses(specified)
+    positions, registration = _adjust(bundle, weights, _initial_positions(bundle, poses), poses)
+    degrees_of_freedom = 3 * len(bundle.measurement) - 3 * bundle.size - 6 * (len(poses.poses) - 1)
     scatter = _chi2(bundle, weights, positions, registration)
     variance = 0.0
-    if freedom > 0 and scatter > special.chdtri(freedom, 1.0 - SIGNIFICANT):
+    if degrees_of_freedom > 0 and scatter > special.chdtri(degrees_of_freedom, 1.0 - SIGNIFICANT):
         for _ in range(ROUNDS):
-            before, variance = variance, _repeatability(bundle, sheet, positions, registration, freedom)
-            weights = _inverses(sheet + variance * np.eye(3))
+            before, variance = variance, _repeatability(bundle, specified, positions, registration, degrees_of_freedom)
+            weights = _inverses(specified + variance * np.eye(3))
             positions, registration = _adjust(bundle, weights, positions, registration)
-            if abs(variance - before) < SETTLED * variance:
+            if abs(variance - before) < VARIANCE_CONVERGED * variance:
                 break
     rotation = registration.rotations(bundle.measurement)
-    normal = _normal(bundle, weights, positions, registration)
+    normal = _normal_matrix(bundle, weights, positions, registration)
     inverse = _bordered_inverse(normal, _frame(bundle, positions, len(normal)))
     size = 3 * bundle.size
-    doubled = _normal(bundle, weights @ weights, positions, registration)
+    doubled = _normal_matrix(bundle, weights @ weights, positions, registration)
     repeated = variance * (inverse @ doubled @ inverse)[:size, :size]
     information = np.zeros((bundle.size, 3, 3))
     np.add.at(information, bundle.point, rotation.swapaxes(1, 2) @ weights @ rotation)
     own = inverse[:size, :size]
     return Points(
-        positions, 0.5 * (own + own.T), repeated, information, registration, 1e3 * variance**0.5, scatter, freedom
+        positions,
+        0.5 * (own + own.T),
+        repeated,
+        information,
+        registration,
+        1e3 * variance**0.5,
+        scatter,
+        degrees_of_freedom,
     )
 
 
-def _seen_from(bundle: _Bundle, poses: Registration) -> Array:
+def _initial_positions(bundle: _Bundle, poses: Registration) -> Array:
     """Initial positions `(n, 3)`, mm: means of the observations from all stations."""
     rotation = poses.rotations(bundle.measurement)
     shift = np.array([poses.poses[group].translation[0] for group in bundle.measurement.groups.tolist()])
@@ -162,7 +169,7 @@ def _adjust(bundle: _Bundle, weights: Array, positions: Array, poses: Registrati
         right = np.zeros(size + 6 * len(poses.poses))
         for columns, design in designs:
             np.add.at(right, columns, np.einsum("nij,ni->nj", design, np.einsum("nij,nj->ni", weights, misfit)))
-        normal = _normal(bundle, weights, positions, poses)
+        normal = _normal_matrix(bundle, weights, positions, poses)
         frame = _frame(bundle, positions, len(normal))
         away = (positions[bundle.anchors] - bundle.nominal).reshape(-1)
         target = -frame[:, (3 * bundle.anchors[:, None] + np.arange(3)).reshape(-1)] @ away
@@ -184,12 +191,14 @@ def _chi2(bundle: _Bundle, weights: Array, positions: Array, poses: Registration
     return float(np.einsum("ni,nij,nj->", misfit, weights, misfit))
 
 
-def _repeatability(bundle: _Bundle, sheet: Array, positions: Array, poses: Registration, freedom: int) -> float:
+def _repeatability(
+    bundle: _Bundle, specified: Array, positions: Array, poses: Registration, degrees_of_freedom: int
+) -> float:
     """Variance, mm2, of each coordinate, added to the specification, for which chi2 equals its degrees of freedom."""
     from scipy.optimize import brentq
 
     def excess(variance: float) -> float:
-        return _chi2(bundle, _inverses(sheet + variance * np.eye(3)), positions, poses) - freedom
+        return _chi2(bundle, _inverses(specified + variance * np.eye(3)), positions, poses) - degrees_of_freedom
 
     largest = float(np.max(_misfit(bundle, positions, poses) ** 2)) * 10.0
     return float(brentq(excess, 0.0, largest, xtol=1e-12))
@@ -210,7 +219,7 @@ def _designs(bundle: _Bundle, positions: Array, poses: Registration) -> list[tup
     return [(own, poses.rotations(measurement)), (pose, by_pose)]
 
 
-def _normal(bundle: _Bundle, weights: Array, positions: Array, poses: Registration) -> Array:
+def _normal_matrix(bundle: _Bundle, weights: Array, positions: Array, poses: Registration) -> Array:
     """Normal matrix of points and poses."""
     designs = _designs(bundle, positions, poses)
     normal = np.zeros((3 * bundle.size + 6 * len(poses.poses),) * 2)

@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.fit.acceptance import seen_by, significant_share
+from calibration.fit.acceptance import relative_deviations, significant_share
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.observed_points import seen_points
@@ -56,7 +56,7 @@ IN_LINE = 0.02
 """Flatness of the points' triangle, as a share of its length, below which they count as one line."""
 
 Kind = Literal["polynomial", "table"]
-Places = dict[tuple[str, tuple[int, ...]], int]
+PointNumbers = dict[tuple[str, tuple[int, ...]], int]
 """Numbers of points by target and positions of all axes, in steps of SAME; 0 for axes that do not move the target."""
 
 
@@ -169,7 +169,7 @@ def identify(
     `datums` of an earlier measurement, the targets on the bed lie nearest to these. UserError for unsuitable data.
     """
     _check(measurement)
-    odd = [finding.says for finding in usable(measurement)]
+    odd = [finding.message for finding in usable(measurement)]
     return identified(measurement, choice or Choice(), datums, odd)
 
 
@@ -177,9 +177,9 @@ def identified(
     measurement: Measurement, choice: Choice, datums: Mapping[str, Array] | None = None, odd: Sequence[str] = ()
 ) -> ThreePoints:
     """As `identify`, for data already checked; `odd`: notes on their anomalies."""
-    places, number = physical_points(measurement)
-    series = all_series(measurement, places, number)
-    on_bed = {name: number for (name, _), number in places.items() if measurement.targets[name].carrier == "bed"}
+    point_numbers, number = physical_points(measurement)
+    series = all_series(measurement, point_numbers, number)
+    on_bed = {name: number for (name, _), number in point_numbers.items() if measurement.targets[name].carrier == "bed"}
     if datums is None:
         anchors = _on_tool(measurement, number)
     else:
@@ -191,28 +191,30 @@ def identified(
         found[measurement.machine.axes[one.column].name] = _identify(measurement.machine, one, points, found, choice)
     _refuse_unknown(choice, found)
     notes = list(odd) + (
-        [] if points.freedom else ["every point was measured once: no repeatability, u by the specification alone"]
+        []
+        if points.degrees_of_freedom
+        else ["every point was measured once: no repeatability, u by the specification alone"]
     )
     results = {name: _result(measurement.machine, one, points) for name, one in found.items()}
-    notes += [*_missed(results), *_unresolved(results)]
+    notes += [*_misfit_notes(results), *_unresolved(results)]
     model = _model(measurement, found, results, points)
     return ThreePoints(
         results,
         model,
         points,
         tuple(notes),
-        significant_share(seen_by(model, measurement)),
+        significant_share(relative_deviations(model, measurement)),
         {name: points.positions[number] for name, number in on_bed.items()},
     )
 
 
 def _check(measurement: Measurement) -> None:
     if not isinstance(measurement.instrument, LaserTracker):
-        raise UserError(f"{measurement.source}: three-point identification takes the points of a laser tracker")
+        raise UserError(f"{measurement.source}: three-point identification needs the points of a laser tracker")
     if measurement.stands_on != "bed":
         raise UserError(
             f"{measurement.source}: three-point identification needs the tracker on the bed (stands_on: bed), "
-            "where it sees one axis at a time"
+            "where it observes one axis at a time"
         )
 
 
@@ -222,21 +224,21 @@ def _side(machine: Machine, carrier: str) -> np.ndarray:
     return np.array([axis.side == side for axis in machine.axes])
 
 
-def physical_points(measurement: Measurement) -> tuple[Places, np.ndarray]:
+def physical_points(measurement: Measurement) -> tuple[PointNumbers, np.ndarray]:
     """Points by target and position of the axes that move it, and the number `(rows,)` of the point of each row."""
     assert measurement.state.target is not None
     names = measurement.state.target.astype(str).tolist()
     rounded = np.round(measurement.state.positions / SAME).astype(int)
     sides = {name: _side(measurement.machine, target.carrier) for name, target in measurement.targets.items()}
-    places: Places = {}
+    point_numbers: PointNumbers = {}
     number = [
-        places.setdefault((name, tuple(np.where(sides[name], row, 0).tolist())), len(places))
+        point_numbers.setdefault((name, tuple(np.where(sides[name], row, 0).tolist())), len(point_numbers))
         for name, row in zip(names, rounded, strict=True)
     ]
-    return places, np.array(number)
+    return point_numbers, np.array(number)
 
 
-def all_series(measurement: Measurement, places: Places, number: np.ndarray) -> list[Series]:
+def all_series(measurement: Measurement, point_numbers: PointNumbers, number: np.ndarray) -> list[Series]:
     """The series of all axes: of the tool side, then of the table side, from the bed outward; UserError if none."""
     machine = measurement.machine
     columns = range(len(machine.axes))
@@ -246,7 +248,7 @@ def all_series(measurement: Measurement, places: Places, number: np.ndarray) -> 
     ]
     first = np.unique(number, return_index=True)[1]
     positions = measurement.state.positions[first]
-    series = [one for i in outward_order if (one := _series(measurement, i, places, positions)) is not None]
+    series = [one for i in outward_order if (one := _series(measurement, i, point_numbers, positions)) is not None]
     if not series:
         raise UserError(
             f"{measurement.source}: no axis moves alone through {LEAST_POSITIONS} positions or more "
@@ -255,26 +257,26 @@ def all_series(measurement: Measurement, places: Places, number: np.ndarray) -> 
     return series
 
 
-def _series(measurement: Measurement, column: int, places: Places, positions: Array) -> Series | None:
+def _series(measurement: Measurement, column: int, point_numbers: PointNumbers, positions: Array) -> Series | None:
     """The positions of one axis with the others on its side at standstill; None if there are none."""
     machine = measurement.machine
     carrier = "tool" if machine.axes[column].side == "tool" else "table"
     lines: dict[tuple[int, ...], dict[int, dict[str, int]]] = {}
-    for (target, place), number in places.items():
+    for (target, key), number in point_numbers.items():
         if measurement.targets[target].carrier == carrier:
-            standing = (*place[:column], 0, *place[column + 1 :])
-            lines.setdefault(standing, {}).setdefault(place[column], {})[target] = number
-    long = {place: line for place, line in lines.items() if len(line) >= LEAST_POSITIONS}
+            standing = (*key[:column], 0, *key[column + 1 :])
+            lines.setdefault(standing, {}).setdefault(key[column], {})[target] = number
+    long = {key: line for key, line in lines.items() if len(line) >= LEAST_POSITIONS}
     if not long:
         return None
     name = machine.axes[column].name
     if len(long) > 1:
         raise UserError(
-            f"{measurement.source}: {name} moves along {len(long)} lines; three-point identification takes one "
-            "('ncomp fit' takes all)"
+            f"{measurement.source}: {name} moves along {len(long)} lines; three-point identification needs one ('ncomp "
+            "fit' uses all)"
         )
     ((_, line),) = long.items()
-    targets = sorted({target for seen in line.values() for target in seen})
+    targets = sorted({target for observed in line.values() for target in observed})
     _refuse_missing(measurement, column, line, targets)
     numbers = np.array([[line[q][target] for target in targets] for q in sorted(line)])
     at = positions[numbers[:, 0]]
@@ -288,10 +290,10 @@ def _refuse_missing(
     if len(targets) < 3:
         raise UserError(
             f"{measurement.source}: {axis.name} was measured with {len(targets)} target(s) ({', '.join(targets)}); "
-            "its six error motions take three that are not in one line"
+            "its six error motions need three that are not in one line"
         )
-    for q, seen in sorted(line.items()):
-        missing = [target for target in targets if target not in seen]
+    for q, observed in sorted(line.items()):
+        missing = [target for target in targets if target not in observed]
         if missing:
             raise UserError(
                 f"{measurement.source}: {axis.name} at {q * SAME / scale:.4f} {axis.unit} lacks target "
@@ -300,12 +302,12 @@ def _refuse_missing(
 
 
 def _refuse_line(measurement: Measurement, series: Series, points: stations.Points) -> None:
-    seen = points.positions[series.numbers[0]]
-    spread = np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)
+    observed = points.positions[series.numbers[0]]
+    spread = np.linalg.svd(observed - observed.mean(axis=0), compute_uv=False)
     if spread[1] < IN_LINE * spread[0]:
         raise UserError(
             f"{measurement.source}: the targets {', '.join(series.targets)} on "
-            f"{measurement.machine.axes[series.column].name} lie in one line, about which no turn can be seen"
+            f"{measurement.machine.axes[series.column].name} lie in one line, and a rotation about it is unidentifiable"
         )
 
 
@@ -354,9 +356,9 @@ def _candidates(axis: Axis, positions: Array, motions: RigidMotions, choice: Cho
 def _feet(machine: Machine, series: Series, before: Mapping[str, _Found]) -> tuple[dict[str, Pose], Pose]:
     """Poses from the bed to the feet of the identified axes in between, and to the foot of this axis."""
     tool_side = machine.axes[series.column].side == "tool"
-    inner = range(series.column) if tool_side else range(len(machine.axes) - 1, series.column, -1)
+    inward = range(series.column) if tool_side else range(len(machine.axes) - 1, series.column, -1)
     feet, pose = {}, IDENTITY
-    for i in inner:
+    for i in inward:
         axis = machine.axes[i]
         if (axis.side == "tool") == tool_side:
             errors = np.zeros((1, 6))
@@ -369,27 +371,27 @@ def _feet(machine: Machine, series: Series, before: Mapping[str, _Found]) -> tup
     return feet, pose
 
 
-def _by_foot(machine: Machine, inner: _Found, series: Series, pose: Pose, at_bed: Array, back: Pose) -> Array:
+def _by_foot(machine: Machine, inward: _Found, series: Series, pose: Pose, at_bed: Array, back: Pose) -> Array:
     """Derivatives `(3kn, 3 points)` of the points at the foot of this axis through an axis nearer to the bed."""
-    axis, i = machine.axes[inner.series.column], inner.series.column
+    axis, i = machine.axes[inward.series.column], inward.series.column
     q = series.standing[[i]]
     moved = error_design(axis, q, pose.inverse().apply(at_bed)[None])[0] * UNITS
-    errors = inner.curves.design(q / machine.scale[i]) @ inner.parameters_by_points
+    errors = inward.curves.design(q / machine.scale[i]) @ inward.parameters_by_points
     return np.asarray((back.rotation @ pose.rotation @ moved).reshape(-1, 6) @ errors)
 
 
-def _missed(results: Mapping[str, AxisResult]) -> list[str]:
-    missed = [
-        f"E_{component}{name} ({one.chi2 / one.freedom:.2g})"
+def _misfit_notes(results: Mapping[str, AxisResult]) -> list[str]:
+    misfitting = [
+        f"E_{component}{name} ({one.chi2 / one.degrees_of_freedom:.2g})"
         for name, result in results.items()
         for component, one in zip(COMPONENTS, result.misfits, strict=True)
         if one.significant
     ]
-    if not missed:
+    if not misfitting:
         return []
     return [
-        f"{', '.join(missed)}: the curve misses its points by more than they scatter (chi2/dof), u widened by its "
-        "square root; --basis table holds them"
+        f"{', '.join(misfitting)}: the curve deviates from its points by more than their scatter (chi2/dof): u is "
+        "increased by its square root; --basis table follows the points"
     ]
 
 
@@ -406,7 +408,7 @@ def _unresolved(results: Mapping[str, AxisResult]) -> Iterator[str]:
 
 def _result(machine: Machine, found: _Found, points: stations.Points) -> AxisResult:
     series, motions, by_points = found.series, found.motions, found.motions.estimator @ found.by_points
-    axis, inner = machine.axes[series.column], [a.side == machine.axes[series.column].side for a in machine.axes]
+    axis, inward = machine.axes[series.column], [a.side == machine.axes[series.column].side for a in machine.axes]
     positions = series.positions / machine.scale[series.column]
     covariance = by_points @ points.covariance @ by_points.T
     return AxisResult(
@@ -415,7 +417,7 @@ def _result(machine: Machine, found: _Found, points: stations.Points) -> AxisRes
         series.targets,
         {
             machine.names[i]: float(series.standing[i] / machine.scale[i])
-            for i in np.flatnonzero(inner)
+            for i in np.flatnonzero(inward)
             if i != series.column
         },
         motions.errors,

@@ -14,7 +14,7 @@ import numpy as np
 from calibration.fit.acceptance import nominal_residuals, refuse_worse
 from calibration.fit.cross_validation import CrossValidation, predicted_by_others
 from calibration.fit.fit import Fit, fit
-from calibration.fit.problem import HELD
+from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
 from calibration.single_axis.three_points import (
     LEAST_POSITIONS,
@@ -63,23 +63,23 @@ def check(measurement: Measurement, found: ThreePoints, choice: Choice) -> Check
 
     whole = _registered(free, found.model)
     before = nominal_residuals(whole)
-    held = predicted_by_others(free, _blocks(measurement), "positions", refit)
-    refuse_worse(whole, before, held)
-    return Check(whole, before, held)
+    held_out = predicted_by_others(free, _blocks(measurement), "positions", refit)
+    refuse_worse(whole, before, held_out)
+    return Check(whole, before, held_out)
 
 
 def _registered(measurement: Measurement, model: ErrorModel) -> Fit:
     """Fit of stations and targets with the model unchanged."""
-    return fit(measurement, model, prior=np.full(len(model.parameters), HELD))
+    return fit(measurement, model, prior=np.full(len(model.parameters), FIXED))
 
 
 def _blocks(measurement: Measurement) -> np.ndarray:
     """Number `(rows,)` of the block of each position: every fourth one of an axis; -1 for the ends, which stay."""
-    places, number = physical_points(measurement)
-    block, seen = np.full(len(places), -1), np.zeros(len(places), int)
-    for series in all_series(measurement, places, number):
-        seen[series.numbers] += 1
+    point_numbers, number = physical_points(measurement)
+    block, observed = np.full(len(point_numbers), -1), np.zeros(len(point_numbers), int)
+    for series in all_series(measurement, point_numbers, number):
+        observed[series.numbers] += 1
         if len(series.positions) > LEAST_POSITIONS:
             block[series.numbers[1:-1]] = np.arange(len(series.positions) - 2)[:, None] % APART
     # a point that belongs to the series of two axes always stays
-    return np.asarray(np.where(seen > 1, -1, block)[number])
+    return np.asarray(np.where(observed > 1, -1, block)[number])

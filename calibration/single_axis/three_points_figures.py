@@ -19,7 +19,7 @@ class Figure:
     """A number with its standard uncertainty."""
 
     name: str
-    what: str
+    description: str
     value: float
     u: float
     unit: str
@@ -72,14 +72,14 @@ def squarenesses(found: ThreePoints) -> list[Figure]:
     """Squareness of Y to X (E_C0Y - E_C0X), Z to X and Z to Y, right-handed, with standard uncertainties."""
     model = found.model
     located = zip(model.effects, model.slices, strict=True)
-    place = {effect.name: part.start for effect, part in located if isinstance(effect, LocationError)}
+    columns = {effect.name: part.start for effect, part in located if isinstance(effect, LocationError)}
     covariance, values = np.array(model.covariance), model.parameters
     figures = []
     for first, second, about in (("X", "Y", "C"), ("X", "Z", "B"), ("Y", "Z", "A")):
         names = [f"E_{about}0{second}", f"E_{about}0{first}"]
-        if all(name in place for name in names):
-            a, b = (place[name] for name in names)
+        if all(name in columns for name in names):
+            a, b = (columns[name] for name in names)
             u = float(np.sqrt(max(covariance[a, a] + covariance[b, b] - 2.0 * covariance[a, b], 0.0)))
-            what = f"{second} to {first}: {' - '.join(names)}"
-            figures.append(Figure(f"E_{about}(0{first}){second}", what, float(values[a] - values[b]), u, "urad"))
+            description = f"{second} to {first}: {' - '.join(names)}"
+            figures.append(Figure(f"E_{about}(0{first}){second}", description, float(values[a] - values[b]), u, "urad"))
     return figures

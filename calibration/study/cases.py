@@ -21,7 +21,7 @@ from calibration.measurement.plan import Choices, Plan, Timing
 from calibration.measurement.plan_file import read_plan
 from calibration.observation.reach import Reach
 from calibration.optimal.candidates import obstacle_of
-from calibration.optimal.optimise import Wish, optimised
+from calibration.optimal.optimise import DesignRequest, optimised
 from calibration.planning.strategies import plan as plan_of
 from calibration.simulation.effect_text import read_effects
 from calibration.simulation.true_model import DEFAULT, HalfWidths, checked_half_widths, read_half_widths
@@ -48,7 +48,7 @@ class Case:
     reach: Reach | None
     temperatures: Mapping[str, tuple[float, float]]
     fit: FitEntry
-    besides: tuple[Effect, ...]
+    other_effects: tuple[Effect, ...]
     true_models: TrueModels
     volumes: tuple[Volume, ...]
     """The grid, and other volumes of the evaluation."""
@@ -64,7 +64,7 @@ class Case:
         plan, true_models = self.plan, self.true_models
         decisive = (
             plan.machine, plan.strategy, plan.state, plan.run, plan.axis, plan.targets, self.instrument, self.trackers,
-            self.reach, self.temperatures, self.fit, self.besides, true_models.model.effects,
+            self.reach, self.temperatures, self.fit, self.other_effects, true_models.model.effects,
             true_models.low, true_models.high, true_models.linear, self.volumes, self.seed,
         )  # fmt: skip
         digest = hashlib.sha256()
@@ -123,7 +123,7 @@ def _case(
         fit = entry.fit or study.fit
         trackers = _trackers(entry)
         reach = _reach(entry, study)
-        besides = read_effects([_path(text, folder) for text in fit.effects], machine, "[fit] effects")
+        other_effects = read_effects([_path(text, folder) for text in fit.effects], machine, "[fit] effects")
         if entry.strategy == OPTIMISED:
             best = optimised(machine, instrument, _wish(entry, trackers, reach, machine))
             plan, trackers = best.plan, (best.tracker,)
@@ -142,7 +142,7 @@ def _case(
             reach,
             sensors,
             fit,
-            tuple(besides),
+            tuple(other_effects),
             true_models,
             (volume,),
             study.seed,
@@ -189,10 +189,10 @@ def targets_of(entry: CaseEntry) -> dict[str, Target]:
     return {name: Target(vector) for name, vector in named.items()} or {"1": SPINDLE_NOSE}
 
 
-def _wish(entry: CaseEntry, trackers: tuple[Vector, ...], reach: Reach | None, machine: Machine) -> Wish:
+def _wish(entry: CaseEntry, trackers: tuple[Vector, ...], reach: Reach | None, machine: Machine) -> DesignRequest:
     """Requirements of an optimised case."""
     points = sum(entry.points) if isinstance(entry.points, tuple) else entry.points
-    return Wish(
+    return DesignRequest(
         choices_of(entry),
         points,
         entry.minutes,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.design.basis_draws import chosen, with_besides
+from calibration.design.basis_draws import chosen, with_other_effects
 from calibration.design.equations import Columns, Sample, sample
 from calibration.design.held_out_lines import HeldOutLines
 from calibration.design.layout import Setup
@@ -59,7 +59,7 @@ class Prepared:
     def of(cls, case: Case) -> Prepared:
         """The case with its designs."""
         setup = case.setup()
-        fits = Fits(Columns(setup, case.volumes, case.besides), case.true_models)
+        fits = Fits(Columns(setup, case.volumes, case.other_effects), case.true_models)
         prior = case.fit.prior
         scale = None if prior == "auto" else np.inf if prior == "none" else float(prior) / TYPICAL
         return cls(case, setup, fits, _bases(case, fits, scale), 1.0 if scale is None else scale, HeldOutLines.of(fits))
@@ -120,4 +120,4 @@ def _bases(case: Case, fits: Fits, prior_scale: float | None) -> tuple[Part, ...
             raise UserError(f'basis = "{text}" goes by the evidence, which needs a prior')
         kinds = AUTOMATIC_KINDS if text == AUTO else (text.removeprefix(f"{AUTO}:"),)
         return Search.of(fits.columns.measurement, kinds, ROTARY_KIND if text == AUTO else None, prior_scale)
-    return with_besides(fits.columns, stated_bases(text, axes))
+    return with_other_effects(fits.columns, stated_bases(text, axes))

@@ -37,7 +37,7 @@ BY_AXIS = "mm or deg"
 class Columns(NamedTuple):
     """Change of one error component at an axis, the tool or the instrument, per unit of each parameter."""
 
-    place: int
+    column: int
     """Column of an axis, TOOL or INSTRUMENT."""
     component: int
     """Index into COMPONENTS."""
@@ -249,5 +249,5 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         amplitudes = np.array(self.parameters)
         if not all(quantity.linear for quantity in self.QUANTITIES):
             amplitudes = amplitudes * [parameter.linear for parameter in self.parameter_table]
-        for place, component, values in self.columns(machine, state):
-            yield place, component, values @ amplitudes
+        for column, component, values in self.columns(machine, state):
+            yield column, component, values @ amplitudes

@@ -160,9 +160,9 @@ class QuantisedCompensation(EffectBase, frozen=True, tag="quantised-compensation
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`; the jumps themselves have no derivative."""
         i, component, forward = own_motion(machine, self.axis)
-        teeth = (state.position(machine, self.axis) - self.offset) / self.pitch
-        slope = np.full(len(teeth), self.step / self.pitch)
-        values = np.stack([0.5 - teeth % 1.0, slope * teeth, slope], axis=1)
+        periods = (state.position(machine, self.axis) - self.offset) / self.pitch
+        slope = np.full(len(periods), self.step / self.pitch)
+        values = np.stack([0.5 - periods % 1.0, slope * periods, slope], axis=1)
         yield Columns(i, component, forward * unit_of(self.axis)[1] * values)
 
 

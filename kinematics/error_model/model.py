@@ -156,13 +156,14 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     def observation(self, machine: Machine, state: State) -> Observation:
         """Changes of observations by all effects, those of the instrument too."""
-        places = _sum(self.effects, machine, state)
-        return Observation(places[:, :INSTRUMENT], places[:, INSTRUMENT, :3])
+        columns_of_errors = _sum(self.effects, machine, state)
+        return Observation(columns_of_errors[:, :INSTRUMENT], columns_of_errors[:, INSTRUMENT, :3])
 
     def design(self, machine: Machine, state: State, transform: Array) -> Array:
         """Derivatives `(n, rows, parameters)` of `transform` times the error motions of the machine.
 
-        transform `(n, rows, (axes + 1) * 6)`, as `place_transform`. Columns of the instrument's parameters are zero.
+        transform `(n, rows, (axes + 1) * 6)`, as `error_transform_with_tool`. Columns of the instrument's parameters
+        are zero.
         """
         return Design(self, machine, state, with_instrument=False).of(slice(None), transform)
 
@@ -179,7 +180,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         design = self.design(machine, state, transform)
         return self.propagated(design, self.unmeasured_variance(machine, state, transform))
 
-    def propagated(self, design: Array, besides: Array | float = 0.0) -> Array:
+    def propagated(self, design: Array, additional: Array | float = 0.0) -> Array:
         """Standard uncertainties `(n, rows)` by first order from derivatives `(n, rows, parameters)`.
 
         besides: variances `(n, rows)` that are added to those of the parameters.
@@ -189,7 +190,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         else:
             u = np.array([v for effect in self.effects for v in effect.uncertainties])
             variance = np.einsum("nrp,p->nr", design**2, u**2)
-        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + besides))  # below zero by rounding only
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + additional))  # below zero by rounding only
 
     def unmeasured_variance(self, machine: Machine, state: State, transform: Array) -> Array:
         """Variances `(n, rows)` after `transform` of errors in an arc of a turn that was not measured.
@@ -268,20 +269,20 @@ class Design:
         """`(n, k, parameters)` at some rows; `transform` `(n, k, width)` as `ErrorModel.design` takes it there."""
         if transform.shape[2] != self._width:
             raise ValueError(f"transform has {transform.shape[2]} columns, {self._machine.name} takes {self._width}")
-        state, places = self._state.rows(rows), len(self._machine.axes) + 2
+        state, columns_of_errors = self._state.rows(rows), len(self._machine.axes) + 2
         design = np.zeros((*transform.shape[:2], self._parameters))
         for effect, part in self._now:
-            _fill(effect.columns(self._machine, state), transform, places, design[:, :, part])
+            _fill(effect.columns(self._machine, state), transform, columns_of_errors, design[:, :, part])
         for columns, part in self._remembered:
             there = (each._replace(values=each.values[rows]) for each in columns)
-            _fill(there, transform, places, design[:, :, part])
+            _fill(there, transform, columns_of_errors, design[:, :, part])
         return design
 
 
-def _fill(columns: Iterable[Columns], transform: Array, places: int, design: Array) -> None:
+def _fill(columns: Iterable[Columns], transform: Array, columns_of_errors: int, design: Array) -> None:
     """Write the transformed columns of one effect into its part of a design `(n, k, parameters)`."""
-    for i, (place, component, values) in enumerate(columns):
-        arm = transform[:, :, 6 * (place % places) + component, None]
+    for i, (column, component, values) in enumerate(columns):
+        arm = transform[:, :, 6 * (column % columns_of_errors) + component, None]
         if i:
             design += arm * values[:, None, :]
         else:
@@ -388,8 +389,8 @@ def _sum(effects: Sequence[Effect], machine: Machine, state: State) -> Array:
 
 
 def _add(total: Array, effect: Effect, machine: Machine, state: State) -> None:
-    for place, component, values in effect.contributions(machine, state):
-        total[:, place, component] += values
+    for column, component, values in effect.contributions(machine, state):
+        total[:, column, component] += values
 
 
 def _check(model: ErrorModel, units: list[Any], source: str) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from kinematics.deviation import exact_deviation
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine
 from kinematics.touch_off import TouchOff
@@ -63,7 +63,9 @@ def deviations(machine: Machine, model: ErrorModel, touch_offs: Sequence[TouchOf
 def sensitivities(machine: Machine, model: ErrorModel, touch_offs: Sequence[TouchOff], conditions: Conditions) -> Array:
     """Derivatives `(k, 3, parameters)` of the deviations at touch-offs by the parameters of the model, first order."""
     q, tool = poses(machine, touch_offs)
-    return model.design(machine, conditions.state(q, np.zeros_like(q)), place_transform(machine, q, tool)[:, :3])
+    return model.design(
+        machine, conditions.state(q, np.zeros_like(q)), error_transform_with_tool(machine, q, tool)[:, :3]
+    )
 
 
 class DatumPrediction(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.deviation import exact_deviation
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -68,7 +68,7 @@ def uncertainties_um(
     direction. With a datum, both are of the error relative to it, e(q) - e(W): the same parameters predict e(q) and
     e(W), so that their common part cancels.
     """
-    transform = place_transform(machine, state.positions, tool)[:, :3]
+    transform = error_transform_with_tool(machine, state.positions, tool)[:, :3]
     design = model.design(machine, state, transform)
     deviation = exact_deviation(machine, state.positions, model.errors(machine, state), tool).position
     if datum is not None:

@@ -394,7 +394,7 @@ def _new_report(job: Job) -> CorrectionResult:
     calibration = {
         "id": model.id if model.effects else "none",
         "made_at": model.provenance.made_at.isoformat(),
-        "age_days": round(age, 2),
+        "age_days": round(age, 2) if model.effects else None,
         "made_by": model.provenance.made_by,
         "demonstration": model.demonstration,
     }

@@ -14,7 +14,7 @@ import numpy as np
 from kinematics.effects import COMPONENTS
 from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_transform import place_names, place_transform
+from kinematics.error_transform import error_names_with_tool, error_transform_with_tool
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
 from kinematics.state import State
@@ -50,12 +50,12 @@ def not_representable(target: Target, whole: ErrorModel, terms: Sequence[Term] |
     axes = [low + (high - low) * (np.arange(n) + 0.5) / n for low, high in target.bounds]
     q = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) * machine.scale
     errors = target.model.errors(machine, State(q, np.zeros_like(q))).reshape(len(q), -1)
-    transform = place_transform(machine, q, target.tool)[:, :3]
+    transform = error_transform_with_tool(machine, q, target.tool)[:, :3]
     if terms is None:
         return [*_not_of_their_own_axis(target, errors, transform, n), *_beyond(whole)]
     nominal = tool_point(machine, q, target.tool)
     found = []
-    for k, name in enumerate(place_names(machine)):
+    for k, name in enumerate(error_names_with_tool(machine)):
         if not errors[:, k].any() or _by_a_rotary_table(target, k, terms):
             continue
         aim = nominal - transform[:, :, k] * errors[:, [k]]
@@ -83,7 +83,7 @@ def short_waves(target: Target, points: int) -> list[Unrepresented]:
 
 def _not_of_their_own_axis(target: Target, errors: Array, transform: Array, n: int) -> list[Unrepresented]:
     count, found = len(target.machine.axes), []
-    for k, name in enumerate(place_names(target.machine)):
+    for k, name in enumerate(error_names_with_tool(target.machine)):
         grid = errors[:, k].reshape((n,) * count)
         others = tuple(j for j in range(count) if j != k // 6)
         beside = (grid - grid.mean(axis=others, keepdims=True) if k // 6 < count else grid).reshape(-1, 1)

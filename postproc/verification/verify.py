@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_transform import place_names, place_transform
+from kinematics.error_transform import error_names_with_tool, error_transform_with_tool
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -189,7 +189,7 @@ def _contributions(
         q, tool = poses(machine, touch_offs)
         at_datum = _parts(machine, model, conditions.state(q, np.zeros_like(q)), tool)
         parts = parts - np.concatenate([at_datum, np.zeros((1, *parts.shape[1:]))])[which]
-    for i, name in enumerate(place_names(machine)):
+    for i, name in enumerate(error_names_with_tool(machine)):
         if parts[:, :, i].any():
             into.setdefault(name, Statistic()).add(np.linalg.norm(parts[:, :, i], axis=1) * 1e3)
 
@@ -197,4 +197,4 @@ def _contributions(
 def _parts(machine: Machine, model: ErrorModel, state: State, tool: Array) -> Array:
     """Displacement of the tool point by each error motion `(n, 3, error motions)`, mm, first order; tool `(n, 3)`."""
     errors = model.errors(machine, state).reshape(len(state), -1)
-    return np.asarray(place_transform(machine, state.positions, tool)[:, :3] * errors[:, None])
+    return np.asarray(error_transform_with_tool(machine, state.positions, tool)[:, :3] * errors[:, None])

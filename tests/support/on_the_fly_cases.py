@@ -7,7 +7,7 @@ import numpy as np
 import machines
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Target
-from calibration.on_the_fly.drive import Manner
+from calibration.on_the_fly.drive import PathDynamics
 from calibration.on_the_fly.nominal_path import NominalPath
 from calibration.on_the_fly.readings import Readings
 from calibration.on_the_fly.virtual import Session, readings_of
@@ -65,8 +65,8 @@ def followed(path, truth, *, targets=None, feeds=(5000.0,), rate=50.0, stations=
     """Readings of a tracker, as read from a file, and what they were made from."""
     rng = np.random.default_rng(seed)
     poses = {f"s{k}": tracker_pose(place, rng) for k, place in enumerate(stations, start=1)}
-    manners = [Manner(feed, rate=rate) for feed in feeds]
-    session = Session(path, manners, targets or ONE, poses, **{k: v for k, v in more.items() if k != "noise_scale"})
+    settings = [PathDynamics(feed, rate=rate) for feed in feeds]
+    session = Session(path, settings, targets or ONE, poses, **{k: v for k, v in more.items() if k != "noise_scale"})
     made = readings_of(session, truth, tracker, rng, noise_scale=more.get("noise_scale", 1.0))
     return as_read(made), made
 
@@ -94,7 +94,7 @@ def as_read(made):
 def program(path, feed=2500.0):
     """An NC program, in machine coordinates, that goes along the path."""
     lines = ["%", "G21 G90 G94", "G49 G61"]
-    for position, feeds in zip(path.positions / path.machine.scale, path.counts, strict=True):
+    for position, feeds in zip(path.positions / path.machine.scale, path.feed_move, strict=True):
         words = " ".join(f"{name}{value:.6f}" for name, value in zip(path.machine.names, position, strict=True))
         lines.append(f"G53 {'G1' if feeds else 'G0'} {words}" + (f" F{feed:.1f}" if feeds else ""))
     return "\n".join([*lines, "M30", "%", ""])

@@ -19,7 +19,7 @@ import numpy as np
 from scipy import special
 
 from calibration.cores import each
-from calibration.fit.cross_validation import cells, placed
+from calibration.fit.cross_validation import cells, registered
 from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
 from calibration.measurement.measurement import Measurement
@@ -339,7 +339,7 @@ class LinearisedFit:
             design, residual = self.design[mine], self.residual[mine]
             posterior = Posterior(self.information - design.T @ design, self.limited + RIDGE)
             moved = posterior.solve(design.T @ residual)
-            counted = np.repeat(placed(some, ~inside)[inside], some.components)
+            counted = np.repeat(registered(some, ~inside)[inside], some.components)
             found.append(HeldBlock(mine, posterior, moved, residual + design @ moved, counted))
         return found
 

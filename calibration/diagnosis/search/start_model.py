@@ -20,7 +20,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.fit.basis_search import AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.basis_selection import choose
 from calibration.fit.fit import Fit, Progress, fit
-from calibration.fit.problem import HELD
+from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes, priors, with_effects
 from calibration.observation.outliers import Variance
@@ -163,5 +163,5 @@ def _prior(candidate: Candidate, size: np.ndarray) -> np.ndarray:
     linear = np.array([quantity.linear for quantity in table])
     largest = max(float(np.abs(size).max(initial=0.0)), 1.0)
     # a jump has no derivative that a fit could follow: its offset and pitch are held
-    held = HELD if isinstance(effect, QuantisedCompensation) else 1.0
+    held = FIXED if isinstance(effect, QuantisedCompensation) else 1.0
     return np.where(linear, WIDE * largest * typical, held * typical)

@@ -100,26 +100,26 @@ def _table(
     if format == "delimited":
         if columns is None:
             raise UserError(
-                f"{source}: a delimited export takes a column map: {', '.join(delimited.map_names())}, or a .toml file"
+                f"{source}: a delimited export needs a column map: {', '.join(delimited.map_names())}, or a .toml file"
             )
         column_map = delimited.read_map(columns)
         if column_map.join:
             return delimited.to_table(data, source, machine, header, column_map, plan)
         table, notes = delimited.to_table(data, source, machine, header, column_map, None)
-        found, more = _at_stands(table, machine, plan)
+        found, more = _at_standstills(table, machine, plan)
         return found, [*notes, *more]
     if columns is not None:
         raise UserError(f"{source}: a column map is for delimited exports, not for format {format}")
     if format == "ncomp":
         table = parse_table(data, source)
         table = replace(table, entries={**table.entries, **given_entries(header, {})})
-        return _at_stands(table, machine, plan)
+        return _at_standstills(table, machine, plan)
     if plan is not None:
         raise UserError(f"{source}: a plan is for a tracker's log and for delimited exports, not for format {format}")
     return FOREIGN[format].to_table(data, source, machine, header)
 
 
-def _at_stands(table: Table, machine: Machine, plan: Path | None) -> tuple[Table, list[str]]:
+def _at_standstills(table: Table, machine: Machine, plan: Path | None) -> tuple[Table, list[str]]:
     """The table, or the standstills at the plan's positions for a tracker's log with a plan; and notes."""
     if plan is None:
         return table, []
@@ -127,8 +127,8 @@ def _at_stands(table: Table, machine: Machine, plan: Path | None) -> tuple[Table
 
     if not is_log(table, machine):
         raise UserError(
-            f"{table.head}: with a plan go the columns of a tracker's log, time_s, x, y, z, and no positions of axes "
-            "(which the plan has), or names of points, by a column map with 'join'"
+            f"{table.head}: a plan needs either a tracker's log with the columns time_s, x, y, z, without positions of "
+            "axes, or names of points and a column map with 'join'"
         )
     return standstills(table, plan, machine)
 
@@ -140,7 +140,7 @@ def _recognised(data: bytes, path: Path) -> str:
         if reader.recognises(head):
             return name
     if etalon.recognises(head):
-        raise UserError(f"{path}: an Etalon exchange file holds errors of the machine, not measurements of it")
+        raise UserError(f"{path}: an Etalon exchange file contains errors of the machine, not measurements")
     if "# instrument" in head or (names and "," in names[0] and head.lstrip().startswith("#")):
         return "ncomp"
-    raise UserError(f"{path}: not a format that is known: {KNOWN}")
+    raise UserError(f"{path}: the format of the file is unknown; known formats are {KNOWN}")

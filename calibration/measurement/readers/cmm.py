@@ -36,13 +36,13 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
     names = [" ".join(name.lower().split()) for name in _NAME.findall(lines[start][1])]
     axes = [letter for letter in "xyz" if f"meas {letter}" in names and f"nom {letter}" in names]
     columns: dict[str, list[str]] = {name: [] for name in (*(f"nominal_{letter}" for letter in axes), *axes)}
-    places = []
+    numbers = []
     for number, line in lines[start + 1 :]:
         if not line.strip():
             continue
         where, cells = f"{source}:{number}", line.split()
         if len(cells) != len(names):
-            raise UserError(f"{where}: {len(cells)} numbers, {len(names)} columns have names")
+            raise UserError(f"{where}: {len(cells)} numbers, but {len(names)} columns have names")
         row = {name: number_at(cell, f"{where} column {name}") for name, cell in zip(names, cells, strict=True)}
         for letter in axes:
             nominal, measured = row[f"nom {letter}"], row[f"meas {letter}"]
@@ -51,10 +51,10 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
                 raise UserError(f"{where}: Err {letter.upper()} is {error:g}, Meas - Nom is {measured - nominal:.4g}")
             columns[f"nominal_{letter}"].append(repr(nominal))
             columns[letter].append(repr(measured))
-        places.append(number)
+        numbers.append(number)
     entries = given_entries(header, {"instrument": "part"})
-    notes = ["lengths are taken to be mm, which the file does not say"]
-    return table_of(source, fingerprint(data), entries, columns, places), notes
+    notes = ["lengths are read as mm: the file names no unit"]
+    return table_of(source, fingerprint(data), entries, columns, numbers), notes
 
 
 def _is_names(line: str) -> bool:

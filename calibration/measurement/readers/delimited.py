@@ -99,12 +99,12 @@ def read_map(name: str) -> ColumnMap:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as fault:
         raise UserError(f"column map {path}: {fault}") from None
     if found.delimiter == found.decimal:
-        raise UserError(f"column map {path}: a comma can't stand both between cells and in numbers")
+        raise UserError(f"column map {path}: a comma cannot be both the separator of cells and the decimal sign")
     wrong = [each for each in found.reversed if each not in found.columns or not error_columns.NAME.fullmatch(each)]
     if wrong:
-        raise UserError(f"column map {path}: reversed {wrong[0]!r} is no error motion among its columns")
+        raise UserError(f"column map {path}: reversed {wrong[0]!r} is not one of its columns of error motions")
     if found.join and found.join not in found.columns:
-        raise UserError(f"column map {path}: join {found.join!r} is none of its columns")
+        raise UserError(f"column map {path}: join {found.join!r} is not one of its columns")
     return found
 
 
@@ -119,11 +119,13 @@ def to_table(
     """The export as a table of the contract's columns, and notes."""
     names, rows, lines = _cells(data, source, columns)
     texts = {}
-    for name, wanted in columns.columns.items():
-        cells = _column(names, rows, lines, wanted, source)
+    for name, requested in columns.columns.items():
+        cells = _column(names, rows, lines, requested, source)
         if name != columns.join:
             convert = _converter(name, machine, columns, source)
-            cells = [convert(cell, f"{source}:{line} column {wanted}") for cell, line in zip(cells, lines, strict=True)]
+            cells = [
+                convert(cell, f"{source}:{line} column {requested}") for cell, line in zip(cells, lines, strict=True)
+            ]
         texts[name] = cells
     notes: list[str] = []
     if columns.join:
@@ -146,22 +148,22 @@ def _cells(data: bytes, source: str, columns: ColumnMap) -> tuple[list[str], lis
     rows = [[cell.strip() for cell in row] for row in rows]
     numbers = [number for number, _ in lines]
     if not rows:
-        raise UserError(f"{source}: no data")
+        raise UserError(f"{source} contains no data")
     return (rows[0], rows[1:], numbers[1:]) if columns.names else ([], rows, numbers)
 
 
-def _column(names: list[str], rows: list[list[str]], lines: list[int], wanted: str | int, source: str) -> list[str]:
+def _column(names: list[str], rows: list[list[str]], lines: list[int], requested: str | int, source: str) -> list[str]:
     """The cells of a column, given by name or by number from 1."""
-    if isinstance(wanted, str):
-        if names.count(wanted) != 1:
-            found = ", ".join(names) or "none: the map has names = false"
-            raise UserError(f"{source}: no column {wanted!r}, or two; names of columns are {found}")
-        wanted = names.index(wanted) + 1
+    if isinstance(requested, str):
+        if names.count(requested) != 1:
+            found = ", ".join(names) or "none, because the map has names = false"
+            raise UserError(f"{source}: column {requested!r} is missing or occurs twice; the columns are {found}")
+        requested = names.index(requested) + 1
     cells = []
     for row, line in zip(rows, lines, strict=True):
-        if not 1 <= wanted <= len(row):
-            raise UserError(f"{source}:{line}: no column {wanted}, the line has {len(row)}")
-        cells.append(row[wanted - 1])
+        if not 1 <= requested <= len(row):
+            raise UserError(f"{source}:{line}: column {requested} is missing: the line has {len(row)} columns")
+        cells.append(row[requested - 1])
     return cells
 
 
@@ -193,7 +195,9 @@ def _converter(name: str, machine: Machine, columns: ColumnMap, source: str) -> 
 
 def _unit(columns: ColumnMap, kind: str, sizes: Mapping[str, float], name: str, source: str) -> float:
     if kind not in columns.units:
-        raise UserError(f"{source}: its column map does not say the unit of {name}: [units] {kind} = {'|'.join(sizes)}")
+        raise UserError(
+            f"{source}: its column map does not state the unit of {name}: add [units] {kind} = {'|'.join(sizes)}"
+        )
     return unit_size(sizes, columns.units[kind], f"{source}: column map, units.{kind}")
 
 
@@ -201,16 +205,16 @@ def _joined(
     texts: Mapping[str, list[str]], key: str, plan: Path, lines: list[int], source: str, notes: list[str]
 ) -> dict[str, list[str]]:
     """The columns, together with those of the plan for the names in the column `key`."""
-    planned = read_table(plan, "plan")
-    planned.need_columns([key], "a plan")
-    twice = (set(planned.names) & set(texts)) - {key}
+    plan_table = read_table(plan, "plan")
+    plan_table.need_columns([key], "a plan")
+    twice = (set(plan_table.names) & set(texts)) - {key}
     if twice:
-        raise UserError(f"{planned.head} column {', '.join(sorted(twice))} stands in the export too")
-    names = planned.texts([key])[key].tolist()
+        raise UserError(f"{plan_table.head} column {', '.join(sorted(twice))} occurs in the export too")
+    names = plan_table.texts([key])[key].tolist()
     rows = {name: i for i, name in enumerate(names)}
     if len(rows) < len(names):
         again = next(i for i, name in enumerate(names) if name in names[:i])
-        planned.fault(again, key, f"{names[again]!r} stands there twice")
+        plan_table.fault(again, key, f"{names[again]!r} occurs twice")
     for name, line in zip(texts[key], lines, strict=True):
         if name not in rows:
             raise UserError(f"{source}:{line} column {key}: {name!r} is not in the plan {plan}")
@@ -220,6 +224,6 @@ def _joined(
         more = ", ..." if len(missing) > 5 else ""
         notes.append(f"points of the plan that were not measured, {len(missing)}: {', '.join(missing[:5])}{more}")
     order = [rows[name] for name in texts[key]]
-    wanted = [name for name in planned.names if name != key]
-    found = {name: column[order].tolist() for name, column in planned.cells(wanted).items()}
+    requested = [name for name in plan_table.names if name != key]
+    found = {name: column[order].tolist() for name, column in plan_table.cells(requested).items()}
     return {**found, **{name: column for name, column in texts.items() if name != key}}

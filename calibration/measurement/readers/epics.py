@@ -27,7 +27,7 @@ _LINE = re.compile(r"(\S+)\s+(\d{4}-\d\d-\d\d)\s+(\d\d:\d\d:\d\d(?:\.\d+)?)\s+(\
 _GIVEN = ("command", "observed", "axis")
 SPAN = 10
 """Number of samples for a speed."""
-STILL = 0.01
+STANDSTILL = 0.01
 """Share of the largest speed below which the axis is at standstill."""
 STEADY = 0.02
 """Largest relative difference of a constant speed from the median speed in motion."""
@@ -57,43 +57,43 @@ def recognises(head: str) -> bool:
 def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, str]) -> tuple[Table, list[str]]:
     """The file as a table of the contract's columns, and notes; `header` names the variables and the axis."""
     lines = numbered_lines(data)
-    told = {key: header.get(key, "") for key in _GIVEN}
-    _check_given(told, lines, source, machine)
-    command, observed = (_variable(lines, told[key], source) for key in ("command", "observed"))
-    first, second, notes = _paired(command, observed, told, source)
+    given = {key: header.get(key, "") for key in _GIVEN}
+    _check_given(given, lines, source, machine)
+    command, observed = (_variable(lines, given[key], source) for key in ("command", "observed"))
+    first, second, notes = _paired(command, observed, given, source)
     time, target = command.time[first], command.value[first]
     speed = _speeds(time, target)
     moving, steady, usual = _regimes(speed)
-    ways = _ways(speed, moving)
-    notes += _told(told["axis"], machine, time, moving, steady, usual, command.lines[first])
-    turns = machine.axes[machine.index(told["axis"])].rotary
+    directions = _directions(speed, moving)
+    notes += _motion_notes(given["axis"], machine, time, moving, steady, usual, command.lines[first])
+    turns = machine.axes[machine.index(given["axis"])].rotary
     deviation = (observed.value[second] - target) * (1e6 * np.pi / 180.0 if turns else 1e3)
     columns = {
         "time_s": _texts(np.round(time - time[0], 6)),
-        "axis": [told["axis"]] * len(time),
-        "run": [str(run) for run in _runs(ways).tolist()],
-        "direction": ["+" if way > 0 else "-" for way in ways.tolist()],
+        "axis": [given["axis"]] * len(time),
+        "run": [str(run) for run in _runs(directions).tolist()],
+        "direction": ["+" if direction > 0 else "-" for direction in directions.tolist()],
         "target_deg" if turns else "target_mm": _texts(target),
         "deviation_urad" if turns else "deviation_um": _texts(np.round(deviation, 6)),
         "feed": _texts(np.where(moving, np.round(np.abs(speed) * 60.0, 4), 0.0)),
     }
-    rest = {key: value for key, value in header.items() if key not in _GIVEN}
-    entries = given_entries(rest, {"instrument": "interferometer"})
+    others = {key: value for key, value in header.items() if key not in _GIVEN}
+    entries = given_entries(others, {"instrument": "interferometer"})
     return table_of(source, fingerprint(data), entries, columns, observed.lines[second].tolist()), notes
 
 
-def _check_given(told: Mapping[str, str], lines: list[tuple[int, str]], source: str, machine: Machine) -> None:
+def _check_given(given: Mapping[str, str], lines: list[tuple[int, str]], source: str, machine: Machine) -> None:
     """UserError unless both variables are in the log, and the axis in the machine."""
     names = dict.fromkeys(found[1] for found in (_LINE.fullmatch(line) for _, line in lines) if found)
     for key in ("command", "observed"):
-        if told[key] not in names:
-            what = f"{key} {told[key]!r} is not in the log" if told[key] else f"{key} is missing"
-            raise UserError(f"{source}: {what}: state --header {key}=NAME, one of {', '.join(names)}")
-    if told["command"] == told["observed"]:
-        raise UserError(f"{source}: command and observed are both {told['command']}")
-    if told["axis"] not in machine.names:
+        if given[key] not in names:
+            fault = f"{key} {given[key]!r} is not in the log" if given[key] else f"{key} is missing"
+            raise UserError(f"{source}: {fault}: state --header {key}=NAME, one of {', '.join(names)}")
+    if given["command"] == given["observed"]:
+        raise UserError(f"{source}: command and observed are both {given['command']}")
+    if given["axis"] not in machine.names:
         raise UserError(
-            f"{source}: axis {told['axis']!r} is none of machine {machine.name} ({machine.chain}): "
+            f"{source}: axis {given['axis']!r} is none of machine {machine.name} ({machine.chain}): "
             "state --header axis=NAME"
         )
 
@@ -111,19 +111,19 @@ def _variable(lines: list[tuple[int, str]], name: str, source: str) -> _Variable
         try:
             stamps.append(np.datetime64(f"{found[2]}T{found[3]}", "us"))
         except ValueError:
-            raise UserError(f"{where}: {found[2]} {found[3]} is no time") from None
+            raise UserError(f"{where}: {found[2]} {found[3]} is not a time") from None
         numbers.append(number)
     time = np.asarray(np.array(stamps).astype(np.int64) * 1e-6, float)
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
-        raise UserError(f"{source}:{numbers[back[0] + 1]}: the time of {name} does not go on")
+        raise UserError(f"{source}:{numbers[back[0] + 1]}: the time of {name} does not increase")
     if len(time) < SPAN:
-        raise UserError(f"{source}: {len(time)} values of {name}, too few to tell how it moved")
+        raise UserError(f"{source}: {len(time)} values of {name} are too few to determine its motion")
     return _Variable(time, np.array(values), np.array(numbers))
 
 
 def _paired(
-    command: _Variable, observed: _Variable, told: Mapping[str, str], source: str
+    command: _Variable, observed: _Variable, given: Mapping[str, str], source: str
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Indices of the commands and observations that are nearest to each other in time, and notes."""
     nearest, back = _nearest(command.time, observed.time), _nearest(observed.time, command.time)
@@ -132,16 +132,18 @@ def _paired(
     pairs = (back[nearest] == first) & (apart <= 0.5 * min(command.sample, observed.sample))
     if np.count_nonzero(pairs) < SPAN:
         raise UserError(
-            f"{source}: only {np.count_nonzero(pairs)} values of {told['command']} and {told['observed']} were taken "
+            f"{source}: only {np.count_nonzero(pairs)} values of {given['command']} and {given['observed']} were taken "
             "within half a sample of each other"
         )
     notes = []
     lost = [np.count_nonzero(~pairs), len(observed.time) - np.count_nonzero(pairs)]
     for key, count in zip(("command", "observed"), lost, strict=True):
         if count:
-            notes.append(f"{count} values of {told[key]} without one of the other within half a sample: left out")
+            notes.append(
+                f"{count} values of {given[key]} are left out: the other variable has no value within half a sample"
+            )
     if apart[pairs].max() > 0.0:
-        notes.append(f"pairs of values lie up to {apart[pairs].max() * 1e3:.3g} ms apart")
+        notes.append(f"the two values of a pair differ in time by up to {apart[pairs].max() * 1e3:.3g} ms")
     return first[pairs], nearest[pairs], notes
 
 
@@ -161,12 +163,12 @@ def _speeds(time: Array, position: Array) -> Array:
 def _regimes(speed: Array) -> tuple[np.ndarray, np.ndarray, float]:
     """Masks `(n,)` of motion and of constant speed, and this speed, the median in motion."""
     sizes = np.abs(speed)
-    moving = sizes > STILL * sizes.max()
+    moving = sizes > STANDSTILL * sizes.max()
     usual = float(np.median(sizes[moving])) if moving.any() else 0.0
     return moving, moving & (np.abs(sizes - usual) <= STEADY * usual), usual
 
 
-def _ways(speed: Array, moving: np.ndarray) -> Array:
+def _directions(speed: Array, moving: np.ndarray) -> Array:
     """Directions `(n,)`, 1 or -1; at standstill that of the last motion, or before it that of the first."""
     if not moving.any():
         return np.ones(len(speed))
@@ -174,12 +176,12 @@ def _ways(speed: Array, moving: np.ndarray) -> Array:
     return np.sign(speed[np.where(moving[last], last, np.argmax(moving))])
 
 
-def _runs(ways: Array) -> np.ndarray:
+def _runs(directions: Array) -> np.ndarray:
     """Numbers `(n,)` of runs from 1: a motion in the first direction, and its return."""
-    return 1 + np.cumsum(np.append(False, (ways[1:] == ways[0]) & (ways[:-1] != ways[0])))
+    return 1 + np.cumsum(np.append(False, (directions[1:] == directions[0]) & (directions[:-1] != directions[0])))
 
 
-def _told(
+def _motion_notes(
     axis: str, machine: Machine, time: Array, moving: np.ndarray, steady: np.ndarray, usual: float, lines: np.ndarray
 ) -> list[str]:
     """Notes on the units, the speed and the rows at standstill or changing speed."""
@@ -187,16 +189,16 @@ def _told(
     unit, small = ("deg", "urad") if turns else ("mm", "um")
     notes = [f"values taken in {unit} of {axis}, deviation observed minus command in {small}"]
     if not moving.any():
-        return [*notes, f"{axis} stands throughout"]
+        return [*notes, f"{axis} does not move"]
     notes.append(f"{axis} moves at {usual * 60.0:.4g} {unit}/min: {np.count_nonzero(steady)} of {len(time)} rows")
-    for rows, what in (
+    for rows, fault in (
         (~moving, f"{axis} stands"),
-        (moving & ~steady, f"{axis} speeds up, slows down or goes otherwise"),
+        (moving & ~steady, f"{axis} accelerates, brakes or moves at another speed"),
     ):
         if rows.any():
             first = int(np.argmax(rows))
             notes.append(
-                f"{what} in {np.count_nonzero(rows)} rows, the first on line {lines[first]} "
+                f"{fault} in {np.count_nonzero(rows)} rows, the first on line {lines[first]} "
                 f"({time[first] - time[0]:.2f} s): they are used like the others"
             )
     return notes

@@ -77,7 +77,7 @@ def read_etalon(path: Path, machine: Machine, convention: Convention) -> ErrorMo
     data = read_input(path, "Etalon exchange file")
     effects = tuple(_effect(block, machine, convention, str(path)) for block in _blocks(data, str(path)))
     if not effects:
-        raise UserError(f"{path}: no blocks [EXX], [C0Y], ... of the Etalon exchange format")
+        raise UserError(f"{path}: there are no blocks [EXX], [C0Y], ... of the Etalon exchange format")
     names = [effect.name for effect in effects]
     for name in names:
         if names.count(name) > 1:
@@ -99,7 +99,7 @@ def _blocks(data: bytes, source: str) -> list[_Block]:
         elif not text:
             continue
         elif not blocks:
-            raise UserError(f"{where}: {text!r} stands before the first block [name]")
+            raise UserError(f"{where}: {text!r} comes before the first block [name]")
         elif text.startswith("}") and inside:
             inside = False
         elif inside:
@@ -132,14 +132,14 @@ def _effect(block: _Block, machine: Machine, convention: Convention, source: str
     note = f"Etalon exchange file, values as {convention.value_is}s in {unit}; no uncertainty given"
     if location:
         if block.value is None or block.points:
-            raise UserError(f"{where}: a location error has one number, VALUE = ...")
+            raise UserError(f"{where}: a location error needs one number, VALUE = ...")
         return LocationError(component=component, axis=found[2], value=size * block.value, note=note)
     if block.value is not None or len(block.points) < 2:
-        raise UserError(f"{where}: an error motion has at least two grid points")
+        raise UserError(f"{where}: an error motion needs at least two grid points")
     rotary = machine.axes[machine.index(found[2])].rotary
     step = unit_size(_TURNS, convention.rotary_positions, source) if rotary else 1.0
     nodes = tuple(step * position for position, _ in block.points)
     if any(later <= earlier for earlier, later in pairwise(nodes)):
-        raise UserError(f"{where}: positions of the grid points do not ascend")
+        raise UserError(f"{where}: the positions of the grid points must ascend")
     values = tuple(size * value for _, value in block.points)
     return ErrorMotion(component=component, axis=found[2], basis=BSpline(nodes, 1), parameters=values, note=note)

@@ -31,9 +31,11 @@ from kinematics.files import fingerprint
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 
-_WAY = r"(?P<way>up|down|forward|backward|\+|-|↑|↓)"
+_DIRECTION = r"(?P<side>up|down|forward|backward|\+|-|↑|↓)"
 _RUN = r"(?:run\s*)?(?P<run>\d+)"
-_COLUMN = re.compile(rf"{_RUN}\s*{_WAY}|{_WAY.replace('way', 'way2')}\s*{_RUN.replace('<run>', '<run2>')}", re.I)
+_COLUMN = re.compile(
+    rf"{_RUN}\s*{_DIRECTION}|{_DIRECTION.replace('side', 'side2')}\s*{_RUN.replace('<run>', '<run2>')}", re.I
+)
 _FORWARD = ("up", "forward", "+", "↑")
 _TARGETS = ("target_mm", "target_deg")
 
@@ -48,12 +50,12 @@ def recognises(head: str) -> bool:
 def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, str]) -> tuple[Table, list[str]]:
     """The file as a table of the contract's columns, run by run, and notes."""
     lines = numbered_lines(data)
-    said = {}
+    stated = {}
     for _, line in lines:
         if line.lstrip().startswith("#"):
             key, _, value = (part.strip() for part in line.lstrip()[1:].partition(":"))
-            said[key] = value
-    header = {**said, **header}
+            stated[key] = value
+    header = {**stated, **header}
     rows = [(number, line) for number, line in lines if line.strip() and not line.lstrip().startswith("#")]
     names_line, names = rows[0]
     delimiter = _delimiter(names)
@@ -73,7 +75,7 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
     for number, line in rows[1:]:
         where, cells = f"{source}:{number}", [cell.strip() for cell in line.split(delimiter)]
         if len(cells) != len(columns) + 1:
-            raise UserError(f"{where}: {len(cells)} cells, {len(columns) + 1} columns have names")
+            raise UserError(f"{where}: {len(cells)} cells, but {len(columns) + 1} columns have names")
         position = _number(cells[0], f"{where} column {target}", decimal)
         for column, cell in zip(columns, cells[1:], strict=True):
             if cell:
@@ -108,7 +110,7 @@ def _column(name: str, where: str) -> tuple[int, bool]:
     found = _COLUMN.fullmatch(name)
     if not found:
         raise UserError(f"{where} column {name}: expected a run and its direction, as in '1 up' or '1 down'")
-    return int(found["run"] or found["run2"]), (found["way"] or found["way2"]).lower() in _FORWARD
+    return int(found["run"] or found["run2"]), (found["side"] or found["side2"]).lower() in _FORWARD
 
 
 def _number(cell: str, where: str, decimal: str) -> float:

@@ -60,7 +60,7 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
     kinds = " ".join(content.texts.get(key, "") for key in ("filetype", "file type", "title"))
     if machine.axes[machine.index(axis)].rotary or _NOT_LINEAR.search(kinds):
         raise UserError(f"{source}: axis {axis}, {kinds.strip()!r}: .rtl {_ANOTHER_KIND}")
-    notes = [f"taken as a linear measurement of {axis}: targets in mm, deviations in um, measured minus target"]
+    notes = [f"read as a linear measurement of {axis}: targets in mm, deviations in um, measured minus target"]
     directions, names = _runs(content, source, notes)
     rows = [row for row in content.readings if row[0] in names]
     columns = {
@@ -122,7 +122,7 @@ def _runs(content: _Content, source: str, notes: list[str]) -> tuple[dict[int, s
         ]
         steps = np.diff([position for position, _ in readings])
         if not any(deviation for _, deviation in readings):
-            notes.append(f"run {run} has no deviation but 0: taken as not measured, and left out")
+            notes.append(f"run {run} is left out: all its deviations are 0, as of a run that was not measured")
             continue
         if len(steps) == 0 or not (np.all(steps > 0) or np.all(steps < 0)):
             raise UserError(f"{source}: run {run} goes neither forward nor backward through its targets")
@@ -131,7 +131,7 @@ def _runs(content: _Content, source: str, notes: list[str]) -> tuple[dict[int, s
     flags = content.texts.get("flags", "").split()
     if len(flags) > 1 and flags[1] == "0" and len(set(directions.values())) == 1 and len(directions) > 1:
         raise UserError(
-            f"{source}: Flags: {' '.join(flags)} says both directions, but all runs list their targets in one order; "
-            "which went backward is not known"
+            f"{source}: Flags: {' '.join(flags)} means both directions, but all runs list their targets in the same "
+            "order: the backward runs are unknown"
         )
     return directions, names

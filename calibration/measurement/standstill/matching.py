@@ -48,7 +48,7 @@ class Positions(NamedTuple):
     """Number of the target `(m,)`."""
     state: np.ndarray
     """Number of the state of machine and target `(m,)`; positions with the same number are interchangeable."""
-    places: Mapping[int, Array]
+    arms_of: Mapping[int, Array]
     """Positions of the targets on their carriers `(3,)`, mm, by number."""
     guessed: frozenset[int]
     """Numbers of the targets whose position is approximate."""
@@ -56,7 +56,7 @@ class Positions(NamedTuple):
     @property
     def points(self) -> Array:
         """Nominal points `(m, 3)`, mm."""
-        arms = np.array([self.places[number] for number in self.target.tolist()]).reshape(-1, 3)
+        arms = np.array([self.arms_of[number] for number in self.target.tolist()]).reshape(-1, 3)
         return np.asarray(self.base + turn(self.turns, arms))
 
     @property
@@ -85,29 +85,29 @@ class Matched(NamedTuple):
     """First standstill and its position in another assignment, in which all standstills are shifted along the plan."""
 
 
-def match(stands: Array, positions: Positions, allowed: np.ndarray) -> Matched | None:
+def match(standstills: Array, positions: Positions, allowed: np.ndarray) -> Matched | None:
     """Assign standstills `(k, 3)`, mm, to positions `(m,)`; allowed `(k, m)`: False where the target is another.
 
     None if they have fewer than four pairs, or if no assignment can be found.
     """
-    pairs = _by_distances(stands, positions, allowed)
+    pairs = _by_distances(standstills, positions, allowed)
     if len(pairs) < 4:
         return None
-    pose = _robust_pose(stands, positions, pairs)
+    pose = _robust_pose(standstills, positions, pairs)
     if pose is None:
         return None
-    found = _refined(stands, positions, allowed, pose)
+    found = _refined(standstills, positions, allowed, pose)
     if found is None:
         return None
     pose, positions, tolerance = found
-    gain = _gains(stands, positions, allowed, pose, tolerance)
-    position, certain = _assigned(gain, positions.state)
-    distance = _distances(stands, pose.apply(positions.points), position)
+    score = _scores(standstills, positions, allowed, pose, tolerance)
+    position, certain = _assigned(score, positions.state)
+    distance = _distances(standstills, pose.apply(positions.points), position)
     matched = Matched(position, certain, distance, pose, None)
-    return matched._replace(other=_shifted(stands, positions, allowed, matched, tolerance))
+    return matched._replace(other=_shifted(standstills, positions, allowed, matched, tolerance))
 
 
-def _by_distances(stands: Array, positions: Positions, allowed: np.ndarray) -> np.ndarray:
+def _by_distances(standstills: Array, positions: Positions, allowed: np.ndarray) -> np.ndarray:
     """Pairs `(p, 2)` of successive standstills and successive positions with the same distances."""
     points, (k, m) = positions.points, allowed.shape
     best = np.where(allowed, 1.0, -np.inf)
@@ -116,7 +116,7 @@ def _by_distances(stands: Array, positions: Positions, allowed: np.ndarray) -> n
     for i in range(k):
         for back in range(1, min(SKIPS, i) + 1):
             for step in range(1, min(SKIPS, m - 1) + 1):
-                cost = SKIP * (back + step - 2) + _misfit(stands, points, positions, (i - back, i), step)
+                cost = SKIP * (back + step - 2) + _misfit(standstills, points, positions, (i - back, i), step)
                 _take(best[i], came[i], best[i - back, :-step] + 1.0 - cost, (i - back, step), slice(step, m))
         if i:
             _restart(best[i], came[i], anywhere, reached)
@@ -126,14 +126,14 @@ def _by_distances(stands: Array, positions: Positions, allowed: np.ndarray) -> n
     return _followed(best, came, allowed)
 
 
-def _misfit(stands: Array, points: Array, positions: Positions, ends: tuple[int, int], step: int) -> Array:
+def _misfit(standstills: Array, points: Array, positions: Positions, ends: tuple[int, int], step: int) -> Array:
     """Misfit `(m - step,)` of the distance of two standstills to those of positions `step` apart; 1 is large."""
     nominal = np.linalg.norm(points[step:] - points[:-step], axis=1)
-    seen = float(np.linalg.norm(stands[ends[1]] - stands[ends[0]]))
+    observed = float(np.linalg.norm(standstills[ends[1]] - standstills[ends[0]]))
     known = positions.known[step:] & positions.known[:-step]
     same = positions.target[step:] == positions.target[:-step]
     loose = np.where(known, 0.0, np.where(same, OF_GUESSED * nominal, GUESS))
-    misfit = ((seen - nominal) / (DISTANCE + OF_DISTANCE * nominal + loose)) ** 2
+    misfit = ((observed - nominal) / (DISTANCE + OF_DISTANCE * nominal + loose)) ** 2
     return np.where(misfit > 4.0, np.inf, 0.25 * misfit)
 
 
@@ -175,93 +175,93 @@ def _followed(best: Array, came: np.ndarray, allowed: np.ndarray) -> np.ndarray:
     return np.array(pairs[::-1])
 
 
-def _robust_pose(stands: Array, positions: Positions, pairs: np.ndarray) -> Pose | None:
+def _robust_pose(standstills: Array, positions: Positions, pairs: np.ndarray) -> Pose | None:
     """The pose with the most agreeing pairs; of pairs with known targets if there are enough."""
     known = pairs[positions.known[pairs[:, 1]]]
     use, near = (known, positions.near) if len(known) >= 4 else (pairs, GUESS)
-    nominal, seen = positions.points[use[:, 1]], stands[use[:, 0]]
+    nominal, observed = positions.points[use[:, 1]], standstills[use[:, 0]]
     rng, best, most = np.random.default_rng(0), None, 0
     for trial in range(TRIALS):
         some = np.arange(len(use)) if trial == 0 else rng.choice(len(use), 3, replace=False)
-        near_rows = _near(rigid(nominal[some], seen[some]), nominal, seen, near)
+        near_rows = _near(rigid(nominal[some], observed[some]), nominal, observed, near)
         for _ in range(2):
             if near_rows.sum() >= 3:
-                near_rows = _near(rigid(nominal[near_rows], seen[near_rows]), nominal, seen, near)
+                near_rows = _near(rigid(nominal[near_rows], observed[near_rows]), nominal, observed, near)
         if near_rows.sum() > most:
             best, most = near_rows, int(near_rows.sum())
         if most == len(use):
             break
-    return None if best is None or most < 4 else rigid(nominal[best], seen[best])
+    return None if best is None or most < 4 else rigid(nominal[best], observed[best])
 
 
-def _near(pose: Pose, nominal: Array, seen: Array, near: float) -> np.ndarray:
-    return np.asarray(np.linalg.norm(pose.apply(nominal) - seen, axis=1) < near)
+def _near(pose: Pose, nominal: Array, observed: Array, near: float) -> np.ndarray:
+    return np.asarray(np.linalg.norm(pose.apply(nominal) - observed, axis=1) < near)
 
 
 def _refined(
-    stands: Array, positions: Positions, allowed: np.ndarray, pose: Pose
+    standstills: Array, positions: Positions, allowed: np.ndarray, pose: Pose
 ) -> tuple[Pose, Positions, Array] | None:
     """Pose, targets and tolerances `(m,)` from all assigned standstills, iterated until the assignment is constant."""
     tolerance = np.where(positions.known, positions.near, GUESS)
     before: np.ndarray | None = None
     for _ in range(ROUNDS):
-        position, _ = _assigned(_gains(stands, positions, allowed, pose, tolerance), positions.state)
+        position, _ = _assigned(_scores(standstills, positions, allowed, pose, tolerance), positions.state)
         rows = np.flatnonzero(position >= 0)
         if len(rows) < 4:
             return None
         if before is not None and np.array_equal(position, before):
             break
         before = position
-        pose, positions = _posed(stands, positions, position, rows)
-        away = np.linalg.norm(pose.apply(positions.points[position[rows]]) - stands[rows], axis=1)
+        pose, positions = _posed(standstills, positions, position, rows)
+        away = np.linalg.norm(pose.apply(positions.points[position[rows]]) - standstills[rows], axis=1)
         own = float(np.clip(OF_TYPICAL * np.median(away), NEAREST, positions.near))
         tolerance = np.full(len(positions.target), own)
     return pose, positions, tolerance
 
 
-def _posed(stands: Array, positions: Positions, position: np.ndarray, rows: np.ndarray) -> tuple[Pose, Positions]:
+def _posed(standstills: Array, positions: Positions, position: np.ndarray, rows: np.ndarray) -> tuple[Pose, Positions]:
     """Pose, and positions of guessed targets, from assigned standstills."""
     known = rows[positions.known[position[rows]]]
     use = known if len(known) >= 4 else rows
-    places = dict(positions.places)
+    arms_of = dict(positions.arms_of)
     for _ in range(1 if len(known) == len(rows) else ROUNDS):
-        pose = rigid(positions.points[position[use]], stands[use])
-        back = pose.inverse().apply(stands[rows])
+        pose = rigid(positions.points[position[use]], standstills[use])
+        back = pose.inverse().apply(standstills[rows])
         arms = turn(np.swapaxes(positions.turns[position[rows]], 1, 2), back - positions.base[position[rows]])
         for number in positions.guessed:
             own = positions.target[position[rows]] == number
             if own.any():
-                places[number] = np.median(arms[own], axis=0)
-        positions = positions._replace(places=places)
+                arms_of[number] = np.median(arms[own], axis=0)
+        positions = positions._replace(arms_of=arms_of)
         use = rows if len(known) < 4 else known
     return pose, positions
 
 
-def _gains(stands: Array, positions: Positions, allowed: np.ndarray, pose: Pose, tolerance: Array) -> Array:
+def _scores(standstills: Array, positions: Positions, allowed: np.ndarray, pose: Pose, tolerance: Array) -> Array:
     """Gain of each pair of standstill and position `(k, m)`: 1 at distance 0, decreasing, -inf beyond the tolerance."""
     points = pose.apply(positions.points)
-    gain = np.empty(allowed.shape)
-    for i, stand in enumerate(stands):
-        share = np.linalg.norm(points - stand, axis=1) / tolerance
-        gain[i] = np.where(allowed[i] & (share < 1.0), 1.0 - share**2 / 4.0, -np.inf)
-    return gain
+    score = np.empty(allowed.shape)
+    for i, standstill in enumerate(standstills):
+        share = np.linalg.norm(points - standstill, axis=1) / tolerance
+        score[i] = np.where(allowed[i] & (share < 1.0), 1.0 - share**2 / 4.0, -np.inf)
+    return score
 
 
-def _sums(gain: Array) -> Array:
+def _sums(score: Array) -> Array:
     """Largest sums `(k + 1, m + 1)` of pairs in order among the first standstills and the first positions."""
-    sums = np.zeros((gain.shape[0] + 1, gain.shape[1] + 1))
-    for i, row in enumerate(gain):
+    sums = np.zeros((score.shape[0] + 1, score.shape[1] + 1))
+    for i, row in enumerate(score):
         sums[i + 1, 1:] = np.maximum.accumulate(np.maximum(sums[i, 1:], sums[i, :-1] + row))
     return sums
 
 
-def _assigned(gain: Array, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _assigned(score: Array, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Position `(k,)` of each standstill, -1 for none, and whether it is certain `(k,)`."""
-    before, after = _sums(gain), _sums(gain[::-1, ::-1])[::-1, ::-1]
-    total = before[:-1, :-1] + gain + after[1:, 1:]
+    before, after = _sums(score), _sums(score[::-1, ::-1])[::-1, ::-1]
+    total = before[:-1, :-1] + score + after[1:, 1:]
     best = float(before[-1, -1])
-    position = _traced(before, gain)
-    certain = np.ones(len(gain), bool)
+    position = _traced(before, score)
+    certain = np.ones(len(score), bool)
     for i in np.flatnonzero(position >= 0).tolist():
         rivals = (state != state[position[i]]) & (total[i] > best - MARGIN)
         others = total[:, position[i]] > best - MARGIN
@@ -270,10 +270,10 @@ def _assigned(gain: Array, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return position, certain
 
 
-def _traced(sums: Array, gain: Array) -> np.ndarray:
+def _traced(sums: Array, score: Array) -> np.ndarray:
     """Position `(k,)` of each standstill in the assignment with the largest sum; -1 for none."""
-    position = np.full(len(gain), -1)
-    i, j = gain.shape
+    position = np.full(len(score), -1)
+    i, j = score.shape
     while i and j:
         if sums[i, j] == sums[i - 1, j]:
             i -= 1
@@ -285,15 +285,15 @@ def _traced(sums: Array, gain: Array) -> np.ndarray:
     return position
 
 
-def _distances(stands: Array, points: Array, position: np.ndarray) -> Array:
-    own = np.linalg.norm(stands - points[position], axis=1)
+def _distances(standstills: Array, points: Array, position: np.ndarray) -> Array:
+    own = np.linalg.norm(standstills - points[position], axis=1)
     for i in np.flatnonzero(position < 0).tolist():
-        own[i] = np.linalg.norm(points - stands[i], axis=1).min()
+        own[i] = np.linalg.norm(points - standstills[i], axis=1).min()
     return np.asarray(own)
 
 
 def _shifted(
-    stands: Array, positions: Positions, allowed: np.ndarray, matched: Matched, tolerance: Array
+    standstills: Array, positions: Positions, allowed: np.ndarray, matched: Matched, tolerance: Array
 ) -> tuple[int, int] | None:
     """Another assignment, with all standstills shifted along the plan, that has as many pairs."""
     rows = np.flatnonzero(matched.position >= 0)
@@ -304,11 +304,11 @@ def _shifted(
         inside = (there >= 0) & (there < len(points))
         if inside.sum() < len(rows) - free or inside.sum() < 4:
             continue
-        pose = _agreed(points[there[inside]], stands[rows[inside]], float(tolerance.max()))
+        pose = _agreed(points[there[inside]], standstills[rows[inside]], float(tolerance.max()))
         if pose is None:
             continue
-        gain = _gains(stands, positions, allowed, pose, tolerance)
-        position = _traced(_sums(gain), gain)
+        score = _scores(standstills, positions, allowed, pose, tolerance)
+        position = _traced(_sums(score), score)
         both = rows[(position[rows] >= 0)]
         differ = positions.state[position[both]] != positions.state[matched.position[both]]
         if (position >= 0).sum() >= len(rows) and differ.sum() > len(rows) / 2:
@@ -317,11 +317,11 @@ def _shifted(
     return None
 
 
-def _agreed(nominal: Array, seen: Array, tolerance: float) -> Pose | None:
+def _agreed(nominal: Array, observed: Array, tolerance: float) -> Pose | None:
     """A pose for which at least half of the pairs agree, found by iteration from all pairs; None if there is none."""
     near = np.ones(len(nominal), bool)
     for _ in range(3):
-        pose = rigid(nominal[near], seen[near])
-        away = np.linalg.norm(pose.apply(nominal) - seen, axis=1)
+        pose = rigid(nominal[near], observed[near])
+        away = np.linalg.norm(pose.apply(nominal) - observed, axis=1)
         near = away <= max(float(np.median(away)), tolerance)
     return pose if np.median(away) < tolerance else None

@@ -14,8 +14,8 @@ from calibration.measurement.measurement import Measurement
 from calibration.measurement.observed_points import carried, seen_points
 from calibration.measurement.plan import Plan
 from calibration.measurement.plan_file import read_plan
+from calibration.measurement.standstill.detection import RADIUS, Found, Stream, find_standstills
 from calibration.measurement.standstill.matching import Matched, Positions, match
-from calibration.measurement.standstill.stands import RADIUS, Found, Stream, find_stands
 from calibration.measurement.states import CARRIERS, read_stands_on
 from calibration.measurement.text_table import Table, read_table, table_of
 from kinematics.machine import Machine
@@ -41,7 +41,7 @@ class _Station:
     name: str
     rows: np.ndarray
     """Rows of the log."""
-    planned: np.ndarray
+    in_plan: np.ndarray
     """Rows of the plan."""
     found: Found
     matched: Matched
@@ -51,12 +51,12 @@ class _Station:
     @property
     def plan_rows(self) -> np.ndarray:
         """Rows of the plan `(r,)` of the standstills that become rows."""
-        return np.asarray(self.planned[self.matched.position[self.used]])
+        return np.asarray(self.in_plan[self.matched.position[self.used]])
 
     @property
     def log_rows(self) -> np.ndarray:
         """First rows of the log `(r,)` of the standstills that become rows."""
-        return np.asarray(self.rows[self.found.stands.reading[self.used]])
+        return np.asarray(self.rows[self.found.standstills.reading[self.used]])
 
 
 class _Log(NamedTuple):
@@ -123,25 +123,25 @@ def _columns(log: Table, plan: Plan) -> _Log:
 def _station(log: Table, name: str, columns: _Log, plan: Plan) -> _Station:
     rows = np.flatnonzero(columns.station == name)
     where = log.source if len(rows) == len(log) else f"{log.source}: station {name}"
-    planned = _planned(plan, name)
-    positions = _positions(log, plan, planned)
-    found = find_stands(Stream(columns.stream.time[rows], columns.stream.points[rows]), where, _radius(positions))
-    if not len(found.stands):
+    in_plan = _in_plan(plan, name)
+    positions = _positions(log, plan, in_plan)
+    found = find_standstills(Stream(columns.stream.time[rows], columns.stream.points[rows]), where, _radius(positions))
+    if not len(found.standstills):
         raise UserError(f"{where}: no standstill of the target; data taken on the fly need --path, not --plan")
-    allowed = np.ones((len(found.stands), len(planned)), bool)
+    allowed = np.ones((len(found.standstills), len(in_plan)), bool)
     if columns.target is not None:
         assert plan.state.target is not None
-        seen = columns.target[rows[found.stands.reading]]
-        allowed = seen[:, None] == plan.state.target[planned][None, :]
-    matched = match(found.stands.points, positions, allowed)
+        observed = columns.target[rows[found.standstills.reading]]
+        allowed = observed[:, None] == plan.state.target[in_plan][None, :]
+    matched = match(found.standstills.points, positions, allowed)
     if matched is None:
         raise UserError(f"{where}: {_no_match(found, positions)}")
-    _refuse_doubtful(where, plan, planned, found, matched)
+    _refuse_doubtful(where, plan, in_plan, found, matched)
     used = np.flatnonzero((matched.position >= 0) & matched.certain)
-    return _Station(name, rows, planned, found, matched, used)
+    return _Station(name, rows, in_plan, found, matched, used)
 
 
-def _planned(plan: Plan, station: str) -> np.ndarray:
+def _in_plan(plan: Plan, station: str) -> np.ndarray:
     """Rows of the plan for a station: its own, or all rows of a plan without stations; UserError without rows."""
     stations = plan.state.station
     rows = np.arange(len(plan)) if stations is None else np.flatnonzero(stations == station)
@@ -150,11 +150,11 @@ def _planned(plan: Plan, station: str) -> np.ndarray:
     return rows
 
 
-def _positions(log: Table, plan: Plan, planned: np.ndarray) -> Positions:
+def _positions(log: Table, plan: Plan, in_plan: np.ndarray) -> Positions:
     """The plan's positions, as seen by the tracker on the machine without errors."""
     nothing = np.zeros((len(plan), 3))
     stands_on = read_stands_on(log)
-    blank = Measurement(plan.machine, LaserTracker(), plan.state, nothing, plan.targets, stands_on).rows(planned)
+    blank = Measurement(plan.machine, LaserTracker(), plan.state, nothing, plan.targets, stands_on).rows(in_plan)
     assert blank.state.target is not None
     assert blank.state.approach is not None
     target = blank.target_number
@@ -179,63 +179,67 @@ def _radius(positions: Positions) -> float:
 def _no_match(found: Found, positions: Positions) -> str:
     """The reason why no standstill could be assigned."""
     text = (
-        f"{len(found.stands)} stands and {len(positions.target)} positions in the plan have fewer than four pairs: "
-        "check that log, plan and machine belong together, and check stands_on and the targets."
+        f"{len(found.standstills)} standstills and {len(positions.target)} positions of the plan have fewer than four "
+        "pairs: check that log, plan and machine belong together, and check stands_on and the targets."
     )
     nominal = np.median(np.linalg.norm(np.diff(positions.points, axis=0), axis=1))
-    seen = np.median(np.linalg.norm(np.diff(found.stands.points, axis=0), axis=1)) if len(found.stands) > 1 else 0.0
+    observed = (
+        np.median(np.linalg.norm(np.diff(found.standstills.points, axis=0), axis=1))
+        if len(found.standstills) > 1
+        else 0.0
+    )
     for unit, size in SCALES.items():
-        if nominal > 0.0 and abs(seen / nominal / size - 1.0) < 0.05:
+        if nominal > 0.0 and abs(observed / nominal / size - 1.0) < 0.05:
             return f"{text} The lengths would fit if the log were in {unit}: mm are expected"
     return text
 
 
-def _refuse_doubtful(where: str, plan: Plan, planned: np.ndarray, found: Found, matched: Matched) -> None:
+def _refuse_doubtful(where: str, plan: Plan, in_plan: np.ndarray, found: Found, matched: Matched) -> None:
     """UserError if the log belongs to another plan, or may begin at another position of this one."""
     count = int(np.count_nonzero(matched.position >= 0))
-    if count < LEAST_SHARE * len(found.stands):
+    if count < LEAST_SHARE * len(found.standstills):
         raise UserError(
-            f"{where}: only {count} of {len(found.stands)} stands are near a position of the plan: check that log, "
-            "plan and machine belong together"
+            f"{where}: only {count} of {len(found.standstills)} standstills are near a position of the plan: check "
+            "that log, plan and machine belong together"
         )
     if matched.other is not None:
-        stand, other = matched.other
+        standstill, other = matched.other
         raise UserError(
-            f"{where}: the log has several possible assignments to the plan: the stand at "
-            f"{found.stands.begin[stand]:.2f} s may be "
-            f"{_name(plan, planned[matched.position[stand]])} or {_name(plan, planned[other])}; delete the positions "
-            "that were not measured from the plan"
+            f"{where}: the log has several possible assignments to the plan: the standstill at "
+            f"{found.standstills.start[standstill]:.2f} s may be "
+            f"{_name(plan, in_plan[matched.position[standstill]])} or {_name(plan, in_plan[other])}; delete the "
+            "positions that were not measured from the plan"
         )
 
 
 def _name(plan: Plan, row: int) -> str:
     """Text of a position, for messages."""
     machine = plan.machine
-    places = " ".join(
+    text = " ".join(
         f"{axis.name}{value:g}"
         for axis, value in zip(machine.axes, np.round(plan.positions[row] / machine.scale, 4), strict=True)
     )
     target = "" if len(plan.targets) == 1 or plan.state.target is None else f", target {plan.state.target[row]}"
-    return f"position {plan.names[row]} ({places}{target}, run {plan.run[row]})"
+    return f"position {plan.names[row]} ({text}{target}, run {plan.run[row]})"
 
 
 def _notes(log: Table, station: _Station, plan: Plan) -> Iterator[str]:
     """Notes on the assigned standstills and, one by one, on all others."""
-    found, stands = station.found, station.found.stands
+    found, standstills = station.found, station.found.standstills
     head = f"{log.source}, station {station.name}" if "station" in log.names else log.source
     yield (
-        f"{head}: {len(station.used)} of {len(station.planned)} positions of the plan found in {len(stands)} stands; "
-        f"one reading scatters by {found.noise * 1e3:.1f} um, means by {_typical(stands.scatter[station.used]):.2f} um "
-        f"(median); {found.breaks} interruptions of the beam"
+        f"{head}: {len(station.used)} of {len(station.in_plan)} positions of the plan found in {len(standstills)} "
+        f"standstills; one reading scatters by {found.noise * 1e3:.1f} um, means by "
+        f"{_typical(standstills.scatter[station.used]):.2f} um (median); {found.breaks} interruptions of the beam"
     )
     if found.dropped:
         yield f"{found.dropped} readings without a beam (zero, or frozen) are left out"
     kinds = {
-        "position without a stand": _without_stand(station, plan),
+        "position without a standstill": _without_standstill(station, plan),
         "not certain, left out": _uncertain(station, plan),
-        "stand that is not in the plan": _foreign(station),
-        "slow motion, no stand": found.creeping,
-        "short stand, used": _short(station, plan),
+        "standstill that is not in the plan": _foreign(station),
+        "slow motion, no standstill": found.creeping,
+        "short standstill, used": _short(station, plan),
     }
     for kind, lines in kinds.items():
         yield from (f"{kind}: {line}" for line in lines[:LISTED])
@@ -247,32 +251,32 @@ def _typical(values: Array) -> float:
     return float(np.median(values)) * 1e3 if len(values) else 0.0
 
 
-def _without_stand(station: _Station, plan: Plan) -> list[str]:
-    missing = np.setdiff1d(np.arange(len(station.planned)), station.matched.position)
-    return [_name(plan, row) for row in station.planned[missing].tolist()]
+def _without_standstill(station: _Station, plan: Plan) -> list[str]:
+    missing = np.setdiff1d(np.arange(len(station.in_plan)), station.matched.position)
+    return [_name(plan, row) for row in station.in_plan[missing].tolist()]
 
 
 def _uncertain(station: _Station, plan: Plan) -> list[str]:
     doubtful = np.flatnonzero((station.matched.position >= 0) & ~station.matched.certain)
     return [
-        f"{_name(plan, station.planned[station.matched.position[i]])}, stand at {station.found.stands.begin[i]:.2f} s: "
-        "another stand or another position fits equally well"
+        f"{_name(plan, station.in_plan[station.matched.position[i]])}, standstill at "
+        f"{station.found.standstills.start[i]:.2f} s: another standstill or another position fits equally well"
         for i in doubtful.tolist()
     ]
 
 
 def _foreign(station: _Station) -> list[str]:
-    stands = station.found.stands
+    standstills = station.found.standstills
     return [
-        f"at {stands.begin[i]:.2f} s for {stands.end[i] - stands.begin[i]:.2f} s, {station.matched.distance[i]:.3f} mm "
-        "from the nearest position"
+        f"at {standstills.start[i]:.2f} s for {standstills.end[i] - standstills.start[i]:.2f} s, "
+        f"{station.matched.distance[i]:.3f} mm from the nearest position"
         for i in np.flatnonzero(station.matched.position < 0).tolist()
     ]
 
 
 def _short(station: _Station, plan: Plan) -> list[str]:
-    stands, used = station.found.stands, station.used
-    lasts = stands.end[used] - stands.begin[used]
+    standstills, used = station.found.standstills, station.used
+    lasts = standstills.end[used] - standstills.start[used]
     short = np.flatnonzero(lasts < SHORT * np.median(lasts)) if len(used) else used
     return [f"{_name(plan, station.plan_rows[i])}, {lasts[i]:.2f} s" for i in short.tolist()]
 
@@ -283,12 +287,12 @@ def _table(log: Table, columns: _Log, plan: Plan, stations: list[_Station], note
     assert state.target is not None
     rows = np.concatenate([station.plan_rows for station in stations])
     first = np.concatenate([station.log_rows for station in stations])
-    stands = [(station.found.stands, station.used) for station in stations]
-    points = np.concatenate([own.points[used] for own, used in stands])
-    numbers = {"time_s": np.concatenate([own.time[used] for own, used in stands])}
+    standstills = [(station.found.standstills, station.used) for station in stations]
+    points = np.concatenate([own.points[used] for own, used in standstills])
+    numbers = {"time_s": np.concatenate([own.time[used] for own, used in standstills])}
     numbers |= dict(zip(machine.names, (state.positions[rows] / machine.scale).T, strict=True))
     numbers |= dict(zip("xyz", points.T, strict=True))
-    numbers["scatter_um"] = np.concatenate([own.scatter[used] for own, used in stands]) * 1e3
+    numbers["scatter_um"] = np.concatenate([own.scatter[used] for own, used in standstills]) * 1e3
     numbers |= {name: column[first] for name, column in columns.temperatures.items()}
     texts = {name: [repr(value) for value in np.round(column, 9).tolist()] for name, column in numbers.items()}
     several = len(stations) > 1
@@ -305,12 +309,12 @@ def _approach(plan: Plan, stations: list[_Station], notes: list[str]) -> dict[st
     """Direction of approach, by axis: the plan's; 0 if the machine may have come from another position."""
     found = [_approaches(plan, station) for station in stations]
     assert plan.state.approach is not None
-    planned = np.concatenate([plan.state.approach[station.plan_rows] for station in stations])
-    unknown = int(np.count_nonzero((np.concatenate(found) != planned).any(axis=1)))
+    in_plan = np.concatenate([plan.state.approach[station.plan_rows] for station in stations])
+    unknown = int(np.count_nonzero((np.concatenate(found) != in_plan).any(axis=1)))
     if unknown:
         notes.append(
-            f"{unknown} rows follow a position without a stand, or a stand that is not in the plan: the direction of "
-            "approach of an axis is not known (dir_ 0)"
+            f"{unknown} rows follow a position without a standstill, or a standstill that is not in the plan: the "
+            "direction of approach of an axis is not known (dir_ 0)"
         )
     return {
         name: [str(int(sign)) for sign in column]
@@ -322,14 +326,14 @@ def _approaches(plan: Plan, station: _Station) -> Array:
     """Directions of approach `(r, axes)` of the rows of a station."""
     assert plan.state.approach is not None
     approach = plan.state.approach[station.plan_rows].copy()
-    for i, stand in enumerate(station.used.tolist()):
-        own = int(station.matched.position[stand])
-        before = int(station.matched.position[stand - 1]) if stand else own - 1
+    for i, standstill in enumerate(station.used.tolist()):
+        own = int(station.matched.position[standstill])
+        before = int(station.matched.position[standstill - 1]) if standstill else own - 1
         if before == own - 1:
             continue
         if before < 0:
             approach[i] = 0.0
             continue
-        moves = np.sign(np.round(plan.positions[station.planned[own]] - plan.positions[station.planned[before]], 9))
+        moves = np.sign(np.round(plan.positions[station.in_plan[own]] - plan.positions[station.in_plan[before]], 9))
         approach[i, (moves != 0.0) & (moves != approach[i])] = 0.0
     return np.asarray(approach)

@@ -18,7 +18,7 @@ from calibration.measurement.measurement import Target
 from calibration.observation.full_model import BasisChoice
 from kinematics.effects import COMPONENTS, ErrorMotion
 from kinematics.error_model.model import Design, no_errors
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -33,13 +33,13 @@ SAMPLE_MM = 12.0
 """Largest distance, mm, of the positions on a move that represent its cells."""
 GRID, SCATTERED = 9, 600
 """Positions in the volume: grid points per axis for up to three axes; number of random positions for more axes."""
-UNSEEN = 1e-9
+UNIDENTIFIABLE = 1e-9
 """Information in a direction, relative to the best direction, below which it is unidentifiable."""
-FELT = 1e-3
+RELEVANT_UM = 1e-3
 """Deviation in the volume, um, by one prior standard deviation of a hidden direction; below, only the frame moves."""
 
 
-class Gain(NamedTuple):
+class NoiseGain(NamedTuple):
     """Identifiability of the errors in the volume from a path."""
 
     noise: float
@@ -65,8 +65,8 @@ class Volume:
         self.size = len(self.model.parameters)
         tips = tool_point(machine, ends, self.tools[0])
         self._centre = tips.mean(axis=0)
-        self._lever = max(float(np.ptp(tips, axis=0).max()), 1.0)
-        self._grid, self._squares = self._felt()
+        self._size = max(float(np.ptp(tips, axis=0).max()), 1.0)
+        self._grid, self._squares = self._volume_deviations()
 
     def information(self, start: Array, end: Array) -> Array:
         """J' J `(6 + p, 6 + p)` of a straight move between two positions `(axes,)`, mm and rad, with all targets.
@@ -78,28 +78,30 @@ class Volume:
             share = np.linspace(0.0, 1.0, 9)[:, None]
             chords = np.diff(tool_point(self.machine, start + share * (end - start), tool), axis=0)
             length = float(np.linalg.norm(chords, axis=1).sum())
-            inner = length - 2.0 * self.corner_mm
-            if inner <= 0.0:
+            used = length - 2.0 * self.corner_mm
+            if used <= 0.0:
                 continue
-            n = max(int(np.ceil(inner / SAMPLE_MM)), 2)
-            at = (self.corner_mm + (np.arange(n) + 0.5) * inner / n) / length
+            n = max(int(np.ceil(used / SAMPLE_MM)), 2)
+            at = (self.corner_mm + (np.arange(n) + 0.5) * used / n) / length
             rows = self._across(start + at[:, None] * (end - start), end - start, tool)
-            total += rows.T @ rows * (inner / self.cell_mm / n)
+            total += rows.T @ rows * (used / self.cell_mm / n)
         return total
 
-    def gain(self, information: Array) -> Gain:
+    def noise_gain(self, information: Array) -> NoiseGain:
         """Identifiability from moves whose information adds up to `(6 + p, 6 + p)`."""
-        inner = _without_registration(information)
-        root, null, _ = pseudo_inverse(inner, UNSEEN)
-        felt = np.linalg.eigvalsh(null.T @ self._squares @ null)
+        reduced = _without_registration(information)
+        root, null, _ = pseudo_inverse(reduced, UNIDENTIFIABLE)
+        relevant = np.linalg.eigvalsh(null.T @ self._squares @ null)
         covariance = root @ root.T
         # variances of the aligned coordinates, um2
         variances = np.einsum("nip,pq,niq->n", self._grid, covariance, self._grid, optimize=True) / 3.0
-        hidden = int(np.count_nonzero(np.sqrt(np.maximum(felt, 0.0)) > FELT))
-        return Gain(float(np.sqrt(variances.mean())), float(np.sqrt(variances.max())), hidden, self.score(information))
+        hidden = int(np.count_nonzero(np.sqrt(np.maximum(relevant, 0.0)) > RELEVANT_UM))
+        return NoiseGain(
+            float(np.sqrt(variances.mean())), float(np.sqrt(variances.max())), hidden, self.score(information)
+        )
 
     def score(self, information: Array) -> float:
-        """`Gain.score` alone, at less cost."""
+        """`NoiseGain.score` alone, at less cost."""
         return float(np.linalg.norm(Posterior(_without_registration(information), 1.0).whitened(self._root)))
 
     def length(self, start: Array, end: Array) -> float:
@@ -117,20 +119,20 @@ class Volume:
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-15)
         across = np.eye(3) - along[:, :, None] * along[:, None, :]
         design = Design(self.model, machine, State(positions), with_instrument=False).of(
-            slice(None), across @ place_transform(machine, positions, tool)[:, :3]
+            slice(None), across @ error_transform_with_tool(machine, positions, tool)[:, :3]
         )
-        frame = np.concatenate([across, across @ by_turn((points - self._centre) / self._lever)], axis=2)
+        frame = np.concatenate([across, across @ by_turn((points - self._centre) / self._size)], axis=2)
         return np.concatenate([frame, design * (PRIOR * 1e3)], axis=2).reshape(3 * n, -1)
 
-    def _felt(self) -> tuple[Array, Array]:
+    def _volume_deviations(self) -> tuple[Array, Array]:
         """Aligned deviations `(n, 3, p)`, um, in the volume per prior of a parameter; their mean products `(p, p)`."""
         machine = self.machine
-        positions = _places(machine, self.ends)
+        positions = _grid_positions(machine, self.ends)
         points = tool_point(machine, positions, self.tools[0])
-        transform = place_transform(machine, positions, self.tools[0])[:, :3]
+        transform = error_transform_with_tool(machine, positions, self.tools[0])[:, :3]
         design = self.model.design(machine, State(positions), transform) * (PRIOR * 1e3)
         motions = np.concatenate(
-            [np.broadcast_to(np.eye(3), (len(points), 3, 3)), by_turn((points - self._centre) / self._lever)], axis=2
+            [np.broadcast_to(np.eye(3), (len(points), 3, 3)), by_turn((points - self._centre) / self._size)], axis=2
         ).reshape(-1, 6)
         columns = design.reshape(-1, self.size)
         columns = columns - motions @ np.linalg.lstsq(motions, columns, rcond=1e-12)[0]
@@ -158,7 +160,7 @@ def _motions(machine: Machine, ends: Array) -> list[ErrorMotion]:
     return found
 
 
-def _places(machine: Machine, ends: Array) -> Array:
+def _grid_positions(machine: Machine, ends: Array) -> Array:
     """Positions `(n, axes)`, mm and rad, that cover the volume."""
     moving = np.flatnonzero(np.ptp(ends, axis=0) > 0.0)
     if len(moving) > 3:

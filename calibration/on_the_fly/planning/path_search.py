@@ -1,7 +1,7 @@
 """Search for a path that identifies the errors in the volume best: straight moves from boundary to boundary.
 
 The best of several random paths of the given length is improved step by step: a corner is moved, replaced or added, and
-the change is kept if `Gain.score` falls. Corners lie on the boundary of the volume, so that long moves have few
+the change is kept if `NoiseGain.score` falls. Corners lie on the boundary of the volume, so that long moves have few
 corners, near which readings are left out, and reach the ends of the axes.
 """
 
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.on_the_fly.planning.noise_gain import Gain, Volume
+from calibration.on_the_fly.planning.noise_gain import NoiseGain, Volume
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -30,13 +30,13 @@ SHORTEST = 3
 
 
 @dataclass(frozen=True)
-class Planned:
+class PlannedPath:
     """A path of `m` corners, and its identifiability."""
 
     corners: Array
     """Axis positions of the corners `(m, axes)`, mm and rad."""
     length_mm: float
-    gain: Gain
+    noise_gain: NoiseGain
 
 
 class _Draft(NamedTuple):
@@ -50,33 +50,33 @@ class _Draft(NamedTuple):
     total: Array
 
 
-def planned(
+def best_path(
     volume: Volume, length_mm: float, rng: np.random.Generator, progress: Callable[[int], None] = lambda _: None
-) -> Planned:
+) -> PlannedPath:
     """The best path found, no longer than `length_mm`; the same generator gives the same path.
 
     `progress` is called once per attempt. UserError if no path of SHORTEST moves has this length.
     """
-    maker = _Maker(volume, length_mm, rng)
+    generator = _Generator(volume, length_mm, rng)
     best, score = None, np.inf
     for _ in range(STARTS):
-        draft = maker.random()
+        draft = generator.random()
         own = volume.score(draft.total)
         if own < score:
             best, score = draft, own
         progress(1)
     assert best is not None
     for k in range(TRIES):
-        changed = maker.changed(best, LARGEST_STEP * (SMALLEST_STEP / LARGEST_STEP) ** (k / TRIES))
+        changed = generator.changed(best, LARGEST_STEP * (SMALLEST_STEP / LARGEST_STEP) ** (k / TRIES))
         own = volume.score(changed.total)
         if own < score:
             best, score = changed, own
         progress(1)
     corners = np.array(best.corners)
-    return Planned(corners, maker.length(best.corners), volume.gain(best.total))
+    return PlannedPath(corners, generator.length(best.corners), volume.noise_gain(best.total))
 
 
-class _Maker:
+class _Generator:
     """Generates random paths and variants of them."""
 
     def __init__(self, volume: Volume, length_mm: float, rng: np.random.Generator) -> None:
@@ -94,14 +94,14 @@ class _Maker:
 
     def random(self) -> _Draft:
         """A random path, nearly of the largest length."""
-        corners, length, misses = [self._place()], 0.0, 0
-        while misses < 20:
-            place = self._place()
-            step = self._volume.length(corners[-1], place)
+        corners, length, rejected = [self._boundary_position()], 0.0, 0
+        while rejected < 20:
+            corner = self._boundary_position()
+            step = self._volume.length(corners[-1], corner)
             if length + step > self._length:
-                misses += 1
+                rejected += 1
                 continue
-            corners.append(place)
+            corners.append(corner)
             length += step
         if len(corners) <= SHORTEST:
             raise UserError(
@@ -119,9 +119,9 @@ class _Maker:
         if how < 0.6:
             corners[k] = self._near(corners[k], size)
         elif how < 0.8:
-            corners[k] = self._place()
+            corners[k] = self._boundary_position()
         else:
-            corners.insert(k, self._place())
+            corners.insert(k, self._boundary_position())
         while self.length(corners) > self._length:
             del corners[int(rng.integers(len(corners)))]
         return self._draft(corners, draft)
@@ -140,16 +140,16 @@ class _Maker:
             total = total - sum(count * known[key] for key, count in gone.items())
         return _Draft(corners, moves, parts, np.asarray(total))
 
-    def _place(self) -> Array:
+    def _boundary_position(self) -> Array:
         """A random position on the boundary `(axes,)`, mm and rad."""
         share = self._rng.uniform(size=len(self._low))
         share[self._rng.choice(self._linear)] = float(self._rng.integers(2))
         return self._rounded(share)
 
-    def _near(self, place: Array, size: float) -> Array:
+    def _near(self, corner: Array, size: float) -> Array:
         """A position on the boundary near another `(axes,)`, mm and rad."""
         span = np.where(self._high > self._low, self._high - self._low, 1.0)
-        share = (place / self._volume.machine.scale - self._low) / span
+        share = (corner / self._volume.machine.scale - self._low) / span
         share = np.clip(share + size * self._rng.standard_normal(len(share)), 0.0, 1.0)
         inner = np.minimum(share, 1.0 - share)[self._linear]
         if inner.min() > 0.0:
@@ -158,5 +158,5 @@ class _Maker:
         return self._rounded(share)
 
     def _rounded(self, share: Array) -> Array:
-        place = np.round(self._low + share * (self._high - self._low), DECIMALS)
-        return np.asarray(np.clip(place, self._low, self._high) * self._volume.machine.scale)
+        corner = np.round(self._low + share * (self._high - self._low), DECIMALS)
+        return np.asarray(np.clip(corner, self._low, self._high) * self._volume.machine.scale)

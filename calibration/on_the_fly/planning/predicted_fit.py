@@ -14,8 +14,8 @@ from calibration.measurement.measurement import AcrossPath, Measurement, Target,
 from calibration.observation.full_model import priors
 from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM, across_path
 from calibration.on_the_fly.nominal_path import NominalPath, target_path
-from calibration.on_the_fly.planning.blind_mode import common_odd_mode
-from calibration.on_the_fly.planning.noise_gain import PRIOR, Gain, Volume
+from calibration.on_the_fly.planning.noise_gain import PRIOR, NoiseGain, Volume
+from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
 from kinematics.effects.geometric import TYPICAL
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -25,23 +25,23 @@ AWAY_MM = 2000.0
 """Distance of the assumed tracker from the path in each coordinate, mm."""
 
 
-class Judged(NamedTuple):
+class PathEvaluation(NamedTuple):
     """Evaluation of one path."""
 
-    gain: Gain
+    noise_gain: NoiseGain
     feed_mm: float
     """Length of the feed moves, as the feed counts it, mm."""
-    blind_mode: str | None
-    not_visible: tuple[Unidentifiable, ...]
+    unidentifiable_mode: str | None
+    unidentifiable: tuple[Unidentifiable, ...]
 
 
-def judged(path: NominalPath, targets: Mapping[str, Target]) -> Judged:
+def evaluated_path(path: NominalPath, targets: Mapping[str, Target]) -> PathEvaluation:
     """Evaluation of a path that is run once for each target, in the volume between the path's own ends.
 
     UserError for a path without a feed move that is long enough.
     """
     volume = Volume(path.machine, path.ends, targets, CELL_MM, CORNER_MM)
-    moves = np.flatnonzero(path.counts[1:])
+    moves = np.flatnonzero(path.feed_move[1:])
     total = np.zeros((6 + volume.size, 6 + volume.size))
     for k in moves.tolist():
         total += volume.information(path.positions[k], path.positions[k + 1])
@@ -49,9 +49,12 @@ def judged(path: NominalPath, targets: Mapping[str, Target]) -> Judged:
         raise UserError(f"{path.source}: no feed move is longer than the {2 * CORNER_MM:g} mm left out at its corners")
     ideal = _ideal(path, targets)
     found = fit(ideal, volume.model, prior=priors(volume.model) * (PRIOR / TYPICAL))
-    length = float(np.diff(path.way)[moves].sum())
-    return Judged(
-        volume.gain(total), length, common_odd_mode(ideal, found.registration), identifiability(found).unidentifiable
+    length = float(np.diff(path.feed_distance)[moves].sum())
+    return PathEvaluation(
+        volume.noise_gain(total),
+        length,
+        common_odd_mode(ideal, found.registration),
+        identifiability(found).unidentifiable,
     )
 
 
@@ -59,13 +62,13 @@ def _ideal(path: NominalPath, targets: Mapping[str, Target]) -> Measurement:
     """The observations by a tracker of the machine without errors, one row per cell."""
     parts: list[tuple[Array, Array, Array, Array, np.ndarray]] = []
     for name, target in targets.items():
-        way = target_path(path, target)
-        s = np.arange(0.5 * CELL_MM, way.length, CELL_MM)
-        stretch = way.stretch(s)
-        distance = np.minimum(s - way.corners[stretch], way.corners[stretch + 1] - s)
-        s = s[(distance >= CORNER_MM) & way.usable[stretch]]
-        place = way.at(s)
-        parts.append((way.positions_at(s), place.points, place.tangents, s, np.full(len(s), name)))
+        target_course = target_path(path, target)
+        s = np.arange(0.5 * CELL_MM, target_course.length, CELL_MM)
+        segment = target_course.segment_at(s)
+        distance = np.minimum(s - target_course.corners[segment], target_course.corners[segment + 1] - s)
+        s = s[(distance >= CORNER_MM) & target_course.usable[segment]]
+        located = target_course.at(s)
+        parts.append((target_course.positions_at(s), located.points, located.tangents, s, np.full(len(s), name)))
     positions, points, tangents, s, names = (np.concatenate(column) for column in zip(*parts, strict=True))
     observed = points - points.min(axis=0) + AWAY_MM
     across = AcrossPath(across_path(tangents, observed), np.ones(len(s)), path.ends, s)

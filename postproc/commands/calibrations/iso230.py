@@ -60,7 +60,7 @@ def iso230(
 
 def _write_tables(tests: Sequence[AxisTest], file: BinaryIO) -> None:
     """Write rows of axis, direction, position, error, standard uncertainty (k = 1) and number of readings."""
-    from calibration.single_axis.iso230 import WAYS
+    from calibration.single_axis.iso230 import DIRECTIONS
 
     units = list(dict.fromkeys((test.position_unit, test.unit) for test in tests))
     names = [name for p, e in units for name in (f"position_{p}", f"error_{e}", f"u_{e}")]
@@ -69,7 +69,7 @@ def _write_tables(tests: Sequence[AxisTest], file: BinaryIO) -> None:
     writer.writeheader()
     for test in tests:
         p, e = test.position_unit, test.unit
-        for way, name in enumerate(WAYS):
+        for way, name in enumerate(DIRECTIONS):
             for row in test.table(way):
                 numbers = {
                     f"position_{p}": f"{row.position:g}",

@@ -76,7 +76,7 @@ def simulate_on_path(
 ) -> None:
     """Write the true model on request, and the readings of a laser tracker; draws: as those of the command."""
     from calibration.measurement.measurement import SPINDLE_NOSE
-    from calibration.on_the_fly.drive import Manner, duration
+    from calibration.on_the_fly.drive import PathDynamics, duration
     from calibration.on_the_fly.virtual import Session, readings_of, write_readings
     from calibration.simulation.measure_plan import check_distance, check_names, tracker_poses
     from calibration.simulation.simulate import spoil
@@ -89,12 +89,12 @@ def simulate_on_path(
         say("note", note)
     check_names(model.effects, targets, list(poses))
     rate = motion.rate
-    manners = [Manner(feed, 1e3 * motion.acceleration, rate) for feed in motion.feed or (2500.0,)]
+    settings = [PathDynamics(feed, 1e3 * motion.acceleration, rate) for feed in motion.feed or (2500.0,)]
     passes = len(targets) * len(poses)
-    seconds = passes * sum(duration(path, manner) for manner in manners)
+    seconds = passes * sum(duration(path, dynamics) for dynamics in settings)
     if seconds * rate > MOST:
         raise UserError(f"--rate {rate:g}: {seconds * rate:.3g} readings, more than {MOST}")
-    session = Session(path, manners, targets, poses, instrument.stands_on, motion.vibrations())
+    session = Session(path, settings, targets, poses, instrument.stands_on, motion.vibrations())
     with progress_of(int(seconds * rate), "simulating", LONG) as progress:
         made = readings_of(
             session, model, cast("LaserTracker", instrument.instrument), draws[2],
@@ -110,6 +110,6 @@ def simulate_on_path(
     for note in spoiled:
         say("simulated", note)
     console.print(
-        f"{len(made)} readings in {passes * len(manners)} passes along {path.way[-1] * 1e-3:.2f} m, "
+        f"{len(made)} readings in {passes * len(settings)} passes along {path.feed_distance[-1] * 1e-3:.2f} m, "
         f"{seconds / 60.0:.1f} min; {len(model.effects)} effects"
     )

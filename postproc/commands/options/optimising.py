@@ -38,14 +38,14 @@ class OptimisingOptions(TrackerOptions):
 
     def plan(self, machine: Machine, choices: Choices, points: str | None, minutes: float | None) -> Plan:
         """The plan; the terminal shows its predicted uncertainty."""
-        from calibration.optimal.optimise import Wish, optimised
+        from calibration.optimal.optimise import DesignRequest, optimised
         from calibration.simulation.effect_text import read_effects
         from postproc.commands.show.terminal import console
 
         count = counts(points)
         if isinstance(count, list):
             raise UserError(f"--points {points}: --optimise takes one number")
-        wish = Wish(
+        request = DesignRequest(
             choices,
             count,
             minutes,
@@ -56,7 +56,7 @@ class OptimisingOptions(TrackerOptions):
             self.candidates,
         )
         with console.status("optimising") as status:
-            found = optimised(machine, self.instrument_of("laser-tracker"), wish, status.update)
+            found = optimised(machine, self.instrument_of("laser-tracker"), request, status.update)
         console.print(
             f"tracker      {','.join(f'{v:g}' for v in found.tracker)} (mm, workpiece frame)\n"
             f"expected     {found.expected_um:.2f} um RMS of volumetric error, for errors of typical size"

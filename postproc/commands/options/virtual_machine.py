@@ -50,7 +50,7 @@ class VirtualMachineOptions:
             DEFAULT,
             model_of,
             random_location_errors,
-            random_truth,
+            random_true_model,
             read_half_widths,
         )
         from kinematics.error_model.model import read_model
@@ -60,7 +60,7 @@ class VirtualMachineOptions:
         errors = self.errors or ("table-1" if self.calibration is None else "none")
         if errors != "none":
             widths = DEFAULT if errors == "table-1" else read_half_widths(Path(errors))
-            found += random_truth(machine, rng, widths).effects
+            found += random_true_model(machine, rng, widths).effects
         if location:
             found += random_location_errors(machine, rng, location)
         return model_of(machine, [*found, *effects, *others])

@@ -28,7 +28,7 @@ QUARTER = 3
 class Cells:
     """Means over cells `c`, in the order of the path."""
 
-    way: Array
+    distances: Array
     """Distance along the path `(c,)`, mm."""
     deviation: Array
     """Deviation from the position on the path `(c, 3)`, mm."""
@@ -44,24 +44,24 @@ class Cells:
     """Ratio, 1 or more, of the variance of means over a quarter of a cell to that of independent readings."""
 
 
-def cell_numbers(path: TargetPath, way: Array, cell_mm: float) -> np.ndarray:
+def cell_numbers(path: TargetPath, distances: Array, cell_mm: float) -> np.ndarray:
     """Number `(n,)` of the cell at each distance along the path, mm; corners start cells, nearly `cell_mm` long."""
     lengths = np.diff(path.corners)
     parts = np.maximum(np.round(lengths / cell_mm), 1).astype(int)
     first = np.cumsum(parts) - parts
-    stretch = path.stretch(way)
-    share = (way - path.corners[stretch]) / np.maximum(lengths[stretch], 1e-12)
-    inside = np.minimum((share * parts[stretch]).astype(int), parts[stretch] - 1)
-    return np.asarray(first[stretch] + inside)
+    segment = path.segment_at(distances)
+    share = (distances - path.corners[segment]) / np.maximum(lengths[segment], 1e-12)
+    inside = np.minimum((share * parts[segment]).astype(int), parts[segment] - 1)
+    return np.asarray(first[segment] + inside)
 
 
-def reduced(cell: np.ndarray, way: Array, deviation: Array, columns: Array) -> Cells:
+def reduced(cell: np.ndarray, distances: Array, deviation: Array, columns: Array) -> Cells:
     """Means over the cells; `cell` `(n,)` numbers the cell of each reading, in the order of time."""
     order = np.argsort(cell, kind="stable")
-    cell, way, deviation, columns = cell[order], way[order], deviation[order], columns[order]
+    cell, distances, deviation, columns = cell[order], distances[order], deviation[order], columns[order]
     near = _near(cell, deviation)
     kept = np.flatnonzero(near)
-    cell, way, deviation, columns = cell[kept], way[kept], deviation[kept], columns[kept]
+    cell, distances, deviation, columns = cell[kept], distances[kept], deviation[kept], columns[kept]
     start = np.flatnonzero(np.append(True, cell[1:] != cell[:-1])) if len(cell) else np.zeros(0, int)
     count = np.diff(np.append(start, len(cell))).astype(float)
 
@@ -69,9 +69,9 @@ def reduced(cell: np.ndarray, way: Array, deviation: Array, columns: Array) -> C
         return np.asarray(np.add.reduceat(values, start, axis=0) / count.reshape(-1, *[1] * (values.ndim - 1)))
 
     if not len(start):
-        return Cells(way, deviation, count, start, columns, len(order), 1.0)
+        return Cells(distances, deviation, count, start, columns, len(order), 1.0)
     return Cells(
-        mean(way), mean(deviation), count, order[kept[start]], mean(columns), len(order) - len(kept),
+        mean(distances), mean(deviation), count, order[kept[start]], mean(columns), len(order) - len(kept),
         correlation(deviation, start, count),
     )  # fmt: skip
 
@@ -93,9 +93,9 @@ def correlation(deviation: Array, start: np.ndarray, count: Array) -> float:
     sums = np.stack([np.bincount(quarter, column, 4 * len(start)) for column in deviation.T], axis=1)
     means = np.asarray(sums / np.maximum(size, 1.0)[:, None])
     inner = np.sum((deviation - means[quarter]) ** 2, axis=0) / max(float(np.sum(np.maximum(size - 1.0, 0.0))), 1.0)
-    bent = np.einsum("cqk,q->ck", means.reshape(-1, 4, 3), [1.0, -1.0, -1.0, 1.0])[full]
+    curved = np.einsum("cqk,q->ck", means.reshape(-1, 4, 3), [1.0, -1.0, -1.0, 1.0])[full]
     expected = np.sum(1.0 / size.reshape(-1, 4)[full], axis=1).sum() * float(inner.sum())
-    ratio = float(np.sum(bent**2)) / expected if expected > 0.0 else 1.0
+    ratio = float(np.sum(curved**2)) / expected if expected > 0.0 else 1.0
     return ratio if ratio > CHANCE else 1.0
 
 

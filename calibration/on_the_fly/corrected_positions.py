@@ -23,7 +23,7 @@ NODES, HARMONICS = 12, 4
 """Size of the bases in the fit that estimates the deviation along the path."""
 
 
-def with_footing(taken: OnTheFly) -> Measurement:
+def with_corrected_positions(taken: OnTheFly) -> Measurement:
     """The measurement with axis positions corrected by a first fit; all other columns stay the same."""
     measurement = taken.measurement
     assert measurement.across is not None
@@ -41,13 +41,13 @@ def with_footing(taken: OnTheFly) -> Measurement:
         assert part.across is not None
         along = np.cross(part.across.directions[:, 0], part.across.directions[:, 1])
         whole = replace(part, across=None)
-        seen = [
+        points = [
             equations.expected(whole, found.registration, Observation(each.errors[rows], each.shift[rows]))
             for each in (effects, nothing)
         ]
-        ahead[rows] = np.sum(along * (seen[0] - seen[1]), axis=1)
+        ahead[rows] = np.sum(along * (points[0] - points[1]), axis=1)
     positions = measurement.state.positions.copy()
-    for name, way in taken.ways.items():
+    for name, path in taken.paths.items():
         mine = measurement.state.target == name
-        positions[mine] = way.positions_at(measurement.across.way[mine] - ahead[mine])
+        positions[mine] = path.positions_at(measurement.across.distances[mine] - ahead[mine])
     return replace(measurement, state=replace(measurement.state, positions=positions))

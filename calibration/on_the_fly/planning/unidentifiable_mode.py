@@ -21,7 +21,7 @@ from kinematics.effects.base import own_component
 from kinematics.error_model.model import no_errors
 from kinematics.transforms import blocks
 
-UNSEEN = 0.01
+UNIDENTIFIABLE = 0.01
 """Share of the displacement across the path below which the mode is unidentifiable."""
 SHAPES = ((0.0, 1.0, 0.0, -1.0), (0.0, 0.0, 0.0, 1.0, 0.0, -1.0))
 """u (1 - u2) and u3 (1 - u2), as coefficients of powers of u."""
@@ -39,13 +39,13 @@ def common_odd_mode(measurement: Measurement, registration: Registration) -> str
     if len(moving) < 2:
         return None
     shares = [_share_across(measurement, registration, moving, shape) for shape in SHAPES]
-    if max(shares) > UNSEEN:
+    if max(shares) > UNIDENTIFIABLE:
         return None
     names = [f"E_{own_component(axis)}{axis}" for axis in sorted(moving)]
     return (
-        f"{', '.join(names[:-1])} and {names[-1]} in proportion to their travels, of one common course that is odd "
+        f"{', '.join(names[:-1])} and {names[-1]} in proportion to their travels, with one common shape that is odd "
         f"about the middle and zero at the ends: {100 * max(shares):.2g} % of it lies across this path. Edges, face "
-        "and space diagonals do not see it; 'ncomp plan --strategy on-the-fly' makes a path that does"
+        "and space diagonals do not show it; 'ncomp plan --strategy on-the-fly' makes a path that does"
     )
 
 

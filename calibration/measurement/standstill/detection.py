@@ -50,10 +50,10 @@ class Stream(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Stands:
+class Standstills:
     """Standstills, one row for each, in the order of time."""
 
-    begin: Array
+    start: Array
     """Start of each standstill `(k,)`, s; `end`: its end."""
     end: Array
     points: Array
@@ -64,18 +64,18 @@ class Stands:
     """Index `(k,)` of the first reading."""
 
     def __len__(self) -> int:
-        return len(self.begin)
+        return len(self.start)
 
     @property
     def time(self) -> Array:
         """Middle of the standstills `(k,)`, s."""
-        return (self.begin + self.end) / 2.0
+        return (self.start + self.end) / 2.0
 
 
 class Found(NamedTuple):
     """Standstills in a stream, and statistics of the readings."""
 
-    stands: Stands
+    standstills: Standstills
     creeping: list[str]
     """Descriptions of intervals of slow motion that could be taken for a standstill."""
     noise: float
@@ -103,46 +103,48 @@ class _Part(NamedTuple):
     end: int
 
 
-def find_stands(stream: Stream, where: str, radius: float = RADIUS) -> Found:
+def find_standstills(stream: Stream, where: str, radius: float = RADIUS) -> Found:
     """The standstills of a stream; UserError, naming `where`, if it is not a stream."""
     interval = _interval(stream, where)
     noise = _noise(stream.points)
     kept = np.flatnonzero(_with_beam(stream.points, noise))
     if len(kept) < BLOCK_READINGS:
-        raise UserError(f"{where}: no readings with a beam")
+        raise UserError(f"{where}: no reading has a beam")
     cuts = np.flatnonzero(np.diff(stream.time[kept]) > GAP_READINGS * interval) + 1
     blocks = _blocks(stream, kept, cuts, interval)
     if not len(blocks.time):
         raise UserError(f"{where}: no interval of {blocks.duration * 1e3:.0f} ms without an interruption of the beam")
     size = round(blocks.duration / interval)
     radius = max(radius, OF_NOISE * 1.25 * noise / size**0.5)
-    stands, creeping = [], []
-    for parts in _merged(blocks, list(_still(blocks, radius)), radius):
+    standstills, creeping = [], []
+    for parts in _merged(blocks, list(_at_rest(blocks, radius)), radius):
         rows = np.concatenate([np.arange(part.first, part.end) for part in parts])
         steady = _steady(blocks, rows)
         if len(steady):
-            stands.append(steady)
+            standstills.append(steady)
         elif _lasts(blocks, rows):
-            begin, end = blocks.time[rows[0]], blocks.time[rows[-1]]
-            way = float(np.linalg.norm(_drift(blocks, rows)[0]))
-            creeping.append(f"at {begin:.2f} s: moves {way * 1e3:.0f} um in {end - begin:.2f} s")
-    return Found(_stands(blocks, stands), creeping, noise, len(cuts), len(stream.time) - len(kept))
+            start, end = blocks.time[rows[0]], blocks.time[rows[-1]]
+            drift_mm = float(np.linalg.norm(_drift(blocks, rows)[0]))
+            creeping.append(f"at {start:.2f} s: moves {drift_mm * 1e3:.0f} um in {end - start:.2f} s")
+    return Found(_standstills(blocks, standstills), creeping, noise, len(cuts), len(stream.time) - len(kept))
 
 
 def _interval(stream: Stream, where: str) -> float:
     """Median interval of the readings, s."""
     steps = np.diff(stream.time)
     if len(steps) < BLOCK_READINGS:
-        raise UserError(f"{where}: {len(stream.time)} readings are no stream of a tracker")
+        raise UserError(f"{where}: {len(stream.time)} readings are too few for the stream of a tracker")
     if np.any(steps < 0.0):
-        raise UserError(f"{where}: time goes back after {stream.time[int(np.argmax(steps < 0.0))]:.3f} s")
+        raise UserError(f"{where}: the time decreases after {stream.time[int(np.argmax(steps < 0.0))]:.3f} s")
     interval = float(np.median(steps))
     if interval <= 0.0:
-        raise UserError(f"{where}: times are written too coarsely: most readings have that of the one before")
+        raise UserError(
+            f"{where}: the resolution of the time is too coarse: most readings have the time of the reading before"
+        )
     if interval > SLOWEST:
         raise UserError(
-            f"{where}: a reading each {interval:.3g} s; standstills are found in streams of {1 / SLOWEST:.0f} or more "
-            "readings per second"
+            f"{where}: one reading every {interval:.3g} s is too slow: the detection of standstills needs "
+            f"{1 / SLOWEST:.0f} or more readings per second"
         )
     return interval
 
@@ -177,7 +179,7 @@ def _blocks(stream: Stream, kept: np.ndarray, cuts: np.ndarray, interval: float)
     return _Blocks(stream.time[rows].mean(axis=1), points, rows[:, 0], size * interval)
 
 
-def _still(blocks: _Blocks, radius: float) -> Iterator[_Part]:
+def _at_rest(blocks: _Blocks, radius: float) -> Iterator[_Part]:
     """Longest sequences of blocks within a radius and without interruption."""
     points, time = blocks.points.tolist(), blocks.time.tolist()
     first, low, high = 0, points[0], points[0]
@@ -197,7 +199,7 @@ def _merged(blocks: _Blocks, parts: list[_Part], radius: float) -> Iterator[list
     for part in parts:
         if part.end - part.first < 2:
             continue
-        if current and not _one_stand(blocks, current[-1], part, radius):
+        if current and not _one_standstill(blocks, current[-1], part, radius):
             yield current
             current = []
         current.append(part)
@@ -205,12 +207,12 @@ def _merged(blocks: _Blocks, parts: list[_Part], radius: float) -> Iterator[list
         yield current
 
 
-def _one_stand(blocks: _Blocks, before: _Part, after: _Part, radius: float) -> bool:
-    place = np.median(blocks.points[before.first : before.end], axis=0)
+def _one_standstill(blocks: _Blocks, before: _Part, after: _Part, radius: float) -> bool:
+    centre = np.median(blocks.points[before.first : before.end], axis=0)
     again = np.median(blocks.points[after.first : after.end], axis=0)
     between = blocks.points[before.end : after.first]
-    near = float(np.linalg.norm(again - place)) < radius
-    return near and bool(np.all(np.linalg.norm(between - place, axis=1) < AWAY))
+    near = float(np.linalg.norm(again - centre)) < radius
+    return near and bool(np.all(np.linalg.norm(between - centre, axis=1) < AWAY))
 
 
 def _lasts(blocks: _Blocks, rows: np.ndarray) -> bool:
@@ -226,8 +228,8 @@ def _steady(blocks: _Blocks, rows: np.ndarray) -> np.ndarray:
             if not _lasts(blocks, kept):
                 return np.empty(0, int)
             drift, u = _drift(blocks, kept)
-            way, time = float(np.linalg.norm(drift)), float(blocks.time[kept[-1]] - blocks.time[kept[0]])
-            if way <= max(3.0 * u, DRIFT, CREEP * time):
+            drift_mm, time = float(np.linalg.norm(drift)), float(blocks.time[kept[-1]] - blocks.time[kept[0]])
+            if drift_mm <= max(3.0 * u, DRIFT, CREEP * time):
                 return kept
     return np.empty(0, int)
 
@@ -244,14 +246,14 @@ def _drift(blocks: _Blocks, rows: np.ndarray) -> tuple[Array, float]:
     return slope * span, u * span
 
 
-def _stands(blocks: _Blocks, stands: list[np.ndarray]) -> Stands:
+def _standstills(blocks: _Blocks, standstills: list[np.ndarray]) -> Standstills:
     half = blocks.duration / 2.0
-    return Stands(
-        np.array([blocks.time[rows[0]] - half for rows in stands]),
-        np.array([blocks.time[rows[-1]] + half for rows in stands]),
-        np.array([blocks.points[rows].mean(axis=0) for rows in stands]).reshape(-1, 3),
-        np.array([_scatter(blocks, rows) for rows in stands]),
-        np.array([blocks.reading[rows[0]] for rows in stands], int),
+    return Standstills(
+        np.array([blocks.time[rows[0]] - half for rows in standstills]),
+        np.array([blocks.time[rows[-1]] + half for rows in standstills]),
+        np.array([blocks.points[rows].mean(axis=0) for rows in standstills]).reshape(-1, 3),
+        np.array([_scatter(blocks, rows) for rows in standstills]),
+        np.array([blocks.reading[rows[0]] for rows in standstills], int),
     )
 
 
@@ -259,6 +261,6 @@ def _scatter(blocks: _Blocks, rows: np.ndarray) -> float:
     """Standard uncertainty, mm, of each coordinate of the mean, from the means of parts and the drift."""
     parts = np.array([part.mean(axis=0) for part in np.array_split(blocks.points[rows], min(BATCHES, len(rows)))])
     of_mean = float(np.mean(parts.var(axis=0, ddof=1))) / len(parts)
-    way, u = _drift(blocks, rows)
-    drift = max(float(way @ way) - u**2, 0.0) / 3.0
+    drift_mm, u = _drift(blocks, rows)
+    drift = max(float(drift_mm @ drift_mm) - u**2, 0.0) / 3.0
     return float(np.sqrt(of_mean + drift / 12.0))
