@@ -15,7 +15,7 @@ from calibration.measurement.plan import Choices, Timing
 from calibration.observation.reach import Reach
 from calibration.optimal.candidates import Obstacle, positions_around
 from calibration.optimal.exchange import Selection, exchanged, filled
-from calibration.optimal.optimise import VISIBLE, DesignRequest, optimised
+from calibration.optimal.optimise import VISIBLE, Request, optimised
 from calibration.simulation.effect_text import read_effects
 from calibration.study.cases import read_cases
 from calibration.study.definition import study_of
@@ -30,8 +30,8 @@ TRACKER = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=
 PLACE = (-1500.0, 1500.0, 300.0)
 
 
-def request(**more) -> DesignRequest:
-    return DesignRequest(**{"choices": Choices(), "points": 60, "trackers": [PLACE], "candidates": 300, **more})
+def request(**more) -> Request:
+    return Request(**{"choices": Choices(), "points": 60, "trackers": [PLACE], "candidates": 300, **more})
 
 
 # ---- algebra

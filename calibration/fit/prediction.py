@@ -141,9 +141,7 @@ def relative(model: ErrorModel, machine: Machine, state: State, tool: Array) -> 
     design = model.design(machine, state, error_transform_with_tool(machine, state.positions, tool)[:, :3])
     mean = design.mean(axis=0, keepdims=True)
     return RelativeDeviation(
-        (deviation - deviation.mean(axis=0)) * MM,
-        model.propagated(design - mean) * MM,
-        model.propagated(mean)[0] * MM,
+        (deviation - deviation.mean(axis=0)) * MM, model.propagated(design - mean) * MM, model.propagated(mean)[0] * MM
     )
 
 

@@ -163,11 +163,7 @@ def parse_table(data: bytes, source: str) -> Table:
 
 
 def table_of(
-    source: str,
-    digest: str,
-    entries: Mapping[str, Entry],
-    columns: Mapping[str, Sequence[str]],
-    lines: Sequence[int],
+    source: str, digest: str, entries: Mapping[str, Entry], columns: Mapping[str, Sequence[str]], lines: Sequence[int]
 ) -> Table:
     """A table from columns `(n,)` of texts without line ends; UserError without rows."""
     text = io.StringIO()

@@ -55,7 +55,7 @@ class TrackerTests:
     source: str
 
     @property
-    def degrees_of_freedom(self) -> Array:
+    def dof(self) -> Array:
         """Number of components of each value `(n,)`."""
         return np.where(self.kind == "two-face", 2.0, 1.0)
 
@@ -93,19 +93,13 @@ class Fitted:
     def chi2(self, kind: str) -> tuple[float, int]:
         """chi2 of the measured errors of one kind, and its degrees of freedom."""
         rows = self.tests.kind == kind
-        degrees_of_freedom = self.tests.degrees_of_freedom[rows]
-        return float(np.sum(degrees_of_freedom * (self.tests.value[rows] / self.predicted[rows]) ** 2)), int(
-            degrees_of_freedom.sum()
-        )
+        dof = self.tests.dof[rows]
+        return float(np.sum(dof * (self.tests.value[rows] / self.predicted[rows]) ** 2)), int(dof.sum())
 
     def doubtful(self, kind: str) -> bool:
         """True if measured errors of a kind are significantly larger than predicted."""
-        value, degrees_of_freedom = self.chi2(kind)
-        return (
-            self.tests.coverage is None
-            and degrees_of_freedom > 0
-            and float(special.chdtrc(degrees_of_freedom, value)) < DOUBTFUL
-        )
+        value, dof = self.chi2(kind)
+        return self.tests.coverage is None and dof > 0 and float(special.chdtrc(dof, value)) < DOUBTFUL
 
 
 def read_tests(path: Path) -> TrackerTests:
@@ -165,7 +159,7 @@ def fit_tests(tests: TrackerTests) -> Fitted:
     tried = [minimize(objective, start, (tests,), jac=True, method="L-BFGS-B", bounds=bounds) for start in STARTS]
     best = min(tried, key=lambda one: float(one.fun)).x
     parameters = np.where(best <= 2.0 * SMALLEST, 0.0, best)
-    predicted = np.sqrt(tests.variances(best) * tests.degrees_of_freedom)
+    predicted = np.sqrt(tests.variances(best) * tests.dof)
     return Fitted(tests, parameters, _uncertainties(tests, best, predicted), predicted)
 
 
@@ -212,15 +206,15 @@ def _refuse_unidentifiable(tests: TrackerTests) -> None:
 def _likelihood(parameters: Array, tests: TrackerTests) -> tuple[float, Array]:
     """Negative log-likelihood of measured errors, and its derivatives."""
     variance, slopes = tests.variances(parameters), tests.slopes(parameters)
-    total = 0.5 * np.sum(tests.degrees_of_freedom * np.log(variance) + tests.value**2 / variance)
-    return float(total), 0.5 * (tests.degrees_of_freedom / variance - (tests.value / variance) ** 2) @ slopes
+    total = 0.5 * np.sum(tests.dof * np.log(variance) + tests.value**2 / variance)
+    return float(total), 0.5 * (tests.dof / variance - (tests.value / variance) ** 2) @ slopes
 
 
 def _logarithms(parameters: Array, tests: TrackerTests) -> tuple[float, Array]:
     """Sum of squares of logarithms of stated over predicted values, and its derivatives."""
     assert tests.coverage is not None
     variance, slopes = tests.variances(parameters), tests.slopes(parameters)
-    left = 0.5 * np.log(variance * tests.degrees_of_freedom) - np.log(tests.value / tests.coverage)
+    left = 0.5 * np.log(variance * tests.dof) - np.log(tests.value / tests.coverage)
     return float(left @ left), (left / variance) @ slopes
 
 
@@ -228,7 +222,7 @@ def _uncertainties(tests: TrackerTests, parameters: Array, predicted: Array) -> 
     """Standard uncertainties `(4,)` from Fisher's information; for stated values from the scatter about the fit."""
     relative = tests.slopes(parameters) / tests.variances(parameters)[:, None]
     if tests.coverage is None:
-        information = 0.5 * (relative * tests.degrees_of_freedom[:, None]).T @ relative
+        information = 0.5 * (relative * tests.dof[:, None]).T @ relative
     else:
         left = np.log(predicted) - np.log(tests.value / tests.coverage)
         scatter = float(left @ left) / max(len(left) - 4, 1)

@@ -48,7 +48,7 @@ WEIGHT, HEAVIER, TIMES = 1.0, 4.0, 7
 
 
 @dataclass(frozen=True)
-class DesignRequest:
+class Request:
     """Requirements of the measurement, and obstacles."""
 
     choices: Choices
@@ -98,7 +98,7 @@ class _Field:
 
 
 def optimised(
-    machine: Machine, instrument: Instrument, request: DesignRequest, progress: Callable[[str], None] = lambda _: None
+    machine: Machine, instrument: Instrument, request: Request, progress: Callable[[str], None] = lambda _: None
 ) -> Optimised:
     """The best plan that is found; UserError where no target is visible, or where no plan shows a required effect."""
     if not isinstance(instrument, LaserTracker):
@@ -119,11 +119,7 @@ def optimised(
 
 
 def _tracker(
-    machine: Machine,
-    instrument: LaserTracker,
-    request: DesignRequest,
-    candidates: Array,
-    progress: Callable[[str], None],
+    machine: Machine, instrument: LaserTracker, request: Request, candidates: Array, progress: Callable[[str], None]
 ) -> Vector:
     """The tracker position from which a smaller plan of the same kind is best."""
     first = next(iter(request.choices.targets.values()))
@@ -149,7 +145,7 @@ def _tracker(
 
 
 def _field_from(
-    machine: Machine, instrument: LaserTracker, request: DesignRequest, candidates: Array, tracker: Vector
+    machine: Machine, instrument: LaserTracker, request: Request, candidates: Array, tracker: Vector
 ) -> _Field:
     """The candidates and their equations, for one tracker position."""
     targets = request.choices.targets
@@ -164,15 +160,13 @@ def _field_from(
     return _Field(state, rows, prior, evaluated, np.ones(len(state), bool), other_effects)
 
 
-def _plan_at(machine: Machine, state: State, request: DesignRequest) -> Plan:
+def _plan_at(machine: Machine, state: State, request: Request) -> Plan:
     """The states as a plan."""
     names = np.full(len(state), "1")
     return Plan(machine, "optimised", state, names, names, request.choices.targets, position_count=len(state))
 
 
-def _columns(
-    machine: Machine, instrument: LaserTracker, request: DesignRequest, plan: Plan, tracker: Vector
-) -> Columns:
+def _columns(machine: Machine, instrument: LaserTracker, request: Request, plan: Plan, tracker: Vector) -> Columns:
     setup = laid_out(plan, instrument, [tracker])
     low, high = (ends(plan.positions / machine.scale, axis=0) for ends in (np.min, np.max))
     turned = {
@@ -219,7 +213,7 @@ def _smooth(model: ErrorModel) -> Array:
     )
 
 
-def _number(machine: Machine, request: DesignRequest, found: _Field) -> int:
+def _number(machine: Machine, request: Request, found: _Field) -> int:
     """Number of points; for a number of minutes, from the duration of plans through that many candidates."""
     if request.points is not None:
         number = request.points
@@ -241,16 +235,12 @@ def _number(machine: Machine, request: DesignRequest, found: _Field) -> int:
     return number
 
 
-def _minutes(machine: Machine, request: DesignRequest, found: _Field, rows: np.ndarray) -> float:
+def _minutes(machine: Machine, request: Request, found: _Field, rows: np.ndarray) -> float:
     return _as_plan(machine, request, found, rows).minutes if len(rows) else 0.0
 
 
 def _as_plan(
-    machine: Machine,
-    request: DesignRequest,
-    found: _Field,
-    rows: np.ndarray,
-    shuffled: np.random.Generator | None = None,
+    machine: Machine, request: Request, found: _Field, rows: np.ndarray, shuffled: np.random.Generator | None = None
 ) -> Plan:
     assert found.state.target is not None
     return plan_of(
@@ -271,7 +261,7 @@ def _refuse_hidden(found: _Field) -> None:
                 )
 
 
-def _chosen(found: _Field, number: int, request: DesignRequest) -> np.ndarray:
+def _chosen(found: _Field, number: int, request: Request) -> np.ndarray:
     """Numbers of the best candidates; the weight of required effects grows until the candidates show them."""
     weight = WEIGHT
     for _ in range(TIMES):
@@ -285,15 +275,10 @@ def _chosen(found: _Field, number: int, request: DesignRequest) -> np.ndarray:
 
 
 def _plan_and_visible(
-    machine: Machine,
-    instrument: LaserTracker,
-    request: DesignRequest,
-    found: _Field,
-    chosen: np.ndarray,
-    tracker: Vector,
+    machine: Machine, instrument: LaserTracker, request: Request, found: _Field, chosen: np.ndarray, tracker: Vector
 ) -> tuple[Plan, dict[str, float]]:
     """The plan of these candidates in an order that shows the required effects; UserError when none does."""
-    uncertainties: dict[str, float] = {}
+    u: dict[str, float] = {}
     for shuffled in (None, np.random.default_rng(request.choices.seed)):
         plan = _as_plan(machine, request, found, chosen, shuffled)
         if not request.visible:
@@ -301,13 +286,13 @@ def _plan_and_visible(
         columns = _columns(machine, instrument, request, plan, tracker)
         rows, prior, _, other_effects = _equations(columns, len(plan))
         spread = np.linalg.inv(prior + _information(rows))
-        uncertainties = {name: float(np.sqrt(spread[k, k])) for name, k in other_effects.items()}
-        if max(uncertainties.values()) <= VISIBLE:
-            return plan, uncertainties
-    worst = max(uncertainties, key=lambda name: uncertainties[name])
+        u = {name: float(np.sqrt(spread[k, k])) for name, k in other_effects.items()}
+        if max(u.values()) <= VISIBLE:
+            return plan, u
+    worst = max(u, key=lambda name: u[name])
     raise UserError(
         f"{len(chosen)} points from {', '.join(f'{v:g}' for v in tracker)} determine {worst} to "
-        f"{uncertainties[worst]:.0%} of its typical size only, {VISIBLE:.0%} are required: take more points, more "
+        f"{u[worst]:.0%} of its typical size only, {VISIBLE:.0%} are required: take more points, more "
         "targets, or another instrument"
     )
 

@@ -298,14 +298,10 @@ def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
         return
     later = cells[:, 1:]
     middle = later.mean(axis=1, keepdims=True)
-    k, degrees_of_freedom = later.shape[1], later[:, 0].size
+    k, dof = later.shape[1], later[:, 0].size
     first = float(np.mean((cells[:, 0] - middle[:, 0]) ** 2)) / (1.0 + 1.0 / k)
-    scatter = float(np.sum((later - middle) ** 2)) / (degrees_of_freedom * (k - 1))
-    if (
-        scatter > 0.0
-        and special.fdtrc(degrees_of_freedom, degrees_of_freedom * (k - 1), first / scatter) < SIGNIFICANCE
-        and first > FALLS * scatter
-    ):
+    scatter = float(np.sum((later - middle) ** 2)) / (dof * (k - 1))
+    if scatter > 0.0 and special.fdtrc(dof, dof * (k - 1), first / scatter) < SIGNIFICANCE and first > FALLS * scatter:
         unit = "um" if float(measurement.per_micro.max()) < 1e6 else "um or urad"
         yield Finding(
             "first cycle",

@@ -119,12 +119,12 @@ def _solve(bundle: _Bundle, poses: Registration) -> Points:
     specified = covariance(bundle.measurement)
     weights = _inverses(specified)
     positions, registration = _adjust(bundle, weights, _initial_positions(bundle, poses), poses)
-    degrees_of_freedom = 3 * len(bundle.measurement) - 3 * bundle.size - 6 * (len(poses.poses) - 1)
+    dof = 3 * len(bundle.measurement) - 3 * bundle.size - 6 * (len(poses.poses) - 1)
     scatter = _chi2(bundle, weights, positions, registration)
     variance = 0.0
-    if degrees_of_freedom > 0 and scatter > special.chdtri(degrees_of_freedom, 1.0 - SIGNIFICANT):
+    if dof > 0 and scatter > special.chdtri(dof, 1.0 - SIGNIFICANT):
         for _ in range(ROUNDS):
-            before, variance = variance, _repeatability(bundle, specified, positions, registration, degrees_of_freedom)
+            before, variance = variance, _repeatability(bundle, specified, positions, registration, dof)
             weights = _inverses(specified + variance * np.eye(3))
             positions, registration = _adjust(bundle, weights, positions, registration)
             if abs(variance - before) < VARIANCE_CONVERGED * variance:
@@ -139,14 +139,7 @@ def _solve(bundle: _Bundle, poses: Registration) -> Points:
     np.add.at(information, bundle.point, rotation.swapaxes(1, 2) @ weights @ rotation)
     own = inverse[:size, :size]
     return Points(
-        positions,
-        0.5 * (own + own.T),
-        repeated,
-        information,
-        registration,
-        1e3 * variance**0.5,
-        scatter,
-        degrees_of_freedom,
+        positions, 0.5 * (own + own.T), repeated, information, registration, 1e3 * variance**0.5, scatter, dof
     )
 
 
@@ -191,14 +184,12 @@ def _chi2(bundle: _Bundle, weights: Array, positions: Array, poses: Registration
     return float(np.einsum("ni,nij,nj->", misfit, weights, misfit))
 
 
-def _repeatability(
-    bundle: _Bundle, specified: Array, positions: Array, poses: Registration, degrees_of_freedom: int
-) -> float:
+def _repeatability(bundle: _Bundle, specified: Array, positions: Array, poses: Registration, dof: int) -> float:
     """Variance, mm2, of each coordinate, added to the specification, for which chi2 equals its degrees of freedom."""
     from scipy.optimize import brentq
 
     def excess(variance: float) -> float:
-        return _chi2(bundle, _inverses(specified + variance * np.eye(3)), positions, poses) - degrees_of_freedom
+        return _chi2(bundle, _inverses(specified + variance * np.eye(3)), positions, poses) - dof
 
     largest = float(np.max(_misfit(bundle, positions, poses) ** 2)) * 10.0
     return float(brentq(excess, 0.0, largest, xtol=1e-12))

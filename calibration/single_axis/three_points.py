@@ -430,10 +430,7 @@ def _result(machine: Machine, found: _Found, points: stations.Points) -> AxisRes
 
 
 def _model(
-    measurement: Measurement,
-    found: Mapping[str, _Found],
-    results: Mapping[str, AxisResult],
-    points: stations.Points,
+    measurement: Measurement, found: Mapping[str, _Found], results: Mapping[str, AxisResult], points: stations.Points
 ) -> ErrorModel:
     """All effects with their covariance."""
     from scipy.linalg import block_diag

@@ -21,7 +21,7 @@ from calibration.measurement.plan import Choices, Plan, Timing
 from calibration.measurement.plan_file import read_plan
 from calibration.observation.reach import Reach
 from calibration.optimal.candidates import obstacle_of
-from calibration.optimal.optimise import DesignRequest, optimised
+from calibration.optimal.optimise import Request, optimised
 from calibration.planning.strategies import plan as plan_of
 from calibration.simulation.effect_text import read_effects
 from calibration.simulation.true_model import DEFAULT, HalfWidths, checked_half_widths, read_half_widths
@@ -189,10 +189,10 @@ def targets_of(entry: CaseEntry) -> dict[str, Target]:
     return {name: Target(vector) for name, vector in named.items()} or {"1": SPINDLE_NOSE}
 
 
-def _wish(entry: CaseEntry, trackers: tuple[Vector, ...], reach: Reach | None, machine: Machine) -> DesignRequest:
+def _wish(entry: CaseEntry, trackers: tuple[Vector, ...], reach: Reach | None, machine: Machine) -> Request:
     """Requirements of an optimised case."""
     points = sum(entry.points) if isinstance(entry.points, tuple) else entry.points
-    return DesignRequest(
+    return Request(
         choices_of(entry),
         points,
         entry.minutes,

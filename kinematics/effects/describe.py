@@ -23,11 +23,7 @@ lists the variables that must be known besides the axis positions. The remedy is
 effect; a corrected program can do everything that a table can. In a diagnosis a parameter's name carries its unit:
 `width_um`.
 """
-NEEDS = {
-    "approach": "direction of approach",
-    "last_move": "last move",
-    "observed": "observed point",
-}
+NEEDS = {"approach": "direction of approach", "last_move": "last move", "observed": "observed point"}
 """Descriptions of the columns of State whose name is not self-explanatory."""
 
 

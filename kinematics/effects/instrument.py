@@ -12,18 +12,7 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 import numpy as np
 
-from kinematics.effects.base import (
-    HOUR,
-    INSTRUMENT,
-    TOOL,
-    UM,
-    URAD,
-    Columns,
-    EffectBase,
-    Parameter,
-    Remedy,
-    own_motion,
-)
+from kinematics.effects.base import HOUR, INSTRUMENT, TOOL, UM, URAD, Columns, EffectBase, Parameter, Remedy, own_motion
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array, by_turn

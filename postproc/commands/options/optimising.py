@@ -38,14 +38,14 @@ class OptimisingOptions(TrackerOptions):
 
     def plan(self, machine: Machine, choices: Choices, points: str | None, minutes: float | None) -> Plan:
         """The plan; the terminal shows its predicted uncertainty."""
-        from calibration.optimal.optimise import DesignRequest, optimised
+        from calibration.optimal.optimise import Request, optimised
         from calibration.simulation.effect_text import read_effects
         from postproc.commands.show.terminal import console
 
         count = counts(points)
         if isinstance(count, list):
             raise UserError(f"--points {points}: --optimise takes one number")
-        request = DesignRequest(
+        request = Request(
             choices,
             count,
             minutes,
