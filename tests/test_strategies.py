@@ -394,9 +394,9 @@ def test_command(ncomp):
 @pytest.mark.parametrize("strategy", ["axes", "grid"])
 def test_rotary_axes_that_stand_still_are_noted(ncomp, strategy):
     arguments = ("plan", "--machine", "dmu50", "--strategy", strategy, "-o", "p.csv")
-    assert "rotary axes stand still: C 0, B 0 deg" in ncomp(*arguments).err
+    assert "the rotary axes do not move: C 0, B 0 deg" in ncomp(*arguments).err
     swept = ncomp(*arguments, "--rotary", "swept", "--range", "C=0:90").err
-    assert "stand still" not in swept
+    assert "do not move" not in swept
 
 
 def test_klartext_command(ncomp):
