@@ -27,7 +27,9 @@ def test_questions_can_be_read_and_have_the_size_that_they_say(kind, name, tmp_p
         (tmp_path / "data.csv").write_text(text, encoding="utf-8")
         measurement = read_measurement(tmp_path / "data.csv", machines.load(name))
         assert 250 <= len(measurement) <= 600
-        assert not [note for note in measurement.notes if any(word in note for word in ("travel", "not used", "ignored"))]
+        assert not [
+            note for note in measurement.notes if any(word in note for word in ("travel", "not used", "ignored"))
+        ]
     assert len(set(sheets)) == len(sheets)
     moved = observe.displacement(draw.setup, draw.causes[0])
     if draw.calibrated == "before":

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from calibration.continuous.estimate import Estimate, OneWay, Wave
+from calibration.continuous.estimate import Estimate, OneDirection, Wave
 from calibration.continuous.reading import Data
-from calibration.continuous.records import WAYS
+from calibration.continuous.records import DIRECTION_NAMES
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, MANY, band
 from rendering.report import Report, Section, Table, facts
@@ -41,7 +41,7 @@ def continuous_json(found: Estimate, data: Data) -> dict[str, Any]:
         "continuous": [
             {
                 "run": course.record.name,
-                "direction": WAYS[course.record.direction],
+                "direction": DIRECTION_NAMES[course.record.direction],
                 "source": course.record.source,
                 "segment_mm": [float(course.x.min()), float(course.x.max())],
                 "samples": len(course.raw_x),
@@ -55,7 +55,7 @@ def continuous_json(found: Estimate, data: Data) -> dict[str, Any]:
                 "noise_scale": each.shape.noise_scale,
                 "vibrations": [{"frequency_hz": f, "amplitude_um": a} for f, a in noise.vibrations],
             }
-            for each in found.ways.values()
+            for each in found.by_direction.values()
             for course, noise in zip(each.courses, each.noises, strict=True)
         ],
         "quasi_static": {
@@ -70,27 +70,29 @@ def continuous_json(found: Estimate, data: Data) -> dict[str, Any]:
         },
         "reversal": _reversal(found),
         "shape": {
-            WAYS[way]: {
+            DIRECTION_NAMES[sign]: {
                 "prior_order": each.shape.order,
                 "finest_mm": each.shape.finest_mm,
                 "nodes": len(each.shape.nodes),
                 "bound_to_time": [{"frequency_hz": f, "amplitude_um": a} for f, a in each.found.bound_to_time],
             }
-            for way, each in found.ways.items()
+            for sign, each in found.by_direction.items()
         },
         "cyclic": [
-            {"direction": WAYS[way], **wave._asdict()} for way, each in found.ways.items() for wave in each.waves
+            {"direction": DIRECTION_NAMES[sign], **wave._asdict()}
+            for sign, each in found.by_direction.items()
+            for wave in each.waves
         ],
         "jumps": [
             {
-                "direction": WAYS[way],
+                "direction": DIRECTION_NAMES[sign],
                 "pitch_mm": None if each.jumps.pitch is None else each.jumps.pitch[0],
                 "u_pitch_mm": None if each.jumps.pitch is None else each.jumps.pitch[1],
                 "positions_mm": list(each.jumps.places_mm),
                 "sizes_um": list(each.jumps.sizes_um),
                 "u_um": list(each.jumps.u_um),
             }
-            for way, each in found.ways.items()
+            for sign, each in found.by_direction.items()
             if each.jumps.places_mm
         ],
         "methods_minus_ours_rms_um": {
@@ -123,8 +125,12 @@ def _reversal(found: Estimate) -> dict[str, float] | None:
 def _differences(found: Estimate, run: str) -> dict[str, Array]:
     """Errors by the paper's methods less those of the joint estimate, um, by method."""
     compared = found.comparisons[run]
-    way = next(WAYS[way] for way, each in found.ways.items() if run in {c.record.name for c in each.courses})
-    values, _ = found.curve(way)
+    sign = next(
+        DIRECTION_NAMES[sign]
+        for sign, each in found.by_direction.items()
+        if run in {c.record.name for c in each.courses}
+    )
+    values, _ = found.curve(sign)
     ours = np.interp(compared.x, found.fused.positions, values)
     return {method: errors - ours for method, errors in compared.errors.items()}
 
@@ -152,16 +158,16 @@ def _sections(found: Estimate, data: Data) -> Iterator[Section]:
     text = "Quasi-static readings inside the segment, less the estimate and the drift of their run."
     yield Section("Readings against the estimate", text, figure=partial(_residuals, found))
     yield _runs(found)
-    if waves := [row for way, each in found.ways.items() for row in _waves(WAYS[way], each)]:
+    if waves := [row for sign, each in found.by_direction.items() for row in _waves(DIRECTION_NAMES[sign], each)]:
         text = f"The table contains them. {HINT}"
-        if any(each.waves and len(each.courses) == 1 for each in found.ways.values()):
+        if any(each.waves and len(each.courses) == 1 for each in found.by_direction.values()):
             text += (
                 "\nOne run does not distinguish a wave along the axis from a vibration of that frequency: "
                 "measure another run at another feed."
             )
         head = ("direction", "period, mm", "u (k=1)", "amplitude, um", "u (k=1)", "harmonics", "in this run, Hz")
         yield Section("Cyclic errors", text, Table(head, waves))
-    if jumps := [row for way, each in found.ways.items() for row in _jumps(WAYS[way], each)]:
+    if jumps := [row for sign, each in found.by_direction.items() for row in _jumps(DIRECTION_NAMES[sign], each)]:
         table = Table(("direction", "position, mm", "size, um", "u (k=1)"), jumps)
         yield Section("Jumps", f"Steps of a compensation table, or a fault. {HINT}", table)
     if found.fused.drift:
@@ -173,15 +179,15 @@ def _sections(found: Estimate, data: Data) -> Iterator[Section]:
 def _facts(found: Estimate, data: Data) -> Iterator[tuple[str, str]]:
     spread, (low, high) = found.fused.spread, found.segment
     yield "axis", f"{data.axis}, table {found.direction}: {len(found.table().position)} rows"
-    specified = f"{spread.sheet:.3g} um by the instrument specification" if spread.sheet else "not specified"
+    specified = f"{spread.specified:.3g} um by the instrument specification" if spread.specified else "not specified"
     yield (
         "targets",
         f"{len(found.fused.inside)} of {len(found.quasi)} readings from {low:.3f} to {high:.3f} mm, standard "
         f"uncertainty of one {spread.noise:.3g} um ({specified}, {spread.free} degrees of freedom)",
     )
-    for way, each in found.ways.items():
+    for sign, each in found.by_direction.items():
         kind = "cubic spline" if each.shape.order == 2 else "random walk"
-        yield "detail", f"{WAYS[way]}: {kind}; details above noise down to {each.shape.finest_mm:.3g} mm"
+        yield "detail", f"{DIRECTION_NAMES[sign]}: {kind}; details above noise down to {each.shape.finest_mm:.3g} mm"
     if (reversal := _reversal(found)) is not None:
         yield (
             "reversal",
@@ -194,14 +200,14 @@ def _runs(found: Estimate) -> Section:
     rows = [
         (
             course.record.name,
-            WAYS[way],
+            DIRECTION_NAMES[sign],
             f"{course.feed:.6g}",
             f"{course.x.min():.3f} to {course.x.max():.3f}",
             str(len(course.raw_x)),
             f"{noise.total:.3g}",
             "\n".join(f"{f:.3g} Hz, {a:.2g} um" for f, a in [*each.found.bound_to_time, *noise.vibrations]),
         )
-        for way, each in found.ways.items()
+        for sign, each in found.by_direction.items()
         for course, noise in zip(each.courses, each.noises, strict=True)
     ]
     head = ("run", "direction", "feed, mm/min", "segment, mm", "samples", "noise, um", "vibrations")
@@ -209,7 +215,7 @@ def _runs(found: Estimate) -> Section:
     return Section("Continuous runs", text, Table(head, rows))
 
 
-def _waves(direction: str, each: OneWay) -> Iterator[tuple[str, ...]]:
+def _waves(direction: str, each: OneDirection) -> Iterator[tuple[str, ...]]:
     for wave, harmonics in with_harmonics(each.waves)[:LISTED]:
         period = f"{wave.period_mm:.4g}", f"{wave.u_period_mm:.2g}"
         amplitude = f"{wave.amplitude_um:.3g}", f"{wave.u_amplitude_um:.2g}"
@@ -228,7 +234,7 @@ def with_harmonics(waves: Sequence[Wave]) -> list[tuple[Wave, list[int]]]:
     return found
 
 
-def _jumps(direction: str, each: OneWay) -> Iterator[tuple[str, ...]]:
+def _jumps(direction: str, each: OneDirection) -> Iterator[tuple[str, ...]]:
     jumps = each.jumps
     for x, size, u in list(zip(jumps.places_mm, jumps.sizes_um, jumps.u_um, strict=True))[:LISTED]:
         yield direction, f"{x:.3f}", f"{size:.2f}", f"{u:.2g}"
@@ -255,11 +261,11 @@ def _errors(found: Estimate, canvas: Figure) -> None:
     """Errors by direction with their uncertainties, and the readings."""
     canvas.set_size_inches(9.0, 3.6)
     place = canvas.subplots()
-    for colour, way in zip(COLOURS, found.fused.ways, strict=False):
-        rows = found.table(WAYS[way])
+    for colour, sign in zip(COLOURS, found.fused.signs, strict=False):
+        rows = found.table(DIRECTION_NAMES[sign])
         inner = rows.continuous
-        band(place, rows.position[inner], rows.error[inner], 2 * rows.u[inner], colour, WAYS[way])
-        own, label = found.quasi.direction == way, f"readings {WAYS[way]}"
+        band(place, rows.position[inner], rows.error[inner], 2 * rows.u[inner], colour, DIRECTION_NAMES[sign])
+        own, label = found.quasi.direction == sign, f"readings {DIRECTION_NAMES[sign]}"
         _circles(place, found.quasi.target[own], found.quasi.deviation[own], colour, label, markerfacecolor="none")
     place.set_xlabel("position, mm")
     place.set_ylabel("error, um")
@@ -279,13 +285,13 @@ def _residuals(found: Estimate, canvas: Figure) -> None:
     canvas.set_size_inches(9.0, 2.4)
     place = canvas.subplots()
     quasi, residual = found.quasi, found.fused.residual
-    for colour, (way, name) in zip(COLOURS, WAYS.items(), strict=False):
-        rows = quasi.direction[found.fused.inside] == way
+    for colour, (sign, name) in zip(COLOURS, DIRECTION_NAMES.items(), strict=False):
+        rows = quasi.direction[found.fused.inside] == sign
         if rows.any():
             at = quasi.target[found.fused.inside][rows]
             _circles(place, at[:MANY], residual[rows][:MANY], colour, name)
-    for sign in (-2.0, 2.0):
-        place.axhline(sign * found.fused.spread.noise, color="#888", linewidth=0.6)
+    for k in (-2.0, 2.0):
+        place.axhline(k * found.fused.spread.noise, color="#888", linewidth=0.6)
     place.set_xlabel("target, mm")
     place.set_ylabel("reading minus estimate, um")
     place.legend(frameon=False)

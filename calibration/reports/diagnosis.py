@@ -78,7 +78,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         ],
         "origin": found.base.origin,
         "basis": {} if found.base.choice is None else {a: str(b) for a, b in found.base.choice.bases.items()},
-        "sanity": [{"what": finding.what, "says": finding.says} for finding in found.findings],
+        "sanity": [{"what": finding.check, "says": finding.message} for finding in found.findings],
         "noise_from_repeats": None if found.repeats is None else found.repeats.text,
         "whiteness": {"before": _tests_json(found.tests), "after": _tests_json(found.tests_after)},
         "closure": found.closure,
@@ -218,7 +218,7 @@ def _facts(found: Diagnosis) -> Iterator[tuple[str, str]]:
     bases = "" if choice is None else ": " + ", ".join(f"{axis} {basis}" for axis, basis in choice.bases.items())
     yield "model", f"{ORIGINS[found.base.origin]}{bases}; {len(fit.model.parameters)} parameters"
     for finding in found.findings:
-        yield "note", finding.says
+        yield "note", finding.message
     repeats = found.repeats
     yield (
         "noise",

@@ -17,7 +17,7 @@ from calibration.fit.identifiability import Unidentifiable
 from calibration.observation.equations import covariance
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.on_the_fly.along_path import OnTheFly
-from calibration.on_the_fly.planning.blind_mode import common_odd_mode
+from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
 from kinematics.effects import Effect, ErrorMotion, LocationError
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, against_normal, band, dots, some
@@ -62,13 +62,13 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         "basis": {axis: str(choice) for axis, choice in found.choice.bases.items()},
         "prior_scale": found.choice.prior_scale,
         "log_evidence": fitted.log_evidence,
-        "depends_on": [{"what": s.what, "p_value": s.p_value, "hint": s.hint} for s in found.suspects],
+        "depends_on": [{"what": s.variable, "p_value": s.p_value, "hint": s.hint} for s in found.dependences],
         "outliers": [measurement.where(int(row)) for row in fitted.outliers],
         "copies": [measurement.where(int(row)) for row in fitted.copies.nonzero()[0]],
         "failed_stations": list(fitted.failed),
         "significant_share": found.significant_share,
         "u_um": found.seen.json(),
-        "sanity": [{"what": finding.what, "says": finding.says} for finding in found.findings],
+        "sanity": [{"what": finding.check, "says": finding.message} for finding in found.findings],
         "locations": {
             e.name: {"value_urad" if e.angular else "value_um": e.value, "u": e.uncertainties[0]}
             for e in _locations(found)
@@ -123,7 +123,7 @@ def residuals(before: tuple[float, float], after: Fit, held: CrossValidation | N
     """Residuals, um, RMS and largest, of the nominal machine, of the model and of the held-out rows."""
     rows = [("before (nominal machine)", *before), ("after", after.rms_um, after.max_um)]
     if held is not None:
-        rows.append((f"held out ({held.blocks} {held.what})", held.rms_um, held.max_um))
+        rows.append((f"held out ({held.blocks} {held.name})", held.rms_um, held.max_um))
     table = Table(("residual, um", "RMS", "max"), [(name, f"{rms:.2f}", f"{most:.2f}") for name, rms, most in rows])
     return Section("Residual", table=table)
 
@@ -192,7 +192,7 @@ def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, st
         if blind := common_odd_mode(taken.measurement, found.fit.registration):
             yield "BLIND MODE", blind
     for finding in found.findings:
-        yield "note", finding.says
+        yield "note", finding.message
     yield "model", f"{seen.parameters} parameters: {bases}; size of errors x {found.choice.prior_scale:g}"
     yield (
         "rank",
@@ -200,8 +200,11 @@ def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, st
         f"{seen.by_convention} directions belong to the frame and are fixed by convention",
     )
     yield "uncertainty", str(found.seen)
-    for suspect in found.suspects:
-        yield "DEPENDS ON", f"the residuals depend on {suspect.what} (p = {suspect.p_value:.1g}): try {suspect.hint}"
+    for dependence in found.dependences:
+        yield (
+            "DEPENDS ON",
+            f"the residuals depend on {dependence.variable} (p = {dependence.p_value:.1g}): try {dependence.hint}",
+        )
 
 
 def unidentifiable(found: Iterable[Unidentifiable]) -> list[tuple[str, str, str]]:

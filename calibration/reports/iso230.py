@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from calibration.single_axis.iso230 import WAYS, AxisTest
+from calibration.single_axis.iso230 import DIRECTIONS, AxisTest
 from rendering.report import Report, Section, Table
 
 
@@ -18,9 +18,9 @@ def _sections(test: AxisTest) -> Iterator[Section]:
     unit = test.unit
     rows = []
     for i, position in enumerate(test.positions):
-        ways = [cell for way in range(len(WAYS)) for cell in _cells(test, way, i)]
-        rows.append((f"{position:g}", *ways, number(test.reversal[i])))
-    head = [cell for way in WAYS for cell in (f"{way} mean", "s", "runs")]
+        cells = [cell for direction in range(len(DIRECTIONS)) for cell in _cells(test, direction, i)]
+        rows.append((f"{position:g}", *cells, number(test.reversal[i])))
+    head = [cell for direction in DIRECTIONS for cell in (f"{direction} mean", "s", "runs")]
     table = Table((f"target, {test.position_unit}", *head, "reversal B_i"), rows)
     yield Section(f"Axis {test.axis}: deviations in {unit}", "Measured minus target.", table)
     values = [(value.symbol, value.title, number(value.value), number(value.U)) for value in test.values]
@@ -28,8 +28,8 @@ def _sections(test: AxisTest) -> Iterator[Section]:
     yield Section(f"Axis {test.axis}: ISO 230-2:2014", table=Table(("", "", *head), values))
 
 
-def _cells(test: AxisTest, way: int, i: int) -> tuple[str, str, str]:
-    return number(test.mean[way, i]), number(test.spread[way, i]), str(test.count[way, i])
+def _cells(test: AxisTest, direction: int, i: int) -> tuple[str, str, str]:
+    return number(test.mean[direction, i]), number(test.spread[direction, i]), str(test.count[direction, i])
 
 
 def number(value: float) -> str:

@@ -24,10 +24,10 @@ def three_points_json(found: ThreePoints, checked: Check) -> dict[str, Any]:
             "max_um": checked.fit.max_um,
             "heldout_rms_um": None if held is None else held.rms_um,
         },
-        "chi2_reduced": points.chi2 / points.freedom if points.freedom else None,
-        "repeatability_um": points.repeatability_um if points.freedom else None,
+        "chi2_reduced": points.chi2 / points.degrees_of_freedom if points.degrees_of_freedom else None,
+        "repeatability_um": points.repeatability_um if points.degrees_of_freedom else None,
         "locations": {f.name: {"value": f.value, "u": f.u, "unit": f.unit} for f in locations(found)},
-        "squareness": {f.name: {"value_urad": f.value, "u": f.u, "is": f.what} for f in squarenesses(found)},
+        "squareness": {f.name: {"value_urad": f.value, "u": f.u, "is": f.description} for f in squarenesses(found)},
         "axes": {
             name: {
                 "targets": list(axis.targets),
@@ -37,7 +37,9 @@ def three_points_json(found: ThreePoints, checked: Check) -> dict[str, Any]:
                 "u": _columns(axis, axis.u),
                 "u_type_a": _columns(axis, axis.u_a),
                 "curves": _curves(axis),
-                "ranges": {f.name: {"is": f.what, "value": f.value, "u": f.u, "unit": f.unit} for f in ranges(axis)},
+                "ranges": {
+                    f.name: {"is": f.description, "value": f.value, "u": f.u, "unit": f.unit} for f in ranges(axis)
+                },
                 "straightness": _straightness(axis),
             }
             for name, axis in found.axes.items()
@@ -59,7 +61,7 @@ def _curves(axis: AxisResult) -> dict[str, Any]:
     return {
         name: {
             "degree": degree,
-            "chi2_reduced": one.chi2 / one.freedom if one.freedom else None,
+            "chi2_reduced": one.chi2 / one.degrees_of_freedom if one.degrees_of_freedom else None,
             "u_widened_by": one.widening,
             "resolved": j not in axis.curves.unresolved,
         }
@@ -87,10 +89,10 @@ def three_points_report(found: ThreePoints, checked: Check, *, tables: bool) -> 
 
 def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Section]:
     points = found.points
-    if points.freedom:
+    if points.degrees_of_freedom:
         text = (
-            f"chi2/dof {points.chi2 / points.freedom:.3g} by the instrument specification; additional standard "
-            f"deviation of the machine's repeatability {points.repeatability_um:.2g} um"
+            f"chi2/dof {points.chi2 / points.degrees_of_freedom:.3g} by the instrument specification; additional "
+            f"standard deviation of the machine's repeatability {points.repeatability_um:.2g} um"
         )
         yield facts("Data", [("rounds", text)])
     yield residuals((checked.before_rms_um, checked.before_max_um), checked.fit, checked.cross_validation)
@@ -111,7 +113,7 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
     if straight:
         yield Section("Straightness", "um, ± u (k=1), by reference line.", Table(("", *LINES), straight))
     rows = [
-        (figure.name, f"{figure.value:.2f}", f"{figure.u:.2f}", figure.unit, figure.what)
+        (figure.name, f"{figure.value:.2f}", f"{figure.u:.2f}", figure.unit, figure.description)
         for figure in (*locations(found), *squarenesses(found))
     ]
     yield Section("Location errors and squareness", RIGHT_HANDED, Table(("", "value", "u (k=1)", "", ""), rows))
@@ -127,8 +129,8 @@ def _axis_summary(axis: AxisResult) -> Section:
             f"{figure.u:.2f}",
             figure.unit,
             "table" if degree is None else str(degree),
-            f"{one.chi2 / one.freedom:.2f}" if one.freedom else "",
-            figure.what,
+            f"{one.chi2 / one.degrees_of_freedom:.2f}" if one.degrees_of_freedom else "",
+            figure.description,
         )
         for figure, degree, one in zip(ranges(axis), axis.curves.degrees, axis.misfits, strict=True)
     ]

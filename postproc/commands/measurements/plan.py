@@ -127,7 +127,7 @@ def plan(
 ) -> None:
     """Plan a measurement: positions inside the travel, their order, the time it takes, and its NC program."""
     from calibration.measurement.plan_file import write_plan
-    from calibration.on_the_fly.planning.predicted_fit import judged
+    from calibration.on_the_fly.planning.predicted_fit import evaluated_path
     from postproc.commands.show.terminal import show
     from postproc.generate import path_program
     from rendering.report import Report
@@ -145,7 +145,7 @@ def plan(
         made = plan_of_path(nominal, choices, settings.feed)
         corners = nominal.positions / found.scale
         lines = path_program(found, corners, settings, dialect, "ncomp path to be measured on the fly")
-        shown = path_report(nominal, judged(nominal, choices.targets), settings.feed, len(choices.targets))
+        shown = path_report(nominal, evaluated_path(nominal, choices.targets), settings.feed, len(choices.targets))
     else:
         if optimising.optimise:
             made = optimising.plan(found, choices, sequence.points, path.minutes)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from calibration.measurement.plan import Choices, Plan
     from calibration.on_the_fly.nominal_path import NominalPath
-    from calibration.on_the_fly.planning.predicted_fit import Judged
+    from calibration.on_the_fly.planning.predicted_fit import PathEvaluation
     from kinematics.machine import Machine
 
 STRATEGY = "on-the-fly"
@@ -55,16 +55,16 @@ class PathOptions:
         from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM
         from calibration.on_the_fly.nominal_path import NominalPath
         from calibration.on_the_fly.planning.noise_gain import Volume
-        from calibration.on_the_fly.planning.path_search import STARTS, TRIES, planned
+        from calibration.on_the_fly.planning.path_search import STARTS, TRIES, best_path
         from postproc.commands.show.terminal import progress_of
 
         ends = _ends(machine, choices)
         volume = Volume(machine, ends, choices.targets, CELL_MM, CORNER_MM)
         length = self.length(float(np.ptp(ends[:, ~machine.rotary], axis=0).sum()), feed)
         with progress_of(STARTS + TRIES, "searching for the best path", 0) as progress:
-            corners = planned(volume, length, np.random.default_rng(choices.seed), progress).corners
-        way = np.concatenate([[0.0], np.cumsum([volume.length(a, b) for a, b in pairwise(corners)])])
-        return NominalPath(machine, corners, way, np.ones(len(corners), bool), "the planned path")
+            corners = best_path(volume, length, np.random.default_rng(choices.seed), progress).corners
+        feed_distance = np.concatenate([[0.0], np.cumsum([volume.length(a, b) for a, b in pairwise(corners)])])
+        return NominalPath(machine, corners, feed_distance, np.ones(len(corners), bool), "the planned path")
 
 
 def plan_of_path(path: NominalPath, choices: Choices, feed: float) -> Plan:
@@ -76,32 +76,34 @@ def plan_of_path(path: NominalPath, choices: Choices, feed: float) -> Plan:
     from kinematics.state import State
 
     n, names = len(path.positions), list(choices.targets)
-    time = np.concatenate([path.way + k * path.way[-1] for k in range(len(names))]) / feed * 60.0
+    time = np.concatenate([path.feed_distance + k * path.feed_distance[-1] for k in range(len(names))]) / feed * 60.0
     state = State(np.tile(path.positions, (len(names), 1)), time=time, target=np.repeat(names, n))
-    minutes = choices.timing.setup_min + float(path.way[-1]) * len(names) / feed
+    minutes = choices.timing.setup_min + float(path.feed_distance[-1]) * len(names) / feed
     points = np.array([f"C{k}" for k in range(1, n + 1)] * len(names))
     return Plan(
         path.machine, STRATEGY, with_moves(state), points, np.full(len(state), "1"), choices.targets, minutes=minutes,
-        places=n,
+        position_count=n,
     )  # fmt: skip
 
 
-def path_report(path: NominalPath, judged: Judged, feed: float, targets: int) -> Report:
+def path_report(path: NominalPath, evaluation: PathEvaluation, feed: float, targets: int) -> Report:
     """Evaluation of a path, for people."""
-    gain = judged.gain
+    noise_gain = evaluation.noise_gain
     each = f", once for each of {targets} targets" if targets > 1 else ""
-    length = f"{len(path.positions)} corners, {judged.feed_mm * 1e-3:.2f} m"
-    noise = f"{gain.noise:.3f} um in a coordinate of the volume (worst {gain.worst:.3f}) by 1 um in each 4 mm"
+    length = f"{len(path.positions)} corners, {evaluation.feed_mm * 1e-3:.2f} m"
+    noise = (
+        f"{noise_gain.noise:.3f} um in a coordinate of the volume (worst {noise_gain.worst:.3f}) by 1 um in each 4 mm"
+    )
     rows = [
-        ("path", f"{path.source}: {length}, {judged.feed_mm / feed:.1f} min at {feed:g} mm/min{each}"),
+        ("path", f"{path.source}: {length}, {evaluation.feed_mm / feed:.1f} min at {feed:g} mm/min{each}"),
         ("noise gain", noise),
     ]
-    if gain.hidden:
-        number = "1 direction" if gain.hidden == 1 else f"{gain.hidden} directions"
+    if noise_gain.hidden:
+        number = "1 direction" if noise_gain.hidden == 1 else f"{noise_gain.hidden} directions"
         rows.append(("HIDDEN", f"{number} of the errors in the volume can't be determined along this path"))
-    if judged.blind_mode is not None:
-        rows.append(("BLIND MODE", judged.blind_mode))
-    hidden = shortened(list(map(str, judged.not_visible)), SHOWN, "effects")
+    if evaluation.unidentifiable_mode is not None:
+        rows.append(("BLIND MODE", evaluation.unidentifiable_mode))
+    hidden = shortened(list(map(str, evaluation.unidentifiable)), SHOWN, "effects")
     rows += [("NOT VISIBLE", text) for text in hidden]
     return Report("Path", "", [facts("Path", rows)])
 
@@ -110,12 +112,12 @@ def _ends(machine: Machine, choices: Choices) -> np.ndarray:
     """Ends `(2, axes)`, mm and rad, of the range of the path; equal for axes that do not move."""
     import numpy as np
 
-    from calibration.planning.strategies import limits, need_ends, stand
+    from calibration.planning.strategies import fixed_positions, limits, need_ends
 
     if choices.rotary not in ("fixed", "simultaneous"):
         raise UserError(f"--rotary {choices.rotary}: on the fly, expected fixed or simultaneous")
     low, high = limits(machine, choices)
-    standing = stand(machine, choices)
+    standing = fixed_positions(machine, choices)
     for i in range(len(machine.axes)):
         if machine.rotary[i] and choices.rotary == "fixed":
             low[i] = high[i] = standing[i]

@@ -55,7 +55,7 @@ class OnTheFlyOptions:
         """Readings along a path as a measurement; shows their notes."""
         from calibration.measurement.readers import table_in
         from calibration.on_the_fly.along_path import on_path
-        from calibration.on_the_fly.footing import with_footing
+        from calibration.on_the_fly.corrected_positions import with_corrected_positions
         from calibration.on_the_fly.readings import read_readings
         from postproc.commands.show.terminal import console, say
 
@@ -67,7 +67,7 @@ class OnTheFlyOptions:
         with console.status("reading") as status:
             taken = on_path(read, path, cell_mm=self.cell_mm, corner_mm=self.corner_mm, progress=status.update)
             status.update("positions of the readings on the path")
-            return replace(taken, measurement=with_footing(taken))
+            return replace(taken, measurement=with_corrected_positions(taken))
 
 
 def read_path(program: str, machine: Machine, setup: Setup, dialect: str = "auto") -> NominalPath:
