@@ -147,7 +147,7 @@ def steps(draws: int) -> None:
     for seed in range(draws):
         case = virtual_case(seed, TABLE, targets=Targets(90.0), u_um=0.3)
         found = estimate(case.measured.records, case.quasi)
-        jumps = found.ways[1].jumps
+        jumps = found.by_direction[1].jumps
         rows = found.quasi.direction == 1
         smooth = np.polyfit(found.quasi.target[rows], found.quasi.deviation[rows], 3)
         seen = np.ptp(found.quasi.deviation[rows] - np.polyval(smooth, found.quasi.target[rows]))
@@ -233,7 +233,7 @@ def slit(_: int) -> None:
         table = found.table()
         inner = table.continuous
         off = table.error[inner] - truth(table.position[inner])
-        first = found.ways[1].waves[0]
+        first = found.by_direction[1].waves[0]
         print(
             f"  readings every {every:g} mm ({len(quasi)}) show {np.ptp(quasi.deviation):.1f} um, the joint table "
             f"{np.ptp(table.error):.1f} um; RMS {rms(off):.2f} um, largest {np.abs(off).max():.2f} um from the truth, "

@@ -156,7 +156,7 @@ def test_what_is_tied_to_the_error_motions_is_not_visible():
 
 def test_what_no_plan_can_show_is_refused():
     (effect,) = read_effects(["air-scale:scale_um_per_m=0"], GANTRY)
-    with pytest.raises(UserError, match=r"air-scale .* can't be told"):
+    with pytest.raises(UserError, match=r"air-scale .* cannot be separated"):
         optimised(GANTRY, TRACKER, request(points=40, candidates=150, visible=[effect]))
 
 

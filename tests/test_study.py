@@ -213,7 +213,7 @@ def test_a_draw_chooses_its_basis_as_the_fit_of_its_measurement(name):
     for draw in draws:
         measured = measured_as(ready, drawn, draw)
         basis = content.get("fit", {}).get("basis", "auto")
-        found = calibrate(measured, basis=basis, effects=ready.case.besides, hold_out=False).choice
+        found = calibrate(measured, basis=basis, effects=ready.case.other_effects, hold_out=False).choice
         parts, scale = chosen[draw]
         assert {axis: str(basis) for axis, basis in found.bases.items()} == {axis: of for axis, of in parts if axis}
         assert found.prior_scale == scale

@@ -420,7 +420,7 @@ def test_targets_in_one_line_are_refused():
 def test_a_station_that_nothing_ties_to_the_others_is_refused():
     good = measured(DMU50, model(DMU50, []), AROUND)
     alone = (good.state.station == "3") & np.isin(good.state.target, ["P", "Q", "K"])
-    with pytest.raises(UserError, match="station 3 sees fewer than three"):
+    with pytest.raises(UserError, match="station 3 observes fewer than three"):
         identify(without(good, alone))
 
 
