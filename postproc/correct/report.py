@@ -75,10 +75,10 @@ def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterat
         yield Section("Notes", "\n".join(notes))
     if trace is not None:
         yield from _figures(trace, result.error)
-        for what, places in zip(("before", "after"), trace.worst, strict=True):
-            if places:
+        for what, ends in zip(("before", "after"), trace.worst, strict=True):
+            if ends:
                 text = "Ends of moves, in programmed coordinates (mm, degrees)."
-                yield Section(f"Largest errors {what}", text, _worst_table(trace, places), detail=True)
+                yield Section(f"Largest errors {what}", text, _worst_table(trace, ends), detail=True)
 
 
 def _set_up(result: CorrectionResult) -> Iterator[tuple[str, str]]:
@@ -158,6 +158,6 @@ def _figures(trace: Trace, error: str) -> Iterator[Section]:
         yield Section("Errors on the part", text, figure=partial(plan_figure, paths))
 
 
-def _worst_table(trace: Trace, places: Sequence[MoveEnd]) -> Table:
-    rows = [(str(p.line), *(f"{value:.3f}" for value in p.target), f"{p.before:.3f}", f"{p.after:.3f}") for p in places]
+def _worst_table(trace: Trace, ends: Sequence[MoveEnd]) -> Table:
+    rows = [(str(p.line), *(f"{value:.3f}" for value in p.target), f"{p.before:.3f}", f"{p.after:.3f}") for p in ends]
     return Table(("line", *trace.machine.names, "before, um", "after, um"), rows)

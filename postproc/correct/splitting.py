@@ -19,7 +19,6 @@ from postproc.motion.frames import Frame
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Known
 from postproc.motion.segments import arc_turned, split
-from postproc.text.block import Block
 from postproc.text.number_style import decimals_for
 from postproc.write.added_blocks import END_M, LASTING, NO_INSERTION, SINGLE_FEEDS, START_M
 
@@ -92,8 +91,10 @@ def _obstacle(motions: Motions, row: int, paths: CorrectedPaths, varied: frozens
     machine, block, arc = motions.machine, motions.blocks[motions.block[row]], motions.arcs.get(row)
     moved = motions.target[row] != motions.start[row]
     moved[[word.axis for word in motions.words[row]]] = True
-    said = np.minimum(motions.known_start[row], motions.known[row])[moved]
+    known = np.minimum(motions.known_start[row], motions.known[row])[moved]
     turned = paths.extents[row] * machine.rotary
+    m_functions = {word.value or 0.0 for word in block.words if word.address == "M"}
+    has_feed = any(word.address == "F" and word.value and word.formula is None for word in block.words)
     obstacles = {
         NO_INSERTION: block.no_insertion,
         "its block runs several times with different moves": int(motions.block[row]) in varied,
@@ -102,28 +103,17 @@ def _obstacle(motions: Motions, row: int, paths: CorrectedPaths, varied: frozens
         "its end is given in polar coordinates": row in motions.polars
         or (arc is None and any(w.word < 0 for w in motions.words[row])),
         "no word may be added for one of its axes": row in motions.locked_axes,
-        "the program has not yet given the positions of all its axes": (said != Known.PROGRAM).any(),
+        "the program has not yet given the positions of all its axes": (known != Known.PROGRAM).any(),
         "rotary axes move along an arc": arc is not None and turned.any(),
         "a rotary axis turns by half a turn or more, and its direction depends on the control": (
             (turned > HALF_TURN) & _endless(machine)
         ).any(),
+        "an M function in its block may run before or after the move": not m_functions <= START_M | END_M,
+        "its feed is in force for one block only": any(word.address in SINGLE_FEEDS for word in block.words),
+        "DC, ACP or ACN gives the direction of a rotary axis": any(word.mode in LASTING for word in block.words),
+        "its block has no F under G93": motions.timed[row] and not has_feed,
     }
-    return next((reason for reason, present in obstacles.items() if present), "") or _obstacle_in_words(
-        block, timed=bool(motions.timed[row])
-    )
-
-
-def _obstacle_in_words(block: Block, *, timed: bool) -> str:
-    said = {word.value or 0.0 for word in block.words if word.address == "M"}
-    if not said <= START_M | END_M:
-        return "an M function in its block may run before or after the move"
-    if any(word.address in SINGLE_FEEDS for word in block.words):
-        return "its feed is in force for one block only"
-    if any(word.mode in LASTING for word in block.words):
-        return "DC, ACP or ACN gives the direction of a rotary axis"
-    if timed and not any(word.address == "F" and word.value and word.formula is None for word in block.words):
-        return "its block has no F under G93"
-    return ""
+    return next((reason for reason, present in obstacles.items() if present), "")
 
 
 def _endless(machine: Machine) -> NDArrayBool:

@@ -84,7 +84,7 @@ class PoleWriter:
     def _pole_is_near(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
         """True if the pole on the control is near enough to the centre of an arc."""
         near = self._held is not None and self._held[0] == arc.pole and math.dist(self._held[1], arc.centre) < NEAR
-        return near and (editor.iterations is None or editor.iterations.chosen("pole stands", near))
+        return near and (editor.iterations is None or editor.iterations.chosen("pole is near", near))
 
     def _write_pole(self, editor: WordEditor, arc: Arc, unit: float) -> Point:
         """Write the pole into a CC of the program; returns the written pole, mm."""
