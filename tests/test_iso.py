@@ -410,10 +410,10 @@ REFUSED = {
     "U5": "machine gantry (w b X Y Z t) has no axis U",
     "X1 X2": "two X words",
     "X1 F5 F6": "two F words",
-    "X" + "9" * 400: "X with a number that no control reads",
-    "T1.5": "T with a number that is not whole",
-    "T" + "9" * 400: "T with a number that is not whole",
-    "G43 H1.5": "H with a number that is not whole",
+    "X" + "9" * 400: "X has a number that no control reads",
+    "T1.5": "T has a number that is not whole",
+    "T" + "9" * 400: "T has a number that no control reads",
+    "G43 H1.5": "H has a number that is not whole",
     "X1 E6": "E in a move: its effect depends on the control",  # the rest of X1E6
     "X1 L3": "L calls a subprogram on some controls and repeats the block on others",
     "L340": "L calls a subprogram on some controls",
@@ -432,7 +432,7 @@ REFUSED = {
     "#0=5": "#0 is the empty variable of some controls",
     "X1 0.5": "a number without an address",
     # arcs
-    "G2 X5": "an arc without I or J or R",
+    "G2 X5": "the arc has no centre and no radius",
     "G18 G2 X5 J1": "J gives no centre in the plane of Z and X",
     "G2 X5 Y1 K1": "K gives no centre in the plane of X and Y",
     "G2 X5 Y1 R1": "no circle of this radius joins start and end",
@@ -444,8 +444,8 @@ REFUSED = {
     "G2 X2 Y2 I2 J1": 'its centre would fit as absolute: for such a control set arc_centres = "absolute"',
     "G2 X5 Y1 I2 R2": "the arc has a radius and a centre",
     "G2 X5 Y1 I2 P0": "P of the arc must be 1 or more",
-    "G2 X5 Y1 R2 P2": "needs a centre I J K instead of R",
-    "G90.1 G2 X5 Y1 I3": "an absolute centre (G90.1) takes both I and J",
+    "G2 X5 Y1 R2 P2": "needs a centre: write I J K instead of R",
+    "G90.1 G2 X5 Y1 I3": "an absolute centre needs both words: write I and J",
     # two codes of which controls take one or the other
     "G90 X5 G91 Y5": "G90 and G91 in one block",
     "G0 G1 X5": "G0 and G1 in one block",
@@ -469,7 +469,7 @@ REFUSED = {
     "G28 Z0\nG91 Z1": "an increment of Z from a position that the program has not given",
     "G30 X0\nG91 X1": "an increment of X from a position that the program has not given",
     "M6\nG91 Z1": "an increment of Z from a position that the program has not given",
-    "G28 X0\nG2 X5 Y1 I2": "an arc from a position that the program has not given",
+    "G28 X0\nG2 X5 Y1 I2": "the arc starts at a position that the program has not given",
     # block skip
     "/X1": "whether it runs depends on the block-skip switch",
     "N5 /2 M6": "whether it runs depends on the block-skip switch",
@@ -560,7 +560,7 @@ def test_before_any_motion_code():
     assert "coordinates before any G0, G1, G2 or G3" in refusal("X1\n")
     assert "G53 needs G90 and G0 or G1" in refusal("G53 X1\n")
     assert "an increment of X from a position" in refusal("G91 G0 X1\n")
-    assert "an arc from a position" in refusal("G0 X1\nG2 X5 I2\n")
+    assert "the arc starts at a position" in refusal("G0 X1\nG2 X5 I2\n")
 
 
 def test_integers_in_an_inch_program_have_no_known_increment():

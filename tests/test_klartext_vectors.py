@@ -66,13 +66,13 @@ def test_nothing_is_put_between_normals():
 
 
 REFUSED = {
-    "LN X+1 Y+2": "LN needs NX NY NZ or TX TY TZ",
+    "LN X+1 Y+2": "LN needs a vector: write NX NY NZ, or TX TY TZ, or both",
     "LN X+1 NZ+1": "NX NY NZ must all be in the block, each once",
     "LN X+1 NX+0 NX+0 NY+0 NZ+1": "NX NY NZ must all be in the block, each once",
-    "LN X+1 TX+0 TY+0 TZ+1": "TX TY TZ without M128, or in turned coordinates",
-    "M128\nCYCL DEF 10.0 R\nCYCL DEF 10.1 ROT+5\nLN X+1 TX+0 TY+0 TZ+1": "TX TY TZ without M128, or in turned",
-    "M128\nLN X+1 C+5 TX+0 TY+0 TZ+1": "TX TY TZ beside a rotary axis",
-    "M128\nLN X+1 TX+0 TY+0 TZ+0": "a tool axis of length 0",
+    "LN X+1 TX+0 TY+0 TZ+1": "TX TY TZ need M128 and coordinates that are not rotated",
+    "M128\nCYCL DEF 10.0 R\nCYCL DEF 10.1 ROT+5\nLN X+1 TX+0 TY+0 TZ+1": "TX TY TZ need M128 and coordinates that are not rotated",
+    "M128\nLN X+1 C+5 TX+0 TY+0 TZ+1": "TX TY TZ and a rotary axis in one block",
+    "M128\nLN X+1 TX+0 TY+0 TZ+0": "the tool axis has the length 0",
     "M128\nLN X+1 TX+0 TY+0 TZ-1": "no position of the rotary axes gives this tool axis",
     "LN X+1 NX+Q5 NY+0 NZ+1": "NX+Q5: Q5 is not set by the program",
 }
@@ -85,7 +85,7 @@ def test_refused(text):
 
 
 def test_a_machine_without_rotary_axes():
-    with pytest.raises(Refusal, match="machine gantry without one"):
+    with pytest.raises(Refusal, match="machine gantry has none"):
         Run("BEGIN PGM A MM\nL X+0 Y+0 Z+0\nM128\nLN X+1 TX+0 TY+0 TZ+1\n", machine="gantry")
 
 

@@ -174,7 +174,7 @@ REASONS = {
     "TEST2.NC": ":12: .*this is no circle; its centre would fit as absolute",
     "G81_G91.NC": ":11: .*a canned cycle with increments, and no G98 before it",
     "TEST_G91.NC": ":30: .*an increment of Z from a position that the program has not given",
-    "TEST_TURN.NC": ":9: .*an arc from a position that the program has not given",
+    "TEST_TURN.NC": ":9: .*the arc starts at a position that the program has not given",
     "box_centroid.nc": ":105: .*M99 jumps back in the program",
     "box_fanuc.nc": ":3: .*is not understood",
 }

@@ -284,7 +284,7 @@ def test_radius_compensation_and_corners():
     text = HEAD + "G41 X10 Y10\nX30\nG3 X40 Y20 CR=10\nG1 X40 Y40 RND=2\nX0\nRNDM=1\nX-10\nRNDM=0\nG40 X-20\n"
     written, _ = judged(text, MODEL)
     notes = corrected(text, model=MODEL)[1]
-    assert any("tool radius compensation: the points of the contour are corrected" in note for note in notes)
+    assert any("radius compensation: the points of the contour are corrected" in note for note in notes)
     assert any("the corner points are corrected" in note for note in notes)
     assert "RND=2" in written
     blocks = interpreted(load("gantry"), text).blocks

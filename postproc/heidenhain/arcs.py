@@ -10,11 +10,11 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from postproc.control.words import Content, value_of
 from postproc.heidenhain.codes import DIRECTIONS
-from postproc.heidenhain.modal_state import Content, Control, value_of
+from postproc.heidenhain.modal_state import ModalState, straight
 from postproc.motion.arcs import Ends, arc_by_centre, arc_by_radius, begin_arc
 from postproc.motion.circles import SAME, Point, same, sweep, tangent_circle
-from postproc.motion.frames import cartesian
 from postproc.motion.moves import Arc, AxisWord, Kind, PolarEnd
 from postproc.text.block import Block
 
@@ -52,7 +52,7 @@ class _PolarPosition(NamedTuple):
 class Arcs:
     """Moves of one control that have to do with a pole."""
 
-    control: Control
+    control: ModalState
     pole: _Pole | None = None
     block: int = -1
     """Of the chunk: where the pole was put, -1 for an earlier chunk."""
@@ -68,7 +68,7 @@ class Arcs:
     @property
     def planes(self) -> tuple[Plane, Plane, Plane]:
         """The working plane first."""
-        x, y, z = cartesian(self.control.machine)
+        x, y, z = self.control.x_y_z
         return (x, y, z), (y, z, x), (z, x, y)
 
     # ---- poles
@@ -120,7 +120,7 @@ class Arcs:
 
     # ---- arcs to a point
 
-    def circle(self, index: int, block: Block, content: Content, frame_unchanged: bool) -> None:
+    def circle(self, index: int, block: Block, content: Content) -> None:
         """C, CR and CT."""
         sense = self._sense(block, content) if block.kind != "tangent" else 0
         words = self.control.axis_words(block, content.axes)
@@ -136,13 +136,10 @@ class Arcs:
                 arc = self._tangent(block, plane, ends.start, ends.end)
             case _:
                 arc = self._by_radius(block, ends)
-        named = tuple(word for word, _ in words)
-        self.control.recorder.move(
-            index, Kind.ARC, target, self.control.unit, named, arc, frame_unchanged=frame_unchanged
-        )
+        self.control.move(index, Kind.ARC, target, words, arc)
 
     def _sense(self, block: Block, content: Content) -> int:
-        senses = DIRECTIONS.keys() & content.other
+        senses = DIRECTIONS.keys() & content.other.keys()
         if len(senses) != 1:
             raise block.refuse("an arc without DR+ or DR-")
         return DIRECTIONS[senses.pop()]
@@ -186,7 +183,7 @@ class Arcs:
 
     # ---- polar coordinates
 
-    def polar(self, index: int, block: Block, content: Content, frame_unchanged: bool) -> None:
+    def polar(self, index: int, block: Block, content: Content) -> None:
         """LP, CP and CTP."""
         pole = self._pole(block)
         words = self.control.axis_words(block, content.axes)
@@ -202,30 +199,16 @@ class Arcs:
         ):
             raise block.refuse("polar coordinates that count from a position that the program has not given")
         target[first], target[second] = place.at
-        kind = Kind.RAPID if "FMAX" in content.other else Kind.LINE
-        arc = None
+        kind, arc = straight(content), None
         if block.kind == "polar_circle":
             kind, arc = Kind.ARC, self._polar_arc(block, content, pole, (start, place))
         elif block.kind == "polar_tangent":
             kind, arc = Kind.ARC, self._tangent(block, pole.plane, start, place.at)
-        self._record(index, kind, target, words, (pole, place, arc), frame_unchanged)
-
-    def _record(
-        self,
-        index: int,
-        kind: Kind,
-        target: list[float],
-        words: list[tuple[AxisWord, float]],
-        polar: tuple[_Pole, _PolarPosition, Arc | None],
-        frame_unchanged: bool,
-    ) -> None:
-        pole, place, arc = polar
-        recorder = self.control.recorder
         recorder.say_end(index, PolarEnd(pole.plane, pole.at, pole.number, pole.sure, *place.words))
-        if not place.programmed and recorder.known[pole.plane[0]] != recorder.known[pole.plane[1]]:
+        if not place.programmed and recorder.known[first] != recorder.known[second]:
             recorder.mark_uncertain(pole.plane[:2])
-        named = [word for word, _ in words] + [AxisWord(axis, -1, not place.programmed) for axis in pole.plane[:2]]
-        recorder.move(index, kind, target, self.control.unit, tuple(named), arc, frame_unchanged=frame_unchanged)
+        words += [(AxisWord(axis, -1, not place.programmed), target[axis]) for axis in (first, second)]
+        self.control.move(index, kind, target, words, arc)
 
     def _place(self, block: Block, pole: _Pole, start: Point) -> _PolarPosition:
         x, y = start[0] - pole.at[0], start[1] - pole.at[1]

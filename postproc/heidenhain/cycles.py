@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from postproc.control.words import Content, value_of
 from postproc.heidenhain.codes import (
     CONTOUR_CYCLES,
     CYCLES_AROUND_POSITION,
@@ -20,10 +23,10 @@ from postproc.heidenhain.codes import (
     TRANSFORMATION_CYCLES,
 )
 from postproc.heidenhain.datum_transformations import SCALING, SHIFT
-from postproc.heidenhain.modal_state import Content, Control, value_of
-from postproc.heidenhain.patterns import places
+from postproc.heidenhain.modal_state import ModalState
 from postproc.heidenhain.tilted_planes import Planes
-from postproc.motion.frames import cartesian, renamed
+from postproc.motion.circles import Point
+from postproc.motion.frames import renamed
 from postproc.motion.moves import AxisWord, Kind
 from postproc.text.block import Block
 from postproc.text.expressions import NotKnown
@@ -37,7 +40,7 @@ _DATUM_LINE = re.compile(r"#\s*(\d+)")
 class Cycles:
     """The cycles of one control."""
 
-    control: Control
+    control: ModalState
     planes: Planes
     cycle: int = 0
     """The last one that was defined for a call."""
@@ -77,12 +80,11 @@ class Cycles:
         """CYCL CALL POS: at X and Y; its Z shifts the surface and all that counts from it."""
         control = self.control
         words = control.axis_words(block, content.axes)
-        x_y_z = cartesian(control.machine)
+        x_y_z = control.x_y_z
         if sorted(word.axis for word, _ in words) != sorted(x_y_z) or any(word.incremental for word, _ in words):
             raise block.refuse("CYCL CALL POS without X, Y and Z")
         target = control.target(block, words)
-        named = tuple(word for word, _ in words)
-        control.recorder.move(index, Kind.RAPID, target, control.unit, named)
+        control.move(index, Kind.RAPID, target, words)
         self.run(block, target[x_y_z[2]] / control.unit)
 
     def run(self, block: Block, shifted: float = 0.0) -> None:
@@ -90,7 +92,7 @@ class Cycles:
 
         `shifted`: height of the surface above its parameter, in units of the program.
         """
-        z = cartesian(self.control.machine)[2]
+        z = self.control.x_y_z[2]
         if self.control.tcp:
             raise block.refuse("a canned cycle while M128 is on")
         if self.cycle in CYCLES_AT_POSITION:
@@ -138,14 +140,14 @@ class Cycles:
         wanted = PATTERN_CYCLES[number]
         if not wanted <= values.keys():
             raise block.refuse(f"cycle {number} without {', '.join(sorted(wanted - values.keys()))}")
-        x, y, z = cartesian(control.machine)
-        named = tuple(AxisWord(axis, words[name], False) for axis, name in zip((x, y), HOLE_WORDS[number], strict=True))
+        x, y, z = control.x_y_z
+        first = zip((x, y), HOLE_WORDS[number], strict=True)
+        named = [(AxisWord(axis, words[name], False), values[name]) for axis, name in first]
         control.recorder.stand_at(z, (values["Q203"] + max(values["Q204"], values["Q200"])) * control.unit)
-        for i, (at_x, at_y) in enumerate(places(number, values)):
+        for i, (at_x, at_y) in enumerate(_positions(number, values)):
             target = list(control.recorder.position)
             target[x], target[y] = at_x * control.unit, at_y * control.unit
-            kind = Kind.RAPID if i == 0 else Kind.PATTERN
-            control.recorder.move(index, kind, target, control.unit, named)
+            control.move(index, Kind.RAPID if i == 0 else Kind.PATTERN, target, named)
         if self.cycle in CYCLES_AROUND_POSITION:
             control.mark_unknown("XY")
         self._note(block)
@@ -184,22 +186,55 @@ class Cycles:
     def shift(self, block: Block, number: int, words: dict[str, float]) -> None:
         """A part of cycle 7, 8, 10, 11 or 26, or an equivalent TRANS block."""
         control = self.control
-        places = control.transformations if control.tilt is None else control.tilted_transformations
-        before, x_y_z = places.placement, cartesian(control.machine)
+        active = control.transformations if control.tilt is None else control.tilted_transformations
+        before = active.placement
         scaled_axes = control.machine.control.scaled_axes
         if number == SCALING and scaled_axes:
             control.notes.add(f"cycle 11 taken to scale {' '.join(scaled_axes)} (machine file)", block.line)
-        if places.set(block, number, words, control.unit, scaled_axes):
-            control.change_frame([x_y_z[i] for i in renamed(before, places.placement)])
+        if active.set(block, number, words, control.unit, scaled_axes):
+            control.change_frame([control.x_y_z[i] for i in renamed(before, active.placement)])
 
     def _datum(self, block: Block, line: str) -> dict[str, float]:
         """A line of the datum table, in units of the program."""
         control = self.control
-        if line not in control.state.setup.datums:
+        if line not in control.control_state.setup.datums:
             raise block.refuse(f"datum #{line} is in no datum table that was given (--tool-table ZERO.D)")
-        places = control.state.setup.datums[line]
-        return {axis: value / (1.0 if axis in "ABC" else control.unit) for axis, value in places.items()}
+        shifts = control.control_state.setup.datums[line]
+        return {axis: value / (1.0 if axis in "ABC" else control.unit) for axis, value in shifts.items()}
 
 
 HOLE_WORDS = {220: ("Q216", "Q217"), 221: ("Q225", "Q226")}
 """Parameters of the centre, or of the first hole, of a pattern."""
+
+
+# ---- positions of the holes of the pattern cycles 220 (on a circle) and 221 (in lines)
+
+
+def _positions(number: int, values: Mapping[str, float]) -> Iterator[Point]:
+    """The position in the cycle, then the others, in units of the program: holes, or first the centre of a circle."""
+    return _on_circle(values) if number == 220 else _in_lines(values)
+
+
+def _on_circle(values: Mapping[str, float]) -> Iterator[Point]:
+    """Q216, Q217 centre, Q244 diameter, Q245 first angle, Q246 last angle, Q247 step, Q241 number of holes."""
+    count = round(values["Q241"])
+    whole = values["Q246"] - values["Q245"]
+    step = values["Q247"] or whole / (count if abs(whole) == 360.0 else max(count - 1, 1))
+    yield values["Q216"], values["Q217"]
+    for i in range(count):
+        angle = math.radians(values["Q245"] + i * step)
+        radius = values["Q244"] / 2.0
+        yield values["Q216"] + radius * math.cos(angle), values["Q217"] + radius * math.sin(angle)
+
+
+def _in_lines(values: Mapping[str, float]) -> Iterator[Point]:
+    """Q225, Q226 first hole, Q237, Q238 spacing, Q242 columns, Q243 lines, Q224 rotation about the first hole.
+
+    Every second line is run backwards.
+    """
+    c, s = math.cos(math.radians(values["Q224"])), math.sin(math.radians(values["Q224"]))
+    columns = range(round(values["Q242"]))
+    for j in range(round(values["Q243"])):
+        for i in columns if j % 2 == 0 else reversed(columns):
+            x, y = i * values["Q237"], j * values["Q238"]
+            yield values["Q225"] + c * x - s * y, values["Q226"] + s * x + c * y

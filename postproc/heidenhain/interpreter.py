@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
 
-import numpy as np
-
-from kinematics.machine import Machine
 from postproc.control.codes import INCH
-from postproc.control.functions import end_compensation, note_after_end, note_tcp, note_unknown_m
-from postproc.control.setup import Setup
-from postproc.control.state import ControlState
-from postproc.heidenhain.approach import approach
+from postproc.control.words import Content, value_of
 from postproc.heidenhain.arcs import Arcs
 from postproc.heidenhain.codes import (
     AXIS_M,
@@ -32,16 +27,13 @@ from postproc.heidenhain.codes import (
 )
 from postproc.heidenhain.cycles import Cycles
 from postproc.heidenhain.datum_transformations import SHIFT
-from postproc.heidenhain.modal_state import Content, Control, sort
+from postproc.heidenhain.modal_state import ModalState, sort, straight
 from postproc.heidenhain.tilted_planes import Planes
-from postproc.heidenhain.tool_vectors import normal_line
 from postproc.heidenhain.tools import Tools
-from postproc.heidenhain.variables import QParameters, operations_of
+from postproc.heidenhain.variables import operations_of
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
-from postproc.motion.recorder import Recorder
 from postproc.text.block import Block
-from postproc.text.notes import Notes
 
 _TCPM = re.compile(
     r"FUNCTION TCPM( F (TCP|CONT))?( AXIS POS)?( PATHCTRL (AXIS|VECTOR))?( REFPNT TIP-TIP)?( F ?[\d.,]+)?",
@@ -50,26 +42,25 @@ _TCPM = re.compile(
 _HARMLESS_FUNCTION = re.compile(r"FUNCTION (MODE MILL|(S-PULSE|FEED DWELL)\b.*)", re.IGNORECASE)
 _RESETS = {"TRANS MIRROR RESET": 8, "TRANS ROTATION RESET": 10, "TRANS SCALE RESET": 11}
 """RESET blocks, with the numbers of the cycles that have the same effect."""
+WITH_END = frozenset(("LCT",))
+"""Departures whose end is in the block; the others end at a length, or on an arc, beyond the contour."""
 _FN = re.compile(r"FN ?(\d+)", re.IGNORECASE)
 
 
 @dataclass
-class HeidenhainInterpreter:
+class HeidenhainInterpreter(ModalState):
     """Reads blocks in order; modal state carries over from chunk to chunk."""
 
-    machine: Machine
-    setup: Setup
-    notes: Notes
-    scope: QParameters = field(default_factory=QParameters)
+    harmless_m: ClassVar[frozenset[float]] = HARMLESS_M | MEANT_M
+    refused_m: ClassVar[Mapping[float, str]] = REFUSED_M
 
     def __post_init__(self) -> None:
-        self.control_state = ControlState(self.setup)
+        super().__post_init__()
         self.scope.operations = operations_of(self.machine.control)
-        self.control = Control(self.machine, self.control_state, self.notes, self.scope)
-        self.arcs = Arcs(self.control)
-        self.tools = Tools(self.control)
-        self.planes = Planes(self.control)
-        self.cycles = Cycles(self.control, self.planes)
+        self.arcs = Arcs(self)
+        self.tools = Tools(self)
+        self.planes = Planes(self)
+        self.cycles = Cycles(self, self.planes)
         self._statements: dict[str, Callable[[int, Block], None]] = {
             "begin_pgm": lambda _, block: self._begin(block),
             "tool_call": lambda _, block: self.tools.call(block),
@@ -84,45 +75,25 @@ class HeidenhainInterpreter:
             "program_call": lambda _, block: self._call_program(block),
         }
 
-    @property
-    def ended(self) -> bool:
-        """The program has come to its end."""
-        return self.control.ended
-
-    @property
-    def moved(self) -> bool:
-        """False: cycles that run after moves (M89) are refused."""
-        return False
-
-    @property
-    def recorder(self) -> Recorder:
-        """Where the axes are."""
-        return self.control.recorder
-
     def read(self, blocks: Iterable[Block]) -> Motions:
-        """The moves of a chunk of blocks, each read before the next is asked for.
-
-        Refusal at the first block that isn't fully understood.
-        """
+        """The moves of a chunk of blocks, as for `Interpreter`."""
         self.arcs.new_chunk()
-        control, done = self.control, []
-        for index, block in enumerate(blocks):
-            done.append(block)
-            if block.kind in HARMLESS_KINDS:
-                continue
-            compensated = control.compensated
-            self._read_block(index, block)
-            self.control_state.use(block, control.recorder.used)
-            shifted = control.cornered or compensated or control.compensated or block.kind == "normal_line"
-            if shifted and block.kind in MOVING_KINDS:
-                done[-1] = block._replace(no_insertion=True)
-            control.cornered = block.kind in ("rounding", "chamfer")
-        return control.recorder.finish(done)
+        return super().read(blocks)
 
-    def _read_block(self, index: int, block: Block) -> None:
+    def _read_block(self, index: int, block: Block) -> Block:
+        if block.kind in HARMLESS_KINDS:
+            return block
+        compensated = self.compensated
+        self._run_block(index, block)
+        shifted = self.cornered or compensated or self.compensated or block.kind == "normal_line"
+        self.no_insertion = shifted and block.kind in MOVING_KINDS
+        self.cornered = block.kind in ("rounding", "chamfer")
+        return block
+
+    def _run_block(self, index: int, block: Block) -> None:
         if self.ended and block.kind != "begin_pgm":
             if block.kind != "end_pgm":
-                note_after_end(block, self.notes)
+                self.note_after_end(block)
         elif block.kind in REFUSED_KINDS:
             raise block.refuse(f"{block.detail}: {REFUSED_KINDS[block.kind]}")
         elif block.skippable:
@@ -130,100 +101,131 @@ class HeidenhainInterpreter:
         elif block.kind in self._statements:
             self._statements[block.kind](index, block)
         elif block.kind == "end_pgm":
-            self.control.ended = True
+            self.ended = True
         elif block.kind not in ("rounding", "chamfer"):
             self._read_positioning(index, block)
 
     def _begin(self, block: Block) -> None:
-        control = self.control
-        if control.begun:
+        if self.begun:
             raise block.refuse("a second program in one file")
-        control.begun = True
+        self.begun = True
         unit = block.detail.split()[-1].upper()
         if unit not in ("MM", "INCH"):
             self.notes.add("BEGIN PGM without MM or INCH: coordinates taken in mm", block.line)
-        control.unit = INCH if unit == "INCH" else 1.0
+        self.unit = INCH if unit == "INCH" else 1.0
 
     # ---- moves
 
     def _read_positioning(self, index: int, block: Block) -> None:
         content = sort(block)
-        frame = self.recorder.frame
         self._functions_at_start(block, content)
-        frame_unchanged = frame == self.recorder.frame
         self._compensate(block, content)
-        if content.bare_axes and 94.0 not in content.m:
-            raise block.refuse(f"{block.words[content.bare_axes[0]].address} without a number")
+        if content.names and 94.0 not in content.m:
+            name = next(iter(content.names))
+            raise block.refuse(f"the axis {name} has no coordinate: write a number behind it")
         if 91.0 in content.m:
             self._machine_move(index, block, content)
         else:
-            self._move(index, block, content, frame_unchanged)
+            self._move(index, block, content)
         self._functions_at_end(block, content)
 
-    def _move(self, index: int, block: Block, content: Content, frame_unchanged: bool) -> None:
+    def _move(self, index: int, block: Block, content: Content) -> None:
         match block.kind:
             case "circle" | "circle_radius" | "tangent":
-                self.arcs.circle(index, block, content, frame_unchanged)
+                self.arcs.circle(index, block, content)
             case "polar_line" | "polar_circle" | "polar_tangent":
-                self.arcs.polar(index, block, content, frame_unchanged)
+                self.arcs.polar(index, block, content)
             case "approach" | "departure":
-                approach(self.control, index, block, content)
+                self._approach(index, block, content)
             case "cycle_position":
                 self.cycles.call_at(index, block, content)
             case "normal_line":
-                normal_line(self.control, index, block, content, frame_unchanged)
+                self._normal_line(index, block, content)
             case "line" if content.axes:
-                self._line(index, block, content, frame_unchanged)
+                words = self.axis_words(block, content.axes)
+                self.move(index, straight(content), self.target(block, words), words)
             case _ if content.axes:
-                raise block.refuse("coordinates without L")
+                raise block.refuse("the block has coordinates and no path function: write L before them")
 
     def _compensate(self, block: Block, content: Content) -> None:
-        """Radius compensation: the points of the contour are corrected, and the control shifts the path with them."""
-        control, shifting = self.control, sorted(COMPENSATIONS & content.other)
-        if shifting and (shifting[0] in ("R+", "R-") or control.tcp):
-            raise block.refuse(f"{shifting[0]}: radius compensation of single axes, or under M128, is not corrected")
+        """RL and RR begin radius compensation; R0 and departures end it."""
+        shifting = sorted(COMPENSATIONS & content.other.keys())
+        if shifting and shifting[0] in ("R+", "R-"):
+            raise block.refuse(
+                f"{shifting[0]}: radius compensation of single axes is not corrected: write the compensated coordinates"
+            )
         if shifting:
-            control.compensated = True
-            self.notes.add("radius compensation: the points of the contour are corrected", block.line)
+            self.compensate(block)
+        elif "R0" in content.other and block.kind == "line":
+            self.end_compensation()
         elif "R0" in content.other or block.kind == "departure":
-            if control.compensated and block.kind == "line":
-                end_compensation(control.recorder, "XYZ")
-            control.compensated = False
-
-    def _line(self, index: int, block: Block, content: Content, frame_unchanged: bool) -> None:
-        words = self.control.axis_words(block, content.axes)
-        target = self.control.target(block, words)
-        kind = Kind.RAPID if "FMAX" in content.other else Kind.LINE
-        self.recorder.move(
-            index, kind, target, self.control.unit, tuple(word for word, _ in words), frame_unchanged=frame_unchanged
-        )
+            self.compensated = False
 
     def _machine_move(self, index: int, block: Block, content: Content) -> None:
         if block.kind != "line":
-            raise block.refuse("M91 without a straight line")
-        if self.control.tcp:
-            raise block.refuse("M91 while M128 is on: HEIDENHAIN asks for M129 before it")
-        words = self.control.axis_words(block, content.axes)
-        if any(word.incremental for word, _ in words):
-            raise block.refuse("an increment from an earlier M91 position")
+            raise block.refuse("M91 needs a straight line: write L")
+        if self.tcp:
+            raise block.refuse("M91 while M128 is on is not allowed by HEIDENHAIN: write M129 before it")
+        if content.axes:
+            self.move_to_machine_position(index, block, self.axis_words(block, content.axes))
+
+    def _approach(self, index: int, block: Block, content: Content) -> None:
+        """APPR LT, LN, CT, LCT to the first point of a contour; DEP from the last one.
+
+        The control calculates the path to the contour, or from it, from the elements after or before it and the radius
+        of the tool. The path leads to the point of the block, and that point is corrected; so are the first and last
+        elements of the contour, so the path stays as tangential as it was.
+        """
+        form = block.detail.upper().split()[-1]
+        if form.startswith("P"):
+            raise block.refuse(
+                f"{block.detail}: an approach in polar coordinates is not corrected: write it with X and Y"
+            )
+        if self.tcp:
+            raise block.refuse(f"{block.detail} while M128 is on is not corrected: write M129 before it")
+        words = self.axis_words(block, content.axes)
+        if block.kind == "approach" and not any(self.machine.names[word.axis] in "XY" for word, _ in words):
+            raise block.refuse(f"{block.detail} needs the first point of the contour: write its X and Y in the block")
         if words:
-            targets = {word.axis: value for word, value in words}
-            self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
+            self.move(index, Kind.RAPID, self.target(block, words), words)
+        if block.kind == "departure" and form not in WITH_END:
+            self.mark_unknown("XY")
+        text = "approaches and departures end at corrected points; the control calculates the path between them"
+        self.notes.add(text, block.line)
+
+    def _normal_line(self, index: int, block: Block, content: Content) -> None:
+        """LN X Y Z with NX NY NZ, along which the control shifts the tool by its oversizes, and with TX TY TZ (M128).
+
+        X Y Z are those of the tool point and are corrected; both vectors stay. Where TX TY TZ take the rotary axes is
+        calculated, and no word of ncomp names them.
+        """
+        normal, tool_axis = _vector(block, "N"), _vector(block, "T")
+        if normal is None and tool_axis is None:
+            raise block.refuse("LN needs a vector: write NX NY NZ, or TX TY TZ, or both")
+        words = self.axis_words(block, content.axes)
+        target = self.target(block, words)
+        if tool_axis is not None:
+            if not self.tcp or self.tilt is not None or self.recorder.frame.turn is not None:
+                raise block.refuse("TX TY TZ need M128 and coordinates that are not rotated: write M128 before them")
+            if any(self.rotary[word.axis] for word, _ in words):
+                raise block.refuse("TX TY TZ and a rotary axis in one block: write one of them")
+            self.turn_along(block, target, tool_axis)
+            self.notes.add("TX TY TZ: the control is taken to turn the rotary axes to the nearest solution", block.line)
+        if normal is not None:
+            self.notes.add("surface normals: the offset of the tool along them is not corrected", block.line)
+        self.move(index, straight(content), target, words)
 
     # ---- functions
 
     def _functions_at_start(self, block: Block, content: Content) -> None:
         for code in content.m:
-            if code in REFUSED_M:
-                raise block.refuse(f"M{code:g} {REFUSED_M[code]}")
-            if code in AXIS_M and (content.axes or content.bare_axes):
+            if code in AXIS_M and (content.axes or content.names):
                 raise block.refuse(f"M{code:g} {AXIS_M[code]}")
-            if code not in HARMLESS_M and code not in MEANT_M:
-                note_unknown_m(code, block, self.recorder, self.notes)
+            self.take_function(block, code)
         if 94.0 in content.m:
             self._take_off_turns(block, content)
         if 143.0 in content.m:
-            self.control.delete_basic_rotation(block)
+            self.delete_basic_rotation(block)
         if 124.0 in content.m:
             self.notes.add("M124: the control may skip short blocks, also blocks that ncomp adds", block.line)
         if 128.0 in content.m:
@@ -235,23 +237,23 @@ class HeidenhainInterpreter:
         if CALL_M in content.m:
             self.cycles.run(block)
         if 129.0 in content.m:
-            self.control.switch_tcp(False)
+            self.switch_tcp(False)
         if 6.0 in content.m:
-            self.control.mark_unknown(self.machine.control.tool_change_moves)
+            self.mark_unknown(self.machine.control.tool_change_moves)
         if not PROGRAM_END_M.isdisjoint(content.m):
-            self.control.ended = True
+            self.ended = True
 
     def _start_tcp(self, block: Block, name: str) -> None:
-        if self.control.tilt is not None:
+        if self.tilt is not None:
             raise block.refuse(f"{name} in a tilted plane")
-        self.control.switch_tcp(True)
-        note_tcp(name, block, self.notes)
+        self.switch_tcp(True)
+        self.note_tcp(name, block)
 
     def _take_off_turns(self, block: Block, content: Content) -> None:
         """M94: the control counts rotary axes, or those that are named, between 0 and 360 degrees from here."""
         recorder = self.recorder
-        named = {recorder.axis(block, block.words[i].address) for i in content.bare_axes}
-        for axis in named or np.flatnonzero(self.machine.rotary).tolist():
+        named = {recorder.axis(block, block.words[i].address) for i in content.names.values()}
+        for axis in named or self.rotary_axes:
             if not 0.0 <= recorder.position[axis] < 360.0 and recorder.known[axis]:
                 name, at = self.machine.names[axis], recorder.position[axis]
                 raise block.refuse(f"M94 subtracts whole turns from {name}{at:g}: its turn is not known then")
@@ -259,7 +261,7 @@ class HeidenhainInterpreter:
     def _retract(self) -> None:
         """M140: the tool goes off along its axis."""
         leans = self.recorder.frame.tcp or any(axis.rotary and axis.side == "tool" for axis in self.machine.axes)
-        self.control.mark_unknown("XYZ" if leans else "Z")
+        self.mark_unknown("XYZ" if leans else "Z")
 
     # ---- statements
 
@@ -268,7 +270,7 @@ class HeidenhainInterpreter:
         if not self.machine.control.calls_leave_state:
             reason = "other programs are not followed; if they leave tool, frames and modes unchanged, write"
             raise block.refuse(f"{block.detail}: {reason} calls_leave_state = true in the machine file")
-        self.control.mark_unknown(self.machine.names)
+        self.mark_unknown(self.machine.names)
         self.arcs.pole = None
         says = f"{block.detail}: taken to leave tool, frames and modes as they are (machine file: calls_leave_state)"
         self.notes.add(says, block.line)
@@ -281,7 +283,7 @@ class HeidenhainInterpreter:
             self.cycles.shift(block, SHIFT, dict.fromkeys("XYZ", 0.0))
         elif block.words or (cycle := _RESETS.get(block.detail.upper())) is None:
             raise block.refuse(f"{block.detail}: changes the meaning of coordinates, which is not followed")
-        elif cycle in self.control.transformations.active or cycle in self.control.tilted_transformations.active:
+        elif cycle in self.transformations.active or cycle in self.tilted_transformations.active:
             raise block.refuse(f"{block.detail}: whether it ends cycle {cycle} depends on the control")
 
     def _fn(self, block: Block) -> None:
@@ -299,6 +301,15 @@ class HeidenhainInterpreter:
         if _TCPM.fullmatch(block.detail):
             self._start_tcp(block, "FUNCTION TCPM")
         elif block.detail.upper() == "FUNCTION RESET TCPM":
-            self.control.switch_tcp(False)
+            self.switch_tcp(False)
         elif not _HARMLESS_FUNCTION.fullmatch(block.detail):
             raise block.refuse(f"{block.detail}: is not known")
+
+
+def _vector(block: Block, kind: str) -> list[float] | None:
+    words = {word.address: word for word in block.words if word.address in (f"{kind}X", f"{kind}Y", f"{kind}Z")}
+    if not words:
+        return None
+    if len(words) < 3 or sum(word.address in words for word in block.words) > 3:
+        raise block.refuse(f"{kind}X {kind}Y {kind}Z must all be in the block, each once")
+    return [value_of(block, words[kind + axis]) for axis in "XYZ"]

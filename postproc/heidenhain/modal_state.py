@@ -2,88 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinematics.machine import Machine
 from kinematics.transforms import Array
 from postproc.control.codes import AXES
-from postproc.control.functions import mark_named_unknown
-from postproc.control.state import ControlState
+from postproc.control.interpreter import AxisWords, Interpreter
 from postproc.control.tilted_planes import lean
+from postproc.control.words import Content
 from postproc.heidenhain.datum_transformations import DatumTransformations
 from postproc.heidenhain.variables import QParameters
-from postproc.motion.frames import Frame, Placement, cartesian, spatial
-from postproc.motion.moves import AxisWord
+from postproc.motion.frames import Frame, Placement, spatial
+from postproc.motion.moves import Kind
 from postproc.motion.recorder import Recorder
-from postproc.text.block import Block, Word
-from postproc.text.notes import Notes
+from postproc.text.block import Block
 
 UPRIGHT = 1e-4
 """rad: a tool that leans no more is perpendicular, as angles are written with three decimals."""
 
 
-@dataclass
-class Content:
-    """The words of one block, sorted."""
-
-    axes: list[int] = field(default_factory=list)
-    """Indices of the axis words with a value."""
-    bare_axes: list[int] = field(default_factory=list)
-    """Indices of those without."""
-    m: list[float] = field(default_factory=list)
-    other: set[str] = field(default_factory=set)
-    """Addresses of all other words."""
-
-
 def sort(block: Block) -> Content:
-    """The words of a block; Refusal for an axis that is named twice."""
-    content = Content()
+    """The words of a block, axes without a value by their names; Refusal for an axis that is named twice."""
+    content = Content(block)
     for i, word in enumerate(block.words):
         address = word.address
         if address[-1] in AXES and address[:-1] in ("", "I"):
             if any(block.words[j].address[-1] == address[-1] for j in content.axes):
                 raise block.refuse(f"two {address[-1]} words")
-            (content.bare_axes if word.start == word.end else content.axes).append(i)
+            if word.start == word.end:
+                content.names[address] = i
+            else:
+                content.axes.append(i)
         elif address == "M":
             if word.value is not None:
                 content.m.append(word.value)
         else:
-            content.other.add(address)
+            content.other[address] = i
     return content
 
 
-def value_of(block: Block, word: Word) -> float:
-    """The number of a word; Refusal where the program does not give it."""
-    if word.value is None:
-        raise block.refuse(
-            f"{block.text[word.at : word.end]}: its value is known only while the program runs: assign "
-            "the parameter in the program or write a number"
-        )
-    return word.value
+def straight(content: Content) -> Kind:
+    """The kind of a straight move: rapid with FMAX."""
+    return Kind.RAPID if "FMAX" in content.other else Kind.LINE
 
 
 @dataclass
-class Control:
-    """The state that holds until a block changes it; positions in programmed coordinates, mm and degrees."""
+class ModalState(Interpreter):
+    """The state that holds until a block changes it."""
 
-    machine: Machine
-    state: ControlState
-    notes: Notes
     scope: QParameters = field(default_factory=QParameters)
 
     def __post_init__(self) -> None:
-        self.begun = self.ended = False
-        self.unit = 1.0
+        super().__post_init__()
+        self.columns |= {f"I{name}": axis for name, axis in self.columns.items()}
         self.preset = "0"
         self.without_rotation: set[str] = set()
         """Presets whose basic rotation M143 has deleted."""
         self.tool_length = self.oversize = 0.0
         self.tool_name = ""
         """Number or name of the tool in the spindle; empty for none."""
-        self.tcp = self.machine.control.tcp_at_start
         self.transformations = DatumTransformations()
         self.tilt: Placement | None = None
         """Of a tilted working plane: how its axes lie in the workpiece frame."""
@@ -93,8 +72,8 @@ class Control:
         """Datum transformations within it."""
         self.levelled = False
         """Cycle 19 tilts the working plane by zero angles."""
-        self.compensated = self.cornered = False
-        """The control shifts the path by the radius of the tool; the block before is a rounding or a chamfer."""
+        self.cornered = False
+        """The block before is a rounding or a chamfer."""
         self.frames = 0
         """Counts changes of the frame: a pole belongs to one."""
         self._upright: Array | None = None
@@ -103,17 +82,7 @@ class Control:
 
     # ---- words
 
-    def axis_words(self, block: Block, indices: Iterable[int]) -> list[tuple[AxisWord, float]]:
-        """Axis words with their values, mm or degrees, in the order of the block."""
-        result = []
-        for i in indices:
-            address = block.words[i].address
-            axis = self.recorder.axis(block, address[-1])
-            unit = 1.0 if self.machine.axes[axis].rotary else self.unit
-            result.append((AxisWord(axis, i, len(address) > 1), value_of(block, block.words[i]) * unit))
-        return result
-
-    def target(self, block: Block, words: list[tuple[AxisWord, float]]) -> list[float]:
+    def target(self, block: Block, words: AxisWords) -> list[float]:
         """Where a move with these words ends, in programmed coordinates."""
         if not self.begun:
             self.notes.add("no BEGIN PGM: coordinates taken in mm", block.line)
@@ -144,13 +113,13 @@ class Control:
         """The frame of programmed coordinates now."""
         placed = self.placed(self.tilt).then(self.tilted_transformations.placement)
         length, tcp = self.tool_length + self.oversize, self.tcp or self.tilt is not None
-        return self.state.frame(self.preset, placed, tool=self.tool_name, length=length, tcp=tcp)
+        return self.control_state.frame(self.preset, placed, tool=self.tool_name, length=length, tcp=tcp)
 
     @property
     def basic_rotation(self) -> tuple[float, float, float]:
         """Basic rotation of the active preset, degrees about X, Y, Z."""
         deleted = self.preset in self.without_rotation
-        return (0.0, 0.0, 0.0) if deleted else self.state.setup.turned.get(self.preset, (0.0, 0.0, 0.0))
+        return (0.0, 0.0, 0.0) if deleted else self.control_state.setup.turned.get(self.preset, (0.0, 0.0, 0.0))
 
     def delete_basic_rotation(self, block: Block) -> None:
         """M143: the basic rotation of the preset in force ends, its shift stays."""
@@ -160,15 +129,15 @@ class Control:
             self.notes.add(f"M143: the basic rotation of preset {self.preset} ends", block.line)
         self.without_rotation.add(self.preset)
         if self.frame() != self.recorder.frame:
-            self.change_frame(cartesian(self.machine))
+            self.change_frame(self.x_y_z)
 
     def set_preset(self, block: Block, preset: str) -> None:
         """Cycle 247: another preset, which ends datum shift, mirror, rotation and scaling."""
         if self.tilt is not None:
             raise block.refuse("another preset while the working plane is tilted")
-        if preset in self.without_rotation and any(self.state.setup.turned.get(preset, ())):
+        if preset in self.without_rotation and any(self.control_state.setup.turned.get(preset, ())):
             raise block.refuse(f"preset {preset} after an M143: its rotation then depends on the control")
-        if preset not in self.state.setup.turned:
+        if preset not in self.control_state.setup.turned:
             self.notes.add("presets taken without rotation", block.line)
         if self.transformations.active:
             self.notes.add("cycle 247 ends datum shift, mirror, rotation and scaling", block.line)
@@ -183,17 +152,7 @@ class Control:
         """Program in the present frame from here, in which coordinates of these axes mean something else."""
         self.frames += 1
         self._upright = None
-        self.recorder.set_frame(self.frame(), axes)
-
-    def switch_tcp(self, on: bool) -> None:
-        """M128 and its like."""
-        if on != self.tcp:
-            self.tcp = on
-            self.change_frame(cartesian(self.machine))
-
-    def mark_unknown(self, names: Sequence[str]) -> None:
-        """The positions of these axes are not known from the program from here on."""
-        mark_named_unknown(self.recorder, names)
+        super().change_frame(axes)
 
     def q(self, number: int) -> float:
         """The value of a Q parameter that holds a number; NotKnown where it is not known."""

@@ -19,8 +19,9 @@ from kinematics.forward import forward
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.control.tilted_planes import normal_of, perpendicular
-from postproc.heidenhain.modal_state import Control, value_of
-from postproc.motion.frames import Placement, cartesian, euler, rotated_in_turn, spatial
+from postproc.control.words import value_of
+from postproc.heidenhain.modal_state import ModalState
+from postproc.motion.frames import Placement, euler, rotated_in_turn, spatial
 from postproc.motion.moves import AxisWord
 from postproc.text.block import Block
 from postproc.text.expressions import NotKnown
@@ -52,7 +53,7 @@ class _Choice:
 class Planes:
     """The tilted planes of one control."""
 
-    control: Control
+    control: ModalState
 
     def define(self, index: int, block: Block) -> None:
         """PLANE."""
@@ -184,7 +185,7 @@ class Planes:
             assert angles is not None
             self._turn_axes(index, angles, choice.positioning)
         control.tilt, control.normal = turn, normal
-        control.change_frame(cartesian(control.machine))
+        control.change_frame(control.x_y_z)
         text = "tilted plane: X Y Z taken along its axes, from the datum, which turns with the workpiece"
         control.notes.add(text, block.line)
 
@@ -210,7 +211,7 @@ class Planes:
                 "a shift, rotation, mirror or scale is active within the tilted plane: reset it before the plane ends"
             )
         control.tilt = None
-        control.change_frame(cartesian(control.machine))
+        control.change_frame(control.x_y_z)
 
     # ---- rotary axes
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from postproc.heidenhain.modal_state import Control, value_of
-from postproc.motion.frames import cartesian
+from postproc.control.words import value_of
+from postproc.heidenhain.modal_state import ModalState
 from postproc.text.block import Block, Word
 from postproc.text.expressions import NotKnown
 
@@ -17,7 +17,7 @@ RADIUS, LENGTH = 108.0, 114.0
 class Tools:
     """The tool of one control."""
 
-    control: Control
+    control: ModalState
     key: str = "0"
     """Number or name of the tool in the spindle."""
     length: float = 0.0
@@ -45,14 +45,14 @@ class Tools:
             raise block.refuse("whether DL stays in force when no tool is named depends on the control")
         control.oversize, control.tool_length, self.more = oversize, self.length, more
         self._tell()
-        control.change_frame(cartesian(control.machine)[2:])
+        control.change_frame(control.x_y_z[2:])
 
     def _change(self, block: Block, word: Word) -> None:
         control = self.control
         if control.tcp:
             raise block.refuse("a tool call while M128 is on: HEIDENHAIN asks for M129 before it")
         self.key = self._named(block, word)
-        self.length = control.state.tool_length(self.key) if self.key != "0" else 0.0
+        self.length = control.control_state.tool_length(self.key) if self.key != "0" else 0.0
         control.tool_name = self.key if self.key != "0" else ""
         control.mark_unknown(control.machine.control.tool_change_moves)
 
@@ -65,9 +65,9 @@ class Tools:
             raise block.refuse("a tool length without a tool number")
         key = self._named(block, words["T"])
         if "L" in words:
-            control.state.enter_length(key, value_of(block, words["L"]) * control.unit)
+            control.control_state.enter_length(key, value_of(block, words["L"]) * control.unit)
         if "R" in words:
-            control.state.radii[key] = value_of(block, words["R"]) * control.unit
+            control.control_state.radii[key] = value_of(block, words["R"]) * control.unit
 
     def _named(self, block: Block, word: Word) -> str:
         """The tool that a word names, as tables have it."""
@@ -78,7 +78,7 @@ class Tools:
         """Of the tool in the spindle, mm, with its oversize; or why it is not known."""
         if self.key == "0":
             return self.more
-        radius = self.control.state.tool_radius(self.key)
+        radius = self.control.control_state.tool_radius(self.key)
         if radius is None:
             return NotKnown(f"the radius of tool {self.key} is given by no tool table (--tool-table)")
         return radius + self.more
@@ -87,7 +87,7 @@ class Tools:
         radius, unit = self.radius(), self.control.unit
         scope = self.control.scope
         scope.set("Q", (RADIUS,), radius if isinstance(radius, NotKnown) else radius / unit)
-        known = self.key == "0" or self.control.state.knows(self.key)
+        known = self.key == "0" or self.control.control_state.knows(self.key)
         missing = NotKnown(f"the length of tool {self.key} is not given (--tool-length, --tool-table)")
         scope.set("Q", (LENGTH,), (self.length + self.control.oversize) / unit if known else missing)
 
@@ -97,7 +97,7 @@ class Tools:
         """SYSREAD ID50 NR1 and NR2: length and radius of a tool, in units of the program; NotKnown for all else."""
         if group != 50.0 or number not in (1.0, 2.0):
             raise NotKnown("data of the control that ncomp does not have")
-        state, key = self.control.state, self.key if index is None else f"{index:.10g}"
+        state, key = self.control.control_state, self.key if index is None else f"{index:.10g}"
         found = state.tool_radius(key) if number == 2.0 else state.tool_length(key) if state.knows(key) else None
         if found is None:
             what = "radius" if number == 2.0 else "length"

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from kinematics.machine import Control
+from postproc.control.interpreter import AxisWords
+from postproc.control.words import whole_of
 from postproc.iso.codes import (
     BESIDE_COORDINATE_CHANGES,
     DATA,
@@ -24,11 +25,9 @@ from postproc.iso.codes import (
     UPRIGHT,
 )
 from postproc.iso.datum_transformations import Programmed
-from postproc.iso.frames import Frames
-from postproc.iso.modes import Modes
-from postproc.iso.offsets import NUMBERED, Shifts
-from postproc.iso.words import DIFFERS, Content, Values
-from postproc.motion.moves import AxisWord
+from postproc.iso.modal_state import ModalState
+from postproc.iso.offsets import NUMBERED
+from postproc.iso.words import DIFFERS, Content
 
 WORDS = {PRESET: "S", SCALE_END: "S", DATA: "LPRIJQ"}
 """Words that may be in such a block besides N, G and axes; for rotations see `MAKERS`."""
@@ -39,72 +38,62 @@ class CoordinateChange(NamedTuple):
     """A block that changes the meaning of coordinates, with the state that it changes."""
 
     content: Content
-    words: list[tuple[AxisWord, float]]
+    words: AxisWords
     """Its axis words, mm and degrees."""
-    frames: Frames
-    values: Values
-    modes: Modes
-
-    @property
-    def family(self) -> str:
-        """Whose reading counts where controls differ."""
-        return self.frames.machine.control.family
+    control: ModalState
 
     @property
     def shifts(self) -> dict[int, float]:
         """The values of its axis words, by axis."""
         return {word.axis: value for word, value in self.words}
 
+    def whole(self, address: str) -> int:
+        """The whole number of a word."""
+        return whole_of(self.content.block, self.content.block.words[self.content.other[address]])
 
-def place(
-    content: Content,
-    code: float,
-    words: list[tuple[AxisWord, float]],
-    frames: Frames,
-    values: Values,
-    modes: Modes,
-) -> bool:
+
+def change_coordinates(control: ModalState, content: Content, code: float, words: AxisWords) -> bool:
     """Take over the block; True where its axis words are the new coordinates of the present positions."""
     beside = set(content.g) - BESIDE_COORDINATE_CHANGES - {code}
     if beside or content.m or content.other.keys() - {"N", *WORDS.get(code, TURN_WORDS if code in TURNS else "")}:
         raise content.refuse(
             f"G{code:g} does not go with the other words of its block: write them in a block before it"
         )
-    if not modes.absolute and (words or code in TURNS):
-        raise content.refuse(f"G{code:g} needs G90")
-    change = CoordinateChange(content, words, frames, values, modes)
+    if not control.absolute and (words or code in TURNS):
+        raise content.refuse(f"G{code:g} needs G90: write G90 before it")
+    change = CoordinateChange(content, words, control)
     if code in TURNS:
-        frames.turn(code, _programmed(change))
+        control.turn(code, _programmed(change))
         return False
     return bool(_MAKERS[code](change))
 
 
-def extended_offset(values: Values, content: Content, code: float) -> int | None:
+def extended_offset(content: Content, code: float) -> int | None:
     """The P that a work offset is chosen by, None for one that has a code of its own."""
     extended = "P" in content.other and code in (54.0, *EXTENDED)
     if code in EXTENDED and not extended:
         raise content.refuse(f"G{code:g} without P")
     if extended and not ONE_SHOT.isdisjoint(content.g):
         raise content.refuse("two G codes of the block can use P: write them in two blocks")
-    return values.whole(content.block, content.other["P"]) if extended else None
+    return whole_of(content.block, content.block.words[content.other["P"]]) if extended else None
 
 
 def _programmed(change: CoordinateChange) -> Programmed:
     """The words of a rotation, mirror or scale; lengths in mm."""
-    block, machine = change.content.block, change.frames.machine
+    block, machine = change.content.block, change.control.machine
     axes = {}
     for word, value in change.words:
         if machine.names[word.axis] not in "XYZ":
             raise block.refuse(f"{machine.names[word.axis]} in a turn of the coordinates")
         axes[machine.names[word.axis]] = value
     others = {name: block.words[i].value or 0.0 for name, i in change.content.other.items() if name != "N"}
-    return Programmed(block, change.modes.plane, axes, others)
+    return Programmed(block, change.control.plane, axes, others)
 
 
 def _shift(change: CoordinateChange) -> None:
-    if change.frames.placement_code:
+    if change.control.placement_code:
         raise change.content.refuse("G52 while the coordinates are turned")
-    change.frames.shift_origin(change.content.block, change.shifts)
+    change.control.shift_origin(change.content.block, change.shifts)
 
 
 def _preset(change: CoordinateChange) -> bool:
@@ -112,21 +101,21 @@ def _preset(change: CoordinateChange) -> bool:
     if not change.words and "S" not in change.content.other:
         raise change.content.refuse("G92 without an axis")
     if change.words:
-        change.frames.preset_here(change.content.block, change.shifts)
+        change.control.preset_here(change.content.block, change.shifts)
     return bool(change.words)
 
 
 def _cancel_preset(change: CoordinateChange) -> None:
-    if change.words and change.family != "fanuc":
+    if change.words and change.control.family != "fanuc":
         raise change.content.refuse(f"axis words beside G92.1: a move on LinuxCNC, not so on FANUC; {DIFFERS}")
-    change.frames.cancel_preset(change.content.block, change.shifts or range(len(change.frames.machine.axes)))
+    change.control.cancel_preset(change.content.block, change.shifts or range(len(change.control.machine.axes)))
 
 
 def _suspend(suspended: bool) -> Callable[[CoordinateChange], None]:
     def maker(change: CoordinateChange) -> None:
         if change.words:
             raise change.content.refuse("axis words beside G92.2 or G92.3: a move on LinuxCNC")
-        change.frames.suspend(change.content.block, suspended)
+        change.control.suspend(change.content.block, suspended)
 
     return maker
 
@@ -134,35 +123,28 @@ def _suspend(suspended: bool) -> Callable[[CoordinateChange], None]:
 def _unscale(change: CoordinateChange) -> None:
     if change.words:
         raise change.content.refuse("G50 with axes: shifts the coordinates, on lathes")
-    change.frames.end_turn(SCALE)
+    change.control.end_turn(SCALE)
 
 
 def _unmirror(change: CoordinateChange) -> None:
-    names = change.frames.machine.names
-    change.frames.end_mirror(change.content.block, [names[axis] for axis in change.shifts])
+    names = change.control.machine.names
+    change.control.end_mirror(change.content.block, [names[axis] for axis in change.shifts])
 
 
 def _give_length(change: CoordinateChange) -> None:
     """G43.1 of LinuxCNC: the length in the block."""
-    if change.family != "linuxcnc":
+    if change.control.family != "linuxcnc":
         raise change.content.refuse(f"G43.1: a length on LinuxCNC, a move with another length on FANUC; {DIFFERS}")
-    if [change.frames.machine.names[word.axis] for word, _ in change.words] != ["Z"]:
+    if [change.control.machine.names[word.axis] for word, _ in change.words] != ["Z"]:
         raise change.content.refuse("G43.1 without Z alone: a length along a tool that is turned, or sideways")
-    before = change.frames.state()
-    change.frames.lengths.give(change.words[0][1])
-    change.frames.changed_since(before)
-
-
-def _data(change: CoordinateChange) -> bool:
-    content, shifts, frames = change.content, change.shifts, change.frames
-    return bool(set_data(content, shifts, frames, change.values, change.modes.unit))
+    change.control.give_length(change.words[0][1])
 
 
 _MAKERS: dict[float, Callable[[CoordinateChange], bool | None]] = {
-    DATA: _data,
+    DATA: lambda change: bool(set_data(change)),
     GIVEN_LENGTH: _give_length,
     LOCAL: _shift,
-    UPRIGHT: lambda change: change.frames.stand_upright(change.content.block),
+    UPRIGHT: lambda change: change.control.stand_upright(change.content.block),
     SCALE_END: _unscale,
     MIRROR_END: _unmirror,
     PRESET: _preset,
@@ -179,47 +161,50 @@ GEOMETRY, WEAR = 10, 11
 RADII = (12, 13)
 
 
-def set_data(content: Content, shifts: Shifts, frames: Frames, values: Values, unit: float) -> tuple[int, ...]:
+def set_data(change: CoordinateChange) -> tuple[int, ...]:
     """Set the data of G10; the axes of which it gives the position and not the offset (LinuxCNC's L20).
 
-    shifts: the axis words of the block. Refusal for other data.
+    Refusal for other data.
     """
-    other, family = content.other, frames.machine.control.family
+    content, shifts, control = change.content, change.shifts, change.control
+    block, other, family = content.block, content.other, control.family
     if not {"L", "P"} <= other.keys():
-        raise content.refuse("G10 without L and P")
-    kind, number = values.whole(content.block, other["L"]), values.whole(content.block, other["P"])
+        raise content.refuse("G10 needs L and P, the kind and the number of the data: write both")
+    kind, number = change.whole("L"), change.whole("P")
     if kind == WORK_OFFSET or (kind == WORK_OFFSET_HERE and family == "fanuc"):
         _refuse_but(content, "LP" if family == "fanuc" else "LPR")
-        turn = values.number(content.block, other["R"], 1.0) if "R" in other else None
+        turn = control.number(block, other["R"], 1.0) if "R" in other else None
         in_force = kind == WORK_OFFSET and number == 0 and family == "linuxcnc"
-        name = frames.offsets.name if in_force else _name(content, kind, number)
-        frames.enter_offset(content.block, name, shifts, turn)
+        name = control.offsets.name if in_force else _name(content, kind, number)
+        control.enter_offset(block, name, shifts, turn)
     elif kind == WORK_OFFSET_HERE and family == "linuxcnc":
         _refuse_but(content, "LP")
-        if number and NUMBERED.get(number) != frames.offsets.name:
-            raise content.refuse("G10 L20 of a work offset that is not in force")
-        frames.enter_here(content.block, shifts)
+        if number and NUMBERED.get(number) != control.offsets.name:
+            raise content.refuse(
+                "G10 L20 is corrected for the work offset in force only: select its work offset before"
+            )
+        control.enter_here(block, shifts)
         return tuple(shifts)
     elif kind in (1, WORK_OFFSET_HERE, GEOMETRY, WEAR):
-        _set_length(content, kind, number, frames, values, unit)
+        _set_length(change, kind, number)
     elif kind not in RADII:
-        raise content.refuse(f"G10 L{kind}: this kind of data is not known")
+        raise content.refuse(f"G10 L{kind}: this kind of data is not known to ncomp: set it on the control")
     return ()
 
 
-def _set_length(content: Content, kind: int, number: int, frames: Frames, values: Values, unit: float) -> None:
-    control: Control = frames.machine.control
-    lengths, block = frames.lengths, content.block
+def _set_length(change: CoordinateChange, kind: int, number: int) -> None:
+    content, control = change.content, change.control
+    lengths, block, state = control.lengths, content.block, control.control_state
     if kind == 1 and content.axes and control.family != "fanuc":
         _refuse_but(content, "LPRIJQ")
         (index, *more) = content.axes
         if more or block.words[index].address != "Z":
-            raise content.refuse("a tool offset sideways is not corrected")
-        lengths.set(block, lengths.state.tools, number, values.number(block, index, unit))
+            raise content.refuse("a tool offset along X or Y is not corrected: write Z alone")
+        lengths.set(block, state.tools, number, control.number(block, index, control.unit))
     elif kind in (GEOMETRY, WEAR) and control.family == "fanuc" and "R" in content.other and not content.axes:
         _refuse_but(content, "LPR")
-        store = lengths.state.tools if kind == GEOMETRY else lengths.state.wear
-        lengths.set(block, store, number, values.number(block, content.other["R"], unit))
+        store = state.tools if kind == GEOMETRY else state.wear
+        lengths.set(block, store, number, control.number(block, content.other["R"], control.unit))
     else:
         raise content.refuse(f"G10 L{kind} reads differently on FANUC and LinuxCNC: {DIFFERS}")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from postproc.control.interpreter import AxisWords
 from postproc.iso.codes import COORDINATE_CHANGES, CYCLE_WORDS, LENGTH_CODES, STANDING
 from postproc.iso.words import Content
 from postproc.motion.frames import Frame
@@ -45,7 +46,7 @@ class CannedCycle:
     depth: float | None = None
     begun: bool = False
 
-    def store(self, words: list[tuple[AxisWord, float]], retract: tuple[int, float] | None) -> None:
+    def store(self, words: AxisWords, retract: tuple[int, float] | None) -> None:
         """Take over the depth and R of a block, for the holes that come."""
         self.retract = self.retract if retract is None else retract[1]
         self.depth = next((value for word, value in words if word.axis == self.axis), self.depth)
@@ -54,7 +55,7 @@ class CannedCycle:
         self,
         block: Block,
         recorder: Recorder,
-        words: list[tuple[AxisWord, float]],
+        words: AxisWords,
         retract: tuple[int, float] | None,
         to_retract: bool | None,
         *,

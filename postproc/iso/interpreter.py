@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
 
-from kinematics.machine import Machine
-from postproc.control.codes import DWELL, HARMLESS_M, MOTION, PALLET_CHANGE, PLANES, PROGRAM_ENDS, TOOL_CHANGE
-from postproc.control.functions import end_compensation, note_after_end, note_unknown_m
-from postproc.control.setup import Setup
-from postproc.control.state import ControlState
-from postproc.control.tool_vectors import turned_to
-from postproc.iso.arcs import PolarCoordinates, position_of, read_arc
+from postproc.control.codes import DWELL, MOTION, PALLET_CHANGE, PLANES, PROGRAM_ENDS, TOOL_CHANGE
+from postproc.control.interpreter import AxisWords
+from postproc.control.words import whole_of
+from postproc.iso.arcs import PolarCoordinates, arc_of
 from postproc.iso.codes import (
     AFTER_MOTION,
     BESIDE_LEAVING,
     COMPENSATION,
-    COMPENSATION_END,
     CONSTRUCTS,
     COORDINATE_CHANGES,
     CYCLE_END,
@@ -39,82 +36,41 @@ from postproc.iso.codes import (
     SCALE,
     SCALE_END,
     STANDING,
-    TILT,
     TOOL_IS,
     TURNS,
 )
-from postproc.iso.coordinate_presets import extended_offset, place
+from postproc.iso.coordinate_presets import change_coordinates, extended_offset
 from postproc.iso.cycles import CannedCycle, calls_macro, check_cycle_words
-from postproc.iso.frames import Frames
 from postproc.iso.lines import DETAIL as LEADER
 from postproc.iso.lines import refuse_long_line
-from postproc.iso.modes import Modes
-from postproc.iso.variables import IsoVariables, variables_of
-from postproc.iso.words import Content, Values, check_content, dwells_alone, sort_words, take_own_words
+from postproc.iso.modal_state import ModalState
+from postproc.iso.variables import variables_of
+from postproc.iso.words import Content, check_content, dwells_alone, sort_words, take_own_words
+from postproc.motion.circles import point_around
 from postproc.motion.cutter_compensation import follow_contour
-from postproc.motion.frames import cartesian
-from postproc.motion.motions import Motions
 from postproc.motion.moves import AxisWord, Kind, Polar
 from postproc.text.block import Block
-from postproc.text.notes import Notes
 
 MOST_HOLES = 9999
-AxisWords = list[tuple[AxisWord, float]]
-"""Axis words with their values, mm or degrees, in the order of the block."""
 
 
 @dataclass
-class IsoInterpreter:
+class IsoInterpreter(ModalState):
     """Reads blocks in order; modal state carries over from chunk to chunk."""
 
-    machine: Machine
-    setup: Setup
-    notes: Notes
-    scope: IsoVariables = field(init=False)
+    refused_m: ClassVar[Mapping[float, str]] = REFUSED_M
 
     def __post_init__(self) -> None:
-        control = self.machine.control
-        self.control_state = ControlState(self.setup)
-        self.scope = variables_of(control.family)
-        self.columns = {name: i for i, name in enumerate(self.machine.names)}
-        self.rotary: list[bool] = self.machine.rotary.tolist()
-        self.begun = self.ended = False
+        super().__post_init__()
+        self.scope = variables_of(self.family)
         self.opened = self.torn = False
         """A tape mark came before all words; the first one came after words."""
-        self.frames = Frames(self.machine, self.control_state, self.notes)
-        self.recorder = self.frames.recorder
-        self.values = Values(control, self.notes)
-        self.modes = Modes(self.notes, self.recorder.mark_uncertain, control.arc_centres == "absolute")
-        self.modes.to_retract = False if control.family == "fanuc" else None
-        self.motion: float | None = None
         self.cycle: CannedCycle | None = None
         self._before_cycle: float | None = None
         """The motion in force where it began."""
         self.polar: PolarCoordinates | None = None
-        self.compensated = False
-        """The control shifts the path by the radius of the tool."""
-        self.no_insertion = False
-        """ncomp may insert no block beside the present one."""
         self._last: tuple[Content, float | None] | None = None
         """The last block, and the code that claims its coordinates; None for one without words."""
-
-    def read(self, blocks: Iterable[Block]) -> Motions:
-        """The moves of a chunk of blocks, each read before the next is asked for.
-
-        Refusal at the first block that isn't fully understood.
-        """
-        done = []
-        for index, block in enumerate(blocks):
-            done.append(block)
-            self._last = None
-            if not self.ended:
-                refuse_long_line(self.machine.control, block)
-            if block.kind != "blank":
-                self._read_block(index, block)
-                self.control_state.use(block, self.recorder.used)
-                if self.no_insertion:
-                    done[-1], self.no_insertion = block._replace(no_insertion=True), False
-        return self.recorder.finish(done)
 
     @property
     def moved(self) -> bool:
@@ -125,23 +81,30 @@ class IsoInterpreter:
         inside = "a canned cycle" if self.cycle is not None else "radius compensation" if self.compensated else ""
         return calls_macro(content, claimed, inside, self.recorder.stayed)
 
-    def _read_block(self, index: int, block: Block) -> None:
-        if self.ended:
-            if any(word.address == "O" for word in block.words):
-                raise block.refuse("a second program in one file")
-            if self.torn and block.kind != "tape_mark":
-                raise block.refuse(
-                    "text after a tape mark (%) that has no first one: for some controls the program "
-                    "begins here. Write % before the first block too"
-                )
-            if block.kind != "tape_mark":
-                note_after_end(block, self.notes)
-        elif block.kind == "words":
+    def _read_block(self, index: int, block: Block) -> Block:
+        self._last = None
+        if not self.ended:
+            refuse_long_line(self.machine.control, block)
+        if block.kind == "words" and not self.ended:
             self._read_words(index, block)
+        elif self.ended:
+            self._read_after_end(block)
         elif block.kind == "tape_mark":
             self._read_tape_mark(block)
         elif block.kind in CONSTRUCTS:
             raise block.refuse(f"{block.detail}: {CONSTRUCTS[block.kind]}")
+        return block
+
+    def _read_after_end(self, block: Block) -> None:
+        if any(word.address == "O" for word in block.words):
+            raise block.refuse("a second program in one file is not corrected: write it into a file of its own")
+        if self.torn and block.kind not in ("blank", "tape_mark"):
+            raise block.refuse(
+                "text after a tape mark (%) that has no first one: for some controls the program "
+                "begins here. Write % before the first block too"
+            )
+        if block.kind not in ("blank", "tape_mark"):
+            self.note_after_end(block)
 
     def _read_tape_mark(self, block: Block) -> None:
         if block.words or block.skippable:
@@ -152,11 +115,10 @@ class IsoInterpreter:
         self.opened, self.ended = True, self.begun
 
     def _read_words(self, index: int, block: Block) -> None:
-        content, family = sort_words(block), self.machine.control.family
+        content, family = sort_words(block), self.family
         take_own_words(content, self.motion, family)
         moves, other = content.moves, content.other.keys()
         check_content(content, self.begun, family)
-        frame = self.recorder.frame
         if content.m or "T" in other:
             self._functions(content)
         claimed = self._modes(content) if content.g else None
@@ -166,7 +128,7 @@ class IsoInterpreter:
             raise block.refuse("L calls a subprogram on some controls and repeats the block on others")
         if claimed is None:
             if moves:
-                self._move(index, content, frame == self.recorder.frame)
+                self._move(index, content)
         elif claimed in COORDINATE_CHANGES:
             self._change_coordinates(index, content, claimed)
         elif claimed not in STANDING:
@@ -182,19 +144,16 @@ class IsoInterpreter:
     def _functions(self, content: Content) -> None:
         block = content.block
         if "T" in content.other:
-            self.frames.lengths.selected_tool = self.values.whole(block, content.other["T"])
+            self.lengths.selected_tool = whole_of(block, block.words[content.other["T"]])
         for code in content.m:
-            if code == TOOL_IS and "Q" in content.own:
-                self.frames.hold_tool(self.values.whole(block, content.own["Q"]))
+            if code == TOOL_IS and "Q" in content.names:
+                self.hold_tool(whole_of(block, block.words[content.names["Q"]]))
                 continue
-            if code in REFUSED_M:
-                raise block.refuse(f"M{code:g} {REFUSED_M[code]}")
-            if code not in HARMLESS_M:
-                note_unknown_m(code, block, self.recorder, self.notes)
+            self.take_function(block, code)
             if code in (TOOL_CHANGE, PALLET_CHANGE):
                 self._refuse_compensated(content)
             if code == TOOL_CHANGE:
-                self.frames.change_tool(block)
+                self.change_tool(block)
             elif code == PALLET_CHANGE:
                 self.recorder.mark_unknown(list(range(len(self.machine.axes))))
 
@@ -208,7 +167,7 @@ class IsoInterpreter:
         claimed = None
         block, ends = content.block, content.ends
         self._end_coordinate_changes(content, ends)
-        before = self.frames.state()
+        before = self.state()
         for code in content.g:
             if code in ends:
                 continue
@@ -217,14 +176,14 @@ class IsoInterpreter:
                 if code in (5.0, 5.1):
                     _check_speed(content, code)
             elif code in OFFSET_CODES:
-                self.frames.select_offset(block, code, extended_offset(self.values, content, code))
+                self.select_offset(block, code, extended_offset(content, code))
             elif code in LENGTH_CODES:
-                number = self.values.whole(block, content.other["H"]) if "H" in content.other else None
-                self.frames.select_length(block, code, number)
-            elif not self._take_mode(content, code) and code not in HARMLESS_G:
+                number = whole_of(block, block.words[content.other["H"]]) if "H" in content.other else None
+                self.select_length(block, code, number)
+            elif not self.take_mode(block, code) and code not in HARMLESS_G:
                 raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known')}")
         if not FRAME_CODES.isdisjoint(content.g):
-            self.frames.changed_since(before)
+            self.changed_since(before)
         return claimed
 
     def _end_coordinate_changes(self, content: Content, ends: list[float]) -> None:
@@ -233,57 +192,54 @@ class IsoInterpreter:
         for code in ends:
             if code == ROTATION_END:
                 self._end_rotation()
-            elif (self.compensated or drilling or self.polar is not None) and self.frames.shifted:
+            elif (self.compensated or drilling or self.polar is not None) and self.shifted:
                 raise content.refuse(f"G{code:g} with radius compensation, in polar coordinates or in a canned cycle")
             elif code == PRESET_END:
-                self.frames.cancel_preset(content.block, range(len(self.machine.axes)))
+                self.cancel_preset(content.block, range(len(self.machine.axes)))
             elif code == SCALE_END:
-                self.frames.end_turn(SCALE)
+                self.end_turn(SCALE)
             else:
-                self.frames.end_mirror(content.block, ())
+                self.end_mirror(content.block, ())
 
     def _end_rotation(self) -> None:
         for turn in TURNS - {SCALE, MIRROR}:
-            self.frames.end_turn(turn)
+            self.end_turn(turn)
 
-    def _take_mode(self, content: Content, code: float) -> bool:
+    def take_mode(self, block: Block, code: float) -> bool:
         """Take over a modal G code that changes how later words are read; False when it is none."""
         if code in MOTION:
             self.motion, self.cycle = code, None
-        elif code in CYCLES or (code == FINE_BORING and self.machine.control.family == "fanuc"):
-            self._begin_cycle(content, code)
+        elif code in CYCLES or (code == FINE_BORING and self.family == "fanuc"):
+            self._begin_cycle(block, code)
         elif code == CYCLE_END:
             self._end_cycle()
         elif code in COMPENSATION:
-            self._compensate(content)
-        elif code == COMPENSATION_END:
-            self._end_compensation()
+            self.compensate(block)
         elif code in (POLAR, POLAR_END):
-            self._count_angles(content, code == POLAR)
+            self._count_angles(block, code == POLAR)
         elif code == ROTATION_END:
             self._end_rotation()
-        elif code in PLANES and PLANES[code] != self.modes.plane and (self.frames.placement_code or self.polar):
-            raise content.refuse("another plane while the coordinates are turned or polar")
+        elif code in PLANES and PLANES[code] != self.plane and (self.placement_code or self.polar):
+            raise block.refuse(
+                "another plane while the coordinates are rotated or polar is not corrected: end these before it"
+            )
         else:
-            return self.modes.take(code)
+            return super().take_mode(block, code)
         return True
 
-    def _compensate(self, content: Content) -> None:
-        if self.recorder.frame.tcp or self.cycle is not None:
-            raise content.refuse("radius compensation under TCP, in a tilted plane or in a canned cycle: not corrected")
-        self.compensated = True
-        self.notes.add("radius compensation: the points of the contour are corrected", content.block.line)
+    def compensate(self, block: Block) -> None:
+        """G41, G42."""
+        if self.tilted or self.cycle is not None:
+            raise block.refuse(
+                "radius compensation in a tilted plane or in a canned cycle is not corrected: end these before it"
+            )
+        super().compensate(block)
 
-    def _end_compensation(self) -> None:
-        """G40."""
-        if self.compensated:
-            end_compensation(self.recorder, self.modes.plane)
-        self.compensated = False
-
-    def _count_angles(self, content: Content, on: bool) -> None:
-        if on and not self.modes.absolute:
-            raise content.refuse("polar coordinates with G91 are not corrected")
+    def _count_angles(self, block: Block, on: bool) -> None:
+        if on and not self.absolute:
+            raise block.refuse("polar coordinates with G91 are not corrected: write G90 before them")
         self.polar = (self.polar or PolarCoordinates()) if on else None
+        self.angle_axis = self.plane_columns[1] if on else -1
 
     def _refuse_compensated(self, content: Content) -> None:
         if self.compensated:
@@ -293,34 +249,22 @@ class IsoInterpreter:
 
     # ---- words
 
-    def axis_words(self, content: Content) -> AxisWords:
-        """The axis words of a block with their values; an angle of polar coordinates has no unit factor."""
-        result = []
-        block, linear, incremental = content.block, self.modes.unit, not self.modes.absolute
-        angle = self.modes.plane[1] if self.polar is not None else ""
-        for i in content.axes:
-            address = block.words[i].address
-            axis = self.columns.get(address)
-            if axis is None:
-                axis = self.recorder.axis(block, address)
-            unit = 1.0 if self.rotary[axis] or address == angle else linear
-            result.append((AxisWord(axis, i, incremental), self.values.number(block, i, unit)))
-        return result
-
-    def _polar_words(self, content: Content, places: PolarCoordinates) -> tuple[AxisWords, Polar | None]:
-        """Axis words outside the plane, and the polar coordinates of those in the plane."""
-        words = self.axis_words(content)
-        if not self.modes.absolute:
-            raise content.refuse("polar coordinates with G91 are not corrected")
-        axes = self.machine.index(self.modes.plane[0]), self.machine.index(self.modes.plane[1])
-        others, polar = places.take(content.block, axes, words)
+    def _end_words(self, content: Content) -> tuple[AxisWords, Polar | None]:
+        """The axis words of a move; for polar coordinates those outside the plane, and the polar end."""
+        words = self.axis_words(content.block, content.axes)
+        if self.polar is None:
+            return words, None
+        if not self.absolute:
+            raise content.refuse("polar coordinates with G91 are not corrected: write G90 before them")
+        axes = self.plane_columns[:2]
+        others, polar = self.polar.take(content.block, axes, words)
         if polar is None:
             self.recorder.lock_axes(axes)
         self.no_insertion = True
         return others, polar
 
     def _go_polar(self, target: list[float], polar: Polar) -> None:
-        target[polar.axes[0]], target[polar.axes[1]] = position_of(polar)
+        target[polar.axes[0]], target[polar.axes[1]] = point_around((0.0, 0.0), polar.radius, polar.angle)
         self.recorder.say_polar(polar)
 
     # ---- moves
@@ -333,96 +277,89 @@ class IsoInterpreter:
         strange = sorted(content.other.keys() - BESIDE_LEAVING - ({"P"} if code == 30.0 else set()))
         if strange:
             raise content.refuse(f"{strange[0]} beside G{code:g}: its effect depends on the control")
-        words = self.axis_words(content)
+        words = self.axis_words(content.block, content.axes)
         if code == 53.0 and not words:
             return
         if code != 53.0:
             if self.cycle is not None:
                 # the effect of coordinates from here on depends on the control
                 self.motion = self.cycle = None
-            if self.modes.absolute and words:
+            if self.absolute and words:
                 self.notes.add("G28/G30 passes its intermediate point uncorrected", content.block.line)
             self.recorder.mark_unknown([word.axis for word, _ in words] or list(range(len(self.machine.axes))))
             return
-        if not self.modes.absolute or self.motion not in (0.0, 1.0):
+        if not self.absolute or self.motion not in (0.0, 1.0):
             raise content.refuse("G53 needs G90 and G0 or G1")
-        targets = {word.axis: value for word, value in words}
-        self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
+        self.move_to_machine_position(index, content.block, words)
 
-    def _move(self, index: int, content: Content, frame_unchanged: bool) -> None:
+    def _move(self, index: int, content: Content) -> None:
         if self.motion is None:
             raise content.refuse("coordinates before any G0, G1, G2 or G3")
-        tilted = self.frames.placement_code == TILT
-        if tilted and not self.frames.upright:
+        if self.tilted and not self.upright:
             raise content.refuse("a move in a tilted plane before G53.1 has turned the tool into it")
         if self.cycle is not None:
             self._drill(index, content, self.cycle)
             return
         self._check_move_words(content)
-        words, polar = (
-            (self.axis_words(content), None) if self.polar is None else self._polar_words(content, self.polar)
-        )
+        words, polar = self._end_words(content)
         target = self.recorder.target(content.block, words)
-        named = [word for word, _ in words]
         if polar is not None:
             self._go_polar(target, polar)
-        if tilted or self.frames.lengths.vectors:
-            named += self._turn_tool(content, target, named)
+        if self.tilted or self.lengths.vectors:
+            words += self._turn_tool(content, target, words)
         kind = MOTION[self.motion]
         arc = None
         if kind is Kind.ARC:
             if polar is not None or self.polar is not None:
                 raise content.refuse("an arc in polar coordinates is not corrected")
-            arc = read_arc(content, 1 if self.motion == 3.0 else -1, target, self.recorder, self.values, self.modes)
-        if self.modes.not_programmed:
-            self.modes.note_not_programmed(content.block.line, kind)
+            arc = arc_of(self, content, target)
+        if self.not_programmed:
+            self.note_not_programmed(content.block.line, kind)
         if self.compensated:
             self.no_insertion = True
-            plane = self.machine.index(self.modes.plane[0]), self.machine.index(self.modes.plane[1])
-            follow_contour(self.recorder, plane, target, arc)
-        modes = {"incremental": not self.modes.absolute, "timed": self.modes.timed, "frame_unchanged": frame_unchanged}
-        self.recorder.move(index, kind, target, self.modes.unit, tuple(named), arc, **modes)
+            follow_contour(self.recorder, self.plane_columns[:2], target, arc)
+        self.move(index, kind, target, words, arc)
 
     def _check_move_words(self, content: Content) -> None:
         other = content.other.keys()
         strange = sorted(other - MOVE_WORDS)
         if strange:
             raise content.refuse(f"{strange[0]} in a move: its effect depends on the control")
-        if self.motion in (0.0, 1.0) and not other.isdisjoint("R" if self.frames.lengths.vectors else "IJKR"):
+        if self.motion in (0.0, 1.0) and not other.isdisjoint("R" if self.lengths.vectors else "IJKR"):
             raise content.refuse(f"{', '.join(sorted(other & set('IJKR')))} without an arc")
 
-    def _turn_tool(self, content: Content, target: list[float], named: list[AxisWord]) -> list[AxisWord]:
+    def _turn_tool(self, content: Content, target: list[float], words: AxisWords) -> AxisWords:
         """The positions of rotary axes by tool vectors, which no word names; in a tilted plane they do not move."""
-        if any(self.rotary[word.axis] for word in named):
+        if any(self.rotary[word.axis] for word, _ in words):
             raise content.refuse("a rotary axis beside tool vectors or in a tilted plane")
         programmed = [content.other.get(letter) for letter in "IJK"]
-        if programmed == [None, None, None] or self.frames.placement_code == TILT:
+        if programmed == [None, None, None] or self.tilted:
             return []
         if None in programmed or self.motion not in (0.0, 1.0):
             raise content.refuse("a tool vector needs I, J and K, and a straight line")
         vector = [content.block.words[i].value or 0.0 for i in programmed if i is not None]
         self.notes.add("G43.5: rotary axes taken nearest to their present positions", content.block.line)
-        places = turned_to(content.block, self.recorder, target, vector)
-        for axis, value in places.items():
+        positions = self.along_tool_axis(content.block, target, vector)
+        for axis, value in positions.items():
             target[axis] = value
         self.no_insertion = True
-        return [AxisWord(axis, -1, True) for axis in places]
+        return [(AxisWord(axis, -1, True), value) for axis, value in positions.items()]
 
     # ---- canned cycles
 
-    def _begin_cycle(self, content: Content, code: float) -> None:
+    def _begin_cycle(self, block: Block, code: float) -> None:
         if self.compensated:
-            raise content.refuse("a canned cycle while radius compensation is on")
-        axis = self.machine.index(self.modes.plane[2])
+            raise block.refuse("a canned cycle while radius compensation is on")
+        axis = self.plane_columns[2]
         begun = self.cycle
         if begun is None:
             self._before_cycle = self.motion
         if begun is not None and begun.axis != axis:
-            raise content.refuse("another plane within a canned cycle")
+            raise block.refuse("another plane within a canned cycle")
         # the level before the first of several cycles is that of all
         level = self.recorder.position[axis] if begun is None else begun.level
         known = self.recorder.known[axis] if begun is None else begun.known
-        counted, unit = not self.modes.absolute, self.modes.unit
+        counted, unit = not self.absolute, self.unit
         frame = self.recorder.frame if begun is None else begun.frame
         drilled = begun is not None and begun.begun
         self.cycle = CannedCycle(axis, counted, level, known, unit, frame, begun=drilled)
@@ -430,19 +367,19 @@ class IsoInterpreter:
         if begun is not None and alike and (code == self.motion or self._keeps_depth):
             self.cycle.retract, self.cycle.depth = begun.retract, begun.depth
         self.motion = code
-        if axis != cartesian(self.machine)[2]:
-            name = self.modes.plane[2]
-            self.notes.add(f"a canned cycle outside of G17: taken to drill along {name}", content.block.line)
+        if axis != self.x_y_z[2]:
+            name = self.plane[2]
+            self.notes.add(f"a canned cycle outside of G17: taken to drill along {name}", block.line)
 
     @property
     def _keeps_depth(self) -> bool:
         """Another cycle without depth or R takes those of the one before; LinuxCNC refuses it."""
-        return self.machine.control.family != "linuxcnc"
+        return self.family != "linuxcnc"
 
     def _end_cycle(self) -> None:
         """G80. The motion from before holds again, or the next one needs a code: LinuxCNC refuses it without."""
         if self.cycle is not None:
-            holds = self._before_cycle in (0.0, 1.0) and self.machine.control.family != "linuxcnc"
+            holds = self._before_cycle in (0.0, 1.0) and self.family != "linuxcnc"
             self.motion, self.cycle = self._before_cycle if holds else None, None
 
     def _drill(self, index: int, content: Content, cycle: CannedCycle) -> None:
@@ -450,64 +387,62 @@ class IsoInterpreter:
         rotary = any(self.rotary[self.recorder.axis(block, block.words[i].address)] for i in content.axes)
         check_cycle_words(content, rotary)
         self._check_cycle_frame(content, cycle)
-        times = [self.values.whole(block, content.other[letter]) for letter in "KL" if letter in content.other]
+        times = [whole_of(block, block.words[content.other[letter]]) for letter in "KL" if letter in content.other]
         if len(times) > 1 or any(not 0 <= n <= MOST_HOLES for n in times):
             raise content.refuse("a canned cycle needs K or L, at most 9999: write one of them")
-        words, polar = (
-            (self.axis_words(content), None) if self.polar is None else self._polar_words(content, self.polar)
-        )
+        words, polar = self._end_words(content)
         i = content.other.get("R")
-        retract = None if i is None else (i, self.values.number(block, i, self.modes.unit))
-        if self.modes.not_programmed:
-            self.modes.note_not_programmed(block.line, Kind.CYCLE)
+        retract = None if i is None else (i, self.number(block, i, self.unit))
+        if self.not_programmed:
+            self.note_not_programmed(block.line, Kind.CYCLE)
         if times == [0]:
             self._check_stored(content, cycle, words)
             cycle.store(words, retract)
             return
-        switched = cycle.incremental == self.modes.absolute
+        switched = cycle.incremental == self.absolute
         # of several holes at one position only the first changes anything
-        for _ in range(times[0] if times and not self.modes.absolute else 1):
+        for _ in range(times[0] if times and not self.absolute else 1):
             hole = cycle.hole(block, self.recorder, words, retract, self._returns(cycle), switched=switched)
             if polar is not None:
                 self._go_polar(hole.target, polar)
-            self.recorder.drill(index, hole.target, hole.level, self.modes.unit, hole.places, hole.cycle)
+            self.recorder.drill(index, hole.target, hole.level, self.unit, hole.places, hole.cycle)
 
     def _returns(self, cycle: CannedCycle) -> bool | None:
         """End position of a hole, as `to_retract`; None if the level before the cycle belongs to another frame.
 
         There LinuxCNC returns to its number, and others to its position.
         """
-        moved = self.recorder.frame != cycle.frame and self.machine.control.family != "linuxcnc"
-        return None if moved and not self.modes.to_retract else self.modes.to_retract
+        moved = self.recorder.frame != cycle.frame and self.family != "linuxcnc"
+        return None if moved and not self.to_retract else self.to_retract
 
     def _check_stored(self, content: Content, cycle: CannedCycle, words: AxisWords) -> None:
         """K0 and L0 set the depth and R of the holes that come; LinuxCNC refuses them."""
         elsewhere = any(word.axis != cycle.axis for word, _ in words)
-        if self.machine.control.family == "linuxcnc" or cycle.incremental or elsewhere:
+        if self.family == "linuxcnc" or cycle.incremental or elsewhere:
             raise content.refuse("a canned cycle that runs no times, with a position or increments: controls differ")
 
     def _check_cycle_frame(self, content: Content, cycle: CannedCycle) -> None:
-        if cycle.unit != self.modes.unit:
+        if cycle.unit != self.unit:
             raise content.refuse("G20 or G21 within a canned cycle: some controls interpret its depth in the new unit")
-        if cycle.incremental == self.modes.absolute:
+        if cycle.incremental == self.absolute:
             self._check_switched(content, cycle)
-        if cycle.axis != self.machine.index(self.modes.plane[2]):
+        if cycle.axis != self.plane_columns[2]:
             raise content.refuse("another plane within a canned cycle")
-        if self.recorder.frame.tcp and self.frames.placement_code != TILT:
+        if self.recorder.frame.tcp and not self.tilted:
             raise content.refuse("canned cycles under TCP are not corrected")
-        if self.frames.scaled_along(cycle.axis):
+        if self.scaled_along(cycle.axis):
             raise content.refuse("a canned cycle while its depth is scaled or mirrored: controls differ here")
 
     def _check_switched(self, content: Content, cycle: CannedCycle) -> None:
         """FANUC keeps the programmed positions of depth and R; LinuxCNC interprets their numbers again."""
-        if self.machine.control.family != "fanuc":
+        if self.family != "fanuc":
             raise content.refuse(
                 "G90 or G91 within a canned cycle: controls differ in the meaning of its depth; "
                 'write family = "fanuc" in the machine file if the depth stays'
             )
-        depth = any(content.block.words[i].address == self.modes.plane[2] for i in content.axes)
+        depth = any(content.block.words[i].address == self.plane[2] for i in content.axes)
         if depth and "R" in content.other:
-            cycle.incremental = not self.modes.absolute
+            cycle.incremental = not self.absolute
         elif depth or "R" in content.other:
             raise content.refuse(
                 "G90 or G91 changed within the cycle, and the block has only one of depth and R: write both"
@@ -521,9 +456,9 @@ class IsoInterpreter:
         self._refuse_compensated(content)
         if self.polar is not None or self.cycle is not None:
             raise content.refuse(f"G{code:g} in polar coordinates or in a canned cycle")
-        words = self.axis_words(content)
-        if place(content, code, words, self.frames, self.values, self.modes):
-            self.recorder.call(index, self.modes.unit, tuple(word for word, _ in words))
+        words = self.axis_words(content.block, content.axes)
+        if change_coordinates(self, content, code, words):
+            self.recorder.call(index, self.unit, tuple(word for word, _ in words))
 
 
 def _check_speed(content: Content, code: float) -> None:

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from kinematics.machine import Control
-from postproc.control.functions import note_tcp
 from postproc.control.state import ControlState
 from postproc.iso.codes import WORK_OFFSETS
 from postproc.text.block import Block
-from postproc.text.notes import Notes
 
 Shifts = dict[int, float]
 """By axis, mm or degrees."""
@@ -66,7 +63,7 @@ class Offsets:
         names = self.state.setup.machine.names
         self.state.enter_offset(name, {names[axis]: value for axis, value in values.items()})
 
-    def call(self, block: Block, here: Shifts, values: Shifts) -> None:
+    def preset_at(self, block: Block, here: Shifts, values: Shifts) -> None:
         """G92: the positions `here` have the coordinates `values` from now on."""
         if any(self.local.values()):
             raise block.refuse("G92 while G52 is on: one store on some controls, two on others")
@@ -104,8 +101,6 @@ class Lengths:
     """The length in force."""
 
     state: ControlState
-    notes: Notes
-    control: Control
     selected_tool: int = 0
     spindle_tool: int | None = None
     number: int | None = None
@@ -116,9 +111,6 @@ class Lengths:
     """The program has selected the one in force."""
     vectors: bool = False
     """I J K of a move are its tool axis (G43.5)."""
-
-    def __post_init__(self) -> None:
-        self.tcp = self.control.tcp_at_start
 
     @property
     def key(self) -> tuple[int, float | None] | None:
@@ -153,25 +145,25 @@ class Lengths:
 
     def give(self, length: float) -> None:
         """G43.1: a length given in the program, mm."""
-        self.number, self.given, self.selected = None, length, True
-        self.tcp, self.vectors = self.control.tcp_at_start, False
+        self.number, self.given, self.selected, self.vectors = None, length, True, False
 
-    def select(self, block: Block, code: float, number: int | None) -> None:
-        """G43, G43.4, G43.5 with the H of the block, or none; G49."""
+    def select(self, code: float, number: int | None) -> None:
+        """G43, G43.4, G43.5 with the H of the block, or with the present number; G49."""
         self.selected, self.given, self.vectors = True, None, code == 43.5
-        if code == 49.0:
-            self.number, self.tcp = None, self.control.tcp_at_start
-            return
-        if number is not None:
-            self.number = number
-        elif self.number is None or self.control.family == "linuxcnc":
+        if number is not None or code == 49.0:
+            self.number = number if code != 49.0 else None
+
+    def select_spindle(self, block: Block, always: bool) -> bool:
+        """G43 without H: the length of the tool in the spindle, `always` or where no number is in force.
+
+        Refusal where controls differ.
+        """
+        if self.number is None or always:
             self.number = self.spindle_tool or 0
-            self.notes.add("G43 without H: taken for the length of the tool in the spindle", block.line)
-        elif self.spindle_tool not in (None, self.number):
+            return True
+        if self.spindle_tool not in (None, self.number):
             raise block.refuse(
                 f"G43 without H while tool {self.spindle_tool} is in the spindle and H{self.number} in force: "
-                "some controls take the one, some the other"
+                "some controls take the one, some the other. Write H"
             )
-        self.tcp = code in TCP_CODES or self.control.tcp_at_start
-        if code in TCP_CODES:
-            note_tcp(f"G{code:g}", block, self.notes)
+        return False

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
-from kinematics.machine import Control
-from postproc.control.codes import AXES, DWELL, INCH, LARGEST, MOTION, SKIPPABLE_M
-from postproc.control.functions import refuse_two_of_a_group
+from postproc.control import words
+from postproc.control.codes import AXES, DWELL, MOTION, SKIPPABLE_M
+from postproc.control.words import refuse_two_of_a_group
 from postproc.iso.blocks import WORDS
 from postproc.iso.codes import (
     COORDINATE_CHANGES,
@@ -22,24 +20,13 @@ from postproc.iso.codes import (
 )
 from postproc.motion.arcs import CENTRES
 from postproc.motion.moves import Kind
-from postproc.text.block import Block, Refusal
-from postproc.text.notes import Notes
+from postproc.text.block import Block
 
 
-@dataclass(slots=True)
-class Content:
-    """The words of one block, sorted."""
+class Content(words.Content):
+    """The words of one block, sorted; `names` are words that belong to M functions."""
 
-    block: Block
-    g: list[float] = field(default_factory=list)
-    m: list[float] = field(default_factory=list)
-    axes: list[int] = field(default_factory=list)
-    """Indices of the axis words."""
-    other: dict[str, int] = field(default_factory=dict)
-    """Indices of all other words by address."""
-
-    own: dict[str, int] = field(default_factory=dict)
-    """Those of these words that belong to M functions."""
+    __slots__ = ()
 
     @property
     def ends(self) -> list[float]:
@@ -52,10 +39,6 @@ class Content:
     def moves(self) -> bool:
         """True where the block may have a position."""
         return bool(self.axes) or not self.other.keys().isdisjoint("IJKR")
-
-    def refuse(self, reason: str) -> Refusal:
-        """The exception that stops the run at this block."""
-        return self.block.refuse(reason)
 
 
 def sort_words(block: Block) -> Content:
@@ -160,7 +143,7 @@ def take_own_words(content: Content, motion: float | None, family: str) -> None:
     for code in content.m:
         if code == ORIENTED_STOP or (code in OUTPUTS and family == "linuxcnc"):
             for address in content.other.keys() & set(TAKEN_BY_M[code]):
-                content.own[address] = content.other.pop(address)
+                content.names[address] = content.other.pop(address)
 
 
 def dwells_alone(content: Content, family: str) -> bool:
@@ -179,38 +162,3 @@ def dwells_alone(content: Content, family: str) -> bool:
             "block of its own"
         )
     return True
-
-
-# ---- numbers, in mm and degrees
-
-
-@dataclass
-class Values:
-    """Reads the numbers of words; notes its assumptions."""
-
-    control: Control
-    notes: Notes
-
-    def number(self, block: Block, index: int, unit: float) -> float:
-        """The number of a word in mm or degrees."""
-        word = block.words[index]
-        value = word.value or 0.0
-        if not abs(value) < LARGEST:
-            raise block.refuse(f"{word.address} with a number that no control reads")
-        if value and word.formula is None and "." not in block.text[word.start : word.end]:
-            if self.control.integer_words == "increments":
-                if unit == INCH:
-                    raise block.refuse("an inch coordinate without decimal point: its increment is not known")
-                return value * self.control.increment
-            self.notes.add(
-                "coordinates without decimal point taken in mm, inches or degrees, not in increments", block.line
-            )
-        return value * unit
-
-    def whole(self, block: Block, index: int) -> int:
-        """The number of a word that counts."""
-        word = block.words[index]
-        value = word.value or 0.0
-        if not (abs(value) < LARGEST and value == int(value)):
-            raise block.refuse(f"{word.address} with a number that is not whole")
-        return int(value)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from postproc.motion.circles import Point, centre_from_radius, radius_fault, same
@@ -32,9 +32,14 @@ def begin_arc(block: Block, recorder: Recorder, plane: str, sense: int, target: 
     """
     first, second, normal = (recorder.machine.index(letter) for letter in plane)
     if not (recorder.known[first] and recorder.known[second]):
-        raise block.refuse("an arc from a position that the program has not given")
+        raise block.refuse(
+            "the arc starts at a position that the program has not given: write its start in a block before it"
+        )
     if not recorder.frame.keeps_circles(plane[:2]):
-        raise block.refuse("an arc where the axes of its plane are scaled by different factors")
+        raise block.refuse(
+            "the axes of the plane of this arc are scaled by different factors, so that it is no circle: write "
+            "straight lines"
+        )
     start = recorder.position[first], recorder.position[second]
     return Ends((first, second, normal), sense, start, (target[first], target[second]))
 
@@ -45,21 +50,20 @@ def centre_letters(plane: str) -> tuple[str, str]:
     return first, second
 
 
-def centre_words(
-    block: Block, other: Mapping[str, int], plane: str, value: Callable[[int], float], radius: str
-) -> tuple[int | None, int | None]:
+def centre_words(block: Block, other: Mapping[str, int], plane: str, radius: str) -> tuple[int | None, int | None]:
     """Indices of the words of a centre in a plane; Refusal if there are none, or if one belongs to another plane.
 
-    other: indices of words by address. value: the value of a word by its index. radius: the address of a radius, for
-    the message.
+    other: indices of words by address. radius: the address of a radius, for the message.
     """
     letters = centre_letters(plane)
-    stray = [a for a in CENTRES if a not in letters and a in other and value(other[a])]
-    if stray:
-        raise block.refuse(f"{stray[0]} gives no centre in the plane of {' and '.join(plane[:2])}")
+    outside = [a for a in CENTRES if a not in letters and a in other and block.words[other[a]].value]
+    if outside:
+        raise block.refuse(
+            f"{outside[0]} gives no centre in the plane of {' and '.join(plane[:2])}: write {' and '.join(letters)}"
+        )
     first, second = other.get(letters[0]), other.get(letters[1])
     if first is None and second is None:
-        raise block.refuse(f"an arc without {' or '.join(letters)} or {radius}")
+        raise block.refuse(f"the arc has no centre and no radius: write {' and '.join(letters)}, or {radius}")
     return first, second
 
 
@@ -74,14 +78,14 @@ def arc_by_radius(block: Block, ends: Ends, radius: float, word: int, form: str 
     """The arc with this radius, mm, negative for the longer arc; Refusal if there is none."""
     centre = centre_from_radius(ends.start, ends.end, radius, ends.sense)
     if centre is None:
-        raise block.refuse("no circle of this radius joins start and end")
+        raise block.refuse("no circle of this radius joins start and end: write a larger radius, or the centre")
     return Arc(ends.plane, ends.sense, centre, False, form, (word, None))
 
 
 def arc_by_centre(
     block: Block,
     ends: Ends,
-    said: tuple[float, float],
+    programmed: Point,
     words: tuple[int | None, int | None],
     *,
     absolute: bool,
@@ -89,12 +93,14 @@ def arc_by_centre(
 ) -> Arc:
     """The arc around the programmed centre, mm: a position if `absolute`, otherwise an increment from the start.
 
-    hint: text added to the message. Refusal if the ends do not lie on a circle around the centre.
+    hint: text added to the message where the centre would fit as a position. Refusal if the ends do not lie on a circle
+    around the centre.
     """
     x, y = (0.0, 0.0) if absolute else ends.start
-    centre = (x + said[0], y + said[1])
+    centre = (x + programmed[0], y + programmed[1])
     fault = radius_fault(ends.start, ends.end, centre)
     if fault is not None:
-        raise block.refuse(fault + hint)
+        fits = not absolute and radius_fault(ends.start, ends.end, programmed) is None
+        raise block.refuse(fault + (hint if fits else ""))
     form = "absolute" if absolute else "incremental"
     return Arc(ends.plane, ends.sense, centre, same(ends.start, ends.end), form, words)

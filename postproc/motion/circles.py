@@ -138,6 +138,12 @@ def crossings(start: Point, centre: Point, turned: float, phase: float) -> list[
     return [(k * math.pi - first) / abs(turned) for k in crossed]
 
 
+def point_around(pole: Point, radius: float, degrees: float) -> Point:
+    """The point at polar coordinates about a pole: radius in mm, angle in degrees from the first axis."""
+    angle = math.radians(degrees)
+    return pole[0] + radius * math.cos(angle), pole[1] + radius * math.sin(angle)
+
+
 def point_at(start: Point, centre: Point, angle: float) -> Point:
     """The start rotated about the centre by `angle`, rad."""
     c, s = math.cos(angle), math.sin(angle)

@@ -59,7 +59,7 @@ class Arc(NamedTuple):
     """True if start and end coincide and the move is a full circle."""
     form: str
     """Form of the programmed circle: `incremental` or `absolute` (I J K); `radius`, or `radius-absolute` if I J K would
-    be positions; Klartext `pole` (CC), `polar` (CC, and the end by an angle) or `tangent`; Siemens `worked-out` (CIP
+    be positions; Klartext `pole` (CC), `polar` (CC, and the end by an angle) or `tangent`; Siemens `calculated` (CIP
     and CT), which a correction writes as `incremental`."""
     words: tuple[int | None, int | None]
     """Indices of the centre words in the block; for both kinds of `radius`: of the radius word, and None."""

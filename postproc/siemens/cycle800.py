@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.machine import Machine
+from postproc.control.interpreter import Interpreter
 from postproc.control.tilted_planes import normal_of, perpendicular
 from postproc.motion.frames import Placement, rotated_in_turn, shifted
 from postproc.siemens.variables import EMPTY
@@ -60,13 +60,13 @@ def _turned(block: Block, mode: int, angles: list[float]) -> Placement:
     return rotated_in_turn("".join(axes), angles)
 
 
-def rotary_positions(block: Block, machine: Machine, tilt: TiltedPlane) -> dict[int, float]:
+def rotary_positions(block: Block, control: Interpreter, tilt: TiltedPlane) -> dict[int, float]:
     """Positions, degrees by column, with the tool perpendicular to the plane; nearest to 0 of equivalent ones.
 
     The direction that the call prefers is that of the axis that tilts: the one whose angle differs between the two
     solutions, and whose travel ends.
     """
-    rotary = np.flatnonzero(machine.rotary).tolist()
+    machine, rotary = control.machine, control.rotary_axes
     if not rotary:
         raise block.refuse(f"a tilted plane needs a rotary axis, and machine {machine.name} has none")
     found, _ = perpendicular(machine, normal_of(tilt.plane), dict.fromkeys(rotary, 0.0))

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from postproc.control.functions import mark_named_unknown
-from postproc.motion.recorder import Recorder
+from postproc.control.interpreter import Interpreter
 from postproc.siemens.codes import CYCLES, CYCLES_AT_POSITION
 from postproc.siemens.words import Content
 from postproc.text.block import Block, Word
-from postproc.text.expressions import NotKnown, Scope, number
-from postproc.text.notes import Notes
+from postproc.text.expressions import NotKnown, number
 
 
 @dataclass(frozen=True)
@@ -26,11 +24,10 @@ class Cycle:
 class Cycles:
     """The modal cycle, and the position after cycles."""
 
-    scope: Scope
-    notes: Notes
+    control: Interpreter
     modal: Cycle | None = None
 
-    def read(self, index: int, block: Block, content: Content, recorder: Recorder, unit: float, normal: str) -> bool:
+    def read(self, index: int, block: Block, content: Content) -> bool:
         """Take over a cycle that a block calls; False where it calls none.
 
         With MCALL before it, it runs after every move from then on; MCALL alone ends that.
@@ -45,33 +42,35 @@ class Cycles:
         if modal:
             self.modal = cycle
         elif cycle is not None:
-            self._run(index, block, cycle, recorder, unit, normal)
+            self._run(index, block, cycle)
         return True
 
-    def run_modal(self, index: int, block: Block, recorder: Recorder, unit: float, normal: str) -> None:
+    def run_modal(self, index: int, block: Block) -> None:
         """The modal cycle, at the end of a move."""
         if self.modal is not None:
-            self._run(index, block, self.modal, recorder, unit, normal)
+            self._run(index, block, self.modal)
 
     def _cycle(self, word: Word) -> Cycle:
         try:
-            retraction = number((word.arguments or ())[0], self.scope)
+            retraction = number((word.arguments or ())[0], self.control.scope)
         except (NotKnown, IndexError):
             retraction = None
         return Cycle(word.address, retraction)
 
-    def _run(self, index: int, block: Block, cycle: Cycle, recorder: Recorder, unit: float, normal: str) -> None:
+    def _run(self, index: int, block: Block, cycle: Cycle) -> None:
+        control, recorder = self.control, self.control.recorder
         if recorder.frame.tcp and not recorder.frame.couples:
-            raise block.refuse(f"{cycle.name} while TRAORI is on")
-        machine = recorder.machine
+            raise block.refuse(f"{cycle.name} while TRAORI is on is not corrected: write TRAFOOF before it")
         if cycle.name not in CYCLES_AT_POSITION:
-            mark_named_unknown(recorder, "XYZ")
+            control.mark_unknown("XYZ")
             text = f"{cycle.name}: its positions are arguments, which stay as programmed: not corrected"
-            self.notes.add(text, block.line)
+            control.notes.add(text, block.line)
             return
-        self.notes.add(f"{cycle.name} runs from the corrected position; its arguments stay as programmed", block.line)
-        axis = machine.index(normal)
+        control.notes.add(
+            f"{cycle.name} runs from the corrected position; its arguments stay as programmed", block.line
+        )
+        axis = control.plane_columns[2]
         if cycle.retraction is None:
             recorder.mark_unknown([axis])
         else:
-            recorder.leave_at(index, axis, cycle.retraction * unit)
+            recorder.leave_at(index, axis, cycle.retraction * control.unit)

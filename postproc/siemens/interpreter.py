@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
-from kinematics.machine import Machine
-from postproc.control.codes import DISTANCES, DWELL, HARMLESS_M, INVERSE_TIME, MOTION, PLANES, TOOL_CHANGE
-from postproc.control.functions import (
-    end_compensation,
-    move_for_tool_change,
-    note_after_end,
-    note_tcp,
-    note_unknown_m,
-)
-from postproc.control.setup import Setup
-from postproc.control.state import ControlState
+from postproc.control.codes import DWELL, HARMLESS_M, MOTION, PLANES, TOOL_CHANGE
+from postproc.control.interpreter import AxisWords, Interpreter
+from postproc.control.words import value_of, whole_of
 from postproc.motion.cutter_compensation import follow_contour
-from postproc.motion.frames import Frame, Placement, cartesian, renamed
-from postproc.motion.motions import Motions
+from postproc.motion.frames import Frame, Placement, renamed
 from postproc.motion.moves import Arc, AxisWord, Kind, Known
 from postproc.motion.recorder import Recorder
-from postproc.siemens.arcs import ARC_WORDS, Programmed, Turn, arc_of, calculated_arc, with_angle
+from postproc.siemens.arcs import ARC_WORDS, Programmed, arc_of, calculated_arc, with_angle
 from postproc.siemens.calls import ends
 from postproc.siemens.codes import (
     CALCULATED_ARCS,
-    COMPENSATION,
-    COMPENSATION_END,
     CORNERS,
     END_OF_SUBPROGRAM,
     FEED_MODES,
@@ -40,6 +30,7 @@ from postproc.siemens.codes import (
     REFERENCE,
     REFUSED_G,
     UNITS,
+    VECTOR,
     VECTOR_WORDS,
     WORK_OFFSETS,
 )
@@ -48,12 +39,10 @@ from postproc.siemens.cycle800 import read_tilted_plane, rotary_positions
 from postproc.siemens.cycles import Cycles
 from postproc.siemens.frames import DatumTransformations
 from postproc.siemens.polar import POLAR, Polar
-from postproc.siemens.tool_vectors import turn_to_vector
 from postproc.siemens.variables import EMPTY, SiemensVariables
-from postproc.siemens.words import Content, check, sort, value_of, whole_of
+from postproc.siemens.words import Content, check, plain_of, sort
 from postproc.text.block import Block, Word
 from postproc.text.expressions import Constant, NotKnown, whole
-from postproc.text.notes import Notes
 
 BY_CONTROL = -1.0
 """Instead of a G code: a circle that the control calculates (CIP, CT) is active."""
@@ -68,94 +57,66 @@ STANDING = LIMITS | {DWELL}
 
 
 @dataclass
-class SiemensInterpreter:
+class SiemensInterpreter(Interpreter):
     """Reads blocks in order; modal state carries over from chunk to chunk."""
 
-    machine: Machine
-    setup: Setup
-    notes: Notes
     scope: SiemensVariables = field(default_factory=SiemensVariables)
 
+    harmless_m: ClassVar[frozenset[float]] = HARMLESS_M | {END_OF_SUBPROGRAM, *map(float, range(40, 46))}
+    units: ClassVar[Mapping[float, float]] = UNITS
+    feed_modes: ClassVar[frozenset[float]] = FEED_MODES
+
     def __post_init__(self) -> None:
-        self.control_state = ControlState(self.setup)
+        super().__post_init__()
         self.scope.passive = frozenset(self.machine.control.passive_axes)
-        self.begun = self.ended = False
-        self.motion: float | None = None
-        self.timed = False
-        self.plane = "XYZ"
-        self.absolute = True
-        self.unit = 1.0
         self.work_offset, self.offset_programmed = "G500", False
         """Active work offset, and whether the program has named it: a named G500 that is not given is machine zero."""
         self.transformations = DatumTransformations(self.machine, self.notes)
         self.polar = Polar()
-        self.cycles = Cycles(self.scope, self.notes)
+        self.cycles = Cycles(self)
         self.selected_tool: int | str = 0
         self.spindle_tool: int | str | None = None
         self.edge, self.length, self.length_key = 1, 0.0, ""
         """The cutting edge in force, its length, mm, and its name in the set-up."""
-        self.tcp = self.machine.control.tcp_at_start
         self.machine_vectors = False
         """ORIMKS: vectors are those of the machine."""
-        self.compensated = self.rounded = self.cornered = False
-        """The control shifts the path by the tool radius, rounds every corner, rounds the corner after the block."""
-        self.recorder = Recorder(self.machine, self._frame())
-        self._columns = {name: i for i, name in enumerate(self.machine.names)}
-
-    def read(self, blocks: Iterable[Block]) -> Motions:
-        """The moves of a chunk of blocks, each read before the next is asked for.
-
-        Refusal at the first block that isn't fully understood.
-        """
-        done = []
-        for index, block in enumerate(blocks):
-            done.append(block)
-            if block.kind == "words":
-                done[-1] = self._read_block(index, block)
-                self.control_state.use(block, self.recorder.used)
-            elif block.kind == "header":
-                if self.begun:
-                    raise block.refuse(
-                        "the program before this one has no end: write M30, M17 or RET before this block"
-                    )
-                self.begun = True
-        return self.recorder.finish(done)
-
-    @property
-    def moved(self) -> bool:
-        """False: MCALL of a subprogram is refused, so that no call waits for a move."""
-        return False
+        self.rounded = self.cornered = False
+        """The control rounds every corner, rounds the corner after the block."""
+        self.recorder = Recorder(self.machine, self.frame())
 
     def _read_block(self, index: int, block: Block) -> Block:
-        """Take over a block; returned with the words that a correction may change."""
+        if block.kind == "header":
+            if self.begun:
+                raise block.refuse("the program before this one has no end: write M30, M17 or RET before this block")
+            self.begun = True
+        if block.kind != "words":
+            return block
         if self.ended:
-            note_after_end(block, self.notes)
+            self.note_after_end(block)
             return block
         content = sort(block, self.machine.control.passive_axes)
         check(block, content)
         self.begun = True
-        frame = self.recorder.frame
         self._functions(block, content)
         claimed = self._modes(block, content) if content.g or content.names else None
         corner = self._corner(block, content)
         if content.frames:
             self._change_frame(block, content)
         elif claimed in POLES:
-            self.polar.set_pole(block, content, self.recorder, self._turn, claimed or 0.0)
+            self.polar.set_pole(self, block, content, claimed or 0.0)
         elif claimed in REFERENCE:
             self.recorder.mark_unknown(list(range(len(self.machine.axes))))
         elif claimed in MACHINE or "SUPA" in content.names:
             self._machine_move(index, block, content)
         elif "CYCLE800" in content.names:
             self._tilt(index, block, content)
-        elif self.cycles.read(index, block, content, self.recorder, self.unit, self.plane[2]):
-            self.polar.mark_unknown()
+        elif self.cycles.read(index, block, content):
+            self.polar.clear()
         elif content.moves and claimed not in STANDING:
             drills, points = self.cycles.modal is not None, not VECTOR_WORDS.isdisjoint(content.other)
-            block = self._move(index, block, content, frame == self.recorder.frame and not drills)
-            if corner or self.compensated or drills or points:
-                block = block._replace(no_insertion=True)
-            self.cycles.run_modal(index, block, self.recorder, self.unit, self.plane[2])
+            block = self._move(index, block, content, divisible=not drills)
+            self.no_insertion = corner or self.compensated or drills or points
+            self.cycles.run_modal(index, block)
         self.ended = bool(content.m or content.names) and ends(block) and not self.scope.depth
         return block
 
@@ -178,19 +139,17 @@ class SiemensInterpreter:
             word = block.words[content.other["T"]]
             self.selected_tool = word.mode or whole_of(block, word)
         for code in content.m:
-            if code not in HARMLESS_M and code != END_OF_SUBPROGRAM and not 40.0 <= code <= 45.0:
-                note_unknown_m(code, block, self.recorder, self.notes)
+            self.take_function(block, code)
             if code == TOOL_CHANGE:
                 self.spindle_tool = self.selected_tool
-                move_for_tool_change(block, self.recorder, self.notes)
+                self.move_for_tool_change(block)
         if "D" in content.other:
             self.edge = whole_of(block, block.words[content.other["D"]])
         if "D" in content.other or TOOL_CHANGE in content.m:
             self.length = self._tool_length(block)
         if (self._tool_key(), self.length) != before:
             self._note_edge(block)
-            x_y_z = cartesian(self.machine)
-            self.recorder.set_frame(self._frame(), x_y_z if self.recorder.frame.tcp else x_y_z[2:])
+            self.change_frame(self.x_y_z if self.recorder.frame.tcp else self.x_y_z[2:])
 
     def _note_edge(self, block: Block) -> None:
         tool, edge = self._tool_key()
@@ -224,9 +183,7 @@ class SiemensInterpreter:
                 claimed = code
             elif code in WORK_OFFSETS:
                 self._set_work_offset(block, f"G{code:.0f}")
-            elif code in COMPENSATION:
-                self._compensate(block)
-            elif not self._take_mode(code) and code not in HARMLESS_G:
+            elif not self.take_mode(block, code) and code not in HARMLESS_G:
                 raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known')}")
         if DWELL in content.g and content.axes:
             raise block.refuse("G4 with a coordinate: a dwell takes F or S")
@@ -266,23 +223,11 @@ class SiemensInterpreter:
         if mode in OLDER_TOLERANCE_MODE and mode // 10 % 10 != int(self.tcp):
             raise block.refuse(f"CYCLE832 with {mode}, whose second last digit switches TRAORI on or off")
 
-    def _take_mode(self, code: float) -> bool:
-        if code in MOTION:
-            self.motion = code
-        elif code in PLANES:
-            self.plane = PLANES[code]
+    def take_mode(self, block: Block, code: float) -> bool:
+        """Take over a modal G code; another plane has no polar coordinates yet."""
+        if code in PLANES:
             self.polar = Polar()
-        elif code in UNITS:
-            self.unit = UNITS[code]
-        elif code in DISTANCES:
-            self.absolute = code == 90.0
-        elif code in FEED_MODES:
-            self.timed = code == INVERSE_TIME
-        elif code == COMPENSATION_END:
-            self._end_compensation()
-        else:
-            return False
-        return True
+        return super().take_mode(block, code)
 
     def _set_work_offset(self, block: Block, name: str) -> None:
         if self.transformations.tilted is not None and name != self.work_offset:
@@ -292,19 +237,7 @@ class SiemensInterpreter:
             self.control_state.offsets[name] = data.coarse(name)
             self.control_state.fine[name] = dict(data.fine.get(name, {}))
         self.work_offset, self.offset_programmed = name, True
-        self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
-
-    def _compensate(self, block: Block) -> None:
-        if self.tcp:
-            raise block.refuse("tool radius compensation while TRAORI is on is not corrected")
-        self.compensated = True
-        self.notes.add("tool radius compensation: the points of the contour are corrected", block.line)
-
-    def _end_compensation(self) -> None:
-        """G40."""
-        if self.compensated:
-            end_compensation(self.recorder, self.plane)
-        self.compensated = False
+        self.change_frame(range(len(self.machine.axes)))
 
     def _switch_tcp(self, block: Block, content: Content) -> None:
         on = "TRAORI" in content.names
@@ -315,20 +248,17 @@ class SiemensInterpreter:
         if on and self.transformations.tilted is not None:
             raise block.refuse("TRAORI in a plane of CYCLE800")
         if on:
-            note_tcp("TRAORI", block, self.notes)
-        if on != self.tcp:
-            self.tcp = on
-            self.recorder.set_frame(self._frame(), cartesian(self.machine))
+            self.note_tcp("TRAORI", block)
+        self.switch_tcp(on)
 
     def _change_frame(self, block: Block, content: Content) -> None:
         """A statement of the programmable frame."""
-        before, placed, x_y_z = self.recorder.frame, self.transformations.programmed, cartesian(self.machine)
+        before, placed = self.recorder.frame, self.transformations.programmed
         shifted = self.transformations.change(block, content, self.unit, self.plane)
-        after = self._frame()
+        after = self.frame()
         changed = {self.machine.index(axis) for axis in shifted}
-        changed.update(x_y_z[i] for i in renamed(placed, self.transformations.programmed))
-        rotary = np.flatnonzero(self.machine.rotary).tolist()
-        changed.update(i for i in rotary if before.offset[i] != after.offset[i])
+        changed.update(self.x_y_z[i] for i in renamed(placed, self.transformations.programmed))
+        changed.update(i for i in self.rotary_axes if before.offset[i] != after.offset[i])
         self.recorder.set_frame(after, changed)
 
     def _tilt(self, index: int, block: Block, content: Content) -> None:
@@ -336,7 +266,7 @@ class SiemensInterpreter:
         tilt = read_tilted_plane(block, block.words[content.names["CYCLE800"]], self.scope, self.unit)
         if content.axes or content.g or len(content.names) > 1 or self.tcp:
             raise block.refuse("CYCLE800 must be alone in its block, and TRAORI must be off: write TRAFOOF before it")
-        self.polar.mark_unknown()
+        self.polar.clear()
         if tilt is None:
             self.transformations.tilt(None)
             self.notes.add("CYCLE800(): rotary axes taken to keep their positions", block.line)
@@ -344,16 +274,17 @@ class SiemensInterpreter:
             before = self.transformations.tilted
             if tilt.added and before is not None:
                 tilt = tilt._replace(plane=before.then(tilt.plane))
-            positions = rotary_positions(block, self.machine, tilt)
+            positions = rotary_positions(block, self, tilt)
             self.recorder.move_to_machine_position(index, positions, tuple(AxisWord(i, 0, False) for i in positions))
             listed = " ".join(f"{self.machine.names[i]}{angle:g}" for i, angle in positions.items())
             self.notes.add(f"CYCLE800 taken to turn the rotary axes to {listed}", block.line)
             tilts = tilt.plane != Placement() or any(positions.values())
             self.transformations.tilt(tilt.plane if tilts else None)
-        self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
-        self.recorder.mark_unknown(list(cartesian(self.machine)))
+        self.change_frame(range(len(self.machine.axes)))
+        self.recorder.mark_unknown(list(self.x_y_z))
 
-    def _frame(self) -> Frame:
+    def frame(self) -> Frame:
+        """The frame of programmed coordinates now."""
         shifts = {self.machine.index(axis): shift for axis, shift in self.transformations.rotary_shifts.items()}
         tcp, placed = self.tcp or self.transformations.tilted is not None, self.transformations.placement
         tool, length = self.length_key, self.length
@@ -367,45 +298,30 @@ class SiemensInterpreter:
 
     # ---- moves
 
-    @property
-    def _turn(self) -> Turn:
-        return Turn(self.plane, 1 if self.motion == 3.0 else -1, self.unit)
-
-    def _axis_words(self, block: Block, content: Content) -> list[tuple[AxisWord, float]]:
-        """Axis words with their values, mm or degrees, in the order of the block."""
-        result = []
-        for i in content.axes:
-            word = block.words[i]
-            axis = self._columns.get(word.address)
-            if axis is None:
-                axis = self.recorder.axis(block, word.address)
-            rotary = self.machine.axes[axis].rotary
-            if word.mode in ("DC", "ACP", "ACN") and not rotary:
-                raise block.refuse(f"{word.mode} needs a rotary axis")
+    def axis_words(self, block: Block, indices: Iterable[int]) -> AxisWords:
+        """The axis words of a block with their values; Refusal for a mode that the axis does not have."""
+        words = super().axis_words(block, indices)
+        for axis, i, _ in (word for word, _ in words):
+            mode, rotary = block.words[i].mode, self.rotary[axis]
+            if mode in ("DC", "ACP", "ACN") and not rotary:
+                raise block.refuse(f"{mode} needs a rotary axis: write AC or IC")
             if rotary and self.transformations.tilted is not None and not self.tcp:
                 raise block.refuse(
                     "a rotary axis moves in a tilted plane of CYCLE800: end the plane by CYCLE800() before it"
                 )
-            incremental = word.mode == "IC" or (not word.mode and not self.absolute)
-            result.append((AxisWord(axis, i, incremental), value_of(block, word) * (1.0 if rotary else self.unit)))
-        return result
+        return words
 
     def _machine_move(self, index: int, block: Block, content: Content) -> None:
         if self.motion not in (None, 0.0, 1.0):
-            raise block.refuse("machine coordinates need G0 or G1")
-        words = self._axis_words(block, content)
-        if any(word.incremental for word, _ in words):
-            raise block.refuse("an increment in machine coordinates")
+            raise block.refuse("machine coordinates need a straight line: write G0 or G1")
+        words = self.axis_words(block, content.axes)
         if words and (self.tcp or self.cycles.modal is not None):
-            raise block.refuse("machine coordinates while TRAORI or MCALL is on")
+            raise block.refuse("machine coordinates while TRAORI or MCALL is on are not corrected: end it before them")
         if words:
-            x_y_z = cartesian(self.machine)
-            length = self.length
-            targets = {w.axis: value + (length if w.axis == x_y_z[2] else 0.0) for w, value in words}
-            self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
-            self.polar.mark_unknown()
+            self.move_to_machine_position(index, block, words, self.length)
+            self.polar.clear()
 
-    def _move(self, index: int, block: Block, content: Content, frame_unchanged: bool) -> Block:
+    def _move(self, index: int, block: Block, content: Content, *, divisible: bool) -> Block:
         """Record a move; its block comes back with the words that a correction may change."""
         if self.motion is None:
             self.notes.add("no G0 or G1 before it: coordinates taken for straight lines", block.line)
@@ -416,42 +332,44 @@ class SiemensInterpreter:
             )
         if self.length and self.plane != "XYZ":
             self.notes.add(LENGTH_STAYS, block.line)
-        kind, turn = MOTION.get(self.motion, Kind.ARC), self._turn
-        programmed = Programmed(block, self._axis_words(block, content), {})
+        kind = MOTION.get(self.motion, Kind.ARC)
+        programmed = Programmed(block, self.axis_words(block, content.axes), {})
         if any(word.incremental for word, _ in programmed.words):
             self._check_increments(block, programmed)
         polar = not POLAR.isdisjoint(content.other)
         if polar:
-            programmed = self.polar.coordinates(block, content, self.recorder, turn, programmed, self.absolute)
+            programmed = self.polar.coordinates(self, block, content, programmed)
         elif self.polar.radius is not None and any(block.words[i].address in self.plane[:2] for i in content.axes):
-            self.polar.mark_unknown()
+            self.polar.clear()
         if kind is not Kind.ARC and content.other.keys() & ARC_WORDS:
             raise block.refuse("a centre, a radius or turns without an arc")
         if kind is Kind.ARC and "AR" in content.other:
-            programmed = with_angle(block, content, self.recorder, turn, programmed, self.absolute)
+            programmed = with_angle(self, block, content, programmed)
         target = programmed.target(self.recorder)
         if not VECTOR_WORDS.isdisjoint(content.other):
             self._point(block, content, target)
-        arc = self._arc(programmed.block, content, turn, target, polar) if kind is Kind.ARC else None
+        arc = self._arc(programmed.block, content, target, polar) if kind is Kind.ARC else None
         if self.compensated:
-            follow_contour(self.recorder, turn.columns(self.recorder)[:2], target, arc)
-        named = tuple(word for word, _ in programmed.words)
-        modes = {"incremental": not self.absolute, "timed": self.timed, "frame_unchanged": frame_unchanged}
-        self.recorder.move(index, kind, target, self.unit, named, arc, **modes)
+            follow_contour(self.recorder, self.plane_columns[:2], target, arc)
+        self.move(index, kind, target, programmed.words, arc, divisible=divisible)
         return programmed.block
 
-    def _arc(self, block: Block, content: Content, turn: Turn, target: list[float], polar: bool) -> Arc:
+    def _arc(self, block: Block, content: Content, target: list[float], polar: bool) -> Arc:
         if polar:
-            return self.polar.arc(block, content, self.recorder, turn, target)
+            return self.polar.arc(self, block, content, target)
         if not CALCULATED_ARCS.isdisjoint(content.names):
-            return calculated_arc(block, content, self.recorder, turn, target, absolute=self.absolute)
-        return arc_of(block, content, self.recorder, turn, target)
+            return calculated_arc(self, block, content, target)
+        return arc_of(self, block, content, target)
 
     def _point(self, block: Block, content: Content, target: list[float]) -> None:
         """A tool vector."""
         if not self.tcp or self.machine_vectors:
             raise block.refuse("a tool vector without TRAORI, or in machine coordinates (ORIMKS)")
-        turn_to_vector(block, content, self.recorder, target)
+        if not all(self.recorder.frame.keeps_circles(plane) for plane in ("XY", "YZ")):
+            raise block.refuse("a tool vector where the axes are scaled by different factors is not corrected")
+        words = {address: content.other.pop(address) for address in VECTOR if address in content.other}
+        vector = np.array([plain_of(block, block.words[words[a]]) if a in words else 0.0 for a in VECTOR])
+        self.turn_along(block, target, self.recorder.frame.turned(vector).tolist())
         self.notes.add("tool vectors: the control is taken to turn the rotary axes to the nearest solution", block.line)
 
     def _check_increments(self, block: Block, programmed: Programmed) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 
-from postproc.control.codes import LARGEST, SKIPPABLE_M
-from postproc.control.functions import refuse_two_of_a_group
+from postproc.control import words
+from postproc.control.codes import SKIPPABLE_M
+from postproc.control.words import refuse_two_of_a_group, value_of
 from postproc.siemens.codes import (
     CORNERS,
     CYCLES,
@@ -32,18 +32,10 @@ _MACHINE_AXIS = re.compile(r"[A-Z]\d+|FP")
 """Of G74 and G75, with the number of a fixed point."""
 
 
-@dataclass
-class Content:
-    """The words of one block, sorted."""
+class Content(words.Content):
+    """The words of one block, sorted; `names` are words without a value and calls."""
 
-    g: list[float] = field(default_factory=list)
-    m: list[float] = field(default_factory=list)
-    axes: list[int] = field(default_factory=list)
-    """Indices of the axis words."""
-    names: dict[str, int] = field(default_factory=dict)
-    """Indices of words without a value, and of calls, by name."""
-    other: dict[str, int] = field(default_factory=dict)
-    """Indices of all other words by address."""
+    __slots__ = ()
 
     @property
     def moves(self) -> bool:
@@ -58,7 +50,7 @@ class Content:
 
 def sort(block: Block, passive: tuple[str, ...] = ()) -> Content:
     """The words of a block by kind; those of `passive` axes are left out."""
-    content, axes = Content(), ""
+    content, axes = Content(block), ""
     for i, word in enumerate(block.words):
         address = word.address
         if address in passive:
@@ -130,32 +122,11 @@ def _strange(address: str) -> str:
 # ---- values
 
 
-def value_of(block: Block, word: Word) -> float:
-    """The number of a word; Refusal where it has none that a control reads."""
-    if word.value is None or not abs(word.value) < LARGEST:
-        raise block.refuse(f"{word.address} with a number that no control reads")
-    return word.value
-
-
-def whole_of(block: Block, word: Word) -> int:
-    """The whole number of a word."""
-    value = value_of(block, word)
-    if value != int(value):
-        raise block.refuse(f"{word.address} with a number that is not whole")
-    return int(value)
-
-
 def plain_of(block: Block, word: Word) -> float:
     """The number of a word without AC, IC and the like."""
     if word.mode:
         raise block.refuse(f"{word.mode} in {word.address}: how it counts is not known")
     return value_of(block, word)
-
-
-def value_in(block: Block, content: Content, address: str) -> float | None:
-    """The number of a word that a block may have, None where it has none."""
-    index = content.other.get(address)
-    return None if index is None else value_of(block, block.words[index])
 
 
 def with_word(block: Block, index: int, word: Word) -> Block:

@@ -86,7 +86,7 @@ class CircleWriter:
                 isinstance(editor, AddedBlock) and editor.is_beside_mode("AC")
             )
             centre = self._write_centre(editor, arc, (0.0, 0.0) if absolute else start, centre, unit)
-            if arc.form == "worked-out" and isinstance(editor, WordEditor):
+            if arc.form == "calculated" and isinstance(editor, WordEditor):
                 write_motion_code(editor, arc.sense)
         if (
             abs(sweep(start, end, centre, arc.sense, arc.full, arc.turns) - turned) > 1.0

@@ -1,42 +1,119 @@
-"""The meaning of ISO coordinates in machine axes, block by block: offsets, lengths and rotations."""
+"""The modal state of ISO / Fanuc / LinuxCNC programs: modes, offsets, lengths, and the frame that results."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
-from kinematics.machine import Machine
-from postproc.control.functions import move_for_tool_change
-from postproc.control.state import ControlState
+from postproc.control.codes import DISTANCES, INCH, LARGEST, PLANES
+from postproc.control.interpreter import Interpreter
 from postproc.control.tilted_planes import lean, normal_of
-from postproc.iso.codes import MIRROR, SCALE, TILT
+from postproc.control.words import no_number
+from postproc.iso.codes import (
+    CENTRE_DISTANCES,
+    FEED_MODES,
+    MIRROR,
+    RETURN_TO_LEVEL,
+    RETURN_TO_R,
+    SCALE,
+    TILT,
+    UNITS,
+)
 from postproc.iso.datum_transformations import MAKERS, Programmed
 from postproc.iso.offsets import TCP_CODES, Lengths, Offsets, Shifts
-from postproc.motion.frames import Frame, Placement, cartesian, renamed, rotated, shifted
-from postproc.motion.moves import Known
+from postproc.iso.variables import IsoVariables
+from postproc.motion.frames import Frame, Placement, renamed, rotated, shifted
+from postproc.motion.moves import Kind, Known
 from postproc.motion.recorder import Recorder
 from postproc.text.block import Block
-from postproc.text.notes import Notes
 
 UPRIGHT = 1e-6
 """rad: a tool that leans no more is perpendicular to the tilted plane."""
+DEFAULTS = {
+    "unit": "no G20 or G21 before it: coordinates taken in mm",
+    "distance": "no G90 or G91 before it: coordinates taken as absolute",
+    "plane": "no G17, G18 or G19 before it: arcs taken in X Y",
+}
+"""Notes on modes that the program has not set, by their names."""
 
 
-class Frames:
-    """Offsets, lengths and turns in force; every change goes to the recorder, with the axes that it concerns."""
+@dataclass
+class ModalState(Interpreter):
+    """The state that holds until a block changes it; every change goes to the recorder, with the axes concerned."""
 
-    def __init__(self, machine: Machine, state: ControlState, notes: Notes) -> None:
-        self.machine, self.notes = machine, notes
-        self.offsets = Offsets(state)
-        self.lengths = Lengths(state, notes, machine.control)
-        self.place, self.placement_code = Placement(), 0.0
+    scope: IsoVariables = field(init=False)
+
+    units: ClassVar[Mapping[float, float]] = UNITS
+    feed_modes: ClassVar[frozenset[float]] = FEED_MODES
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        control = self.machine.control
+        self.family = control.family
+        """The family of controls that decides where controls differ."""
+        self.arc_absolute = control.arc_centres == "absolute"
+        self.to_retract: bool | None = False if self.family == "fanuc" else None
+        """Canned cycles end at R (G99) and not at the level before (G98)."""
+        self.not_programmed = dict(DEFAULTS)
+        self.mode_assumed: set[str] = set()
+        """Modes that moves have assumed, as the program had not set them."""
+        self.offsets = Offsets(self.control_state)
+        self.lengths = Lengths(self.control_state)
+        self.placement, self.placement_code = Placement(), 0.0
         """The rotation, mirror or scale of the coordinates, and its G code; 0 for none."""
         self.mirrors: dict[str, float] = {}
-        """Of G51.1."""
+        """Positions of the mirrors of G51.1, by axis."""
         self.upright = False
         """The tool is perpendicular to the tilted plane."""
-        self.recorder = Recorder(machine, self.frame())
+        self.recorder = Recorder(self.machine, self.frame())
+
+    # ---- modes and numbers
+
+    def take_mode(self, block: Block, code: float) -> bool:
+        """Take over a modal code; False for any other code."""
+        if code in CENTRE_DISTANCES:
+            self.arc_absolute = code == 90.1
+        elif code in (RETURN_TO_LEVEL, RETURN_TO_R):
+            self.to_retract = code == RETURN_TO_R
+        elif not super().take_mode(block, code):
+            return False
+        mode = "plane" if code in PLANES else "unit" if code in UNITS else "distance" if code in DISTANCES else ""
+        self.not_programmed.pop(mode, None)
+        if mode in self.mode_assumed and code in (21.0, 90.0):
+            self.recorder.mark_uncertain()
+        self.mode_assumed.discard(mode)
+        return True
+
+    def note_not_programmed(self, line: int, kind: Kind) -> None:
+        """Note the assumptions of a move: modes that the program has not given."""
+        for mode in ("unit", "distance", "plane") if kind is Kind.ARC else ("unit", "distance"):
+            if mode in self.not_programmed:
+                self.notes.add(self.not_programmed.pop(mode), line)
+                self.mode_assumed.add(mode)
+
+    def number(self, block: Block, index: int, unit: float) -> float:
+        """The number of a word in mm or degrees; without a decimal point it may be a number of increments."""
+        word = block.words[index]
+        value = word.value
+        if value is None or not abs(value) < LARGEST:
+            raise no_number(block, word)
+        if value and word.formula is None and "." not in block.text[word.start : word.end]:
+            if self.machine.control.integer_words == "increments":
+                if unit == INCH:
+                    raise block.refuse(
+                        f"{word.address} is an inch coordinate without decimal point, and its increment is not known: "
+                        "write the decimal point"
+                    )
+                return value * self.machine.control.increment
+            self.notes.add(
+                "coordinates without decimal point taken in mm, inches or degrees, not in increments", block.line
+            )
+        return value * unit
+
+    # ---- frames
 
     @property
     def tilted(self) -> bool:
@@ -49,17 +126,17 @@ class Frames:
         return bool(self.placement_code) or self.offsets.moved
 
     def frame(self) -> Frame:
-        """The frame that coordinates are programmed in now."""
-        added, x_y_z, lengths = self.offsets.added(), cartesian(self.machine), self.lengths
-        placed = rotated(self.offsets.turn).then(shifted(*(added.pop(axis, 0.0) for axis in x_y_z))).then(self.place)
-        return self.offsets.state.frame(
+        """The frame of programmed coordinates now."""
+        added, lengths = self.offsets.added(), self.lengths
+        shift = shifted(*(added.pop(axis, 0.0) for axis in self.x_y_z))
+        return self.control_state.frame(
             self.offsets.name,
-            placed,
+            rotated(self.offsets.turn).then(shift).then(self.placement),
             added,
             tool=lengths.tool_name,
             length=lengths.tool(),
             length_offset=lengths.offset() or 0.0,
-            tcp=lengths.tcp or self.tilted,
+            tcp=self.tcp or self.tilted,
         )
 
     # ---- work offsets and lengths
@@ -67,17 +144,17 @@ class Frames:
     def change_tool(self, block: Block) -> None:
         """M6."""
         self.hold_tool(self.lengths.selected_tool)
-        move_for_tool_change(block, self.recorder, self.notes)
+        self.move_for_tool_change(block)
 
     def hold_tool(self, number: int) -> None:
         """Another tool is in the spindle; the axes do not move."""
         self.lengths.spindle_tool = number
-        by_spindle_tool = (self.lengths.tcp or self.tilted) and self.lengths.offset() is None
-        self.recorder.set_frame(self.frame(), cartesian(self.machine) if by_spindle_tool else ())
+        by_spindle_tool = (self.tcp or self.tilted) and self.lengths.offset() is None
+        self.change_frame(self.x_y_z if by_spindle_tool else ())
 
     def select_offset(self, block: Block, code: float, extended: int | None) -> None:
         """G54 and its kin, G54.1 P. LinuxCNC keeps G52 and G92, which are one store there, in every offset."""
-        if self.placement_code or (self.offsets.moved and self.machine.control.family != "linuxcnc"):
+        if self.placement_code or (self.offsets.moved and self.family != "linuxcnc"):
             raise block.refuse(
                 "a work offset while G52, G92 or a turn of the coordinates is on: what becomes of these depends on the "
                 "control"
@@ -88,15 +165,28 @@ class Frames:
         """G43, G43.4, G43.5, G49."""
         if code in TCP_CODES and (self.placement_code or self.offsets.turn):
             raise block.refuse(f"G{code:g} while the coordinates are turned: not corrected")
-        self.lengths.select(block, code, number)
+        assumed = number is None and code != 49.0
+        if assumed and self.lengths.select_spindle(block, self.family == "linuxcnc"):
+            self.notes.add("G43 without H: taken for the length of the tool in the spindle", block.line)
+        self.lengths.select(code, number)
+        self.tcp = code in TCP_CODES or self.machine.control.tcp_at_start
+        if code in TCP_CODES:
+            self.note_tcp(f"G{code:g}", block)
+
+    def give_length(self, length: float) -> None:
+        """G43.1: a length given in the program, mm."""
+        before = self.state()
+        self.lengths.give(length)
+        self.tcp = self.machine.control.tcp_at_start
+        self.changed_since(before)
 
     def state(self) -> tuple[str | None, tuple[int, float | None] | None, bool]:
         """Work offset and length in force, None where the program has not set it yet, and TCP."""
-        return self.offsets.name if self.offsets.selected else None, self.lengths.key, self.lengths.tcp
+        return self.offsets.name if self.offsets.selected else None, self.lengths.key, self.tcp
 
     def changed_since(self, before: tuple[str | None, tuple[int, float | None] | None, bool]) -> None:
         """Set the frame of the recorder, with the axes whose coordinates differ from those of the state before."""
-        x_y_z, (offset, length, tcp) = cartesian(self.machine), self.state()
+        x_y_z, (offset, length, tcp) = self.x_y_z, self.state()
         changed: set[int] = set()
         if offset != before[0]:
             changed.update(range(len(self.machine.axes)))
@@ -104,7 +194,7 @@ class Frames:
             changed.update(x_y_z)
         elif length != before[1]:
             changed.add(x_y_z[2])
-        self.recorder.set_frame(self.frame(), changed)
+        self.change_frame(changed)
 
     # ---- G52, G92, G10
 
@@ -113,13 +203,13 @@ class Frames:
         if self.offsets.preset and any(self.offsets.preset.values()):
             raise block.refuse("G52 while G92 is on: one store on some controls, two on others")
         self.offsets.local.update(values)
-        self.recorder.set_frame(self.frame(), values)
+        self.change_frame(values)
 
     def preset_here(self, block: Block, values: Shifts) -> None:
         """G92 with axes: new coordinates for the present positions."""
         self._refuse_turned(block)
-        self.offsets.call(block, self._present_positions(block, values), values)
-        self.recorder.set_frame(self.frame(), ())
+        self.offsets.preset_at(block, self._present_positions(block, values), values)
+        self.change_frame(())
 
     def enter_offset(self, block: Block, name: str, values: Shifts, turn: float | None) -> None:
         """G10 L2: a work offset of the table, and by how many degrees it turns X and Y."""
@@ -132,9 +222,9 @@ class Frames:
         changed = set(values)
         if turn is not None:
             self.offsets.turned[name] = turn
-            changed.update(cartesian(self.machine)[:2])
+            changed.update(self.x_y_z[:2])
         if name == self.offsets.name:
-            self.recorder.set_frame(self.frame(), changed)
+            self.change_frame(changed)
 
     def enter_here(self, block: Block, values: Shifts) -> None:
         """G10 L20 of LinuxCNC: the active work offset that gives the present positions these coordinates."""
@@ -143,7 +233,7 @@ class Frames:
         work = self.offsets.work()
         entered = {axis: work[axis] + here[axis] - value for axis, value in values.items()}
         self.offsets.enter(self.offsets.name, entered)
-        self.recorder.set_frame(self.frame(), ())
+        self.change_frame(())
 
     def cancel_preset(self, block: Block, axes: Iterable[int]) -> None:
         """G92.1."""
@@ -151,20 +241,19 @@ class Frames:
             raise block.refuse("G92.1 while the coordinates are turned")
         axes = list(axes)
         self.offsets.cancel_preset(axes)
-        self._tell_shifted(axes)
+        self._change_shifted(axes)
 
     def suspend(self, block: Block, suspended: bool) -> None:
         """G92.2, G92.3."""
         self.offsets.suspend(block, suspended)
-        self._tell_shifted(self.offsets.preset or {})
+        self._change_shifted(self.offsets.preset or {})
 
-    def _tell_shifted(self, axes: Iterable[int]) -> None:
-        frame = self.frame()
-        if frame != self.recorder.frame:
-            self.recorder.set_frame(frame, axes)
+    def _change_shifted(self, axes: Iterable[int]) -> None:
+        if self.frame() != self.recorder.frame:
+            self.change_frame(axes)
 
     def _refuse_turned(self, block: Block) -> None:
-        if self.placement_code or self.lengths.tcp or self.offsets.turn:
+        if self.placement_code or self.tcp or self.offsets.turn:
             raise block.refuse(
                 "a preset of the present position (G92, G10 L20) is not corrected while the coordinates "
                 "or the table are rotated: write it before the rotation"
@@ -188,7 +277,7 @@ class Frames:
             raise programmed.block.refuse(f"G{code:g} while G{self.placement_code:g} is on")
         if self.offsets.turn:
             raise programmed.block.refuse(f"G{code:g} within a work offset that turns the coordinates")
-        if code == TILT and (self.offsets.moved or self.lengths.tcp):
+        if code == TILT and (self.offsets.moved or self.tcp):
             raise programmed.block.refuse("a tilted plane while G52, G92 or TCP is on: not corrected")
         if code == MIRROR:
             self.mirrors.update(programmed.axes)
@@ -198,8 +287,8 @@ class Frames:
 
     def scaled_along(self, axis: int) -> bool:
         """True where G51 or G51.1 changes lengths along an axis."""
-        i = cartesian(self.machine).index(axis)
-        return self.placement_code == SCALE or (self.placement_code == MIRROR and self.place.turn[4 * i] < 0.0)
+        i = self.x_y_z.index(axis)
+        return self.placement_code == SCALE or (self.placement_code == MIRROR and self.placement.turn[4 * i] < 0.0)
 
     def end_turn(self, code: float) -> None:
         """G69, G50: of the code that it ends."""
@@ -211,27 +300,27 @@ class Frames:
         if self.placement_code != MIRROR:
             return
         named = set(axes)
-        self.mirrors = {axis: place for axis, place in self.mirrors.items() if named and axis not in named}
-        left = MAKERS[MIRROR](Programmed(block, "", self.mirrors, {})) if self.mirrors else Placement()
-        self._put(left, MIRROR if self.mirrors else 0.0)
+        self.mirrors = {axis: at for axis, at in self.mirrors.items() if named and axis not in named}
+        remaining = MAKERS[MIRROR](Programmed(block, "", self.mirrors, {})) if self.mirrors else Placement()
+        self._put(remaining, MIRROR if self.mirrors else 0.0)
 
-    def _put(self, place: Placement, code: float) -> None:
-        was_tilted, before, x_y_z = self.tilted, self.place, cartesian(self.machine)
-        self.place, self.placement_code = place, code
+    def _put(self, placement: Placement, code: float) -> None:
+        was_tilted, before = self.tilted, self.placement
+        self.placement, self.placement_code = placement, code
         if was_tilted != self.tilted:
-            self.recorder.set_frame(self.frame(), x_y_z)
+            self.change_frame(self.x_y_z)
         elif self.frame() != self.recorder.frame:
-            self.recorder.set_frame(self.frame(), [x_y_z[i] for i in renamed(before, place)])
+            self.change_frame([self.x_y_z[i] for i in renamed(before, placement)])
 
     def stand_upright(self, block: Block) -> None:
         """G53.1: the tool along the normal of the tilted plane; otherwise the control chooses how to turn it."""
         if not self.tilted:
             raise block.refuse("G53.1 without a tilted plane")
         degrees = np.add(self.recorder.position, self.recorder.frame.offset)
-        known = all(self.recorder.known[i] != Known.ASSUMED for i in np.flatnonzero(self.machine.rotary))
+        known = all(self.recorder.known[i] != Known.ASSUMED for i in self.rotary_axes)
         if (
             not known
-            or lean(self.machine, np.where(self.machine.rotary, degrees, 0.0), normal_of(self.place)) > UPRIGHT
+            or lean(self.machine, np.where(self.machine.rotary, degrees, 0.0), normal_of(self.placement)) > UPRIGHT
         ):
             raise block.refuse(
                 "the tool is not perpendicular to the tilted plane, and the control chooses how G53.1 turns "

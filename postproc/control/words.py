@@ -1,0 +1,62 @@
+"""Words of one block, sorted by address, and their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field
+
+from postproc.control.codes import LARGEST
+from postproc.text.block import Block, Refusal, Word
+
+
+@dataclass(slots=True)
+class Content:
+    """The words of one block, sorted."""
+
+    block: Block
+    g: list[float] = field(default_factory=list)
+    m: list[float] = field(default_factory=list)
+    axes: list[int] = field(default_factory=list)
+    """Indices of the axis words."""
+    names: dict[str, int] = field(default_factory=dict)
+    """Indices of the words and calls without a value that the dialect reads by their names."""
+    other: dict[str, int] = field(default_factory=dict)
+    """Indices of all other words by address."""
+
+    def refuse(self, reason: str) -> Refusal:
+        """The exception that stops the run at this block."""
+        return self.block.refuse(reason)
+
+
+def value_of(block: Block, word: Word) -> float:
+    """The number of a word; Refusal where the program does not give it, or no control reads it."""
+    if word.value is None or not abs(word.value) < LARGEST:
+        raise no_number(block, word)
+    return word.value
+
+
+def no_number(block: Block, word: Word) -> Refusal:
+    """The exception for a word without a number that can be used."""
+    if word.value is not None:
+        return block.refuse(f"{word.address} has a number that no control reads: write one below {LARGEST:g}")
+    return block.refuse(
+        f"{block.text[word.at : word.end]}: its value is known only while the program runs: assign the variable "
+        "in the program or write a number"
+    )
+
+
+def whole_of(block: Block, word: Word) -> int:
+    """The whole number of a word."""
+    value = value_of(block, word)
+    if value != int(value):
+        raise block.refuse(f"{word.address} has a number that is not whole: write a whole number")
+    return int(value)
+
+
+def refuse_two_of_a_group(block: Block, codes: Iterable[float], groups: Iterable[Collection[float]]) -> None:
+    """Refusal for two G codes of one modal group."""
+    present = set(codes)
+    for group in groups:
+        both = sorted(present.intersection(group))
+        if len(both) > 1:
+            raise block.refuse(f"G{both[0]:g} and G{both[1]:g} in one block exclude each other: write one of them")
