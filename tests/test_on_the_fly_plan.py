@@ -301,21 +301,30 @@ def test_a_program_is_judged_by_name(command, tmp_path):
 
 
 WRONG = {
-    "plan points": (["plan", "--strategy", "on-the-fly", "--points", "30", "-o", "p.csv"], "--points is of positions"),
-    "plan both": (["plan", "--strategy", "on-the-fly", "--length-m", "5", "--minutes", "3", "-o", "p.csv"], "not both"),
+    "plan points": (
+        ["plan", "--strategy", "on-the-fly", "--points", "30", "-o", "p.csv"],
+        "--points does not apply to --strategy on-the-fly",
+    ),
+    "plan both": (
+        ["plan", "--strategy", "on-the-fly", "--length-m", "5", "--minutes", "3", "-o", "p.csv"],
+        "exclude each other",
+    ),
     "plan length elsewhere": (
         ["plan", "--strategy", "grid", "--length-m", "5", "-o", "p.csv"],
-        "--length-m is of --strategy on-the-fly",
+        "--length-m is an option of --strategy on-the-fly",
     ),
-    "plan swept": (["plan", "--strategy", "on-the-fly", "--rotary", "swept", "-o", "p.csv"], "fixed or move along"),
+    "plan swept": (
+        ["plan", "--strategy", "on-the-fly", "--rotary", "swept", "-o", "p.csv"],
+        "expected fixed or simultaneous",
+    ),
     "simulate both": (
         ["simulate", "--path", "x.nc", "--strategy", "grid", "-o", "d.csv"],
-        "--strategy can't go with --path",
+        "--strategy does not apply to --path",
     ),
-    "simulate neither": (["simulate", "-o", "d.csv"], "--strategy, or --path PATH.nc"),
+    "simulate neither": (["simulate", "-o", "d.csv"], "--strategy NAME, or --path PATH.nc"),
     "simulate laser": (
         ["simulate", "--path", "x.nc", "--instrument", "interferometer", "-o", "d.csv"],
-        "it takes a laser tracker",
+        "--path needs a laser tracker",
     ),
     "simulate no file": (["simulate", "--path", "x.nc", "-o", "d.csv"], "x.nc"),
 }
