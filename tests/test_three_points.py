@@ -445,8 +445,8 @@ def test_the_command(tmp_path: Path):
     assert content["axes"]["X"]["curves"]["E_XX"]["degree"] == 2
     assert len(shown.splitlines()) < 120
     assert "degree" in shown
-    assert "; um, urad" not in shown
-    assert "; um, urad" in succeed(*call, "--tables").shown
+    assert "um, urad, ± u" not in shown
+    assert "um, urad, ± u" in succeed(*call, "--tables").shown
     assert "--basis spline" in refusal(*call, "--basis", "spline")
 
 
