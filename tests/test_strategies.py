@@ -261,7 +261,7 @@ def test_spacings_refused():
         with pytest.raises(UserError, match="must be positive"):
             plan(GANTRY, "grid", spacing_mm=spacing)
     for strategy in ("grid", "hexahedron"):
-        with pytest.raises(UserError, match="more than 5000000"):
+        with pytest.raises(UserError, match="more than the limit of 5000000"):
             plan(GANTRY, strategy, spacing_mm=1e-3)
 
 
