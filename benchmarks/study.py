@@ -17,6 +17,7 @@ import statistics
 import time
 import tomllib
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from calibration.study.cases import Case, read_cases
 from calibration.study.chunks import Chunk, Prepared
 from calibration.study.definition import study_of
 from calibration.study.run import Draws, Result, run
-from calibration.study.spread import Cluster, Here, Processes, Workers
+from calibration.study.spread import Workers, workers
 from calibration.study.stopping import estimates
 from calibration.study.store import Store
 
@@ -57,7 +58,8 @@ def cases_of(content: dict[str, Any]) -> list[Case]:
 
 def results(cases: list[Case], draws: int, team: Workers | None = None) -> list[Result]:
     """All draws of some cases, kept nowhere."""
-    return run(cases, Draws(draws), team or Here(), Store(None))
+    with nullcontext(team) if team else workers(1, None) as its:
+        return run(cases, Draws(draws), its, Store(None))
 
 
 def show(result: Result) -> None:
@@ -196,16 +198,15 @@ def scaling(repeats: int) -> None:
         "fit": {"basis": "auto:cubic"},
     }
     cases = cases_of({"case": [case]})
-    for number in (1, 2):
-        team = Processes(number)
-        results(cases, 50 * number, team)
-        print(f"  {number} process(es)   {_median(lambda: results(cases, 400, team), repeats):6.1f} s", flush=True)  # noqa: B023
-        team.close()
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
-        cluster = Cluster(local.scheduler_address)
-        results(cases, 100, cluster)
-        print(f"  Dask, 2 workers {_median(lambda: results(cases, 400, cluster), repeats):6.1f} s")
-        cluster.close()
+        for name, number, dask in (
+            ("1 process", 1, None),
+            ("2 processes", 2, None),
+            ("Dask, 2 workers", 2, local.scheduler_address),
+        ):
+            with workers(number, dask) as team:
+                results(cases, 50 * number, team)
+                print(f"  {name:15} {_median(lambda: results(cases, 400, team), repeats):6.1f} s", flush=True)
 
 
 def _median(work: Callable[[], object], repeats: int) -> float:

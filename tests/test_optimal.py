@@ -20,7 +20,7 @@ from calibration.simulation.effect_text import read_effects
 from calibration.study.cases import read_cases
 from calibration.study.definition import study_of
 from calibration.study.run import Draws, run
-from calibration.study.spread import Here
+from calibration.study.spread import workers
 from calibration.study.store import Store
 from kinematics.forward import tool_point
 from kinematics.user_error import UserError
@@ -174,7 +174,8 @@ def test_better_than_hand_made_plans_at_equal_time():
     }
     # no more time than the shortest of the others
     content["case"][0] = {**content["case"][0], "points": None, "minutes": 67.0, "candidates": 800}
-    found = run(read_cases(study_of(content, "test"), Path()), Draws(150), Here(), Store(None))
+    with workers(1, None) as team:
+        found = run(read_cases(study_of(content, "test"), Path()), Draws(150), team, Store(None))
     means = {result.case.name: result.after.mean() for result in found}
     assert found[0].minutes <= min(result.minutes for result in found[1:])
     assert means["optimised"] < 0.97 * min(means[name] for name in names[1:])

@@ -5,7 +5,10 @@ import json
 import os
 import re
 import signal
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +34,7 @@ from calibration.study.chunks import SIZE, Chunk, Prepared
 from calibration.study.definition import study_of
 from calibration.study.exact import compared
 from calibration.study.run import Draws, Result, run
-from calibration.study.spread import Here, Processes
+from calibration.study.spread import Workers, workers
 from calibration.study.stopping import enough, estimates
 from calibration.study.store import Store
 from kinematics.error_model.model import write_model
@@ -61,7 +64,8 @@ def paper_case(**changes) -> Case:
 
 def results(cases: list[Case], draws: Draws | int, team=None, store: Store | None = None, **more) -> list[Result]:
     number = Draws(draws) if isinstance(draws, int) else draws
-    return run(cases, number, team or Here(), store or Store(None), **more)
+    with nullcontext(team) if team else workers(1, None) as its:
+        return run(cases, number, its, store or Store(None), **more)
 
 
 def measured_as(ready: Prepared, drawn: Sample, draw: int) -> Measurement:
@@ -351,17 +355,15 @@ def test_the_stopping_rule_is_that_of_the_supplement(seed):
 @pytest.mark.statistical
 def test_processes_give_the_same_and_go_on_without_a_lost_one():
     cases = [paper_case(), paper_case(name="b", strategy="grid")]
-    alone, team, killed = results(cases, 120), Processes(2), []
+    alone, killed = results(cases, 120), []
 
     def kill_one(_: int) -> None:
         if not killed:
-            killed.append(next(iter(team._pool._processes)))
+            killed.append(next(iter(team.executor._processes)))
             os.kill(killed[0], signal.SIGKILL)
 
-    try:
+    with workers(2, None) as team:
         spread = results(cases, 120, team, progress=kill_one)
-    finally:
-        team.close()
     assert killed
     for one, other in zip(alone, spread, strict=True):
         assert np.array_equal(one.after, other.after)
@@ -371,8 +373,9 @@ class Stopped(Exception):
     pass
 
 
-class Counting(Here):
+class Counting(Workers):
     def __init__(self):
+        super().__init__(partial(ThreadPoolExecutor, 1))
         self.worked = []
 
     def outcomes(self, tasks):
@@ -439,8 +442,6 @@ def test_a_result_states_the_time_of_its_own_case():
 def test_a_cluster_gives_the_same_and_loses_nothing_with_a_worker():
     from distributed import Client, LocalCluster
 
-    from calibration.study.spread import Cluster
-
     cases = [paper_case(), paper_case(name="b", strategy="grid")]
     alone, killed = results(cases, 400), []
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
@@ -452,11 +453,8 @@ def test_a_cluster_gives_the_same_and_loses_nothing_with_a_worker():
                 os.kill(pids[0], signal.SIGKILL)
                 killed.append(pids[0])
 
-        team = Cluster(local.scheduler_address)
-        try:
+        with workers(0, local.scheduler_address) as team:
             spread = results(cases, 400, team, progress=kill_one)
-        finally:
-            team.close()
     assert killed
     for one, other in zip(alone, spread, strict=True):
         assert np.array_equal(one.after, other.after)
