@@ -347,7 +347,7 @@ def test_a_sheet_that_is_far_off_is_told(diagnosed, sheet, factor):
         sheet.header(key, float(value) * factor)
     done, _, _ = diagnosed(sheet)
     told = done.out.decode() + done.err
-    assert "in doubt" in told or "--noise estimate" in told
+    assert "contradict" in told or "--noise estimate" in told
     done, said, _ = diagnosed(sheet, "--noise", "estimate")
     assert kinds(said) == [("backlash", "X")]
 

@@ -65,7 +65,7 @@ def test_a_gain_is_the_fall_of_the_objective_in_a_full_fit(effect):
     assert linearised.weights.min() == 1.0
     projected = linearised.projected(linearised.columns(effect))
     along_it = projected.columns.T @ linearised.residual
-    gain = float(along_it @ np.linalg.solve(projected.left + GENEROUS**-2 * np.eye(len(projected.left)), along_it))
+    gain = float(along_it @ np.linalg.solve(projected.schur + GENEROUS**-2 * np.eye(len(projected.schur)), along_it))
     assert gain == pytest.approx(objective(without) - objective(along), rel=0.01, abs=1e-3)
 
 
@@ -194,6 +194,6 @@ def test_some_rows_judge_as_all_do_but_less_surely():
     assert len(some.rows) == len(some.weights) == len(linearised.rows) // 2
     candidate = Backlash("X", 0.0)
     whole, part = (each.score(each.candidate(candidate)) for each in (linearised, some))
-    u = float(some.candidate(candidate).left[0, 0]) ** -0.5
+    u = float(some.candidate(candidate).schur[0, 0]) ** -0.5
     assert part.size == pytest.approx(whole.size, abs=3 * u)
     assert part.gain < whole.gain

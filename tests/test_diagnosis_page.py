@@ -140,7 +140,7 @@ def test_a_page_says_what_is_missing_and_shows_it(several):
     names = {cause.effect.name for cause in several.causes}
     assert "backlash X" in names
     page = page_of(diagnosis_report(several, "ncomp diagnose data.csv --machine cframe")).decode()
-    assert 0.0 < several.left_share < 0.9
+    assert 0.0 < several.unexplained_share < 0.9
     figures = SVG.findall(page)
     assert len(figures) >= len(several.causes) + 3
     for figure in figures:
@@ -198,7 +198,7 @@ def test_shares_are_of_the_same_noise_where_it_is_estimated():
     found = diagnosis_of(Backlash("X", 200.0), n=120, variance="estimate")
     (cause,) = found.causes
     assert found.before.fit.variance_factor > 2 * found.after.fit.variance_factor
-    assert found.left_share < 0.5 < cause.share + found.left_share < 1.6
+    assert found.unexplained_share < 0.5 < cause.share + found.unexplained_share < 1.6
 
 
 def test_causes_are_named_in_full_among_others():
@@ -229,7 +229,7 @@ def test_what_was_not_used_is_told_and_the_model_not_called_complete(several):
 def test_a_page_of_nothing_missing():
     found = diagnosis_of(n=120)
     assert not found.causes
-    assert found.left_share == 1.0
+    assert found.unexplained_share == 1.0
     page = page_of(diagnosis_report(found, "ncomp diagnose data.csv --machine cframe")).decode()
     assert "Nothing is missing" in page
     assert not LINK.search(page)

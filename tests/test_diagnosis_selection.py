@@ -119,7 +119,7 @@ def test_what_is_hardly_visible_shields_others_from_blame():
     linearised = framed(BACKLASH)
     (good,) = evaluate(linearised, SOME[:1])
     assert [each.candidate for each in passing(linearised, [good])] == [SOME[0]]
-    unseen = good.projected._replace(left=good.projected.left * 1e-6)
+    unseen = good.projected._replace(schur=good.projected.schur * 1e-6)
     assert unseen.visible < selection.SEEN
     hidden = Evaluated(SOME[1], unseen, good.score)
     assert not list(passing(linearised, [hidden]))

@@ -28,7 +28,9 @@ def linearised():
 def test_a_lever_says_what_whole_columns_say(linearised, effect):
     sensitivity = Sensitivity.of(linearised, effect.axis, getattr(effect, "component", effect.axis))
     sizes, projected = sensitivity.sizes(effect), linearised.projected(linearised.columns(effect))
-    np.testing.assert_allclose(sensitivity.left(sizes), projected.left, rtol=1e-7, atol=1e-9 * np.trace(projected.left))
+    np.testing.assert_allclose(
+        sensitivity.schur(sizes), projected.schur, rtol=1e-7, atol=1e-9 * np.trace(projected.schur)
+    )
     here, there = sensitivity.score(sizes, 1), linearised.score(projected, 1)
     assert here.gain == pytest.approx(there.gain, rel=1e-6)
     assert here.delta_bic == pytest.approx(there.delta_bic, rel=1e-6)
@@ -43,14 +45,14 @@ def test_gains_of_waves_are_what_the_best_sum_of_sine_and_cosine_gains(linearise
     for i, found in enumerate(both):
         pair = np.stack([sines[:, i], cosines[:, i]], axis=1)
         along = pair.T @ sensitivity.along
-        assert found == pytest.approx(along @ np.linalg.solve(sensitivity.left(pair), along), rel=1e-5)
+        assert found == pytest.approx(along @ np.linalg.solve(sensitivity.schur(pair), along), rel=1e-5)
     assert np.all(both >= sensitivity.gains(sines) * (1.0 - 1e-6))
 
 
 def test_effects_together_are_projected_as_one_by_one(linearised):
     for together, effect in zip(linearised.responses(EFFECTS), EFFECTS, strict=True):
         alone = linearised.projected(linearised.columns(effect))
-        np.testing.assert_allclose(together.left, alone.left, rtol=1e-9, atol=1e-9 * np.trace(alone.left))
+        np.testing.assert_allclose(together.schur, alone.schur, rtol=1e-9, atol=1e-9 * np.trace(alone.schur))
         np.testing.assert_allclose(together.columns, alone.columns)
 
 

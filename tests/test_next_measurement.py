@@ -131,7 +131,7 @@ def test_the_outlook_without_a_move_is_the_frame():
     now = PredictedInformation(linearised, effects).now
     for i, effect in enumerate(effects):
         own = linearised.projected(linearised.columns(effect))
-        assert now.left(i) == pytest.approx(own.left, rel=1e-6, abs=1e-6)
+        assert now.schur(i) == pytest.approx(own.schur, rel=1e-6, abs=1e-6)
         assert now.share(i) == pytest.approx(own.visible, abs=1e-4)
 
 
@@ -139,8 +139,8 @@ def test_a_cause_beside_another_one_keeps_what_lies_across_it():
     linearised = frame_of(seen(to_and_fro()))
     effects = [Backlash("X", 0.0), Settling(axis="X", share_ppm=0.0), ThermalDrift(component="X", rate=0.0)]
     now = PredictedInformation(linearised, effects).now
-    assert now.left(0, beside=1)[0, 0] < 0.01 * now.left(0)[0, 0]
-    assert now.left(0, beside=2)[0, 0] > 0.5 * now.left(0)[0, 0]
+    assert now.schur(0, beside=1)[0, 0] < 0.01 * now.schur(0)[0, 0]
+    assert now.schur(0, beside=2)[0, 0] > 0.5 * now.schur(0)[0, 0]
 
 
 def test_shuffled_order_shows_a_drift_about_twice_as_well_as_a_sweep():
@@ -305,7 +305,7 @@ def test_a_plan_is_a_measurement_that_follows_the_data(case):
             assert more.state.time.min() > data.state.time.max()
         known = predicted.after(now, plan)
         for i in range(len(DRIFTS)):
-            assert np.all(np.linalg.eigvalsh(known.left(i) - now.left(i)) > -1e-6 * max(known.left(i).max(), 1.0))
+            assert np.all(np.linalg.eigvalsh(known.schur(i) - now.schur(i)) > -1e-6 * max(known.schur(i).max(), 1.0))
 
 
 def test_nothing_is_planned_after_a_part():
@@ -368,4 +368,4 @@ def test_what_a_tracker_did_before_it_was_moved_says_nothing_of_its_drift_after(
     now = predicted.now
     after = predicted.after(now, planned(linearised, "second station across the volume"))
     retraced = predicted.after(now, planned(linearised, "retrace"))
-    assert np.trace(after.left(0)) < 1.2 * np.trace(now.left(0)) < np.trace(retraced.left(0))
+    assert np.trace(after.schur(0)) < 1.2 * np.trace(now.schur(0)) < np.trace(retraced.schur(0))

@@ -37,7 +37,7 @@ def everything(m):
 def test_noise_of_the_sheet_is_found():
     found = repeats(tracked(times=5), everything(tracked(times=5)))
     assert found is not None
-    assert (found.places, found.degrees_of_freedom, found.apart) == (60, 60 * 4 * 3, False)
+    assert (found.states, found.degrees_of_freedom, found.apart) == (60, 60 * 4 * 3, False)
     assert abs(found.factor - 1.0) < 4 * np.sqrt(2 / found.degrees_of_freedom)
     assert found.p_value > 1e-3
     assert [c.name for c in found.components] == ["range", "azimuth", "elevation"]
@@ -74,7 +74,7 @@ def test_drift_between_rounds_is_not_noise():
         m = replace(m, state=replace(m.state, approach=np.ones(q.shape)))
         later = (np.arange(len(m)) >= len(m) // 2)[:, None]
         found = repeats(replace(m, observed=m.observed + 0.2 * later), everything(m))
-        assert found.places == n
+        assert found.states == n
         assert found.apart == (not twice)
         if twice:
             assert found.degrees_of_freedom == 2 * n * 3
@@ -88,7 +88,7 @@ def test_rows_that_are_not_kept_and_other_targets_do_not_count():
     m = tracked(times=2, n=20, targets=THREE)
     same = m.state.target[::2] == m.state.target[1::2]
     found = repeats(m, everything(m))
-    assert found.places == same.sum()
+    assert found.states == same.sum()
     kept = np.tile([True, False], 20)
     assert repeats(m, kept) is None
     assert repeats(m, ~everything(m)) is None
@@ -125,7 +125,7 @@ def test_an_interferometer_whose_runs_have_zeros(scale):
     m = replace(m, observed=m.observed + rng.normal(0.0, 0.01, runs)[run, None])
     found = repeats(m, everything(m))
     assert found.apart
-    assert (found.places, found.degrees_of_freedom) == (42, 42 * runs - 42 - (runs - 1))
+    assert (found.states, found.degrees_of_freedom) == (42, 42 * runs - 42 - (runs - 1))
     assert found.factor == pytest.approx(scale**2, rel=5 * np.sqrt(2 / found.degrees_of_freedom))
     assert (found.p_value > 1e-3) == (scale == 1.0)
     (component,) = found.components

@@ -491,7 +491,7 @@ def test_examples_can_be_laid_out():
     [
         (("gantry", "no_such"), "unknown machine"),
         (("hexahedron", "octahedron"), "case few: unknown strategy 'octahedron'"),
-        (('name = "more"', 'name = "few"'), "two cases are named 'few'"),
+        (('name = "more"', 'name = "few"'), "two cases have the name 'few'"),
         (("tracker = [-1500, 1500, 300]", ""), "the position of the laser tracker is missing"),
         (("tracker = [-1500, 1500, 300]", "tracker = [0, 0, 0]"), "move the tracker"),
         (("tracker = [-1500, 1500, 300]", "tracker = [1, 2]"), "expected [x, y, z]"),

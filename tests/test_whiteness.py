@@ -47,7 +47,7 @@ def levels(draws, design, known, kind="normal", step=None, rows=100):
         taken = design(rng, columns)
         white = noise(rng, taken, kind)
         for test in whiteness(white, columns, taken.shape[1], taken if known else None):
-            found.setdefault(test.what, []).append(test.p_value)
+            found.setdefault(test.name, []).append(test.p_value)
     assert len(found) == 12
     return {what: np.array(values) for what, values in found.items()}
 
@@ -109,7 +109,7 @@ def test_what_is_missing_is_seen(what):
         taken = design_of(columns)
         signal = np.outer(SIGNALS[what](columns, rng), [0.0, 1.0, 0.0]).ravel()
         white = noise(rng, taken) + (signal - taken @ (taken.T @ signal)).reshape(-1, SIDES)
-        seen += what in [test.what for test in combined(whiteness(white, columns, absorbed=taken), 0.01)]
+        seen += what in [test.name for test in combined(whiteness(white, columns, absorbed=taken), 0.01)]
     assert seen >= 18
 
 
@@ -145,7 +145,7 @@ def test_priors_of_unit_weight():
         observed = derivatives @ truth + rng.normal(size=len(derivatives))
         white = (observed - sides @ (sizes**2 / (1.0 + sizes**2) * (sides.T @ observed))).reshape(-1, SIDES)
         for test in whiteness(white, columns, absorbed=absorbed):
-            p_values.setdefault(test.what, []).append(test.p_value)
+            p_values.setdefault(test.name, []).append(test.p_value)
     for what in ("along time", "along X", "time", "direction of X"):
         assert stats.kstest(p_values[what], "uniform").pvalue > 1e-3, what
 
@@ -155,14 +155,14 @@ def test_what_the_fit_has_absorbed_is_not_blamed():
     rng = np.random.default_rng(3)
     columns = columns_of(rng)
     taken = linalg.orth(np.kron(np.stack([columns.time / columns.time[-1], np.ones(ROWS)], axis=1), np.eye(SIDES)))
-    tests = {test.what: test for test in whiteness(noise(rng, taken), columns, absorbed=taken)}
+    tests = {test.name: test for test in whiteness(noise(rng, taken), columns, absorbed=taken)}
     assert tests["time"].p_value == 1.0
 
 
 def test_what_does_not_vary_is_not_tested():
     rng = np.random.default_rng(4)
     still = Columns(time=np.zeros(50), positions={"X": np.ones(50)}, approach={"X": np.ones(50)}, runs=np.zeros(50))
-    assert [test.what for test in whiteness(rng.normal(size=(50, 1)), still)] == ["size (chi2)"]
+    assert [test.name for test in whiteness(rng.normal(size=(50, 1)), still)] == ["size (chi2)"]
     assert whiteness(rng.normal(size=(9, 3)), still) == []
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from calibration.diagnosis.improvement import Volume, by_direction, closure, volume
 from calibration.diagnosis.next.ranking import ProposedMeasurement, proposed_measurements
 from calibration.diagnosis.repeatability import Repeats, repeats
-from calibration.diagnosis.residual import unexplained as remainder
+from calibration.diagnosis.residual import unexplained as unexplained_residual
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.distance_correlation import Dependence
 from calibration.diagnosis.residual.unnamed import add_unnamed
@@ -49,7 +49,7 @@ QUIET = 1e-2
 LATE = 3.0
 """Multiple of the duration of the data: a clock that begins later counts from midnight or another epoch."""
 LeftOver = Literal["report", "add"]
-DOUBT, ENOUGH = 1e-3, 20
+CONTRADICTED, ENOUGH = 1e-3, 20
 """p-value of the specification below which repeats replace it, and the degrees of freedom that they need."""
 
 
@@ -73,8 +73,8 @@ class Diagnosis:
     """Whiteness tests of the residuals of the present model."""
     tests_after: tuple[Test, ...]
     causes: tuple[Named, ...]
-    left_share: float
-    """Squares left with all causes, as a share of the squares without any; same reference as the causes' shares."""
+    unexplained_share: float
+    """Squares of the residuals with all causes, as a share of those without any; reference as of the causes' shares."""
     not_visible: tuple[NotVisible, ...]
     untested: tuple[Untested, ...]
     identifiability: Identifiability | None
@@ -114,12 +114,12 @@ class Diagnosis:
         """RMS, um per scalar (rotary axes: urad), of the dependence that no cause explains; 0 without one."""
         if self.unexplained is None:
             return 0.0
-        return remainder.shared_rms(self.named.linearised, self.unexplained)
+        return unexplained_residual.shared_rms(self.named.linearised, self.unexplained)
 
     @cached_property
     def one_by_one(self) -> list[Dependence]:
         """Dependence of the residuals on each variable alone; empty where `unexplained` is None."""
-        return [] if self.unexplained is None else remainder.one_by_one(self.named.linearised)
+        return [] if self.unexplained is None else unexplained_residual.one_by_one(self.named.linearised)
 
     @property
     def by_direction(self) -> dict[str, dict[str, float]]:
@@ -170,48 +170,48 @@ def diagnose(
     UserError when the data are not plausible or cannot be fitted.
     """
     progress("checking the data")
-    measurement, findings = _looked_at(measurement)
+    measurement, findings = _checked(measurement)
     base = base_of(measurement, calibration, progress)
     progress("fitting the present model")
     candidates, untested = library(measurement, base.model)
     candidates += changes(base.model) if base.origin == "updated" else []
     selector = Selector(measurement, base, candidates, variance, progress)
     noise = repeats(measurement, selector.bare.fit.kept)
-    if variance == "sheet" and noise is not None and _in_doubt(noise):
+    if variance == "sheet" and noise is not None and _contradicted(noise):
         selector = replace(selector, measurement=_as_noisy_as(measurement, noise))
         text = f"repeats contradict the instrument specification, its noise is taken from them: {noise.text}"
         findings.append(Finding("noise", text, False))
     before = selector.bare
     if calibration is None:
         refuse_few(before.fit, identifiability(before.fit))
-    tests = remainder.tests(before.linearised)
+    tests = unexplained_residual.tests(before.linearised)
     found = _Found(selector, before, ())
     if combined(tests, GATE) or len(before.fit.outliers) or base.fine:
         found = _causes(selector)
     progress("testing the residual")
-    found, tests_after, left = _left(found)
+    found, tests_after, dependence = _without_impostors(found)
     complete, unnamed = found, ""
-    if left is not None and left_over == "add":
+    if dependence is not None and left_over == "add":
         progress("adding unnamed effects")
-        selector, after, unnamed = add_unnamed(found.selector, found.stage, left)
+        selector, after, unnamed = add_unnamed(found.selector, found.stage, dependence)
         complete = found._replace(selector=selector, stage=after)
     selector, after = complete.selector, complete.stage
     if after is not found.stage:
-        tests_after = remainder.tests(after.linearised)
+        tests_after = unexplained_residual.tests(after.linearised)
     bare = after.linearised if not after.accepted else selector.bare.linearised
     causes = named(after, bare)
     # an unexplained dependence makes outliers too
-    lost = outliers(after.fit, bare) if left is None else None
+    lost = outliers(after.fit, bare) if dependence is None else None
     causes += [] if lost is None else [lost]
     evaluated = found.evaluated or tuple(evaluate(after.linearised, candidates))
-    told = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
+    added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
     return Diagnosis(
         selector.measurement,
         selector.base,
         before,
         found.stage,
         after,
-        new_calibration(selector.base, after.fit, told, calibration),
+        new_calibration(selector.base, after.fit, added, calibration),
         tuple(findings),
         noise,
         tuple(tests),
@@ -221,7 +221,7 @@ def diagnose(
         tuple(not_visible(evaluated)),
         tuple(untested),
         identifiability(after.fit) if after.fit.prior.ndim == 1 else None,
-        left,
+        dependence,
         unnamed,
         evaluated,
         closure(after.linearised),
@@ -246,7 +246,7 @@ def _no_gain(stage: Stage) -> str:
     return reason_against(found, before, figures)
 
 
-def _looked_at(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
+def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
     """The measurement with times from its first row, and the findings about it; UserError where it cannot be used."""
     findings = usable(measurement)
     measurement, late = _from_its_start(measurement)
@@ -272,17 +272,17 @@ def _causes(selector: Selector) -> _Found:
     return _Found(selector, stage, selection.last_round)
 
 
-def _left(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
+def _without_impostors(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
     """The result without impostors, the tests of its residuals, and the dependence that no cause explains.
 
     Impostors are causes that were accepted only because they imitate this dependence.
     """
     while True:
-        tests = remainder.tests(found.stage.linearised)
-        left = remainder.unexplained(found.stage.linearised) if combined(tests, LEFT) else None
-        blamed = remainder.impostors(found.stage, left, found.selector.library) if left else []
+        tests = unexplained_residual.tests(found.stage.linearised)
+        dependence = unexplained_residual.unexplained(found.stage.linearised) if combined(tests, LEFT) else None
+        blamed = unexplained_residual.impostors(found.stage, dependence, found.selector.library) if dependence else []
         if not blamed:
-            return found, tests, left
+            return found, tests, dependence
         kept: Sequence[tuple[Candidate, np.ndarray]] = [
             (each.candidate, each.size) for each in found.stage.accepted if not _among(each, blamed)
         ]
@@ -314,18 +314,20 @@ def _from_its_start(measurement: Measurement) -> tuple[Measurement, float]:
     return replace(measurement, state=replace(measurement.state, time=time - late)), late
 
 
-def _in_doubt(noise: Repeats) -> bool:
+def _contradicted(noise: Repeats) -> bool:
     """True where repeats contradict the instrument specification.
 
     Repeats far apart in time count only where they scatter less than specified, since drift adds scatter.
     """
-    return (not noise.apart or noise.factor < 1.0) and noise.degrees_of_freedom >= ENOUGH and noise.p_value < DOUBT
+    return (
+        (not noise.apart or noise.factor < 1.0) and noise.degrees_of_freedom >= ENOUGH and noise.p_value < CONTRADICTED
+    )
 
 
 def _as_noisy_as(measurement: Measurement, noise: Repeats) -> Measurement:
     """The measurement with the uncertainties of its instrument scaled to the noise of the repeats."""
     instrument = measurement.instrument
-    sheet = {field: getattr(instrument, field) for field in instrument.__struct_fields__ if field.startswith("u_")}
+    specified = {field: getattr(instrument, field) for field in instrument.__struct_fields__ if field.startswith("u_")}
     factor = max(noise.factor, QUIET) ** 0.5
-    scaled = {field: value * factor for field, value in sheet.items()}
+    scaled = {field: value * factor for field, value in specified.items()}
     return replace(measurement, instrument=msgspec.structs.replace(instrument, **scaled))

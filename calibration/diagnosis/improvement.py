@@ -51,7 +51,7 @@ def by_direction(stage: Stage) -> dict[str, float]:
 def in_micro(fit: Fit, values: Array) -> Array:
     """Observed values `(n, d)` of all rows, um (rotary axes: urad).
 
-    A tracker's are in x, y, z of the part that it stands on.
+    A tracker's are in x, y, z of the part on which it is set up.
     """
     measurement = fit.measurement
     if isinstance(measurement.instrument, LaserTracker):
@@ -71,14 +71,14 @@ def volume(before: Stage, after: Stage) -> Volume:
 
     new, old = deviation(after.fit.model), deviation(before.fit.model)
     points = tool_point(machine, q, tool)
-    whole, left = volumetric_error_um(new, points), volumetric_error_um(new - old, points)
-    return Volume(whole.rms, whole.largest, left.rms, left.largest)
+    whole, change = volumetric_error_um(new, points), volumetric_error_um(new - old, points)
+    return Volume(whole.rms, whole.largest, change.rms, change.largest)
 
 
 def closure(linearised: LinearisedFit) -> float | None:
     """Share of the residual beyond the noise that the finest rigid chain cannot explain; None where data are too few.
 
-    1: no part of it is an error motion of an axis, of any course. 0: also where nothing is left beyond the noise.
+    1: no part of it is an error motion of an axis, of any course. 0: also where the residual does not exceed the noise.
     """
     measurement = linearised.measurement
     beyond = linearised.squares - linearised.degrees_of_freedom
@@ -96,6 +96,6 @@ def closure(linearised: LinearisedFit) -> float | None:
     if finest.shape[1] * SHARE > linearised.scalars:
         return None
     projected = linearised.projected(finest)
-    inverse = pseudo_inverse((projected.left + projected.left.T) / 2, 1e-6)
+    inverse = pseudo_inverse((projected.schur + projected.schur.T) / 2, 1e-6)
     explained = inverse.explained(finest.T @ linearised.residual) - inverse.rank
     return float(np.clip(1.0 - explained / beyond, 0.0, 1.0))

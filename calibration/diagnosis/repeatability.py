@@ -48,7 +48,7 @@ class Component(NamedTuple):
 class Repeats:
     """Noise from repeats, compared with the instrument specification."""
 
-    places: int
+    states: int
     """Number of measurement states that were measured again."""
     degrees_of_freedom: int
     """Degrees of freedom of the noise, in scalars."""
@@ -65,7 +65,7 @@ class Repeats:
         """The result in one sentence."""
         noise = ", ".join(f"{c.name} {c.noise:.3g} {c.unit} (specified {c.sheet:.3g})" for c in self.components)
         when = "far apart in time, with all drifts in them" if self.apart else "soon after one another"
-        return f"from {self.places} positions measured again, {when}: {noise}; specification p = {self.p_value:.2g}"
+        return f"from {self.states} positions measured again, {when}: {noise}; specification p = {self.p_value:.2g}"
 
 
 def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
@@ -73,18 +73,18 @@ def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
     own = measurement.rows(np.flatnonzero(kept))
     if not len(own):
         return None
-    places = position_numbers(own)
-    close = _seen_again(own, _clusters(own, places))
+    states = position_numbers(own)
+    close = _seen_again(own, _clusters(own, states))
     if close.degrees_of_freedom * own.instrument.components >= ENOUGH:
-        return _judged(own, close, places, apart=False)
-    all_of_them = _seen_again(own, places)
+        return _evaluated(own, close, states, apart=False)
+    all_of_them = _seen_again(own, states)
     if all_of_them.degrees_of_freedom > close.degrees_of_freedom:
-        return _judged(own, all_of_them, places, apart=True)
-    return _judged(own, close, places, apart=False) if close.degrees_of_freedom > 0 else None
+        return _evaluated(own, all_of_them, states, apart=True)
+    return _evaluated(own, close, states, apart=False) if close.degrees_of_freedom > 0 else None
 
 
 class _Again(NamedTuple):
-    """Repeated rows, the numbers of their clusters, and the degrees of freedom left for the noise."""
+    """Repeated rows, the numbers of their clusters, and the degrees of freedom of the noise."""
 
     rows: np.ndarray
     cluster: np.ndarray
@@ -94,13 +94,13 @@ class _Again(NamedTuple):
     """Degrees of freedom per component."""
 
 
-def _clusters(measurement: Measurement, places: np.ndarray) -> np.ndarray:
+def _clusters(measurement: Measurement, states: np.ndarray) -> np.ndarray:
     """Cluster numbers `(n,)`: rows of one measurement state that follow soon after one another."""
     time = measurement.state.time
-    when, limit = (np.arange(len(places)), CLOSE_ROWS) if time is None else (time, CLOSE_S)
-    order = np.lexsort((when, places))
-    new = np.append(True, (np.diff(places[order]) != 0) | (np.diff(when[order]) > limit))
-    result = np.empty(len(places), int)
+    when, limit = (np.arange(len(states)), CLOSE_ROWS) if time is None else (time, CLOSE_S)
+    order = np.lexsort((when, states))
+    new = np.append(True, (np.diff(states[order]) != 0) | (np.diff(when[order]) > limit))
+    result = np.empty(len(states), int)
     result[order] = np.cumsum(new) - 1
     return result
 
@@ -121,36 +121,36 @@ def _seen_again(measurement: Measurement, cluster: np.ndarray) -> _Again:
     return _Again(rows, number, zero, len(rows) - unknown)
 
 
-def _judged(measurement: Measurement, again: _Again, places: np.ndarray, *, apart: bool) -> Repeats | None:
+def _evaluated(measurement: Measurement, again: _Again, states: np.ndarray, *, apart: bool) -> Repeats | None:
     """Noise of these rows, compared with the specification; None without degrees of freedom."""
     if again.degrees_of_freedom < 1:
         return None
     own = measurement.rows(again.rows)
-    left = _left_over(own, again)
+    deviations = _deviations(own, again)
     degrees_of_freedom = again.degrees_of_freedom * own.instrument.components
-    chi2 = float(np.sum(whitened(whiteners(own), left) ** 2))
+    chi2 = float(np.sum(whitened(whiteners(own), deviations) ** 2))
     p_value = 2.0 * min(float(special.chdtrc(degrees_of_freedom, chi2)), float(special.chdtr(degrees_of_freedom, chi2)))
     return Repeats(
-        len(np.unique(places[again.rows])),
+        len(np.unique(states[again.rows])),
         degrees_of_freedom,
         chi2 / degrees_of_freedom,
         min(p_value, 1.0),
-        _components(own, left, again.degrees_of_freedom),
+        _components(own, deviations, again.degrees_of_freedom),
         apart,
     )
 
 
-def _left_over(measurement: Measurement, again: _Again) -> Array:
+def _deviations(measurement: Measurement, again: _Again) -> Array:
     """Observations `(rows, d)` less the mean of their cluster and the zero of their run."""
-    left = _less_mean(measurement.observed, again.cluster)
+    deviations = _less_mean(measurement.observed, again.cluster)
     if not again.zero.any():
-        return left
+        return deviations
     for _ in range(ROUNDS):
-        before = left
-        left = _less_mean(_less_mean(left, again.zero), again.cluster)
-        if np.abs(left - before).max() <= SETTLED * np.abs(left).max():
+        before = deviations
+        deviations = _less_mean(_less_mean(deviations, again.zero), again.cluster)
+        if np.abs(deviations - before).max() <= SETTLED * np.abs(deviations).max():
             break
-    return left
+    return deviations
 
 
 def _less_mean(values: Array, number: np.ndarray) -> Array:
@@ -159,22 +159,22 @@ def _less_mean(values: Array, number: np.ndarray) -> Array:
     return np.asarray(values - (sums / np.bincount(number)[:, None])[number])
 
 
-def _components(measurement: Measurement, left: Array, degrees_of_freedom: int) -> tuple[Component, ...]:
+def _components(measurement: Measurement, deviations: Array, degrees_of_freedom: int) -> tuple[Component, ...]:
     """Noise by direction, separately for rows of linear and of rotary axes."""
     covariance = equations.covariance(measurement)
-    share = degrees_of_freedom / len(left)
+    share = degrees_of_freedom / len(deviations)
     if not isinstance(measurement.instrument, LaserTracker):
-        names = ["deviation"] if measurement.instrument.components == 1 else list("xyz")[: left.shape[1]]
+        names = ["deviation"] if measurement.instrument.components == 1 else list("xyz")[: deviations.shape[1]]
         micro = measurement.per_micro[:, 0]
         found = []
         for size, unit in ((1e3, "um"), (1e6, "urad")):
             rows = micro == size
             for k, name in enumerate(names) if rows.any() else ():
-                noise, sheet = np.mean(left[rows, k] ** 2) / share, np.mean(covariance[rows, k, k])
+                noise, sheet = np.mean(deviations[rows, k] ** 2) / share, np.mean(covariance[rows, k, k])
                 found.append(Component(name, unit, float(noise**0.5 * size), float(sheet**0.5 * size)))
         return tuple(found)
     frame = _beam_frame(measurement.observed)
-    own, sheets = np.einsum("nij,nj->ni", frame, left), np.einsum("nij,njk,nik->ni", frame, covariance, frame)
+    own, sheets = np.einsum("nij,nj->ni", frame, deviations), np.einsum("nij,njk,nik->ni", frame, covariance, frame)
     return tuple(
         Component(
             name,

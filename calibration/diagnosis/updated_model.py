@@ -67,5 +67,5 @@ def _what(effect: Effect) -> str:
     """JSON of an effect without its linear parameters, uncertainties and note."""
     fields: dict[str, Any] = msgspec.to_builtins(effect)
     changing = {quantity.name for quantity in effect.quantities() if quantity.linear}
-    told = {name: value for name, value in fields.items() if name not in changing and name not in ("u", "note")}
-    return msgspec.json.encode(told, order="sorted").decode()
+    fixed = {name: value for name, value in fields.items() if name not in changing and name not in ("u", "note")}
+    return msgspec.json.encode(fixed, order="sorted").decode()

@@ -127,7 +127,7 @@ def named(stage: Stage, before: LinearisedFit) -> list[Named]:
         without = stage.without(i)
         effect = _with_uncertainty(stage.fit.model.effects[number], without)
         own = without.projected(without.columns(each.candidate.effect))
-        share = float(each.size @ own.left @ each.size) / whole
+        share = float(each.size @ own.schur @ each.size) / whole
         alternatives = tuple(_alternatives(each))
         found.append(
             Named(
@@ -191,11 +191,12 @@ def smallest_sizes(evaluated: Sequence[Evaluated], scalars: int) -> Iterator[tup
     seen = set()
     for each in evaluated:
         table = [quantity for quantity in each.candidate.effect.parameter_table if quantity.linear]
-        left = float(each.projected.left[0, 0])
-        if len(table) == 1 and left > 0 and each.projected.visible >= SEEN and each.candidate.effect.name not in seen:
-            seen.add(each.candidate.effect.name)
+        own = float(each.projected.schur[0, 0])
+        name = each.candidate.effect.name
+        if len(table) == 1 and own > 0 and each.projected.visible >= SEEN and name not in seen:
+            seen.add(name)
             needed = -WORTH + (1 + each.candidate.shapes) * math.log(scalars)
-            yield each.candidate.effect.name, table[0].typical * math.sqrt(needed / left), table[0].unit
+            yield name, table[0].typical * math.sqrt(needed / own), table[0].unit
 
 
 def tied_with(accepted: Accepted) -> list[Sibling]:
@@ -236,7 +237,8 @@ def _notes(linearised: LinearisedFit, effect: Effect) -> Iterator[str]:
         others = aliases(linearised.positions(effect.axis), effect.period)
         if others:
             unit = "deg" if effect.axis[0] in "ABC" else "mm"
-            yield f"positions on a lattice can't tell its period from {', '.join(f'{p:.4g}' for p in others)} {unit}"
+            listed = ", ".join(f"{p:.4g}" for p in others)
+            yield f"positions on a lattice do not distinguish its period from {listed} {unit}"
 
 
 def _covariances(fit: Fit, rows: np.ndarray) -> np.ndarray:

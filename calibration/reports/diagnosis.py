@@ -126,7 +126,7 @@ def _cause_json(cause: Named) -> dict[str, Any]:
 
 
 def _tests_json(tests: Sequence[Test]) -> list[dict[str, Any]]:
-    return [{"what": test.what, "p_value": test.p_value, "statistic": test.statistic} for test in tests]
+    return [{"what": test.name, "p_value": test.p_value, "statistic": test.statistic} for test in tests]
 
 
 def diagnosis_report(found: Diagnosis, command: str) -> Report:
@@ -224,7 +224,7 @@ def _facts(found: Diagnosis) -> Iterator[tuple[str, str]]:
         "noise",
         "by the instrument specification; no position was measured again" if repeats is None else repeats.text,
     )
-    significant = [f"{test.what} p = {test.p_value:.1g}" for test in found.tests if test.p_value < 1e-3]
+    significant = [f"{test.name} p = {test.p_value:.1g}" for test in found.tests if test.p_value < 1e-3]
     yield "residual", "; ".join([f"chi2/dof {fit.chi2_reduced:.3g}", *shortened(significant, LISTED, "tests")])
 
 
@@ -315,14 +315,14 @@ def _volume(found: Diagnosis) -> Iterator[str]:
 
 
 def _tests(found: Diagnosis) -> Table:
-    after = {test.what: test for test in found.tests_after}
-    marked = [{test.what for test in combined(tests, LEFT)} for tests in (found.tests, found.tests_after)]
-    rows = [(test.what, *_tested(test, marked[0]), *_tested(after.get(test.what), marked[1])) for test in found.tests]
+    after = {test.name: test for test in found.tests_after}
+    marked = [{test.name for test in combined(tests, LEFT)} for tests in (found.tests, found.tests_after)]
+    rows = [(test.name, *_tested(test, marked[0]), *_tested(after.get(test.name), marked[1])) for test in found.tests]
     return Table(("residuals", "p before", "", "p after", ""), rows)
 
 
 def _tested(test: Test | None, marked: set[str]) -> tuple[str, str]:
-    return ("", "") if test is None else (f"{test.p_value:.2g}", "not noise" if test.what in marked else "")
+    return ("", "") if test is None else (f"{test.p_value:.2g}", "not noise" if test.name in marked else "")
 
 
 def _unexplained(found: Diagnosis) -> Section:

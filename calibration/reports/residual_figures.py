@@ -29,7 +29,7 @@ OUTER = 0.5
 def share_chart(found: Diagnosis, canvas: Figure) -> None:
     """Share of the squares without any cause, by named cause, and the share that no cause explains."""
     bars = [(title(c), c.share, INSTRUMENT if c.where == "instrument" else MACHINE) for c in found.causes]
-    bars.append(("noise and unexplained residual", found.left_share, UNEXPLAINED))
+    bars.append(("noise and unexplained residual", found.unexplained_share, UNEXPLAINED))
     canvas.set_size_inches(8.0, 0.5 + 0.3 * len(bars))
     place = canvas.subplots()
     for number, (_, share, colour) in enumerate(bars):

@@ -209,7 +209,7 @@ def _plan(entry: CaseEntry, machine: Machine, folder: Path) -> Plan:
         raise UserError(f'minutes, obstacles and visible are of strategy = "{OPTIMISED}"')
     if entry.strategy.lower().endswith(".csv"):
         if entry.points is not None or entry.spacing_mm is not None or entry.tools:
-            raise UserError(f"{entry.strategy} says already where to measure, and with which tools")
+            raise UserError(f"{entry.strategy} has its own positions and tools: delete points, spacing_mm and tools")
         plan = read_plan(folder / entry.strategy, machine)
         return plan if plan.minutes else replace(plan, minutes=entry.setup_min + len(plan) * entry.point_s / 60.0)
     points = list(entry.points) if isinstance(entry.points, tuple) else entry.points
@@ -217,9 +217,9 @@ def _plan(entry: CaseEntry, machine: Machine, folder: Path) -> Plan:
 
 
 def _trackers(entry: CaseEntry) -> tuple[Vector, ...]:
-    if all(isinstance(place, tuple) for place in entry.tracker):
-        return tuple(place for place in entry.tracker if isinstance(place, tuple))
-    numbers = tuple(place for place in entry.tracker if not isinstance(place, tuple))
+    if all(isinstance(position, tuple) for position in entry.tracker):
+        return tuple(position for position in entry.tracker if isinstance(position, tuple))
+    numbers = tuple(position for position in entry.tracker if not isinstance(position, tuple))
     if len(numbers) != 3 or len(entry.tracker) != 3:
         raise UserError("tracker: expected [x, y, z], or a list of these")
     return (numbers,)

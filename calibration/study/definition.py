@@ -144,9 +144,9 @@ def study_of(content: dict[str, Any], where: str) -> StudyEntry:
     names = [case.name for case in study.case]
     for name in names:
         if names.count(name) > 1:
-            raise UserError(f"{where}: two cases are named {name!r}")
+            raise UserError(f"{where}: two cases have the name {name!r}")
         if not name.strip() or any(letter in name for letter in ',"\r\n'):
-            raise UserError(f"{where}: {name!r} can't stand in a table: no commas, quotes or line breaks")
+            raise UserError(f"{where}: the name {name!r} of a case must not contain commas, quotes or line breaks")
     return study
 
 

@@ -45,7 +45,7 @@ def compared(prepared: Prepared, draws: int) -> Compared:
         for number in numbers.tolist():
             true_model = prepared.case.true_models.machine(drawn.coefficients[:, number])
             found = _fitted(prepared, parts, scale, true_model, drawn.noise[number])
-            exact[number] = _left(prepared.case.volumes[0], true_model, found)
+            exact[number] = _remaining_error(prepared.case.volumes[0], true_model, found)
     return Compared(linear, exact)
 
 
@@ -64,9 +64,9 @@ def _fitted(
     model, registration = fits.columns.model(parts), setup.registration
     parameters = np.zeros(len(model.parameters))
     for _ in range(STEPS):
-        left = whitened(setup.white, residuals(measured, model, registration)).reshape(-1)
-        step = fits.step(parts, scale, left, parameters)
-        registration = registration.moved(fits.columns.registered(parts, left, step))
+        residual = whitened(setup.white, residuals(measured, model, registration)).reshape(-1)
+        step = fits.step(parts, scale, residual, parameters)
+        registration = registration.moved(fits.columns.registered(parts, residual, step))
         parameters = parameters + step
         model = model.with_parameters(parameters)
         if np.abs(step).max() < CONVERGED * max(1.0, float(np.abs(parameters).max())):
@@ -74,7 +74,7 @@ def _fitted(
     return model
 
 
-def _left(volume: Volume, true_model: ErrorModel, found: ErrorModel) -> float:
+def _remaining_error(volume: Volume, true_model: ErrorModel, found: ErrorModel) -> float:
     """RMS error in a volume after correction by the fit, aligned, um."""
     machine, q = volume.machine, volume.state.positions
     there, fitted = (

@@ -48,7 +48,7 @@ def _numbers(before: Array, after: Array) -> list[str]:
 
 def _case(result: Result) -> dict[str, Any]:
     mean, quantile = standard_errors(result.after[0])
-    places = {"ve": 0, "program": 1} if len(result.before) > 1 else {"ve": 0}
+    volumes = {"ve": 0, "program": 1} if len(result.before) > 1 else {"ve": 0}
     found: dict[str, Any] = {
         "name": result.case.name,
         "points": result.points,
@@ -59,7 +59,7 @@ def _case(result: Result) -> dict[str, Any]:
         "u_ve_p95_um": quantile,
         "notes": list(result.notes),
     }
-    for name, k in places.items():
+    for name, k in volumes.items():
         for when, values in (("0", result.before[k]), ("", result.after[k])):
             found[f"{name}{when}_rms_um"] = float(values.mean())
             found[f"{name}{when}_p95_um"] = float(np.quantile(values, LEVEL))

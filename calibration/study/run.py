@@ -72,7 +72,7 @@ class _Progressing:
     enough: int | None = None
     """Number of chunks that count, once it is known."""
 
-    def judge(self, draws: Draws) -> None:
+    def evaluate(self, draws: Draws) -> None:
         """Set `enough` where the stopping rule, or a limit on the draws, decides it."""
         chunks = sorted(self.outcomes)
         if draws.number is not None:
@@ -93,10 +93,10 @@ def run(
     progress: Progress = lambda _: None,
 ) -> list[Result]:  # fmt: skip
     """Results of all cases, independent of the workers; `progress` is called with numbers of draws done."""
-    going = [_Progressing(case, case.key) for case in cases]
-    while rest := [each for each in going if each.enough is None]:
+    in_progress = [_Progressing(case, case.key) for case in cases]
+    while unfinished := [each for each in in_progress if each.enough is None]:
         tasks = []
-        for each in rest:
+        for each in unfinished:
             for chunk in draws.chunks(each.begun):
                 known = store.get(each.key, chunk)
                 if known is None:
@@ -105,15 +105,15 @@ def run(
                     each.outcomes[chunk] = known
                     progress(chunk.draws)
             each.begun += len(draws.chunks(each.begun))
-        by_case = {id(each.case): each for each in rest}
+        by_case = {id(each.case): each for each in unfinished}
         for (case, chunk), outcome in team.outcomes([(each.case, chunk) for each, chunk in tasks]):
             each = by_case[id(case)]
             store.put(each.key, chunk, outcome)
             each.outcomes[chunk] = outcome
             progress(chunk.draws)
-        for each in rest:
-            each.judge(draws)
-    return [_result(each, draws, check_draws) for each in going]
+        for each in unfinished:
+            each.evaluate(draws)
+    return [_result(each, draws, check_draws) for each in in_progress]
 
 
 def _result(done: _Progressing, draws: Draws, check_draws: int) -> Result:

@@ -18,7 +18,7 @@ STATION_MIN, TOOL_MIN = 20.0, 5.0
 """Minutes to set up the instrument again, and to change the tool, a target or a bar."""
 TOOL_MM = 150.0
 """Shift of the other tool vector, mm."""
-EVERY_MIN, LEAST_VISITS = 10.0, 6
+EVERY_MIN, LEAST_READINGS = 10.0, 6
 """Minutes between measurements of the fixed references, and about the least number of these measurements."""
 BAR_READINGS = 10
 """Readings of each end of a bar."""
@@ -32,13 +32,13 @@ def from_elsewhere(data: Data) -> Iterator[FollowUpDesign]:
     there = data.following(index, STATION_MIN, station=np.full(len(index), name))
     pose = registration.poses[str(m.groups[-1])]
     centre = seen_points(there, None, registration.tool(there)).mean(axis=0)
-    for place, angle in (("across the volume", np.pi), ("a quarter round the volume", np.pi / 2)):
+    for where, angle in (("across the volume", np.pi), ("a quarter round the volume", np.pi / 2)):
         round_it = rotation_about((0.0, 0.0, 1.0), angle)
         moved = pose @ Pose(round_it, centre - turn(round_it, centre))
         centres = {**registration.centres, name: moved.apply(centre)[0]}
         both = replace(registration, poses={**registration.poses, name: moved}, centres=centres)
-        does = f"measure {data.positions} from a second station, {place}"
-        plan = data.plan(f"second station {place}", does, there, both, STATION_MIN)
+        does = f"measure {data.positions} from a second station, {where}"
+        plan = data.plan(f"second station {where}", does, there, both, STATION_MIN)
         yield plan._replace(unknown=data.own_drift)
 
 
@@ -52,9 +52,9 @@ def with_other_tools(data: Data) -> Iterator[FollowUpDesign]:
         return
     last = numbers[rows][-1]
     index = data.index[numbers == last]
-    place, name = list(m.targets.values())[last].position, _unused(list(m.targets))
+    own, name = list(m.targets.values())[last].position, _unused(list(m.targets))
     for words, shift in (("to the side", (TOOL_MM, 0.0, 0.0)), ("below", (0.0, 0.0, -TOOL_MM))):
-        x, y, z = (a + b for a, b in zip(place, shift, strict=True))
+        x, y, z = (a + b for a, b in zip(own, shift, strict=True))
         position: Vector = (x, y, z)
         there = data.following(index, TOOL_MIN, target=np.full(len(index), name))
         there = replace(there, targets={**m.targets, name: Target(position)})
@@ -66,7 +66,7 @@ def with_references(data: Data) -> Iterator[FollowUpDesign]:
     """The same positions with fixed targets between them: all of them at intervals, or one after every position."""
     count = len(data.index)
     fixed = references(data.measurement, data.registration)
-    every = max(1, min(round(EVERY_MIN * 60.0 / data.step_s), -(-count // LEAST_VISITS)))
+    every = max(1, min(round(EVERY_MIN * 60.0 / data.step_s), -(-count // LEAST_READINGS)))
     at = np.append(np.arange(0, count, every), count)
     minutes = max(round(every * data.step_s / 60.0), 1)
     does = f"measure {data.positions} once more, and {len(fixed)} fixed targets every {minutes} min"
@@ -75,15 +75,15 @@ def with_references(data: Data) -> Iterator[FollowUpDesign]:
     yield _interleaved(data, "many fixed references", does, fixed, np.arange(1, count + 1))
 
 
-def _interleaved(data: Data, name: str, does: str, fixed: dict[str, Target], visits: np.ndarray) -> FollowUpDesign:
-    """Fixed targets in turn, measured before the rows `visits`, with the machine at the positions of those rows."""
+def _interleaved(data: Data, name: str, does: str, fixed: dict[str, Target], before: np.ndarray) -> FollowUpDesign:
+    """Fixed targets in turn, measured before the rows `before`, with the machine at the positions of those rows."""
     index, m = data.index, data.measurement
     assert m.state.target is not None
-    rows = np.insert(index, visits, index[np.minimum(visits, len(index) - 1)])
-    turns = np.resize(np.array(list(fixed), object), len(visits))
-    targets = np.insert(m.state.target[index].astype(object), visits, turns).astype(str)
+    rows = np.insert(index, before, index[np.minimum(before, len(index) - 1)])
+    turns = np.resize(np.array(list(fixed), object), len(before))
+    targets = np.insert(m.state.target[index].astype(object), before, turns).astype(str)
     there = replace(data.following(rows, target=targets), targets={**m.targets, **fixed})
-    both = replace(data.registration, targets={**data.registration.targets, **_places(fixed)})
+    both = replace(data.registration, targets={**data.registration.targets, **_positions(fixed)})
     return data.plan(name, does, there, both)
 
 
@@ -93,7 +93,7 @@ def with_bar(data: Data) -> FollowUpDesign:
     ends, lengths = bar(m, data.registration)
     names = np.repeat(list(ends), BAR_READINGS)
     there = data.following(np.full(len(names), len(m) - 1), 2.0 * TOOL_MIN, target=names)
-    both = replace(data.registration, targets={**data.registration.targets, **_places(ends)})
+    both = replace(data.registration, targets={**data.registration.targets, **_positions(ends)})
     does = (
         f"measure a calibrated bar of {BAR_MM / 1e3:g} m, in line with the beam and with the tracker between its ends"
     )
@@ -101,7 +101,7 @@ def with_bar(data: Data) -> FollowUpDesign:
     return data.plan("bar", does, there, both, 2.0 * TOOL_MIN)._replace(lengths=lengths)
 
 
-def _places(targets: dict[str, Target]) -> dict[str, Array]:
+def _positions(targets: dict[str, Target]) -> dict[str, Array]:
     return {name: np.array(target.position) for name, target in targets.items()}
 
 

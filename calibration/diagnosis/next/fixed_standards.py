@@ -40,26 +40,26 @@ def bar(measurement: Measurement, registration: Registration) -> tuple[dict[str,
     Ranges are subtracted in the first and added in the second: this separates their offset from their scale.
     """
     tracker = registration.poses[str(measurement.groups[-1])].inverse().translation[0]
-    way = (tracker - _tool_points(measurement, registration).mean(axis=0)) * (1.0, 1.0, 0.0)
-    way = way / np.linalg.norm(way) if np.linalg.norm(way) > 1.0 else np.array([1.0, 0.0, 0.0])
-    aside = np.array([-way[1], way[0], 0.0])
+    beam = (tracker - _tool_points(measurement, registration).mean(axis=0)) * (1.0, 1.0, 0.0)
+    beam = beam / np.linalg.norm(beam) if np.linalg.norm(beam) > 1.0 else np.array([1.0, 0.0, 0.0])
+    aside = np.array([-beam[1], beam[0], 0.0])
     ends = {
-        "bar in line 1": tracker + NEAREST_MM * way,
-        "bar in line 2": tracker + (NEAREST_MM + BAR_MM) * way,
+        "bar in line 1": tracker + NEAREST_MM * beam,
+        "bar in line 2": tracker + (NEAREST_MM + BAR_MM) * beam,
         "bar about 1": tracker - BAR_MM / 2 * aside,
         "bar about 2": tracker + BAR_MM / 2 * aside,
     }
     u = BAR_U_UM * 1e-3
     lengths = (Length("bar in line 1", "bar in line 2", u), Length("bar about 1", "bar about 2", u))
-    return {name: _target(measurement, place) for name, place in ends.items()}, lengths
+    return {name: _target(measurement, position) for name, position in ends.items()}, lengths
 
 
 def _tool_points(measurement: Measurement, registration: Registration) -> Array:
     return seen_points(measurement, None, registration.tool(measurement))
 
 
-def _target(measurement: Measurement, place: Array) -> Target:
+def _target(measurement: Measurement, position: Array) -> Target:
     """A target that does not move relative to the tracker."""
     carrier: Carrier = "table" if measurement.stands_on == "workpiece" else "bed"
-    x, y, z = place.tolist()
+    x, y, z = position.tolist()
     return Target((x, y, z), carrier)

@@ -33,29 +33,29 @@ class Information:
     causes: tuple[slice, ...]
     """Columns of each cause."""
     scalars: int
-    _left: dict[tuple[object, ...], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _schur: dict[tuple[object, ...], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    def left(self, cause: int, beside: int | None = None, without: slice | None = None) -> Array:
-        """S `(k, k)` of a cause, with another one fitted `beside` it, and the model `without` some of its columns."""
+    def schur(self, cause: int, beside: int | None = None, without: slice | None = None) -> Array:
+        """Schur complement `(k, k)` of a cause, with another fitted `beside` it, the model `without` some columns."""
         key = (beside, None if without is None else (without.start, without.stop))
         first, last = self.causes[0].start, self.causes[-1].stop
-        if key not in self._left:
+        if key not in self._schur:
             fitted = np.ones(len(self.limited), bool)
             fitted[first:last] = False
             if without is not None:
                 fitted[without] = False
             if beside is not None:
                 fitted[self.causes[beside]] = True
-            posterior, asked = Posterior(self.matrix[np.ix_(fitted, fitted)], self.limited[fitted]), slice(first, last)
-            self._left[key] = posterior.complement(self.matrix[asked, asked], self.matrix[fitted, asked])
+            posterior, chosen = Posterior(self.matrix[np.ix_(fitted, fitted)], self.limited[fitted]), slice(first, last)
+            self._schur[key] = posterior.complement(self.matrix[chosen, chosen], self.matrix[fitted, chosen])
         own = slice(self.causes[cause].start - first, self.causes[cause].stop - first)
-        return np.asarray(self._left[key][own, own])
+        return np.asarray(self._schur[key][own, own])
 
     def share(self, cause: int) -> float:
         """Share of a cause's signal that model and registration cannot imitate."""
         own = self.causes[cause]
         whole = float(np.trace(self.matrix[own, own]))
-        return float(np.sqrt(max(np.trace(self.left(cause)), 0.0) / whole)) if whole > 0.0 else 0.0
+        return float(np.sqrt(max(np.trace(self.schur(cause)), 0.0) / whole)) if whole > 0.0 else 0.0
 
 
 @dataclass(frozen=True)

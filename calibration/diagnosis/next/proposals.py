@@ -55,22 +55,22 @@ def _of_fewer(data: Data) -> Iterator[FollowUpDesign]:
 
 def _once_more(data: Data) -> Iterator[FollowUpDesign]:
     """The same positions or the same path in reverse, in shuffled order, at another feed, or after a cold start."""
-    index, what, state = data.index, data.positions, data.measurement.state
+    index, positions, state = data.index, data.positions, data.measurement.state
     back = index[::-1]
     turned = {} if state.velocity is None else {"velocity": -state.velocity[back]}
     verb = "run" if data.in_motion else "measure"
-    yield data.plan("retrace", f"{verb} {what} once more backwards", data.following(back, **turned))
+    yield data.plan("retrace", f"{verb} {positions} once more backwards", data.following(back, **turned))
     shuffled = np.random.default_rng(0).permutation(index)
     if data.in_motion:
         yield _at_another_feed(data)
     else:
         order = "in shuffled order"
-        yield data.plan("shuffled", f"measure {what} once more {order}", data.following(shuffled))
+        yield data.plan("shuffled", f"measure {positions} once more {order}", data.following(shuffled))
     if state.time is not None and not data.in_motion:
         clock = data.clock(index)
         again = {name: _course(clock, state.time, kelvin) for name, kelvin in state.temperatures.items()}
         cold = data.following(shuffled, time=state.time.min() + clock, temperatures=again, past=None)
-        does = f"let the machine cool down, start it as before, and measure {what} in shuffled order"
+        does = f"let the machine cool down, start it as before, and measure {positions} in shuffled order"
         yield data.plan("cold start", does, cold)._replace(unknown=data.own_drift)
 
 
@@ -129,8 +129,8 @@ def _by_lengths(data: Data, stops: np.ndarray, axes: list[str]) -> Measurement:
         i = machine.index(axis)
         short = SHORT_RAD if machine.rotary[i] else SHORT_MM
         far = max(LONG * float(np.ptp(data.measurement.state.positions[:, i])), 2.0 * short)
-        for place, move in enumerate((short, -short, far, -far)):
-            rows = slice(4 * number + place, None, 4 * len(axes))
+        for k, move in enumerate((short, -short, far, -far)):
+            rows = slice(4 * number + k, None, 4 * len(axes))
             last[rows, i], approach[rows, i] = move, np.sign(move)
     if data.measurement.axis is not None:
         own = np.tile(np.repeat(axes, 4), len(stops) // (4 * len(axes)))

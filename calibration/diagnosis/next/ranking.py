@@ -71,7 +71,7 @@ class Question:
         worth = CLEAR * WORTH if self.kind == "weak" else WORTH
         return degrees_of_freedom, -worth + degrees_of_freedom * float(np.log(known.scalars))
 
-    def told(self, known: Information) -> float:
+    def information(self, known: Information) -> float:
         """Non-centrality of the weakest signal, at most the amount that is needed."""
         return min(self._one(signal, known) for signal in self.signals)
 
@@ -109,7 +109,7 @@ def proposed_measurements(
     found, answered = [], set()
     for follow_up in follow_up_designs(stage.fit):
         after = predicted.after(now, follow_up)
-        gains = {q: WEIGHTS[q.kind] * max(q.told(after) - q.told(now), 0.0) for q in questions}
+        gains = {q: WEIGHTS[q.kind] * max(q.information(after) - q.information(now), 0.0) for q in questions}
         answers = [(q, q.power(after)) for q in questions if gains[q] > 0.0]
         answers = [(q, power) for q, power in answers if power >= SURE]
         if answers:
@@ -119,7 +119,7 @@ def proposed_measurements(
             found.append(
                 ProposedMeasurement(follow_up.name, follow_up.minutes, sum(gains.values()) / follow_up.minutes, text)
             )
-    yield from sorted(found, key=lambda move: -move.gain_per_minute)
+    yield from sorted(found, key=lambda proposed: -proposed.gain_per_minute)
     for question in questions:
         if question.kind == "tied" and question not in answered:
             remedy = REMEDIES.get(contract_kind(effects[question.signals[-1].cause]), "other positions")
@@ -139,9 +139,9 @@ def _questions(
         return len(effects) - 1
 
     verdicts = {cause.effect.name: cause.verdict for cause in causes}
-    for accepted, place in zip(stage.accepted, stage.numbers, strict=True):
-        effect = stage.fit.model.effects[place]
-        verdict, own, part = verdicts.get(effect.name), accepted.candidate, stage.fit.model.slices[place]
+    for accepted, number in zip(stage.accepted, stage.numbers, strict=True):
+        effect = stage.fit.model.effects[number]
+        verdict, own, part = verdicts.get(effect.name), accepted.candidate, stage.fit.model.slices[number]
         if verdict in ("tied", "weak"):
             i = number(own.effect)
         if verdict == "weak":
@@ -169,8 +169,8 @@ def _hidden(evaluated: Sequence[Evaluated]) -> list[Evaluated]:
 
 
 def _noncentrality(signal: Signal, known: Information) -> float:
-    left = known.left(signal.cause, signal.beside, signal.without)
-    return float(np.trace(left)) if signal.size is None else float(signal.size @ left @ signal.size)
+    schur = known.schur(signal.cause, signal.beside, signal.without)
+    return float(np.trace(schur)) if signal.size is None else float(signal.size @ schur @ signal.size)
 
 
 def _expected(answers: Sequence[tuple[Question, float]]) -> str:

@@ -1,6 +1,6 @@
 """Chance level of accepted causes: the gain that the same search finds in the residuals with random signs.
 
-Where much is left that no cause explains, residuals are neither homogeneous nor white. A search over thousands of
+Where no cause explains a large part of them, residuals are neither homogeneous nor white. A search over thousands of
 shapes then finds more in them than in noise of their size; so may a cause that acts on a few rows. A random sign for
 every row keeps the sizes of the residuals, and whatever makes some rows larger than others, but destroys every course
 that a cause could follow (the wild bootstrap of Wu 1986 and Liu 1988).
@@ -69,15 +69,15 @@ class Chance:
         for _ in range(DRAWS):
             shuffled = some.shuffled(rng)
             found = list(search(shuffled))
-            left = shuffled.responses([each.effect for each in found])
-            scores = (shuffled.score(one, each.shapes) for one, each in zip(left, found, strict=True))
+            responses = shuffled.responses([each.effect for each in found])
+            scores = (shuffled.score(one, each.shapes) for one, each in zip(responses, found, strict=True))
             yield max((score.gain for score in scores), default=0.0)
 
     def _of_library(self, accepted: Accepted) -> Iterator[float]:
         rng, linearised = np.random.default_rng(SEED), self.linearised
         others = [each for each in self.library if each.effect.kind not in SMOOTH and each.effect.kind not in SEARCHES]
         tried = [accepted.candidate, *others]
-        left = linearised.responses([each.effect for each in tried])
+        responses = linearised.responses([each.effect for each in tried])
         for _ in range(DRAWS):
             shuffled = linearised.shuffled(rng)
-            yield max(shuffled.score(one, each.shapes).gain for one, each in zip(left, tried, strict=True))
+            yield max(shuffled.score(one, each.shapes).gain for one, each in zip(responses, tried, strict=True))

@@ -31,18 +31,18 @@ class Modes(NamedTuple):
 
     spanning: Array
     """Kernels `(m, n)` of some centres; a mode is a sum of these less its mean."""
-    ways: Array
+    vectors: Array
     """Shares `(m, r)` of the kernels in the modes."""
     variances: Array
     """Variances `(r,)` of the modes."""
 
     def along(self, values: Array) -> Array:
         """Parts `(r, k)` along the modes of values `(n, k)` with zero mean."""
-        return np.asarray(self.ways.T @ (self.spanning @ values))
+        return np.asarray(self.vectors.T @ (self.spanning @ values))
 
     def sums(self, parts: Array) -> Array:
         """Sums `(n, k)` of the modes with coefficients `(r, k)`."""
-        shares = self.ways @ parts
+        shares = self.vectors @ parts
         return np.asarray(self.spanning.T @ shares - self.spanning.mean(axis=1) @ shares)
 
 
@@ -71,9 +71,9 @@ class Kernels:
         covariance = spanning @ spanning.T - len(product[0]) * np.outer(means, means)
         half = linalg.solve_triangular(root[:rank, :rank], covariance, lower=True)
         whole = linalg.solve_triangular(root[:rank, :rank], half.T, lower=True)
-        variances, ways = np.linalg.eigh((whole + whole.T) / 2)
+        variances, vectors = np.linalg.eigh((whole + whole.T) / 2)
         kept = variances > RANK * variances[-1]
-        shares = linalg.solve_triangular(root[:rank, :rank], ways[:, kept], lower=True, trans="T")
+        shares = linalg.solve_triangular(root[:rank, :rank], vectors[:, kept], lower=True, trans="T")
         return Modes(spanning, shares / np.sqrt(variances[kept]), variances[kept])
 
 
@@ -88,10 +88,10 @@ def log_evidence(modes: Modes, residual: Array) -> Array:
 
 def smooth_part(modes: Modes, residual: Array) -> Array:
     """Expected values `(n, d)` of the function at the rows, given residuals `(n, d)` with zero mean."""
-    parts, sizes, ways = _apart(modes, residual[:, None])
+    parts, sizes, vectors = _apart(modes, residual[:, None])
     amplitudes = AMPLITUDES[_odds(modes.variances, parts, sizes, len(residual)).argmax(axis=0)][0]
     scaled = modes.variances[:, None] * amplitudes
-    return modes.sums(scaled / (1.0 + scaled) * parts[0] @ ways[0].T)
+    return modes.sums(scaled / (1.0 + scaled) * parts[0] @ vectors[0].T)
 
 
 def _apart(modes: Modes, residual: Array) -> tuple[Array, Array, Array]:
@@ -102,13 +102,15 @@ def _apart(modes: Modes, residual: Array) -> tuple[Array, Array, Array]:
     n, k, d = residual.shape
     parts = np.moveaxis(modes.along(residual.reshape(n, -1)).reshape(-1, k, d), 0, 1)
     weights = TURNING * modes.variances / (1.0 + TURNING * modes.variances)
-    _, ways = np.linalg.eigh(np.swapaxes(parts, 1, 2) @ (weights[:, None] * parts))
-    sizes = np.sum(ways * (residual[:, 0].T @ residual[:, 0] @ ways), axis=1)
-    return parts @ ways, sizes, ways
+    _, vectors = np.linalg.eigh(np.swapaxes(parts, 1, 2) @ (weights[:, None] * parts))
+    sizes = np.sum(vectors * (residual[:, 0].T @ residual[:, 0] @ vectors), axis=1)
+    return parts @ vectors, sizes, vectors
 
 
 def _odds(variances: Array, parts: Array, sizes: Array, n: int) -> Array:
     """Log odds `(amplitudes, k, d)` of each component for each amplitude."""
     scaled = AMPLITUDES[:, None] * variances
-    left = 1.0 - np.tensordot(scaled / (1.0 + scaled), parts**2, axes=(1, 1)) / sizes
-    return np.asarray(-0.5 * n * np.log(np.maximum(left, 1e-12)) - 0.5 * np.log1p(scaled).sum(axis=1)[:, None, None])
+    unfitted = 1.0 - np.tensordot(scaled / (1.0 + scaled), parts**2, axes=(1, 1)) / sizes
+    return np.asarray(
+        -0.5 * n * np.log(np.maximum(unfitted, 1e-12)) - 0.5 * np.log1p(scaled).sum(axis=1)[:, None, None]
+    )

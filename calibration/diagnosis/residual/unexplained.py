@@ -79,7 +79,7 @@ def one_by_one(linearised: LinearisedFit) -> list[Dependence]:
     )
 
 
-def impostors(stage: Stage, left: Unexplained, library: Sequence[Candidate]) -> list[Accepted]:
+def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate]) -> list[Accepted]:
     """Accepted causes that only imitate the unexplained residual.
 
     A smooth cause of one of its variables that explains little more than is unexplained: its form does not fit. Also
@@ -89,19 +89,21 @@ def impostors(stage: Stage, left: Unexplained, library: Sequence[Candidate]) -> 
     return [
         each
         for i, each in enumerate(stage.accepted)
-        if _not_its_form(stage, i, left, given)
+        if _not_its_form(stage, i, dependence, given)
         or ((each.candidate.effect.kind not in SMOOTH or each.candidate.effect.kind in SEARCHES) and chance.finds(each))
     ]
 
 
-def _not_its_form(stage: Stage, index: int, left: Unexplained, given: Mapping[str, Array]) -> bool:
+def _not_its_form(stage: Stage, index: int, dependence: Unexplained, given: Mapping[str, Array]) -> bool:
     candidate, size = stage.accepted[index].candidate, stage.accepted[index].size
     if candidate.effect.kind not in SMOOTH or candidate.replaces:
         return False
-    shared = {_family(name) for name in depends_on(candidate.effect, given)} & {_family(n) for n in left.variables}
+    shared = {_family(name) for name in depends_on(candidate.effect, given)} & {
+        _family(n) for n in dependence.variables
+    }
     without = stage.without(index)
-    explains = float(size @ without.projected(without.columns(candidate.effect)).left @ size)
-    return bool(shared) and explains < IMPOSTOR * left.rms**2 * stage.linearised.scalars
+    explains = float(size @ without.projected(without.columns(candidate.effect)).schur @ size)
+    return bool(shared) and explains < IMPOSTOR * dependence.rms**2 * stage.linearised.scalars
 
 
 def depends_on(effect: Effect, given: Mapping[str, Array]) -> list[str]:
@@ -118,22 +120,22 @@ def _family(variable: str) -> str:
     return "time" if variable.startswith("temperature ") else variable
 
 
-def in_lengths(linearised: LinearisedFit, left: Unexplained) -> Array:
+def in_lengths(linearised: LinearisedFit, dependence: Unexplained) -> Array:
     """Unexplained function `(n, d)`, mm and rad, at the rows of a linearised fit, in the frame of the observations."""
     noise, turns = _noise(linearised), _into_tool(linearised)
     if turns is None:
-        return np.asarray((noise @ left.shape[:, :, None])[:, :, 0])
-    errors = left.shape * np.linalg.norm(turns @ noise, axis=2)
+        return np.asarray((noise @ dependence.shape[:, :, None])[:, :, 0])
+    errors = dependence.shape * np.linalg.norm(turns @ noise, axis=2)
     return np.asarray((np.swapaxes(turns, 1, 2) @ errors[:, :, None])[:, :, 0])
 
 
-def shared_rms(linearised: LinearisedFit, left: Unexplained) -> float:
-    """RMS, um per scalar (rotary axes: urad), of the part that kept rows' residuals share with the function `left`.
+def shared_rms(linearised: LinearisedFit, dependence: Unexplained) -> float:
+    """RMS, um per scalar (rotary axes: urad), of the part of kept rows' residuals along the function `dependence`.
 
     A tracker makes the function as uncertain across the beam as a reading: its own RMS would be that uncertainty.
     """
     residual = np.linalg.solve(linearised.white, linearised.residual.reshape(len(linearised.rows), -1, 1))[:, :, 0]
-    shared = residual * in_lengths(linearised, left) * linearised.measurement.per_micro[linearised.rows] ** 2
+    shared = residual * in_lengths(linearised, dependence) * linearised.measurement.per_micro[linearised.rows] ** 2
     return float(np.sqrt(max(np.mean(shared[linearised.good]), 0.0)))
 
 

@@ -56,14 +56,14 @@ class Added(NamedTuple):
     """The result as a sentence."""
 
 
-def add_unnamed(selector: Selector, named: Stage, left: Unexplained) -> Added:
+def add_unnamed(selector: Selector, named: Stage, dependence: Unexplained) -> Added:
     """The stage with unnamed effects for the unexplained residual; unchanged where these do not predict."""
-    over = f"The unexplained dependence on {', '.join(left.variables)}"
-    strange = [name for name in left.variables if not may_depend_on(named.linearised, name)]
+    over = f"The unexplained dependence on {', '.join(dependence.variables)}"
+    strange = [name for name in dependence.variables if not may_depend_on(named.linearised, name)]
     if strange:
         text = f"{over} was not added: an unnamed effect cannot depend on {', '.join(strange)}."
         return Added(selector, named, text)
-    stage, shown = _with_unnamed(selector, named, left)
+    stage, shown = _with_unnamed(selector, named, dependence)
     if stage is named:
         return Added(selector, named, f"{over} was not added: with it held-out blocks are not predicted better.")
     for _ in range(AGAIN):
@@ -82,92 +82,95 @@ def add_unnamed(selector: Selector, named: Stage, left: Unexplained) -> Added:
     return Added(selector, stage, text)
 
 
-def _with_unnamed(selector: Selector, named: Stage, left: Unexplained) -> tuple[Stage, Unexplained]:
+def _with_unnamed(selector: Selector, named: Stage, dependence: Unexplained) -> tuple[Stage, Unexplained]:
     """The stage with an unnamed effect in each direction in which it predicts better, and the last one's lengths."""
     stage, missing = named, COMPONENTS
     while True:
-        best = next(iter(propose(stage.linearised, left, missing)), None)
+        best = next(iter(propose(stage.linearised, dependence, missing)), None)
         if best is None:
-            return stage, left
+            return stage, dependence
         first = selector.stage([*chosen_of(stage.accepted), (best, np.zeros(len(best.prior)))])
-        trial, shown = _tuned(selector, first, -1, left)
+        trial, shown = _tuned(selector, first, -1, dependence)
         added = trial.accepted[-1]
         if added.score.delta_bic < WORTH and predicts(added.held_out_gains) and trial.heldout_um < stage.heldout_um:
-            stage, left = trial, shown
+            stage, dependence = trial, shown
         missing = tuple(component for component in missing if component != best.axis)
 
 
-def _tuned(selector: Selector, stage: Stage, index: int, left: Unexplained) -> tuple[Stage, Unexplained]:
+def _tuned(selector: Selector, stage: Stage, index: int, dependence: Unexplained) -> tuple[Stage, Unexplained]:
     """The stage with the most likely lengths of one of its unnamed effects, at that fit's noise; and these lengths.
 
     The stage is unchanged where these lengths predict no better.
     """
     linearised = stage.without(index)
     own = [component for component in COMPONENTS if component == stage.accepted[index].candidate.axis]
-    shown, best = left, odds_of(linearised, own[0], left)
+    shown, best = dependence, odds_of(linearised, own[0], dependence)
     for _ in range(PASSES):
-        for i, length in product(range(len(left.lengths)), LENGTHS):
+        for i, length in product(range(len(dependence.lengths)), LENGTHS):
             tried = shown._replace(lengths=(*shown.lengths[:i], length, *shown.lengths[i + 1 :]))
             odds = odds_of(linearised, own[0], tried)
             if odds > best:
                 best, shown = odds, tried
     candidates = propose(linearised, shown, own)
     if not candidates:
-        return stage, left
+        return stage, dependence
     chosen = chosen_of(stage.accepted)
     chosen[index] = candidates[0], np.zeros(len(candidates[0].prior))
     again = selector.stage(chosen)
-    return (again, shown) if again.heldout_um < stage.heldout_um else (stage, left)
+    return (again, shown) if again.heldout_um < stage.heldout_um else (stage, dependence)
 
 
 def propose(
-    linearised: LinearisedFit, left: Unexplained, components: Sequence[Direction] = COMPONENTS
+    linearised: LinearisedFit, dependence: Unexplained, components: Sequence[Direction] = COMPONENTS
 ) -> list[Candidate]:
     """Unnamed effects in the directions of the tool in which their log odds exceed `EVIDENCE`, the likeliest first."""
     found = []
     for component in components:
-        effect, spread = _effect(linearised, component, left, min(MOST_TERMS, len(linearised.rows) // ROWS_PER_TERM))
+        most = min(MOST_TERMS, len(linearised.rows) // ROWS_PER_TERM)
+        effect, spread = _effect(linearised, component, dependence, most)
         columns = linearised.columns(effect) * spread
-        left_of = linearised.projected(columns).left
-        kept = surviving(columns.T @ columns, left_of)
+        schur = linearised.projected(columns).schur
+        kept = surviving(columns.T @ columns, schur)
         if not len(kept):
             continue
-        odds, size = evidence(left_of[np.ix_(kept, kept)], columns[:, kept].T @ linearised.residual)
+        odds, size = evidence(schur[np.ix_(kept, kept)], columns[:, kept].T @ linearised.residual)
         terms = tuple(effect.terms[i] for i in kept.tolist())
         own = Unnamed(component, effect.variables, effect.ranges, terms, (0.0,) * len(terms))
         found.append((odds, Candidate(own, prior=tuple((size * spread[kept]).tolist()))))
     return [candidate for odds, candidate in sorted(found, key=lambda pair: -pair[0]) if odds > EVIDENCE]
 
 
-def odds_of(linearised: LinearisedFit, component: Direction, left: Unexplained) -> float:
+def odds_of(linearised: LinearisedFit, component: Direction, dependence: Unexplained) -> float:
     """Log odds of an error of the tool in one direction, a function of these variables, against none."""
-    effect, spread = _effect(linearised, component, left, MOST_IN_ODDS)
+    effect, spread = _effect(linearised, component, dependence, MOST_IN_ODDS)
     columns = linearised.columns(effect) * spread
-    return evidence(linearised.projected(columns).left, columns.T @ linearised.residual)[0]
+    return evidence(linearised.projected(columns).schur, columns.T @ linearised.residual)[0]
 
 
-def evidence(left: Array, along: Array) -> tuple[float, float]:
+def evidence(schur: Array, along: Array) -> tuple[float, float]:
     """Log odds of a function against none, and its most likely standard deviation, one of `AMPLITUDES`.
 
-    left: the part `(k, k)` of its columns that the model and the registration cannot imitate; along: the residual
+    schur: the part `(k, k)` of its columns that the model and the registration cannot imitate; along: the residual
     along its columns `(k,)`.
     """
-    values, ways = np.linalg.eigh(left)
+    values, vectors = np.linalg.eigh(schur)
     variances = AMPLITUDES[:, None] ** 2
     scaled = variances * np.maximum(values, 0.0)
-    odds = 0.5 * np.sum(variances * (ways.T @ along) ** 2 / (1.0 + scaled) - np.log1p(scaled), axis=1)
+    odds = 0.5 * np.sum(variances * (vectors.T @ along) ** 2 / (1.0 + scaled) - np.log1p(scaled), axis=1)
     best = int(np.argmax(odds))
     return float(odds[best]), float(AMPLITUDES[best])
 
 
-def _effect(linearised: LinearisedFit, component: Direction, left: Unexplained, most: int) -> tuple[Unnamed, Array]:
+def _effect(
+    linearised: LinearisedFit, component: Direction, dependence: Unexplained, most: int
+) -> tuple[Unnamed, Array]:
     """An effect of zero size with at most `most` terms of these lengths, and their standard deviations `(k,)`."""
     state, machine = linearised.measurement.state, linearised.measurement.machine
-    columns = [state.variable(machine, name, "unnamed") for name in left.variables]
+    columns = [state.variable(machine, name, "unnamed") for name in dependence.variables]
     ranges = tuple((float(column.min()), float(column.max())) for column in columns)
-    terms, spread = terms_of(left.lengths, most)
+    terms, spread = terms_of(dependence.lengths, most)
     degrees = tuple(map(tuple, terms.tolist()))
-    return Unnamed(component, left.variables, ranges, degrees, (0.0,) * len(terms)), spread
+    return Unnamed(component, dependence.variables, ranges, degrees, (0.0,) * len(terms)), spread
 
 
 @lru_cache(maxsize=256)
@@ -192,22 +195,22 @@ def terms_of(lengths: tuple[float, ...], most: int) -> tuple[np.ndarray, Array]:
 @lru_cache(maxsize=64)
 def _coefficients(length: float) -> Array:
     """Standard deviations `(DEGREE + 1,)` of the Legendre coefficients of a Gaussian process on -1 ... 1."""
-    places, weights = legendre.leggauss(NODES)
-    kernel = np.exp(-0.5 * ((places[:, None] - places) / (2.0 * length)) ** 2)
-    ways = legendre.legvander(places, DEGREE) * weights[:, None] * (np.arange(DEGREE + 1) + 0.5)
-    return read_only(np.asarray(np.sqrt(np.maximum(np.einsum("ai,ab,bi->i", ways, kernel, ways), 0.0))))
+    nodes, weights = legendre.leggauss(NODES)
+    kernel = np.exp(-0.5 * ((nodes[:, None] - nodes) / (2.0 * length)) ** 2)
+    projection = legendre.legvander(nodes, DEGREE) * weights[:, None] * (np.arange(DEGREE + 1) + 0.5)
+    return read_only(np.asarray(np.sqrt(np.maximum(np.einsum("ai,ab,bi->i", projection, kernel, projection), 0.0))))
 
 
-def surviving(whole: Array, left: Array) -> np.ndarray:
-    """Indices of columns of which any combination keeps a share of at least `OWN`; `whole` and `left` `(k, k)`."""
+def surviving(whole: Array, schur: Array) -> np.ndarray:
+    """Indices of columns of which any combination keeps a share of at least `OWN`; `whole` and `schur` `(k, k)`."""
     sizes = np.sqrt(np.maximum(np.diag(whole), 0.0))
     kept = np.flatnonzero(sizes > 0.0)
     while len(kept):
         some, unit = np.ix_(kept, kept), np.outer(sizes[kept], sizes[kept])
-        shares, ways = linalg.eigh(left[some] / unit, whole[some] / unit + RIDGE * np.eye(len(kept)))
+        shares, vectors = linalg.eigh(schur[some] / unit, whole[some] / unit + RIDGE * np.eye(len(kept)))
         if shares[0] >= OWN:
             break
-        kept = np.delete(kept, int(np.argmax(np.abs(ways[:, 0]))))
+        kept = np.delete(kept, int(np.argmax(np.abs(vectors[:, 0]))))
     return kept
 
 

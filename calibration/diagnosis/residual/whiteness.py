@@ -37,7 +37,7 @@ STRAIGHT = 1e-5
 class Test(NamedTuple):
     """Result of one test of the residuals."""
 
-    what: str
+    name: str
     p_value: float
     """Chance of a statistic at least as large under pure noise."""
     statistic: float
@@ -120,9 +120,9 @@ def _neighbours(noise: _Noise, columns: Columns) -> Iterator[Test]:
 
 
 def _regressions(noise: _Noise, columns: Columns) -> Iterator[Test]:
-    for axis, way in columns.approach.items():
-        if np.ptp(way) > 0.0:
-            yield _regression(noise, way[:, None], f"direction of {axis}", f"--effect backlash:axis={axis},width=0")
+    for axis, side in columns.approach.items():
+        if np.ptp(side) > 0.0:
+            yield _regression(noise, side[:, None], f"direction of {axis}", f"--effect backlash:axis={axis},width=0")
     if columns.time is not None and np.ptp(columns.time) > 0.0:
         hint = "--effect thermal-drift:component=Z,rate=0 or thermal-scale:axis=...,rate=0"
         yield _regression(noise, columns.time[:, None], "time", hint)
@@ -134,10 +134,10 @@ def _regressions(noise: _Noise, columns: Columns) -> Iterator[Test]:
         ("run", columns.runs, "drift between runs: a term in time or temperature; a target or set-up that moved"),
         ("station", columns.stations, "a registration of its own for each station; an effect of the instrument"),
     ]
-    for what, labels, hint in labelled:
+    for name, labels, hint in labelled:
         if labels is not None and len(np.unique(labels)) > 1:
             names, number = np.unique(labels, return_inverse=True)
-            yield _regression(noise, np.eye(len(names))[number][:, 1:], what, hint)
+            yield _regression(noise, np.eye(len(names))[number][:, 1:], name, hint)
 
 
 def _cells(values: Array) -> np.ndarray:
@@ -151,7 +151,7 @@ def _cells(values: Array) -> np.ndarray:
     return np.asarray(np.unique((before // CELL)[number], return_inverse=True)[1])
 
 
-def _along(noise: _Noise, values: Array, what: str, hint: str) -> Test:
+def _along(noise: _Noise, values: Array, name: str, hint: str) -> Test:
     """Test whether rows in the same cell or in neighbouring cells along `values` deviate alike.
 
     A_ij is 1 / m for two of the m rows of one cell, 1 / sqrt(m m') for rows of neighbouring cells.
@@ -162,7 +162,7 @@ def _along(noise: _Noise, values: Array, what: str, hint: str) -> Test:
     n, (size, d) = np.bincount(cell), noise.residual.shape
     k = len(n)
     if k < 2:
-        return Test(what, 1.0, 0.0, hint)
+        return Test(name, 1.0, 0.0, hint)
     spread = sparse.csr_array((1.0 / np.sqrt(n[cell]), (np.arange(size), cell)), shape=(size, k))
     links = sparse.diags_array([[1.0]] * 3, offsets=[0, 1, -1], shape=(k, k))
 
@@ -187,12 +187,12 @@ def _along(noise: _Noise, values: Array, what: str, hint: str) -> Test:
         - float(np.trace(inner @ inner @ inner)),
     )  # fmt: skip
     if traces[2] < ABSORBED * squared:
-        return Test(what, 1.0, 0.0, hint)
+        return Test(name, 1.0, 0.0, hint)
     q = float(np.sum(noise.residual * joined(noise.residual)) / np.sum(noise.residual**2))
     mean = traces[1] - q * traces[0]
     variance = 2.0 * (traces[2] - 2.0 * q * traces[1] + q**2 * traces[0])
     third = 8.0 * (traces[3] - 3.0 * q * traces[2] + 3.0 * q**2 * traces[1] - q**3 * traces[0])
-    return Test(what, pearson_beyond(-mean / np.sqrt(variance), third / variance**1.5), q, hint)
+    return Test(name, pearson_beyond(-mean / np.sqrt(variance), third / variance**1.5), q, hint)
 
 
 def pearson_beyond(z: float, skew: float) -> float:
@@ -207,24 +207,24 @@ def pearson_beyond(z: float, skew: float) -> float:
     return float(chance(shape, max(shape + 2.0 * z / skew, 0.0)))
 
 
-def _regression(noise: _Noise, columns: Array, what: str, hint: str) -> Test:
+def _regression(noise: _Noise, columns: Array, name: str, hint: str) -> Test:
     """F test whether means depend on the columns `(n, q)`: all components together, each with its own coefficients."""
     sides = column_space(columns - columns.mean(axis=0), 1e-9).basis
     moments = (sides.T @ noise.residual).ravel()
     taken = np.einsum("nq,ndp->qdp", sides, noise.absorbed).reshape(len(moments), -1)
     inverse = pseudo_inverse(np.eye(len(moments)) - taken @ taken.T, ABSORBED, 1.0)
     explained, used = inverse.explained(moments), inverse.rank
-    rest, degrees_of_freedom = (
+    remaining, degrees_of_freedom = (
         float(np.sum(noise.residual**2)) - explained,
         noise.degrees_of_freedom - noise.scale * used,
     )
-    if used == 0 or degrees_of_freedom <= 1.0 or rest <= 0.0:
-        return Test(what, 1.0, 0.0, hint)
-    statistic = explained / used / (rest / (degrees_of_freedom / noise.scale))
-    return Test(what, float(special.fdtrc(used, degrees_of_freedom, statistic)), statistic, hint)
+    if used == 0 or degrees_of_freedom <= 1.0 or remaining <= 0.0:
+        return Test(name, 1.0, 0.0, hint)
+    statistic = explained / used / (remaining / (degrees_of_freedom / noise.scale))
+    return Test(name, float(special.fdtrc(used, degrees_of_freedom, statistic)), statistic, hint)
 
 
 def _size(white: Array, effective_parameters: float) -> Test:
     total, degrees_of_freedom = float(np.sum(white**2)), max(white.size - effective_parameters, 1.0)
-    hint = "an effect of many small parts, or noise above the instrument's sheet (--noise estimate)"
+    hint = "an effect of many small parts, or noise above the instrument's specification (--noise estimate)"
     return Test("size (chi2)", float(special.chdtrc(degrees_of_freedom, total)), total / degrees_of_freedom, hint)

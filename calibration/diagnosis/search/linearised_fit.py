@@ -72,14 +72,14 @@ class Projected(NamedTuple):
     """`(N, k)`, whitened."""
     through: Array
     """L^-1 J'G `(q, k)`, with L L' = H."""
-    left: Array
-    """S `(k, k)`."""
+    schur: Array
+    """Schur complement S `(k, k)`."""
 
     @property
     def visible(self) -> float:
         """Share of the signal that the model and the registration cannot imitate."""
         whole = float(np.sum(self.columns**2))
-        return float(np.sqrt(max(np.trace(self.left), 0.0) / whole)) if whole > 0 else 0.0
+        return float(np.sqrt(max(np.trace(self.schur), 0.0) / whole)) if whole > 0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -279,8 +279,8 @@ class LinearisedFit:
         through, found, end = self.spanned.T @ columns, [], 0
         for width in _widths(effects):
             own = slice(end, end := end + width)
-            left = columns[:, own].T @ columns[:, own] - through[:, own].T @ through[:, own]
-            found.append(Projected(columns[:, own], through[:, own], left))
+            schur = columns[:, own].T @ columns[:, own] - through[:, own].T @ through[:, own]
+            found.append(Projected(columns[:, own], through[:, own], schur))
         return found
 
     def _changing(self, effects: Sequence[Effect]) -> Array:
@@ -303,11 +303,11 @@ class LinearisedFit:
 
     def score(self, candidate: Projected, shapes: int = 0, trials: float = 1.0) -> Score:
         """Score of a candidate; `shapes` of its parameters were searched for, in `trials` trials."""
-        return self.rated(candidate.left, candidate.columns.T @ self.residual, shapes, trials)
+        return self.rated(candidate.schur, candidate.columns.T @ self.residual, shapes, trials)
 
-    def rated(self, left: Array, along: Array, shapes: int = 0, trials: float = 1.0) -> Score:
-        """Score of columns with Schur complement `left` `(k, k)` and the residual `along` them `(k,)`."""
-        values, vectors = np.linalg.eigh((left + left.T) / 2)
+    def rated(self, schur: Array, along: Array, shapes: int = 0, trials: float = 1.0) -> Score:
+        """Score of columns with Schur complement `schur` `(k, k)` and the residual `along` them `(k,)`."""
+        values, vectors = np.linalg.eigh((schur + schur.T) / 2)
         values, along = np.maximum(values, 0.0), vectors.T @ along
         softened = values + GENEROUS**-2
         largest = float(np.abs(vectors @ (along / softened)).max(initial=0.0))
@@ -357,9 +357,9 @@ class LinearisedFit:
             own, design = columns[block.rows], self.design[block.rows]
             others = mixed - design.T @ own
             step = block.posterior.solve(others)
-            left = squares - own.T @ own - others.T @ step
+            schur = squares - own.T @ own - others.T @ step
             slope = right - own.T @ self.residual[block.rows] + others.T @ block.moved
-            after = block.missed - (own - design @ step) @ np.linalg.solve(left + softened, slope)
+            after = block.missed - (own - design @ step) @ np.linalg.solve(schur + softened, slope)
             gains.append(float(np.sum(block.missed[block.counted] ** 2) - np.sum(after[block.counted] ** 2)))
         return np.array(gains)
 

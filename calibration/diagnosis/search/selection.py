@@ -249,10 +249,10 @@ class Selector:
 
 def evaluate(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> list[Evaluated]:
     """Candidates with their scores, the best first."""
-    left = linearised.candidates([candidate.effect for candidate in candidates])
+    tried = linearised.candidates([candidate.effect for candidate in candidates])
     found = [
         Evaluated(candidate, projected, linearised.score(projected, candidate.shapes, candidate.trials))
-        for candidate, projected in zip(candidates, left, strict=True)
+        for candidate, projected in zip(candidates, tried, strict=True)
     ]
     return sorted(found, key=lambda evaluated: evaluated.score.delta_bic)
 
@@ -285,16 +285,16 @@ def siblings(linearised: LinearisedFit, accepted: Accepted, evaluated: Sequence[
     """Other causes with nearly the same signal, on a linearised fit without any of them; the likeliest first."""
     own = linearised.projected(linearised.columns(accepted.candidate.effect))
     score = linearised.score(own, accepted.candidate.shapes)
-    energy = float(score.size @ own.left @ score.size)
+    energy = float(score.size @ own.schur @ score.size)
     found: dict[tuple[str | None, ...], Sibling] = {}
     for each in evaluated:
         other, cause = each.projected, each.candidate.cause
         if other.visible < SEEN or not energy or cause == accepted.candidate.cause:
             continue
         shared = (other.columns.T @ own.columns - other.through.T @ own.through) @ score.size
-        ridge = 1e-9 * np.trace(other.left) * np.eye(len(other.left))
+        ridge = 1e-9 * np.trace(other.schur) * np.eye(len(other.schur))
         cosine = float(
-            np.sqrt(min(max(float(shared @ np.linalg.solve(other.left + ridge, shared)), 0.0) / energy, 1.0))
+            np.sqrt(min(max(float(shared @ np.linalg.solve(other.schur + ridge, shared)), 0.0) / energy, 1.0))
         )
         if cosine > RELATED:
             free = complexity(each.candidate) - complexity(accepted.candidate)

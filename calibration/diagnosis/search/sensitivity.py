@@ -53,8 +53,8 @@ class Sensitivity:
             along += self.arm[:, i, None] * spanned[:, i]
         return along.T
 
-    def left(self, sizes: Array) -> Array:
-        """Schur complement `(k, k)` of errors of given sizes `(n, k)`; see `Projected.left`."""
+    def schur(self, sizes: Array) -> Array:
+        """Schur complement `(k, k)` of errors of given sizes `(n, k)`; see `Projected.schur`."""
         through = self._through @ sizes
         return np.asarray((sizes * self.squares[:, None]).T @ sizes - through.T @ through)
 
@@ -62,8 +62,8 @@ class Sensitivity:
         """Reduction of the sum of squares by each of some errors `(n, k)`, alone and with its best amplitude."""
         through = self._through @ sizes
         whole = self.squares @ sizes**2
-        left = whole - np.sum(through**2, axis=0)
-        return np.where(left > RIDGE * whole, (self.along @ sizes) ** 2 / np.maximum(left, 1e-300), 0.0)
+        schur = whole - np.sum(through**2, axis=0)
+        return np.where(schur > RIDGE * whole, (self.along @ sizes) ** 2 / np.maximum(schur, 1e-300), 0.0)
 
     def wave_gains(self, sines: Array, cosines: Array) -> Array:
         """`gains` of waves, each with the best amplitudes of its sine and cosine `(n, k)`."""
@@ -86,4 +86,4 @@ class Sensitivity:
 
     def score(self, sizes: Array, shapes: int = 0) -> Score:
         """Score of an error of given sizes; see `LinearisedFit.score`."""
-        return self.linearised.rated(self.left(sizes), sizes.T @ self.along, shapes)
+        return self.linearised.rated(self.schur(sizes), sizes.T @ self.along, shapes)
