@@ -139,9 +139,9 @@ def _questions(
         return len(effects) - 1
 
     verdicts = {cause.effect.name: cause.verdict for cause in causes}
-    for accepted, number in zip(stage.accepted, stage.numbers, strict=True):
-        effect = stage.fit.model.effects[number]
-        verdict, own, part = verdicts.get(effect.name), accepted.candidate, stage.fit.model.slices[number]
+    for accepted, index in zip(stage.accepted, stage.numbers, strict=True):
+        effect = stage.fit.model.effects[index]
+        verdict, own, part = verdicts.get(effect.name), accepted.candidate, stage.fit.model.slices[index]
         if verdict in ("tied", "weak"):
             i = number(own.effect)
         if verdict == "weak":
