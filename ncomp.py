@@ -5,7 +5,7 @@ for a machine without errors, or `ErrorModel` objects. A program is a path, its 
 `Source`. Options have the names and the values of the command line. Axis positions are in mm and degrees, errors in um
 and urad, tool relative to workpiece.
 
-Every function raises `kinematics.user_error.UserError`, with one clear message, for an input that can't be used.
+Every function raises `kinematics.user_error.UserError`, with one clear message, for an input that cannot be used.
 
 >>> import ncomp
 >>> mill = ncomp.load_machine("dmu50")
@@ -317,7 +317,7 @@ def read_measurement(
     header: keys that the file lacks (`{"u_um": "0.3"}`); columns: column map of a delimited export; plan: table of the
     axis positions by names of points. `notes` of the result are for the user.
 
-    UserError with file, line and column of the first entry that can't be used.
+    UserError with file, line and column of the first entry that cannot be used.
     """
     from calibration.measurement.joining import joined
     from calibration.measurement.readers import read_any

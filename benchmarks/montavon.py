@@ -3,7 +3,7 @@
     python benchmarks/montavon.py
 
 Chain Y-X-Z, 2.0 x 1.5 x 0.4 m, nodes every 100, 100 and 50 mm, 170 points on edges and 150 at random, one tracker. The
-paper's condition (15), rank 276, can't hold with one reflector; its pseudo-inverse hides that.
+paper's condition (15), rank 276, cannot hold with one reflector; its pseudo-inverse hides that.
 """
 
 from __future__ import annotations

@@ -263,7 +263,7 @@ def _with_effects(model: ErrorModel, effects: list[Effect]) -> ErrorModel:
 
 
 def _thesis(machine: Machine, truth: ErrorModel, poses: Mapping[str, Pose], first: Measurement) -> Outcome:
-    """The published procedure on the same readings, aligned to its X and Z lines; judged in its own frame."""
+    """The published procedure on the same readings, aligned to its X and Z lines; evaluated in its own frame."""
     assert first.state.target is not None
     assert first.run is not None
     rotation = _aligned(machine, first)

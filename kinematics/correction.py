@@ -66,7 +66,7 @@ def _beside_jumps(
     """The positions q `(n, axes)`, in the rows `unsettled` `(n,)` those beside a jump with the smallest tool point
     error.
 
-    wanted: targets and tools `(n, 3)`, mm; axes that move `(n, axes)`; positions `(n, axes)` of all others. Each axis
+    targets: targets and tools `(n, 3)`, mm; axes that move `(n, axes)`; positions `(n, axes)` of all others. Each axis
     moves towards the target by steps that are halved whenever it reverses, down to its resolution: then it is beside
     the jump, and the best position of both sides along each axis, and of the uncorrected one, is taken.
     """

@@ -99,7 +99,7 @@ def _newly_derived(machine: Machine) -> ModuleType:
 
     source = derive.source(machine)
     path = _cache_file(machine)
-    # a cache that can't be written costs the time of a derivation only
+    # a cache that cannot be written costs the time of a derivation only
     with suppress(OSError, UserError):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, f"{_seal(source)}\n{source}".encode())

@@ -25,7 +25,7 @@ def writing(output: str | Path) -> Iterator[None]:
     except BrokenPipeError:
         raise
     except OSError as fault:
-        raise UserError(f"can't write {output}: {fault.strerror or fault}") from None
+        raise UserError(f"cannot write {output}: {fault.strerror or fault}") from None
 
 
 class _NamedFile(io.FileIO):
@@ -49,7 +49,7 @@ def named_file(handle: int, becomes: str | Path) -> io.BufferedRandom:
 class Draft:
     """A result in a temporary file of the same folder, before it replaces an existing file.
 
-    UserError when the folder can't be written, or the disk is full. A link stays, and its target is replaced.
+    UserError when the folder cannot be written, or the disk is full. A link stays, and its target is replaced.
     """
 
     def __init__(self, path: Path) -> None:
@@ -102,10 +102,10 @@ def whole_folder(path: Path, files: Mapping[str, bytes]) -> Iterator[None]:
     is removed.
     """
     if path.exists() and not path.is_dir():
-        raise UserError(f"can't write {path}: it is no folder")
+        raise UserError(f"cannot write {path}: it is no folder")
     with writing(path):
         if path.is_dir() and any(path.iterdir()):
-            raise UserError(f"can't write {path}: it is not empty; name a new folder")
+            raise UserError(f"cannot write {path}: it is not empty; name a new folder")
         with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as made:
             new = Path(made) / "whole"
             new.mkdir()

@@ -132,7 +132,7 @@ def linear_positions(machine: Machine, q: ArrayLike, position: ArrayLike, tool: 
 
     q `(n, axes)` or `(axes,)`, mm and rad, chain order: rotary and remaining linear positions are kept. position
     `(n, 3)` or `(3,)`, mm, workpiece frame. tool `(3,)` or `(n, 3)`, mm, tool frame. Returns `(n, axes)`; travel is
-    not checked. The translators are NaN in rows where they don't span space (a linear axis behind a rotary one can
+    not checked. The translators are NaN in rows where they do not span space (a linear axis behind a rotary one can
     be turned parallel to another). Raises UserError when they never do.
 
     Source: the tool point is affine in the linear axes, thesis (3.22)-(3.24).

@@ -106,7 +106,7 @@ class State:
         return known[key]
 
     def need(self, column: str, by: str) -> Any:
-        """A column that an effect can't do without; UserError, naming the effect, when it is not known."""
+        """A column that an effect cannot do without; UserError, naming the effect, when it is not known."""
         value = getattr(self, column)
         if value is None:
             raise UserError(f"{by} needs {column.replace('_', ' ')}, which these data do not give")

@@ -1,5 +1,5 @@
-"""The one exception for input that can't be used."""
+"""The one exception for input that cannot be used."""
 
 
 class UserError(Exception):
-    """The user's input can't be used: one clear message, exit status 2, no output file."""
+    """The user's input cannot be used: one clear message, exit status 2, no output file."""

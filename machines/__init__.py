@@ -153,7 +153,7 @@ def _control(table: dict[str, Any], chained: set[str]) -> Control:
 
 
 def _entry(value: object, kind: type[T], where: str) -> T:
-    """An entry of the file as `kind`; msgspec's own path doesn't name the keys of a table."""
+    """An entry of the file as `kind`; msgspec's own path does not name the keys of a table."""
     try:
         return msgspec.convert(value, kind)
     except msgspec.ValidationError as fault:

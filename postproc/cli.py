@@ -97,7 +97,7 @@ def run() -> None:
     except BrokenPipeError:
         _end(1)
     except OSError as fault:
-        _end(2, f"can't use {fault.filename or 'standard output'}: {fault.strerror or fault}")
+        _end(2, f"cannot use {fault.filename or 'standard output'}: {fault.strerror or fault}")
     except Exception as fault:
         import traceback
 

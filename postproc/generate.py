@@ -88,7 +88,7 @@ def measuring_program(
     for i, (name, target) in enumerate(zip(sequence.names, sequence.targets, strict=True)):
         if target != mounted:
             code = "M0" if mounted is None else settings.target_change
-            path = " AND THE WAY TO THE FIRST POSITION IS FREE" if mounted is None else ""
+            path = " AND THE PATH TO THE FIRST POSITION IS CLEAR" if mounted is None else ""
             yield from form.stop(code, f"GO ON WHEN TARGET {target} IS READY{path}")
             mounted = target
         if sequence.before is not None and not np.isnan(sequence.before[i, 0]):
@@ -113,7 +113,7 @@ def path_program(
             *assumptions(dialect, settings),
         ]
     )
-    yield from form.stop("M0", "GO ON WHEN THE WAY TO THE FIRST CORNER IS FREE")
+    yield from form.stop("M0", "GO ON WHEN THE PATH TO THE FIRST CORNER IS CLEAR")
     yield form.move(axis_words(machine, corners[0] - offset), "START")
     yield from form.stop("M0", "START RECORDING AND GO ON")
     yield from form.dwell()

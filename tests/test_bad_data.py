@@ -287,7 +287,7 @@ OTHERS = {
 }
 ANYWHERE = POINTS | {
     "um commanded": (times(1e3, *"XYZ"), "m, mm or um mixed up"),
-    "target metres off": (header(r"(target.t1: \S+ \S+) -120", r"\1 -9120"), "target t1 is stated"),
+    "target metres off": (header(r"(target.t1: \S+ \S+) -120", r"\1 -9120"), "target t1 lies"),
     "noise alone": (drawn(spread=0.01), "no exchange of columns"),
     "one position": (at_one_position, "no exchange of columns"),
     "time backwards": (backwards, "sort them by time"),
@@ -367,7 +367,7 @@ FLYING = {
     "left-handed": (times(-1.0, "y"), "away from the path of the program"),
     "noise alone": (drawn(spread=0.01), "is it another program?"),
     "half of it": (lambda head, names, rows: (head, names, rows[: len(rows) // 2]), "is it another program?"),
-    "target metres off": (header(r"(target.t: \S+ \S+) \S+", r"\1 -9120"), "target t is stated"),
+    "target metres off": (header(r"(target.t: \S+ \S+) \S+", r"\1 -9120"), "target t lies"),
     "time backwards": (backwards, "not later than in the row before"),
     "rows twice": (lambda head, names, rows: (head, names, [*rows, *rows]), "not later than in the row before"),
     "not a number": (not_a_number, "is no number"),

@@ -96,12 +96,12 @@ BAD_OPTIONS = {
     "bad tool length": (["in.nc", *GANTRY, "--tool-length", "long"], "--tool-length long: expected T1=mm"),
     "missing tool table": (["in.nc", *GANTRY, "--tool-table", "no.tbl"], "tool table no.tbl: No such file"),
     "bad tool table": (["in.nc", *GANTRY, "--tool-table", "in.nc"], "tool table in.nc:3: 'G21 G17 G90': G17 may not be in a list of offsets"),
-    "json and program on one stream": (["in.nc", *GANTRY, "--json", "-", "-o", "-"], "can't both go to standard output"),
+    "json and program on one stream": (["in.nc", *GANTRY, "--json", "-", "-o", "-"], "cannot both go to standard output"),
     "json and program in one file": (["in.nc", *GANTRY, "--json", "./out.nc", "-o", "out.nc"], "--output and --json both name ./out.nc"),
-    "missing output folder": (["in.nc", *GANTRY, "-o", "no/out.nc"], "can't write no/out.nc: No such file"),
-    "output folder that is a file": (["in.nc", *GANTRY, "-o", "in.nc/out.nc"], "can't write in.nc/out.nc: Not a directory"),
-    "output that is a folder": (["in.nc", *GANTRY, "-o", "folder.nc"], "can't write folder.nc: Is a directory"),
-    "missing json folder": (["in.nc", *GANTRY, "-o", "out.nc", "--json", "no/x.json"], "can't write no/x.json: No such file"),
+    "missing output folder": (["in.nc", *GANTRY, "-o", "no/out.nc"], "cannot write no/out.nc: No such file"),
+    "output folder that is a file": (["in.nc", *GANTRY, "-o", "in.nc/out.nc"], "cannot write in.nc/out.nc: Not a directory"),
+    "output that is a folder": (["in.nc", *GANTRY, "-o", "folder.nc"], "cannot write folder.nc: Is a directory"),
+    "missing json folder": (["in.nc", *GANTRY, "-o", "out.nc", "--json", "no/x.json"], "cannot write no/x.json: No such file"),
 }  # fmt: skip
 
 

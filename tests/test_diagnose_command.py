@@ -1,4 +1,4 @@
-"""`ncomp diagnose` as a user calls it: contract 4.3 to the letter, what can't be used, what is odd but can."""
+"""`ncomp diagnose` as a user calls it: contract 4.3 to the letter, what cannot be used, what is odd but can."""
 
 import io
 import json

@@ -122,7 +122,7 @@ def test_export_of_the_calibration_with_tables_active_is_of_the_whole_machine(co
         (("--format", "linuxcnc", "--probe", "Q"), "has no axis Q"),
         (("--format", "linuxcnc", "--rest", "cal.json"), "is an input and would be overwritten"),
         (("--format", "linuxcnc", "--rest", "no/rest.json"), "No such file or directory"),
-        (("--format", "linuxcnc", "--program", "empty.nc"), "can't be evaluated"),
+        (("--format", "linuxcnc", "--program", "empty.nc"), "cannot be evaluated"),
         (("--format", "linuxcnc", "--set", "joints=XY"), "Z has a table; expected its letter among the joints"),
     ],
 )

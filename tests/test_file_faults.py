@@ -59,13 +59,13 @@ def check_refused(done: subprocess.CompletedProcess[bytes], words: str) -> None:
 
 
 OUTPUTS = {
-    "-o /dev/full": "can't write /dev/full: No space left on device",
-    "-o out.nc --json /dev/full": "can't write /dev/full: No space left on device",
-    "-o out.nc --json out.json --report /dev/full": "can't write /dev/full: No space left on device",
-    "> /dev/full": "can't write standard output: No space left on device",
-    "--json out.json > /dev/full": "can't write standard output: No space left on device",
-    "-o out.nc --json - > /dev/full": "can't write standard output: No space left on device",
-    ">&-": "can't write standard output: it is closed",
+    "-o /dev/full": "cannot write /dev/full: No space left on device",
+    "-o out.nc --json /dev/full": "cannot write /dev/full: No space left on device",
+    "-o out.nc --json out.json --report /dev/full": "cannot write /dev/full: No space left on device",
+    "> /dev/full": "cannot write standard output: No space left on device",
+    "--json out.json > /dev/full": "cannot write standard output: No space left on device",
+    "-o out.nc --json - > /dev/full": "cannot write standard output: No space left on device",
+    ">&-": "cannot write standard output: it is closed",
 }
 
 
@@ -85,7 +85,7 @@ def test_a_device_without_space_leaves_no_result_at_all(where):
 def test_tables_for_people_on_a_full_disk(command):
     done = shell(f"{command} > /dev/full")
     assert done.returncode == 2
-    assert done.stderr.decode().splitlines()[-1] == "ncomp: can't use standard output: No space left on device"
+    assert done.stderr.decode().splitlines()[-1] == "ncomp: cannot use standard output: No space left on device"
     assert b"Traceback" not in done.stderr
 
 
@@ -107,7 +107,7 @@ def test_other_commands_on_a_full_disk(folder, command):
 def test_a_quota_in_the_midst_of_a_result():
     """A file may not grow beyond 4 kB: the program fits, and the page with its figures does not."""
     done = shell(f"ulimit -f 4; ncomp in.nc {' '.join(GANTRY)} -o out.nc --report out.html")
-    check_refused(done, "can't write out.html: File too large")
+    check_refused(done, "cannot write out.html: File too large")
 
 
 def test_a_small_disk_that_fills_up(folder):
@@ -124,7 +124,7 @@ def test_a_small_disk_that_fills_up(folder):
         done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o disk/out.nc")
         assert (disk / "out.nc").read_bytes() == OLD
         assert [path.name for path in disk.iterdir()] == ["out.nc"]
-        check_refused(done, "can't write disk/out.nc: No space left on device")
+        check_refused(done, "cannot write disk/out.nc: No space left on device")
     finally:
         subprocess.run(["umount", disk], check=True)
 
@@ -133,7 +133,7 @@ def test_a_folder_that_vanishes_during_the_run(folder):
     (folder / "gone").mkdir()
     vanish = 'import os, shutil; os.fsync = lambda _: shutil.rmtree("gone"); '
     done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o gone/out.nc", vanish)
-    check_refused(done, "can't write gone/out.nc: No such file or directory")
+    check_refused(done, "cannot write gone/out.nc: No such file or directory")
 
 
 # ---- killed
@@ -235,7 +235,7 @@ def test_a_link_stays_and_its_target_is_replaced(folder):
     assert Path("link.nc").is_symlink()
     check_whole(Path("real/prog.nc").read_text())
     Path("dangling.nc").symlink_to("nowhere/prog.nc")
-    check_refused(shell(f"ncomp in.nc {' '.join(GANTRY)} -o dangling.nc"), "can't write dangling.nc")
+    check_refused(shell(f"ncomp in.nc {' '.join(GANTRY)} -o dangling.nc"), "cannot write dangling.nc")
 
 
 def test_standard_output_by_its_name_is_not_replaced():

@@ -72,7 +72,7 @@ def test_a_full_disk_leaves_the_old_and_no_trace(file, monkeypatch, step, fault,
     monkeypatch.setattr(*((os, "fsync") if step == "fsync" else (Path, step)), fails)
     with pytest.raises(UserError) as refusal:
         write_whole(file, b"new")
-    assert str(refusal.value) == f"can't write {file}: {reason}"
+    assert str(refusal.value) == f"cannot write {file}: {reason}"
     assert contents(file.parent) == {"out.nc": b"old"}
 
 
@@ -83,13 +83,13 @@ def test_a_folder_that_is_missing_or_none_is_refused(file):
     }.items():
         with pytest.raises(UserError) as refusal:
             write_whole(path, b"new")
-        assert str(refusal.value) == f"can't write {path}: {reason}"
+        assert str(refusal.value) == f"cannot write {path}: {reason}"
     assert contents(file.parent) == {"out.nc": b"old"}
 
 
 def test_a_folder_as_output_is_refused(tmp_path):
     (tmp_path / "out").mkdir()
-    with pytest.raises(UserError, match=r"can't write .*/out: Is a directory$"):
+    with pytest.raises(UserError, match=r"cannot write .*/out: Is a directory$"):
         write_whole(tmp_path / "out", b"new")
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
@@ -105,7 +105,7 @@ def test_a_folder_without_permission_is_refused(file):
     finally:
         os.seteuid(user)
         file.parent.chmod(0o700)
-    assert str(refusal.value) == f"can't write {file}: Permission denied"
+    assert str(refusal.value) == f"cannot write {file}: Permission denied"
     assert contents(file.parent) == {"out.nc": b"old"}
 
 

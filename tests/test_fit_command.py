@@ -1,4 +1,4 @@
-"""`ncomp fit` as a user calls it: on virtual trackers, on real plates, on what it can't use."""
+"""`ncomp fit` as a user calls it: on virtual trackers, on real plates, on what it cannot use."""
 
 import io
 import json

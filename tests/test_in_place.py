@@ -134,7 +134,7 @@ def test_a_folder_that_can_not_be_written(command):
     done = command("a.nc", *JOB, "--in-place")
     Path().chmod(0o700)
     assert done.status == 2
-    assert "can't write" in done.err
+    assert "cannot write" in done.err
 
 
 @pytest.mark.parametrize("at", ["replace", "rename"])

@@ -175,10 +175,10 @@ def test_a_refusal_leaves_no_page(ncomp, tmp_path, line):
     [
         (("-o", "a", "--report", "./a"), "--output and --report both name ./a"),
         (("-o", "a", "--json", "b", "--report", "b"), "--json and --report both name b"),
-        (("--report", "-"), "--output and --report can't both go to standard output"),
+        (("--report", "-"), "--output and --report cannot both go to standard output"),
         (("-o", "a", "--report", "in.nc"), "in.nc is an input and would be overwritten"),
         (("-o", "a", "--report", "cal.json"), "cal.json is an input and would be overwritten"),
-        (("-o", "a", "--report", "no/a.html"), "can't write no/a.html: No such file or directory"),
+        (("-o", "a", "--report", "no/a.html"), "cannot write no/a.html: No such file or directory"),
     ],
 )
 def test_places_are_checked_beforehand(ncomp, tmp_path, options, words):

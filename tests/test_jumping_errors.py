@@ -40,7 +40,7 @@ def test_no_position_is_worse_and_most_are_right(step, pitch, seed):
 
 
 def test_the_edge_itself():
-    """X jumps at 60: before it the machine is 5 um short of where it is behind it; 60.001 can't be reached."""
+    """X jumps at 60: before it the machine is 5 um short of where it is behind it; 60.001 cannot be reached."""
     text = "G21 G90\nG0 X50.0 Y0 Z0\nX60.001\nX59.999\nX61\n"
     result = correct(text, GANTRY, jumping(GANTRY, 5.0, 50.0, "X"))
     reached = read(result.text, GANTRY).machine_target[:, 0]

@@ -267,7 +267,7 @@ def test_generated_programs_are_corrected(data):
             case "CP":
                 lines += [f"LP PR+20.5 PA{sign}{value}", f"CP PA{sign}{value + 77} DR{sign}"]
             case "CPI":
-                # not near a whole turn: a circle can't lead to two places side by side that want other corrections
+                # not near a whole turn: a circle cannot lead to two places side by side that want other corrections
                 turned = data.draw(st.sampled_from([75, 131.5, 250, 290, 435, 610, 1000]))
                 lines.append(f"CP IPA{sign}{turned} IZ{sign}{value / 100} DR{sign}")
             case "CT":

@@ -22,7 +22,7 @@ PIVOT = 250.0  # mm from the tool point of a head, with W at 0, to its swivels
 
 
 def machine_file(name, chain, **lines):
-    """A machine file; `lines` are direction and point of the axes that don't follow their letter from the origin."""
+    """A machine file; `lines` are direction and point of the axes that do not follow their letter from the origin."""
     text = [f'name = "{name}"', f'chain = "{chain}"']
     for axis in (link for link in chain.split() if link not in "wbt"):
         text += [f"[axes.{axis}]", "travel = [-inf, inf]"]

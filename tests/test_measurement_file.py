@@ -1,4 +1,4 @@
-"""Measurement files: what is read is what stands there, and what can't be used is refused with its place."""
+"""Measurement files: what is read is what stands there, and what cannot be used is refused with its place."""
 
 import io
 import math
@@ -121,7 +121,7 @@ def test_interferometer(read):
     assert m.groups.tolist() == ["X 1", "X 1", "X 1", "X 2", "C 1"]
     assert m.tool[0].tolist() == [0, 0, -50]
     assert m.notes == (
-        "no column of B, X, Y, Z: taken to stand at home (B 0, X 0, Y 0, Z 400 mm, deg) where it is not the one measured",
+        "no column of B, X, Y, Z: the home position is used (B 0, X 0, Y 0, Z 400 mm, deg) in runs of other axes",
     )
 
 
@@ -190,7 +190,7 @@ def test_what_is_taken_for_granted_is_noted(read):
         "line 5: header key 'u_rnge_um' is unknown, and ignored",
         "line 6: 'a remark' is not 'key: value', and is ignored",
         "the header gives no target: it is assumed in the tool reference point (spindle nose)",
-        "no column of Y, Z: taken to stand at home (Y 0, Z 1500 mm)",
+        "no column of Y, Z: the home position is used (Y 0, Z 1500 mm)",
         "line 11: the time decreases; the rows keep the order of the file",
         "X leaves its travel 0..5000 mm by 1",
     )

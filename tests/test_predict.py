@@ -196,7 +196,7 @@ def test_notes_and_summary(ncomp):
     assert data["notes"] == [
         "the file names no machine: it is read as data of gantry",
         "the header gives no target: it is assumed in the tool reference point (spindle nose)",
-        "no column of Z: taken to stand at home (Z 1500 mm)",
+        "no column of Z: the home position is used (Z 1500 mm)",
         "X leaves its travel 0..5000 mm by 100",
         "E_XX is used up to 100 mm beyond its calibrated range; its end value is held there",
         "the calibration has no uncertainties: every deviation counts as significant",
@@ -228,7 +228,7 @@ def test_without_errors(ncomp):
         ("X,dx_um\n1,2\n", (), "p.csv:1 column dx_um: these points already have a prediction"),
         ("# machine: dmu50\nX\n1\n", (), "p.csv:1 machine: the file is of 'dmu50', not of gantry"),
         ("# table.r: 1 2 3\nX\n1\n", (), "p.csv: target r is on the table: only a target on the tool can be predicted"),
-        ("X\n1\n", ("--json", "-"), "--output and --json can't both go to standard output"),
+        ("X\n1\n", ("--json", "-"), "--output and --json cannot both go to standard output"),
         ("X\n1\n", ("--json", "o", "-o", "o"), "--output and --json both name o"),
         ("X\n1\n", ("-c", "drift.json"), "needs time, which these data do not give"),
         ("X\n1\n", ("-c", "none.json"), "none.json: No such file"),
@@ -309,7 +309,7 @@ def test_iso230_of_linear_and_rotary_axes(ncomp):
         (("--header", "u_um"), "--header u_um: expected KEY=VALUE, as in u_um=0.3"),
         (("--header", "u_um=1", "--header", "u_um=2"), "--header u_um=2: u_um is given twice"),
         (("--header", "u_um=1", "--format", "rtl"), "Target-count: missing"),
-        (("--header", "u_um=1", "--json", "-", "-o", "-"), "can't both go to standard output"),
+        (("--header", "u_um=1", "--json", "-", "-o", "-"), "cannot both go to standard output"),
     ],
 )
 def test_iso230_refused(ncomp, arguments, words):

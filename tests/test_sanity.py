@@ -271,7 +271,7 @@ def test_clock():
 
 def test_one_speed_does_not_tell_a_lag_from_play():
     m = laser((FollowingError("X", lag_ms=3.0),), feeds=[3000.0] * 4)
-    assert the_only(sanity(m)).message.endswith("(two clocks, following error or play)")
+    assert the_only(sanity(m)).message.endswith("(two clocks, following error or backlash)")
 
 
 def test_play_is_no_lag():

@@ -1,4 +1,4 @@
-"""Virtual measurements: truth within its widths, observations by the exact product, noise by the sheet, files."""
+"""Virtual measurements: truth within its widths, observations by the exact product, noise by the instrument specification, files."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""Spectra over positions, and periods that positions can't tell apart."""
+"""Spectra over positions, and periods that positions cannot tell apart."""
 
 import numpy as np
 import pytest

@@ -224,7 +224,7 @@ def test_time():
     assert np.all(np.diff(slow.state.time) > 0)
 
 
-# ---- what can't be
+# ---- what cannot be
 
 
 @pytest.mark.parametrize(

@@ -95,7 +95,7 @@ def test_outputs_are_looked_at_before_the_work(command, tmp_path):
     (tmp_path / "data.csv").write_text("nothing that could be read")
     done = command("fit", "data.csv", "-m", "cframe", "-o", "missing/cal.json")
     assert done.status == 2
-    assert "can't write missing/cal.json" in done.err
+    assert "cannot write missing/cal.json" in done.err
 
 
 def test_no_axis_gets_more_parameters_than_it_has_positions():

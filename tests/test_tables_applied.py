@@ -1,4 +1,4 @@
-"""Every export, applied to the virtual machine as its control would: the remaining error agrees with the sheet.
+"""Every export, applied to the virtual machine as its control would: the remaining error agrees with sheet.md.
 
 The files are written by the command; the control (`virtual_machine.controls`) shares no code with it. Their values are
 read back by the command too, and written a second time.

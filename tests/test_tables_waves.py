@@ -1,4 +1,4 @@
-"""Errors that repeat: held where the points of a table can follow, named where they can't, never mistaken."""
+"""Errors that repeat: held where the points of a table can follow, named where they cannot, never mistaken."""
 
 import numpy as np
 import pytest

@@ -60,7 +60,7 @@ class HeldOutLines:
                 return None
             try:
                 refuse_lines(measurement.rows(np.flatnonzero(others)))
-            except UserError:  # the other rows alone can't be fitted
+            except UserError:  # the other rows alone cannot be fitted
                 return None
             lines_held_out.append(
                 _line(registration, *(np.repeat(rows, measurement.components) for rows in (predicted, others)))

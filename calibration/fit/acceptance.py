@@ -38,7 +38,7 @@ ANYWHERE = 300
 
 
 def refuse_few(found: Fit, identified: Identifiability) -> None:
-    """UserError where the rows show nothing, can't determine the model's parameters, or leave nothing to check them."""
+    """UserError where the rows cannot determine the model's parameters, or no redundant row is left to check them."""
     measurement, registered = found.measurement, len(found.registration.names)
     if identified.parameters and not identified.rank_registered:
         raise UserError(

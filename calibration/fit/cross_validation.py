@@ -71,7 +71,7 @@ def predicted_by_others(
     """Residuals of each block of rows under `refit`, and under the nominal machine, of the other rows.
 
     labels `(n,)`: numbers of the blocks; negative for rows of no block. Rows whose set-up or target hardly occurs in
-    the others depend on the registration, not on the machine, and don't count. None if too few rows count.
+    the others depend on the registration, not on the machine, and do not count. None if too few rows count.
     """
     unexplained = np.full((2, len(good), good.components), np.nan)
     for label in np.unique(labels[labels >= 0]):
@@ -82,7 +82,7 @@ def predicted_by_others(
         for i, each in enumerate((refit, _nominal)):
             try:
                 found = each(others)
-            except UserError:  # the other rows alone can't be fitted
+            except UserError:  # the other rows alone cannot be fitted
                 return None
             # effects with memory need the rows in between
             unexplained[i, predicted] = residuals(good, found.model, found.registration)[predicted]

@@ -43,8 +43,8 @@ STEPS = 30
 CONVERGED = 1e-3
 """Length of a step, in standard uncertainties, below which the iteration ends."""
 AHEAD = 1.9
-"""Over-relaxation of every other step: with Huber weights a Gauss-Newton step is too short. Below 2 the objective can't
-rise by it."""
+"""Over-relaxation of every other step: with Huber weights a Gauss-Newton step is too short. Below 2 the objective
+cannot rise by it."""
 DOUBTFUL_P = 1e-3
 """p of chi2 below which the uncertainties of the instrument specification are widened to the residuals (Birge)."""
 Progress = Callable[[str], None]
@@ -147,7 +147,7 @@ def fit(
 
     prior: standard deviations `(p,)` of the parameters about their start, or a root `(p, p)` of their covariance;
     default: the typical sizes of the table of effects. `variance="estimate"` scales the instrument's covariance to the
-    residuals, for an instrument specification that is uncertain or unknown. UserError when the data can't be fitted.
+    residuals, for an instrument specification that is uncertain or unknown. UserError when the data cannot be fitted.
     """
     problem = Problem.of(measurement, model, priors(model) if prior is None else prior)
     refuse_lines(measurement)

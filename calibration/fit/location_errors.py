@@ -55,7 +55,7 @@ def transformed(model: ErrorModel, effects: tuple[Effect, ...], matrix: Array) -
 def _location(machine: Machine, effect: ErrorMotion) -> tuple[LocationError, Array, Array] | None:
     """Location error in an error motion, its value as a function `(size,)` of the parameters, and those of one unit.
 
-    None where there is none, or the basis can't represent it.
+    None where there is none, or the basis cannot represent it.
     """
     axis, line = machine.axes[machine.index(effect.axis)], mean_line(effect.basis)
     if axis.rotary:
@@ -77,7 +77,7 @@ def _location(machine: Machine, effect: ErrorMotion) -> tuple[LocationError, Arr
 
 
 def _written(effect: ErrorMotion, function: Callable[[Array], Array]) -> Array | None:
-    """Parameters `(size,)` of a function of position; None when the basis can't represent it."""
+    """Parameters `(size,)` of a function of position; None when the basis cannot represent it."""
     x = np.linspace(*effect.basis.interval, 801)
     columns, values = effect.basis.columns(x), function(x)
     parameters, *_ = np.linalg.lstsq(columns, values, rcond=None)

@@ -203,7 +203,7 @@ def _of_targets(table: Table, machine: Machine, notes: list[str]) -> Array:
             table.fault(int(differ[0]), name, "differs from the target of this axis")
     positions[rows, columns] = target
     missing = [name for name in machine.names if name not in table.names and measured != [name]]
-    _note_home(machine, missing, notes, "where it is not the one measured" if len(measured) > 1 else "")
+    _note_home(machine, missing, notes, "in runs of other axes" if len(measured) > 1 else "")
     return positions
 
 
@@ -401,7 +401,9 @@ def _note_home(machine: Machine, names: list[str], notes: list[str], when: str =
     if names:
         homes = ", ".join(f"{name} {machine.axes[machine.index(name)].home:g}" for name in names)
         units = "mm, deg" if machine.rotary.any() else "mm"
-        notes.append(f"no column of {', '.join(names)}: taken to stand at home ({homes} {units}){when and f' {when}'}")
+        notes.append(
+            f"no column of {', '.join(names)}: the home position is used ({homes} {units}){when and f' {when}'}"
+        )
 
 
 def _note_travel(machine: Machine, positions: Array, notes: list[str]) -> None:

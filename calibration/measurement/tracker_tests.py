@@ -8,8 +8,8 @@ u_angle_per_m D in either direction. Variances of the measured quantities, to fi
                                                                         d^2 = D^2 + L^2 / 4, c = L / 2 d
     two-face   distance of the two faces' points, two components:       2 a(D)^2 each, so its mean square is 4 a(D)^2
 
-Measured errors are fitted by maximum likelihood; stated values (of a data sheet, with a coverage factor k) by least
-squares of their logarithms, as in the virtual calibration paper (2.2.2, Figure 3 and Table 3).
+Measured errors are fitted by maximum likelihood; stated values (of an instrument specification, with a coverage factor
+k) by least squares of their logarithms, as in the virtual calibration paper (2.2.2, Figure 3 and Table 3).
 """
 
 from __future__ import annotations
@@ -112,7 +112,9 @@ def read_tests(path: Path) -> TrackerTests:
     table.allow_columns(lambda name: name in known, known)
     table.need_columns(["test", "range_mm"], "tests of a tracker")
     if ("error_um" in table.names) == ("stated_um" in table.names):
-        raise UserError(f"{table.head}: one column, error_um (measured) or stated_um (of a data sheet), is expected")
+        raise UserError(
+            f"{table.head}: one column, error_um (measured) or stated_um (of an instrument specification), is expected"
+        )
     kind = table.texts(["test"])["test"]
     unknown = np.flatnonzero(~np.isin(kind, KINDS))
     if len(unknown):

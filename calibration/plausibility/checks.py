@@ -150,8 +150,8 @@ def _far_targets(measurement: Measurement) -> Iterator[Finding]:
         if target.known and away > reach:
             yield Finding(
                 "targets",
-                f"target {name} is stated {away:.5g} mm from the tool reference point, farther than {reach:.5g} mm "
-                "(the longest travel, or 1 m): tilts of axes would act with this lever arm. Correct its position (mm)",
+                f"target {name} lies {away:.5g} mm from the tool reference point, farther than {reach:.5g} mm "
+                "(the longest travel, or 1 m), and would multiply all tilts of axes. Correct its position (mm)",
                 True,
             )
 
@@ -273,7 +273,9 @@ def _clock(measurement: Measurement) -> Iterator[Finding]:
     with_play = _after_play(part, residual, along * np.sign(velocity[moving])[:, None, :])
     if after < before / FALLS and after < TIED * with_play:
         ahead = "later" if lag > 0 else "earlier"
-        causes = "two clocks, or following error" if with_play > TIED * after else "two clocks, following error or play"
+        causes = (
+            "two clocks, or following error" if with_play > TIED * after else "two clocks, following error or backlash"
+        )
         micro = float(part.per_micro.max())
         unit = "um" if micro < 1e6 else "urad"
         yield Finding(

@@ -49,7 +49,7 @@ HOW_DRAWN = {
     "dots": f"Small dots: {READINGS}, single rows; large dots: their means; black, or a line: the fitted cause.",
     "map": f"Left: {READINGS}, means of rows; cells with uncertain means are blank. Right: the fitted cause.",
 }
-OBSERVED = "Residuals are observed minus expected, in x, y, z of the part on which the instrument stands."
+OBSERVED = "Residuals are observed minus expected, in x, y, z of the part that carries the instrument."
 
 
 def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
@@ -232,8 +232,8 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
     if not found.causes:
         return
     text = (
-        "Blue: the machine. Orange: the instrument. Causes that overlap share what they explain, so that the bars need "
-        "not add up to 100 %."
+        "Blue: the machine. Orange: the instrument. Overlapping causes explain a common part: the sum of "
+        "the bars may differ from 100 %."
     )
     yield Section("Share by cause", text, figure=partial(share_chart, found))
     numbered = [(str(number), words.title(cause), cause) for number, cause in enumerate(found.causes, start=1)]
@@ -334,7 +334,7 @@ def _unexplained(found: Diagnosis) -> Section:
         "cause of the library explains them."
         "\nEach variable alone: squared distance correlation (without bias, about 0 where independent), and p-value "
         "among residuals permuted in blocks, as it is and adjusted by Benjamini and Hochberg. Variables that act only "
-        f"jointly are not found in this way.\nFigure: the smooth shape over these variables, um. {OBSERVED}"
+        f"jointly are not found.\nFigure: the smooth shape over these variables, um. {OBSERVED}"
     )
     rows = [(o.variable, f"{o.correlation:.3f}", f"{o.p_value:.2g}", f"{o.adjusted:.2g}") for o in found.one_by_one]
     alone = Table(("variable", "distance correlation, squared", "p", "adjusted p"), rows)

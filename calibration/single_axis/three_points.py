@@ -252,7 +252,7 @@ def all_series(measurement: Measurement, point_numbers: PointNumbers, number: np
     if not series:
         raise UserError(
             f"{measurement.source}: no axis moves alone through {LEAST_POSITIONS} positions or more "
-            "with targets on what it moves"
+            "with targets on the part that it moves"
         )
     return series
 

@@ -108,7 +108,7 @@ def code() -> str:
 def read_cases(study: StudyEntry, folder: Path) -> list[Case]:
     """All cases of a study; paths in it are relative to `folder`.
 
-    UserError, with the name of the case, for an entry that can't be used.
+    UserError, with the name of the case, for an entry that cannot be used.
     """
     machine = machines.load(_path(study.machine, folder))
     instrument = instrument_of(study.instrument, "study", folder)

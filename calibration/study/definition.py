@@ -90,7 +90,7 @@ class CaseEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     feed: Positive | None = None
     elevation: Range | None = None
     incidence_deg: Positive | None = None
-    """Largest incidence, degrees, in place of the instrument's; 180 for an active reflector."""
+    """Largest incidence, degrees, instead of the instrument's; 180 for an active reflector."""
     minutes: Positive | None = None
     """Duration, min, of an optimised plan, instead of points; candidates, obstacles and visible are for it too."""
     candidates: Annotated[int, msgspec.Meta(ge=100, le=20_000)] = 2000
@@ -122,7 +122,7 @@ class StudyEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read_study(path: Path) -> StudyEntry:
-    """The study in a TOML file; UserError, with file and key, for an entry that can't be used."""
+    """The study in a TOML file; UserError, with file and key, for an entry that cannot be used."""
     where = f"study {path}"
     try:
         content = tomllib.loads(read_input(path, "study").decode())

@@ -58,7 +58,7 @@ class Workers:
 def workers(number: int, dask: str | None) -> Iterator[Workers]:
     """The workers of the Dask scheduler at an address, or `number` processes of this machine.
 
-    UserError if the cluster can't be used, or if it abandons a chunk.
+    UserError if the cluster cannot be used, or if it abandons a chunk.
     """
     if dask is not None:
         with _cluster(dask) as team:

@@ -43,7 +43,7 @@ class Store:
         try:
             self.folder.mkdir(exist_ok=True)
         except OSError as fault:
-            raise UserError(f"can't keep finished draws in {self.folder}: {fault.strerror}") from None
+            raise UserError(f"cannot keep finished draws in {self.folder}: {fault.strerror}") from None
         content = io.BytesIO()
         np.savez(content, before=outcome.before, after=outcome.after)
         write_whole(self._path(key, chunk), content.getvalue())

@@ -58,7 +58,7 @@ class Backlash(EffectBase, frozen=True, tag="backlash"):
 
 
 class Reversal(EffectBase, frozen=True, tag="reversal"):
-    """An error motion that is another one forward than backward: play in guides, a carriage that tips at reversal.
+    """An error motion that differs between forward and backward: backlash in guides, a carriage that tips at reversal.
 
     `differences` are those of the error motion going forward minus going backward, as a function of the axis' own
     position; each direction has half of them. The error of an axis that has not moved yet is zero.
@@ -219,7 +219,7 @@ class Settling(EffectBase, frozen=True, tag="settling"):
 
 
 class FirstCycle(EffectBase, frozen=True, tag="first-cycle"):
-    """The first measuring cycle differs from all later ones: play that is taken up, a machine not yet run in."""
+    """The first measuring cycle differs from all later ones: backlash is taken up, or the machine is not yet run in."""
 
     TITLE: ClassVar[str] = "first-cycle transient"
     NEEDS: ClassVar[tuple[str, ...]] = ("cycle",)

@@ -52,17 +52,17 @@ class Format:
     write: Callable[[Content], dict[str, str]]
     """Files by name; UserError if the format cannot hold them."""
     meaning: str
-    """For the sheet: meaning of a value of the file, units, direction, interpolation, outside the table."""
+    """For sheet.md: meaning of a value of the file, units, direction, interpolation, outside the table."""
     loading: str
-    """For the sheet: how the files are loaded into the control."""
+    """For sheet.md: how the files are loaded into the control."""
     certainty: str
-    """For the sheet: certainty of this description."""
+    """For sheet.md: certainty of this description."""
     capabilities: Callable[[Any], Capabilities] | None = None
     """None of a format that holds error motions by ISO 230-1, which the control makes corrections of."""
     sign: Sign | None = None
     """Meaning of its values; None if no source states it."""
     parameters: str = ""
-    """The family of controls for the names of parameters in the sheet."""
+    """The family of controls for the names of parameters in sheet.md."""
     probe: Callable[[Content], dict[str, str]] | None = None
 
 

@@ -128,7 +128,7 @@ def _reason(name: str) -> str:
 
 
 def _reversals(target: Target, terms: Sequence[Term]) -> list[Unrepresented]:
-    """Play of axes whose table is the same in both directions."""
+    """Backlash of axes whose table is the same in both directions."""
     bidirectional = {term.output for term in terms if term.direction}
     machine, found = target.machine, []
     low, high = target.bounds.T

@@ -1,6 +1,6 @@
 """Values for parameters of a control instead of tables: backlash, thermal growth, positions of rotary axes.
 
-Names of parameters are marked as in the sheet: [manual] read in a maker's manual, [common] common knowledge that no
+Names of parameters are marked as in sheet.md: [manual] read in a maker's manual, [common] common knowledge that no
 source was found for. None of them is written into a control by ncomp.
 """
 
@@ -72,7 +72,7 @@ CONTROL_PARAMETERS: Mapping[str, Mapping[str, str]] = {
 
 
 def parameter_rows(model: ErrorModel, content: Content, family: str) -> list[Row]:
-    """The rows of the sheet for one control, in the order of the calibration."""
+    """The rows of sheet.md for one control, in the order of the calibration."""
     machine, control_parameters = content.machine, CONTROL_PARAMETERS.get(family, {})
     bidirectional = {term.output for term in content.terms if term.direction}
     bidirectional |= {table.axis for table in content.motions if (table.forward != table.backward).any()}

@@ -1,4 +1,4 @@
-"""The sheet beside the files: meaning of the numbers, loading into the control, certainty."""
+"""The page sheet.md beside the tables: meaning of the numbers, loading into the control, certainty."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STAGES = {
 
 
 def sheet(exported: Exported, left: Iterable[Unrepresented], volume: dict[str, Any]) -> str:
-    """The text of the sheet, Markdown."""
+    """The text of sheet.md, Markdown."""
     return "\n".join(_lines(exported, left, volume)) + "\n"
 
 

@@ -56,7 +56,7 @@ class Formula(NamedTuple):
     """Number of characters at the end of the text that stay behind the added number."""
     after: str = ""
     carrier: bool = False
-    """A word that can't hold a sum: a variable of ncomp's own takes it, in a block before."""
+    """A word that cannot hold a sum: a variable of ncomp's own takes it, in a block before."""
     instead: bool = False
     """A word that determines the coordinate indirectly, such as an angle: the coordinate replaces it."""
 

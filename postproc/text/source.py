@@ -107,7 +107,7 @@ class Source:
 
 
 def open_source(path: str) -> Source:
-    """The program in a file, `-` for standard input; UserError when it can't be read or is no NC text."""
+    """The program in a file, `-` for standard input; UserError when it cannot be read or is no NC text."""
     if path == "-":
         data = sys.stdin.buffer.read()
         source = Source("<stdin>", data[:HEAD_SIZE].decode(ENCODING), data)

@@ -61,7 +61,7 @@ class _Lists:
 
 
 def read(path: Path, text: str) -> ToolTable:
-    """Lengths, radii and work offsets; UserError with the line that isn't understood."""
+    """Lengths, radii and work offsets; UserError with the line that is not understood."""
     lists = _Lists()
     for i, line in enumerate(text.splitlines(), start=1):
         content = _plain(line)

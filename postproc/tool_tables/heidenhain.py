@@ -60,7 +60,7 @@ def is_it(_: Path, text: str) -> bool:
 
 
 def read(path: Path, text: str) -> ToolTable:
-    """The table; UserError with the line that isn't understood."""
+    """The table; UserError with the line that is not understood."""
     match = _BEGIN.match(text)
     assert match is not None
     kind, unit = match[1].upper(), _INCH if match[2].upper() == "INCH" else 1.0

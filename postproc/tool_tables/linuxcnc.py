@@ -22,7 +22,7 @@ def is_it(_: Path, __: str) -> bool:
 
 
 def read(path: Path, text: str) -> ToolTable:
-    """Lengths and radii; UserError with the line that isn't understood, or has an offset sideways."""
+    """Lengths and radii; UserError with the line that is not understood, or has an offset sideways."""
     lengths, radii = {}, {}
     for i, line in enumerate(text.splitlines(), start=1):
         content = line.split(";")[0].strip()

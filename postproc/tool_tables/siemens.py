@@ -27,7 +27,7 @@ def is_it(_: Path, text: str) -> bool:
 
 
 def read(path: Path, text: str) -> ToolTable:
-    """Lengths, radii and work offsets; UserError with the line that isn't understood, or can't be followed."""
+    """Lengths, radii and work offsets; UserError with the line that is not understood, or cannot be followed."""
     scope = SiemensVariables()
     for i, line in enumerate(text.splitlines(), start=1):
         if not _DATA.match(line) and not _CHANNEL.match(line):

@@ -41,7 +41,7 @@ class PolarWriter:
     def _write_word(
         editor: WordEditor, index: int | None, name: str, values: tuple[float, float], steps: tuple[float, float]
     ) -> float:
-        """Write one word; returns its value. `values`: wanted and held; `steps`: unit and resolution."""
+        """Write one word; returns its value. `values`: target and present value; `steps`: unit and resolution."""
         (target, held), (unit, resolution) = values, steps
         decimals = decimals_for(resolution / unit)
         if index is not None:

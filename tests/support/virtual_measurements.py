@@ -1,4 +1,4 @@
-"""Virtual measurements for tests: exact kinematics, noise by the sheet, seeds fixed."""
+"""Virtual measurements for tests: exact kinematics, noise by the instrument specification, seeds fixed."""
 
 from dataclasses import replace
 

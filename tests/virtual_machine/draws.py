@@ -212,7 +212,7 @@ def tied_backlash(name: str, seed: int) -> Draw:
 
 
 def range_of_one_station(name: str, seed: int) -> Draw:
-    """A range offset that one station can't tell from the machine."""
+    """A range offset that one station cannot tell from the machine."""
     seeds = seed_of("range", name, seed)
     rng = np.random.default_rng(seeds)
     setup = Design().setup(load(name), rng)

@@ -192,7 +192,7 @@ def _motion_notes(
         return [*notes, f"{axis} does not move"]
     notes.append(f"{axis} moves at {usual * 60.0:.4g} {unit}/min: {np.count_nonzero(steady)} of {len(time)} rows")
     for rows, fault in (
-        (~moving, f"{axis} stands"),
+        (~moving, f"{axis} is at standstill"),
         (moving & ~steady, f"{axis} accelerates, brakes or moves at another speed"),
     ):
         if rows.any():

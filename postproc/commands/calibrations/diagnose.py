@@ -42,8 +42,8 @@ def diagnose(
 ) -> None:
     """Find the errors that a model lacks, name their cause, add it, and show the error before and after.
 
-    Causes that the data can't show are only listed. Causes that the data can't distinguish are shown as a tie, with the
-    measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
+    Causes that the data cannot show are only listed. Causes that the data cannot distinguish are shown as a tie, with
+    the measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
     """
     from calibration.fit.beyond_measured import calibration_file
     from calibration.reports.diagnosis import diagnosis_json, diagnosis_report

@@ -74,7 +74,7 @@ def fit(
     set_up: SetUpOptions,
     others: ResultOptions,
 ) -> None:
-    """Fit the machine's errors to measured points, with uncertainties, and list the errors that the points can't show.
+    """Fit the machine's errors to measured points, with uncertainties, and list the errors that the points cannot show.
 
     Error motions of all axes that move, the instrument's position and outliers are found jointly. Errors that the data
     do not determine are listed by name and keep their prior uncertainty.

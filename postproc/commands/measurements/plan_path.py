@@ -36,7 +36,7 @@ class PathOptions:
     minutes: float | None = option(
         "Duration of the path at the feed, or of the plan of --optimise, min.", "min", min=0.01
     )
-    path: str | None = option("NC program whose path is evaluated, in place of a planned path.", "PATH.nc")
+    path: str | None = option("NC program whose path is evaluated, instead of a planned path.", "PATH.nc")
 
     def length(self, travel: float, feed: float) -> float:
         """Length of the path, mm; travel: sum of the travels of all linear axes, mm; feed, mm/min."""
@@ -100,7 +100,7 @@ def path_report(path: NominalPath, evaluation: PathEvaluation, feed: float, targ
     ]
     if noise_gain.hidden:
         number = "1 direction" if noise_gain.hidden == 1 else f"{noise_gain.hidden} directions"
-        rows.append(("HIDDEN", f"{number} of the errors in the volume can't be determined along this path"))
+        rows.append(("HIDDEN", f"{number} of the errors in the volume cannot be determined along this path"))
     if evaluation.unidentifiable_mode is not None:
         rows.append(("BLIND MODE", evaluation.unidentifiable_mode))
     hidden = shortened(list(map(str, evaluation.unidentifiable)), SHOWN, "effects")

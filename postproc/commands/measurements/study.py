@@ -89,7 +89,7 @@ def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:
     rows = np.flatnonzero(motions.evaluated)
     if not len(rows):
         raise UserError(
-            f"{program}: no move has known positions of all axes: the errors along the program can't be evaluated"
+            f"{program}: no move has known positions of all axes: the errors along the program cannot be evaluated"
         )
     if len(rows) > MANY:
         rows = rows[np.linspace(0, len(rows) - 1, MANY).astype(int)]

@@ -71,7 +71,7 @@ class OnTheFlyOptions:
 
 
 def read_path(program: str, machine: Machine, setup: Setup, dialect: str = "auto") -> NominalPath:
-    """The path of a program; shows its notes. UserError for a construct that can't be followed."""
+    """The path of a program; shows its notes. UserError for a construct that cannot be followed."""
     from calibration.on_the_fly.nominal_path import NominalPath
     from postproc.commands.show.terminal import say
     from postproc.dialects import find_dialect

@@ -38,7 +38,7 @@ class ToolOptions:
     set_up_zero: bool = option("Use zero for every work offset and tool length that is not given.", default=False)
 
     def set_up(self, machine: Machine, work_offset: Sequence[str] = (), datum: Sequence[str] = ()) -> Setup:
-        """The set-up of the control; UserError for an option that can't be used."""
+        """The set-up of the control; UserError for an option that cannot be used."""
         return ncomp.set_up(
             machine,
             work_offset=work_offset,
@@ -61,7 +61,7 @@ class SetUpOptions(ToolOptions):
     )
 
     def setup(self, machine: Machine) -> Setup:
-        """The set-up of the control; UserError for an option that can't be used."""
+        """The set-up of the control; UserError for an option that cannot be used."""
         return self.set_up(machine, self.work_offset)
 
 
@@ -76,7 +76,7 @@ class DatumOptions(SetUpOptions):
     )
 
     def setup(self, machine: Machine) -> Setup:
-        """The set-up of the control; UserError for an option that can't be used."""
+        """The set-up of the control; UserError for an option that cannot be used."""
         return self.set_up(machine, self.work_offset, self.datum)
 
 
@@ -89,7 +89,7 @@ class ConditionsOptions:
     log: Path | None = option("Log with columns time_s and temp_NAME, degC, up to the program's start.", "FILE.csv")
 
     def conditions(self) -> Conditions:
-        """The conditions; UserError for an option that can't be used."""
+        """The conditions; UserError for an option that cannot be used."""
         return ncomp.conditions(temperature=self.temperature, elapsed=self.elapsed, log=self.log)
 
 

@@ -62,7 +62,7 @@ class ResultOptions:
 
 
 def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str | Path | None]) -> None:
-    """UserError, before any work is done, for outputs, by their options, that can't be written or have the same file.
+    """UserError, before any work is done, for outputs, by their options, that cannot be written or have the same file.
 
     An output that would overwrite one of the inputs is refused as well; `-` is standard input or output.
     """
@@ -74,7 +74,7 @@ def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str |
         path = Path(output)
         where = "-" if str(output) == "-" else path.resolve()
         if where in seen:
-            both = "can't both go to standard output; name a file for one" if where == "-" else f"both name {output}"
+            both = "cannot both go to standard output; name a file for one" if where == "-" else f"both name {output}"
             raise UserError(f"{seen[where]} and {name} {both}")
         seen[where] = name
         if where == "-":
@@ -82,10 +82,10 @@ def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str |
         if where in read:
             raise UserError(f"{output} is an input and would be overwritten; name another file")
         if path.is_dir():
-            raise UserError(f"can't write {output}: Is a directory")
+            raise UserError(f"cannot write {output}: Is a directory")
         if not path.parent.is_dir():
             why = "Not a directory" if path.parent.exists() else "No such file or directory"
-            raise UserError(f"can't write {output}: {why}")
+            raise UserError(f"cannot write {output}: {why}")
 
 
 class _Spool:
@@ -122,7 +122,7 @@ class _Spool:
         if self._target != "-":
             return Path(str(self._target)).open("wb")
         if sys.stdout is None:
-            raise UserError("can't write standard output: it is closed")
+            raise UserError("cannot write standard output: it is closed")
         return nullcontext(sys.stdout.buffer)
 
     def close(self) -> None:
@@ -135,8 +135,8 @@ class _Spool:
 def whole_results(*targets: str | None) -> Iterator[tuple[BinaryIO, ...]]:
     """Files for the results of a command: each is written completely or not at all, and all of them or none.
 
-    `-` is standard output; None is a result that is discarded. Results that can't be withdrawn - standard output, pipes
-    and devices - are sent when the others are complete on the disk, before these replace existing files.
+    `-` is standard output; None is a result that is discarded. Results that cannot be withdrawn - standard output,
+    pipes and devices - are sent when the others are complete on the disk, before these replace existing files.
     """
     from kinematics.files import Draft
 

@@ -32,7 +32,7 @@ class StrategyOptions:
         panel=POSITIONS,
     )
     spacing: float | None = option(
-        "Largest distance of neighbouring positions, mm, in place of --points.", "mm", panel=POSITIONS
+        "Largest distance of neighbouring positions, mm, instead of --points.", "mm", panel=POSITIONS
     )
     ranges: tuple[str, ...] = option(
         "Range of an axis within its travel, mm or degrees: X=100:900; Z=300 fixes the axis. Default: the travel.",
@@ -67,7 +67,7 @@ class StrategyOptions:
     seed: Seed
 
     def choices(self, machine: Machine, timing: Timing | None = None) -> Choices:
-        """The choices for the positions and their sequence; UserError for a range or target that can't be used."""
+        """The choices for the positions and their sequence; UserError for a range or target that cannot be used."""
         from calibration.measurement.measurement import SPINDLE_NOSE
         from calibration.measurement.plan import Choices, Timing
 

@@ -66,7 +66,7 @@ def export(
     set_up: SetUpOptions,
     json: JsonFile,
 ) -> None:
-    """Write a calibration as compensation tables of a control, with a sheet on their meaning and the remaining errors.
+    """Write a calibration as compensation tables of a control, with a page on their meaning and the remaining errors.
 
     Tables hold the part of the correction that is a function of quantities in the control, with the values and nodes
     that leave least volumetric error. A program is then corrected with REST.json, and no error is corrected twice.
@@ -113,11 +113,11 @@ def _write_probe(output: Path, files: dict[str, str]) -> None:
 
 
 def _check_folder(output: Path) -> None:
-    """UserError when the folder can't be made, before any work."""
+    """UserError when the folder cannot be made, before any work."""
     if output.exists() and (not output.is_dir() or any(output.iterdir())):
-        raise UserError(f"can't write {output}: expected a new or empty folder")
+        raise UserError(f"cannot write {output}: expected a new or empty folder")
     if not output.parent.is_dir():
-        raise UserError(f"can't write {output}: its parent is not a folder")
+        raise UserError(f"cannot write {output}: its parent is not a folder")
 
 
 def _encoded(files: dict[str, str]) -> dict[str, bytes]:
@@ -133,7 +133,7 @@ def _points(program: str | None, exported: Exported, setup: Setup, dialect: str)
     points = program_points(motions, exported.target.model)
     if not len(points.q):
         raise UserError(
-            f"{program}: no move has known positions of all axes: the errors along the program can't be evaluated"
+            f"{program}: no move has known positions of all axes: the errors along the program cannot be evaluated"
         )
     return points
 
@@ -173,7 +173,7 @@ def _show(
 
     to = screen if to_screen else console
     if exported.whole.demonstration:
-        say("demonstration calibration", "it describes no real machine; don't load its tables")
+        say("demonstration calibration", "it describes no real machine; do not load its tables")
     warning = shift_warning(exported.datum, errors["volume"]["tool_point_um"])
     if warning:
         say("zero shift", warning)
@@ -191,4 +191,4 @@ def _show(
             item.name if item.rms_um != item.rms_um else f"{item.name} {item.rms_um:.1f}" for item in left
         )
         to.print(f"not in the tables (um RMS): {names}")
-    to.print(f"{len(exported.files)} files and sheet.md in {output}; read the sheet before loading them")
+    to.print(f"{len(exported.files)} files and sheet.md in {output}; read sheet.md before loading the tables")

@@ -74,7 +74,7 @@ def _written(path: Path, data: bytes) -> Path:
         finally:
             os.close(folder)
     except OSError as fault:
-        raise UserError(f"can't write a backup of {path}: {fault.strerror or fault}") from None
+        raise UserError(f"cannot write a backup of {path}: {fault.strerror or fault}") from None
     return backup
 
 

@@ -26,7 +26,7 @@ ERRORS = (linuxcnc.NML_ERROR, linuxcnc.OPERATOR_ERROR)
 
 
 class FailedError(Exception):
-    """The job can't be carried out; the arguments are the messages that say why."""
+    """The job cannot be carried out; the arguments are the messages that say why."""
 
 
 class Simulator:
