@@ -264,11 +264,11 @@ def test_places_components_and_shapes(example: Example):
     names = {i: f"E_{{}}{axis}" for i, axis in enumerate(machine.names)} | {TOOL: "tool {}", INSTRUMENT: "seen {}"}
     for n in (7, 4):
         columns = list(effect.columns(machine, full_state(machine, n)))
-        touched = {names[c.place].format(COMPONENTS[c.component]) for c in columns}
+        touched = {names[c.column].format(COMPONENTS[c.component]) for c in columns}
         assert touched == set(filter(None, example.touched.split(", ")))
         assert all(c.values.shape == (n, len(effect.parameters)) and np.isfinite(c.values).all() for c in columns)
-        assert all(c.place != INSTRUMENT or c.component < 3 for c in columns)
-        assert all(effect.ACTS_ON == "instrument" or (c.place == TOOL) == (effect.ACTS_ON == "tool") for c in columns)
+        assert all(c.column != INSTRUMENT or c.component < 3 for c in columns)
+        assert all(effect.ACTS_ON == "instrument" or (c.column == TOOL) == (effect.ACTS_ON == "tool") for c in columns)
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def test_there_and_back(read):
     assert m.where(0) == "a.log:401"
     assert m.notes[0] == "values taken in mm of X, deviation observed minus command in um"
     assert m.notes[1].startswith("X moves at 300 mm/min: ")
-    assert "X stands in 87 rows, the first on line 1 (0.00 s): they are used like the others" in m.notes
+    assert "X is at standstill in 87 rows, the first on line 1 (0.00 s): they are used like the others" in m.notes
     assert any(note.startswith("X accelerates, brakes or moves at another speed in ") for note in m.notes)
 
 
