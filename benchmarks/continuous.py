@@ -154,8 +154,8 @@ def steps(draws: int) -> None:
         pitch = "no lattice" if jumps.pitch is None else f"every {jumps.pitch[0]:.3f} mm (u {jumps.pitch[1]:.3f})"
         off, u = off_truth(case, found)
         print(
-            f"  draw {seed}: {len(jumps.places_mm)} jumps of {np.mean(jumps.sizes_um):.2f} um, {pitch}; targets show "
-            f"{seen:.1f} um about a cubic; table {np.median(np.abs(off)):.2f} um (median) from the truth, "
+            f"  draw {seed}: {len(jumps.positions_mm)} jumps of {np.mean(jumps.sizes_um):.2f} um, {pitch}; targets "
+            f"show {seen:.1f} um about a cubic; table {np.median(np.abs(off)):.2f} um (median) from the truth, "
             f"coverage {np.mean(np.abs(off) < 2 * u):.2f}"
         )
 

@@ -121,12 +121,12 @@ def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
         pass
 
 
-def read_input(path: Path, what: str) -> bytes:
-    """The bytes of a user's file; UserError, with `what` as the expected contents, if it cannot be read."""
+def read_input(path: Path, contents: str) -> bytes:
+    """The bytes of a user's file; UserError, with the expected `contents`, if it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as fault:
-        raise UserError(f"{what} {path}: {fault.strerror or fault}") from None
+        raise UserError(f"{contents} {path}: {fault.strerror or fault}") from None
 
 
 def fingerprint(data: bytes) -> str:

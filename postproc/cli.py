@@ -123,8 +123,8 @@ def _stopped(number: int, _: object) -> NoReturn:
     sys.exit(128 + number)
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(requested: bool) -> None:
+    if requested:
         from importlib.metadata import version
 
         print(f"ncomp {version('ncomp')}")

@@ -28,21 +28,21 @@ def some(rows: np.ndarray, most: int = MANY) -> np.ndarray:
     return np.asarray(rows[np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(int)])
 
 
-def dots(place: Axes, x: Array, y: Array, colour: str, **style: Any) -> None:
+def dots(panel: Axes, x: Array, y: Array, colour: str, **style: Any) -> None:
     """Single points, drawn as a bitmap."""
-    place.plot(x, y, ".", color=colour, rasterized=True, **({"markersize": 2} | style))
+    panel.plot(x, y, ".", color=colour, rasterized=True, **({"markersize": 2} | style))
 
 
-def band(place: Axes, x: Array, y: Array, half: Array, colour: str = COLOURS[0], label: str | None = None) -> None:
+def band(panel: Axes, x: Array, y: Array, half: Array, colour: str = COLOURS[0], label: str | None = None) -> None:
     """A curve with a band of this half-width `(n,)`."""
-    place.fill_between(x, y - half, y + half, color=colour, alpha=0.2, linewidth=0)
-    place.plot(x, y, color=colour, linewidth=1, label=label)
+    panel.fill_between(x, y - half, y + half, color=colour, alpha=0.2, linewidth=0)
+    panel.plot(x, y, color=colour, linewidth=1, label=label)
 
 
-def against_normal(place: Axes, white: Array, most: float) -> None:
+def against_normal(panel: Axes, white: Array, most: float) -> None:
     """Distribution of residuals in standard uncertainties, with that of noise alone; larger ones count as `most`."""
     edges = np.linspace(-most, most, round(10 * most) + 1)
     bins: list[float] = edges.tolist()
-    place.hist(np.clip(white.ravel(), -most, most), bins, density=True, color=COLOURS[0], alpha=0.5, label="residuals")
-    place.plot(edges, np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi), color="#222", linewidth=1, label="noise")
-    place.set_xlabel("residual / standard uncertainty")
+    panel.hist(np.clip(white.ravel(), -most, most), bins, density=True, color=COLOURS[0], alpha=0.5, label="residuals")
+    panel.plot(edges, np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi), color="#222", linewidth=1, label="noise")
+    panel.set_xlabel("residual / standard uncertainty")

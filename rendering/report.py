@@ -49,6 +49,6 @@ def facts(title: str, rows: Sequence[Sequence[str]]) -> Section:
     return Section(title, table=Table(("", ""), rows))
 
 
-def shortened(lines: Sequence[str], most: int, what: str) -> list[str]:
-    """The first lines of a long list, and the number of the others; `what`: name of a line."""
-    return [*lines[:most], *([f"... and {len(lines) - most} more {what}"] if len(lines) > most else [])]
+def shortened(lines: Sequence[str], most: int, noun: str) -> list[str]:
+    """The first lines of a long list, and the number of the others; `noun`: name of a line."""
+    return [*lines[:most], *([f"... and {len(lines) - most} more {noun}"] if len(lines) > most else [])]

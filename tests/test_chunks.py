@@ -5,7 +5,7 @@ import io
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.backlash_paths import with_play
+from support.backlash_paths import with_backlash
 from support.corrected_lines import written
 from support.programs import correct, load, model_of, random_model, setup_of, source_of
 from support.three_dialects import WRITERS, parts
@@ -46,7 +46,7 @@ def test_one_move_under_tcp_does_not_take_the_take_ups_of_other_moves_away():
 @settings(max_examples=8)
 @given(part=parts(), seed=st.integers(0, 2**32 - 1), size=st.sampled_from([1, 2, 3, 7]))
 def test_chunks_of_any_size_give_one_text(writer, play, part, seed, size):
-    model = (with_play if play else random_model)(GANTRY, seed)
+    model = (with_backlash if play else random_model)(GANTRY, seed)
     text = writer().program(part)
     whole = written(text, GANTRY, model, writer.name)
     with pytest.MonkeyPatch.context() as patch:

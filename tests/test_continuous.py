@@ -276,7 +276,7 @@ def test_table_steps_that_coarse_targets_miss():
     case = virtual_case(0, step, targets=Targets(90.0, both=False))
     found = estimate(case.measured.records, case.quasi)
     jumps = found.by_direction[1].jumps
-    assert len(jumps.places_mm) == 12
+    assert len(jumps.positions_mm) == 12
     assert np.abs(np.array(jumps.sizes_um) - 13.0).max() < 0.5
     assert jumps.pitch is not None
     assert jumps.pitch[0] == pytest.approx(36.0, abs=4 * jumps.pitch[1])

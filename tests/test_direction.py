@@ -16,7 +16,7 @@ from support.backlash_paths import (
     Path,
     largest_error,
     played,
-    with_play,
+    with_backlash,
 )
 from support.programs import WHOLE, RandomProgram, correct, load, model_of, random_model, random_setup, read
 from support.real_programs import ACCEPTED, LINES_OF_REAL_PROGRAMS, first_lines, machine_for, real_programs, run
@@ -200,7 +200,7 @@ def test_random_programs_are_verified_and_do_not_depend_on_chunks(name, seed, tc
     machine = load(name)
     tcp &= name != "gantry"
     text = RandomProgram(machine, seed, tcp=tcp).text(30)
-    setup, model = random_setup(machine), with_play(machine, seed)
+    setup, model = random_setup(machine), with_backlash(machine, seed)
     try:
         whole = correct(text, machine, model, **setup, travel_check=False)
     except UserError as refusal:  # an arc smaller than the play

@@ -43,7 +43,7 @@ def test_noise_of_the_sheet_is_found():
     assert [c.name for c in found.components] == ["range", "azimuth", "elevation"]
     for component in found.components:
         assert component.unit == "um"
-        assert component.noise == pytest.approx(component.sheet, rel=0.15)
+        assert component.noise == pytest.approx(component.specified, rel=0.15)
     assert found.text.startswith("from 60 positions measured again, soon after one another: range ")
 
 
@@ -57,7 +57,7 @@ def test_a_sheet_that_promises_too_much_in_range():
     """Noise in range twice what the sheet says: found there, and there alone."""
     m = tracked(times=5, tracker=STRETCHED)
     found = repeats(replace(m, instrument=TRACKER), everything(m))
-    by_name = {c.name: c.noise / c.sheet for c in found.components}
+    by_name = {c.name: c.noise / c.specified for c in found.components}
     assert by_name["range"] == pytest.approx(2.0, rel=0.15)
     assert by_name["azimuth"] == pytest.approx(1.0, rel=0.15)
     assert by_name["elevation"] == pytest.approx(1.0, rel=0.15)
@@ -129,5 +129,5 @@ def test_an_interferometer_whose_runs_have_zeros(scale):
     assert found.factor == pytest.approx(scale**2, rel=5 * np.sqrt(2 / found.degrees_of_freedom))
     assert (found.p_value > 1e-3) == (scale == 1.0)
     (component,) = found.components
-    assert (component.name, component.unit, component.sheet) == ("deviation", "um", pytest.approx(0.5))
+    assert (component.name, component.unit, component.specified) == ("deviation", "um", pytest.approx(0.5))
     assert component.noise == pytest.approx(0.5 * scale, rel=0.2)

@@ -6,7 +6,7 @@ import io
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.backlash_paths import with_play
+from support.backlash_paths import with_backlash
 from support.corrected_lines import written
 from support.programs import load, model_of, random_model, setup_of, source_of
 from support.three_dialects import WRITERS, loops, paths
@@ -88,7 +88,7 @@ def test_the_directions_of_moves_need_no_full_solution():
 @settings(max_examples=8)
 @given(part=st.one_of(loops(), paths(3)), play=st.booleans(), seed=st.integers(0, 2**32 - 1))
 def test_chunks_in_a_file_give_the_same_text(writer, kept, part, play, seed):
-    model = (with_play if play else random_model)(GANTRY, seed)
+    model = (with_backlash if play else random_model)(GANTRY, seed)
     text = writer().program(part)
     whole = written(text, GANTRY, model, writer.name)
     with pytest.MonkeyPatch.context() as patch:

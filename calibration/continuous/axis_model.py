@@ -150,7 +150,7 @@ def _with_jumps(found: Estimate, data: Data, quasi: QuasiStatic) -> Estimate:
     jump_positions = [
         jump + side * max(each.shape.grain, JUMP_MM)
         for each in found.by_direction.values()
-        for jump in each.jumps.places_mm
+        for jump in each.jumps.positions_mm
         for side in (-1.0, 1.0)
     ]
     inside = [position for position in jump_positions if low < position < high]

@@ -51,7 +51,7 @@ class Wave(NamedTuple):
 class Jumps(NamedTuple):
     """Jumps of the error of one direction."""
 
-    places_mm: tuple[float, ...]
+    positions_mm: tuple[float, ...]
     sizes_um: tuple[float, ...]
     """Sizes, um; positive if the error rises in the positive direction of the axis."""
     u_um: tuple[float, ...]

@@ -137,8 +137,8 @@ class Diagnosis:
         if self.proposed_measurements:
             return self.proposed_measurements[0].text
         if self.unexplained is not None:
-            what = ", ".join(self.unexplained.variables)
-            return f"Measure the same positions again: a dependence on {what} that recurs belongs to the machine."
+            listed = ", ".join(self.unexplained.variables)
+            return f"Measure the same positions again: a dependence on {listed} that recurs belongs to the machine."
         return "No further measurement is needed: no ambiguous causes, no unexplained dependence."
 
     @property

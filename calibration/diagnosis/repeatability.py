@@ -40,7 +40,7 @@ class Component(NamedTuple):
     unit: str
     """um or urad."""
     noise: float
-    sheet: float
+    specified: float
     """RMS of the specified standard deviations of these rows."""
 
 
@@ -63,7 +63,7 @@ class Repeats:
     @property
     def text(self) -> str:
         """The result in one sentence."""
-        noise = ", ".join(f"{c.name} {c.noise:.3g} {c.unit} (specified {c.sheet:.3g})" for c in self.components)
+        noise = ", ".join(f"{c.name} {c.noise:.3g} {c.unit} (specified {c.specified:.3g})" for c in self.components)
         when = "far apart in time, with all drifts in them" if self.apart else "soon after one another"
         return f"from {self.states} positions measured again, {when}: {noise}; specification p = {self.p_value:.2g}"
 
@@ -170,17 +170,17 @@ def _components(measurement: Measurement, deviations: Array, degrees_of_freedom:
         for size, unit in ((1e3, "um"), (1e6, "urad")):
             rows = micro == size
             for k, name in enumerate(names) if rows.any() else ():
-                noise, sheet = np.mean(deviations[rows, k] ** 2) / share, np.mean(covariance[rows, k, k])
-                found.append(Component(name, unit, float(noise**0.5 * size), float(sheet**0.5 * size)))
+                noise, specified = np.mean(deviations[rows, k] ** 2) / share, np.mean(covariance[rows, k, k])
+                found.append(Component(name, unit, float(noise**0.5 * size), float(specified**0.5 * size)))
         return tuple(found)
     frame = _beam_frame(measurement.observed)
-    own, sheets = np.einsum("nij,nj->ni", frame, deviations), np.einsum("nij,njk,nik->ni", frame, covariance, frame)
+    own, variances = np.einsum("nij,nj->ni", frame, deviations), np.einsum("nij,njk,nik->ni", frame, covariance, frame)
     return tuple(
         Component(
             name,
             "um",
             float(np.sqrt(np.mean(own[:, k] ** 2) / share)) * 1e3,
-            float(np.sqrt(np.mean(sheets[:, k]))) * 1e3,
+            float(np.sqrt(np.mean(variances[:, k]))) * 1e3,
         )
         for k, name in enumerate(("range", "azimuth", "elevation"))
     )

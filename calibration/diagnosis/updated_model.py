@@ -47,23 +47,23 @@ def _temperatures(fit: Fit, present: ErrorModel | None) -> dict[str, tuple[float
 
 def merged(model: ErrorModel) -> ErrorModel:
     """The model in which effects that differ only in linear parameters are one, with the sum of their parameters."""
-    places: dict[str, int] = {}
+    numbers: dict[str, int] = {}
     effects: list[Effect] = []
     of: list[int] = []
     for effect in model.effects:
-        key = _what(effect)
-        if key not in places:
-            places[key] = len(effects)
+        key = _identity(effect)
+        if key not in numbers:
+            numbers[key] = len(effects)
             effects.append(effect)
-        of.append(places[key])
+        of.append(numbers[key])
     kept = msgspec.structs.replace(model, effects=tuple(effects), covariance=None).slices
     matrix = np.zeros((sum(part.stop - part.start for part in kept), len(model.parameters)))
-    for place, part in zip(of, model.slices, strict=True):
-        matrix[kept[place], part] += np.eye(part.stop - part.start)
+    for number, part in zip(of, model.slices, strict=True):
+        matrix[kept[number], part] += np.eye(part.stop - part.start)
     return transformed(model, tuple(effects), matrix)
 
 
-def _what(effect: Effect) -> str:
+def _identity(effect: Effect) -> str:
     """JSON of an effect without its linear parameters, uncertainties and note."""
     fields: dict[str, Any] = msgspec.to_builtins(effect)
     changing = {quantity.name for quantity in effect.quantities() if quantity.linear}

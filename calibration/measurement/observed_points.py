@@ -28,7 +28,7 @@ class Sight(NamedTuple):
     """True for a view from the bed to the table, against the direction of the chain."""
 
 
-def seen_points(measurement: Measurement, errors: Array | None, tool: Array) -> Array:
+def target_points(measurement: Measurement, errors: Array | None, tool: Array) -> Array:
     """Targets `(n, 3)`, mm, in the frame to which the instrument is fixed, at zero pose of the machine.
 
     errors `(n, axes + 1, 6)`, mm and rad, of the machine; None for the nominal machine. tool `(n, 3)`, mm: the targets
@@ -42,8 +42,8 @@ def seen_points(measurement: Measurement, errors: Array | None, tool: Array) -> 
     return points
 
 
-def seen_transform(measurement: Measurement, tool: Array) -> Array:
-    """Derivatives `(n, 3, (axes + 1) * 6)` of `seen_points` by the error motions, at zero errors, per mm and rad."""
+def derivatives_by_errors(measurement: Measurement, tool: Array) -> Array:
+    """Derivatives `(n, 3, (axes + 1) * 6)` of `target_points` by the error motions, at zero errors, per mm and rad."""
     machine = measurement.machine
     transform = np.empty((len(measurement), 3, 6 * (len(machine.axes) + 1)))
     for sight in _sights(measurement):
@@ -57,8 +57,8 @@ def seen_transform(measurement: Measurement, tool: Array) -> Array:
     return transform
 
 
-def seen_slopes(measurement: Measurement, tool: Array) -> Array:
-    """Derivatives `(n, 3, axes)` of `seen_points` by the positions of the axes, without errors; per mm and per rad."""
+def derivatives_by_positions(measurement: Measurement, tool: Array) -> Array:
+    """Derivatives `(n, 3, axes)` of `target_points` by the positions of the axes, without errors; per mm and rad."""
     machine = measurement.machine
     slopes = np.empty((len(measurement), 3, len(machine.axes)))
     for sight in _sights(measurement):

@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.measurement.instruments import Interferometer, Part
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import carried, seen_points, seen_transform
+from calibration.measurement.observed_points import carried, derivatives_by_errors, target_points
 from calibration.measurement.registration import Registration, rigid
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS
@@ -36,7 +36,7 @@ def start(measurement: Measurement, trusted: np.ndarray) -> Registration:
         zeros = {name: _mean_zero(measurement, (groups == name), trusted) for name in names}
         return Registration(zeros=zeros, slopes=across)
     planar = measurement.instrument.components == 2
-    points = seen_points(measurement, None, measurement.tool)
+    points = target_points(measurement, None, measurement.tool)
     observed = _in_space(measurement, points)
     known = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
     poses, centres = {}, {}
@@ -68,7 +68,7 @@ def expected(measurement: Measurement, registration: Registration, effects: Obse
         zeros = np.array([registration.zeros.get(group, np.nan) for group in measurement.groups.tolist()])
         slopes = np.array([registration.slopes.get(group, 0.0) for group in measurement.groups.tolist()])
         return np.asarray((np.sum(_lines(measurement) * along, axis=1) + zeros + slopes * _own(measurement))[:, None])
-    points = seen_points(measurement, effects.errors, registration.tool(measurement))
+    points = target_points(measurement, effects.errors, registration.tool(measurement))
     return _counted(measurement, registration.seen(measurement, points) + effects.shift)
 
 
@@ -82,7 +82,7 @@ def transform(measurement: Measurement, registration: Registration) -> Array:
         six = error_transform_with_tool(measurement.machine, measurement.state.positions, measurement.tool)
         own = np.einsum("nk,nkp->np", _lines(measurement), six)[:, None]
         return np.concatenate([own, np.zeros((n, 1, 3))], axis=2)
-    seen = seen_transform(measurement, registration.tool(measurement))
+    seen = derivatives_by_errors(measurement, registration.tool(measurement))
     own = registration.rotations(measurement) @ seen
     shift = np.broadcast_to(np.eye(3), (n, 3, 3))
     return _counted(measurement, np.concatenate([own, shift], axis=2))
@@ -95,7 +95,7 @@ def registration_design(measurement: Measurement, registration: Registration) ->
         zeros = [np.equal(groups, group).astype(float)[:, None] for group in registration.zeros]
         slopes = [np.where(groups == group, _own(measurement), 0.0)[:, None] for group in registration.slopes]
         return np.stack([*zeros, *slopes], axis=2)
-    points = registration.seen(measurement, seen_points(measurement, None, registration.tool(measurement)))
+    points = registration.seen(measurement, target_points(measurement, None, registration.tool(measurement)))
     columns = []
     for group, centre in registration.centres.items():
         own = np.zeros((n, 3, 6))
@@ -210,7 +210,7 @@ def _first_targets(measurement: Measurement, registration: Registration) -> dict
     found = {name: np.array(measurement.targets[name].position) for name in unknown}
     if not found:
         return found
-    at_zero = registration.seen(measurement, seen_points(measurement, None, np.zeros((len(measurement), 3))))
+    at_zero = registration.seen(measurement, target_points(measurement, None, np.zeros((len(measurement), 3))))
     there = registration.rotations(measurement) @ carried(measurement)
     positions = turn(np.swapaxes(there, 1, 2), measurement.observed - at_zero)
     for number, name in enumerate(measurement.targets):

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import special
 
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import seen_points
+from calibration.measurement.observed_points import target_points
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from kinematics.error_model.model import Observation
@@ -107,7 +107,7 @@ def refuse_lines(measurement: Measurement) -> None:
     """UserError where a station observed points on one line only: its rotation about the line is undetermined."""
     if measurement.instrument.components < 3:
         return
-    points, groups = seen_points(measurement, None, measurement.tool), measurement.groups
+    points, groups = target_points(measurement, None, measurement.tool), measurement.groups
     for name in np.unique(groups).tolist():
         mine = points[groups == name]
         if len(mine) > 2 and np.ptp(mine, axis=0).max() > equations.IN_LINE > equations.width(mine):

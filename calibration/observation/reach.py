@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import carried, seen_points
+from calibration.measurement.observed_points import carried, target_points
 from calibration.measurement.registration import Registration
 from kinematics.transforms import Array, Pose, turn
 
@@ -40,7 +40,7 @@ def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) 
 
     Each reflector is mounted so that its axis points to the tracker as well as possible over all its positions.
     """
-    points = seen_points(measurement, None, measurement.tool)
+    points = target_points(measurement, None, measurement.tool)
     own = Registration(poses).seen(measurement, points)
     length = np.linalg.norm(own, axis=1)
     reasons: dict[str, np.ndarray] = {}

@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.observed_points import seen_points, seen_slopes
+from calibration.measurement.observed_points import derivatives_by_positions, target_points
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -125,7 +125,7 @@ def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece
         return Measurement(path.machine, LaserTracker(), state, np.zeros((len(positions), 3)), {"1": target}, stands_on)
 
     corner = at(vertices)
-    chords = np.diff(seen_points(corner, None, corner.tool), axis=0)
+    chords = np.diff(target_points(corner, None, corner.tool), axis=0)
     lengths = np.linalg.norm(chords, axis=1)
     lengths[lengths < STANDSTILL] = 0.0
     arc = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -139,13 +139,13 @@ def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece
     slopes = (np.diff(vertices, axis=0)[segment]) / lengths[segment][:, None]
     positions = vertices[segment] + (s - arc[segment])[:, None] * slopes
     there = at(positions)
-    tangents = np.einsum("nca,na->nc", seen_slopes(there, there.tool), slopes)
+    tangents = np.einsum("nca,na->nc", derivatives_by_positions(there, there.tool), slopes)
     corners, usable = _corners(chords, lengths, arc, path.feed_move[1:][move])
     feed_distance = np.interp(
         _vertex_index(segment, arc, s, lengths), np.arange(len(vertices)), _feed_distance(path, move)
     )
     return TargetPath(
-        length / count, positions, slopes, seen_points(there, None, there.tool),
+        length / count, positions, slopes, target_points(there, None, there.tool),
         tangents / np.linalg.norm(tangents, axis=1, keepdims=True), feed_distance, corners, usable,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.observed_points import seen_points
+from calibration.measurement.observed_points import target_points
 from calibration.measurement.plan import Choices
 from calibration.observation.reach import Reach, in_reach
 from calibration.planning.strategies import fixed_positions, limits, rounded
@@ -110,7 +110,7 @@ def visible_from(
     stationed = replace(state, station=np.full(len(state), "s1"))
     nothing = np.zeros((len(state), 3))
     blank = Measurement(machine, LaserTracker(), stationed, nothing, targets)
-    points = seen_points(blank, None, blank.tool)
+    points = target_points(blank, None, blank.tool)
     free = np.linalg.norm(points - position, axis=1) > NEAREST_MM
     for obstacle in obstacles:
         free &= ~obstacle.contains(points) & ~obstacle.between(np.array(position), points)
@@ -129,7 +129,7 @@ def positions_around(machine: Machine, choices: Choices, target: Target) -> list
     named = np.full(len(corners), "1")
     state = State(corners * machine.scale, target=named)
     blank = Measurement(machine, LaserTracker(), state, np.zeros((len(corners), 3)), {"1": target})
-    points = seen_points(blank, None, blank.tool)
+    points = target_points(blank, None, blank.tool)
     least, most = points.min(axis=0), points.max(axis=0)
     middle = (least + most) / 2
     x, y = ((least[k] - OFF_MM, middle[k], most[k] + OFF_MM) for k in (0, 1))

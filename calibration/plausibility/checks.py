@@ -206,7 +206,7 @@ def _mistake(before: float, tied: list[tuple[float, Alternative]]) -> Finding:
     words = ", or ".join(other.by for _, other in tied)
     open_end = "" if len(tied) == 1 else "; these data do not show which of them"
     return Finding(
-        first.what,
+        first.mistake,
         f"the points differ from the commanded positions by {before:.4g} mm RMS, and by {after:.3g} mm "
         f"{words}{open_end}",
         True,
@@ -270,12 +270,11 @@ def _clock(measurement: Measurement) -> Iterator[Finding]:
         return
     lag = float(np.sum(swept * residual)) / size
     before, after = (float(np.sqrt(np.mean(rows**2))) for rows in (residual, residual - lag * swept))
-    with_play = _after_play(part, residual, along * np.sign(velocity[moving])[:, None, :])
-    if after < before / FALLS and after < TIED * with_play:
+    with_backlash = _misfit_with_backlash(part, residual, along * np.sign(velocity[moving])[:, None, :])
+    if after < before / FALLS and after < TIED * with_backlash:
         ahead = "later" if lag > 0 else "earlier"
-        causes = (
-            "two clocks, or following error" if with_play > TIED * after else "two clocks, following error or backlash"
-        )
+        follows = with_backlash > TIED * after
+        causes = "two clocks, or following error" if follows else "two clocks, following error or backlash"
         micro = float(part.per_micro.max())
         unit = "um" if micro < 1e6 else "urad"
         yield Finding(
@@ -286,7 +285,7 @@ def _clock(measurement: Measurement) -> Iterator[Finding]:
         )
 
 
-def _after_play(measurement: Measurement, residual: Array, behind: Array) -> float:
+def _misfit_with_backlash(measurement: Measurement, residual: Array, behind: Array) -> float:
     """RMS of residuals `(n, d)` after a fit of a backlash of each axis, with derivatives `(n, d, axes)`."""
     design = np.stack([_centred(measurement, behind[:, :, i]).reshape(-1) for i in range(behind.shape[2])], axis=1)
     size, *_ = np.linalg.lstsq(design, residual.reshape(-1), rcond=None)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.observed_points import carried, seen_points, seen_slopes
+from calibration.measurement.observed_points import carried, derivatives_by_positions, target_points
 from calibration.measurement.registration import Registration
 from calibration.observation.full_model import STANDSTILL
 from calibration.observation.normal_equations import residuals
@@ -38,7 +38,7 @@ TRIMMED = 50
 class Alternative(NamedTuple):
     """A measurement with one mistake reversed."""
 
-    what: str
+    mistake: str
     """Kind of mistake."""
     by: str
     """Description of the reversal: `with columns X and Y exchanged`."""
@@ -81,7 +81,7 @@ def by_axes(measurement: Measurement, registration: Registration) -> Array:
     if measurement.axis is not None:
         own = np.equal(measurement.axis[:, None], np.array(measurement.machine.names))
         return np.asarray((own & measurement.positioning[:, None])[:, None, :], float)
-    slopes = registration.rotations(measurement) @ seen_slopes(measurement, registration.tool(measurement))
+    slopes = registration.rotations(measurement) @ derivatives_by_positions(measurement, registration.tool(measurement))
     return np.asarray(slopes[:, : measurement.instrument.components])
 
 
@@ -101,7 +101,7 @@ def _units(measurement: Measurement) -> Iterator[Alternative]:
 
 def _scale(measurement: Measurement) -> float | None:
     """Ratio of the distances between points to the commanded ones; None if all points coincide."""
-    points = seen_points(measurement, None, measurement.tool)[:, : measurement.instrument.components]
+    points = target_points(measurement, None, measurement.tool)[:, : measurement.instrument.components]
     nominal_spread, observed_spread = _spread(measurement, points), _spread(measurement, measurement.observed)
     if min(nominal_spread, observed_spread) <= 0.0:
         return None

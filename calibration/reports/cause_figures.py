@@ -35,49 +35,49 @@ def cause_figure(views: Sequence[View], canvas: Figure) -> None:
     across = min(sum(widths), 3)
     down = -(-sum(widths) // across)
     canvas.set_size_inches(WIDTHS[across], 2.8 * down)
-    places = iter(canvas.subplots(down, across, squeeze=False).ravel())
+    panels = iter(canvas.subplots(down, across, squeeze=False).ravel())
     for view in views:
         if view.over is None:
-            _panel(next(places), view)
+            _panel(next(panels), view)
         else:
-            _maps(canvas, (next(places), next(places)), view)
-    for place in places:
-        place.set_axis_off()
+            _maps(canvas, (next(panels), next(panels)), view)
+    for panel in panels:
+        panel.set_axis_off()
 
 
-def _panel(place: Axes, view: View) -> None:
-    told = np.isfinite(view.u)
-    groups = view.groups or (("", np.ones(len(told), bool)),)
+def _panel(panel: Axes, view: View) -> None:
+    certain = np.isfinite(view.u)
+    groups = view.groups or (("", np.ones(len(certain), bool)),)
     for number, (name, group) in enumerate(groups):
-        rows = some(np.flatnonzero(group & told))
-        dots(place, view.x[rows], view.y[rows], POINTS[number], markersize=2.5, alpha=0.6)
+        rows = some(np.flatnonzero(group & certain))
+        dots(panel, view.x[rows], view.y[rows], POINTS[number], markersize=2.5, alpha=0.6)
         label = name or "mean of rows, U (k=2)"
         if not view.means:
-            place.plot(view.x[rows], view.y[rows], "o", markersize=3, color=MEANS[number], label=label, rasterized=True)
+            panel.plot(view.x[rows], view.y[rows], "o", markersize=3, color=MEANS[number], label=label, rasterized=True)
             continue
-        x, mean, u = np.array(list(_means(view, group & told))).reshape(-1, 3).T
-        place.errorbar(x, mean, 2 * u, fmt="o", markersize=3, color=MEANS[number], linewidth=0.9, label=label)
+        x, mean, u = np.array(list(_means(view, group & certain))).reshape(-1, 3).T
+        panel.errorbar(x, mean, 2 * u, fmt="o", markersize=3, color=MEANS[number], linewidth=0.9, label=label)
     if view.curves:
         for curve in view.curves:
             colour = MEANS[curve.group] if len(view.curves) > 1 else FITTED
-            place.plot(curve.x, curve.y, color=colour, linewidth=1.3, label="fitted" if not curve.group else None)
+            panel.plot(curve.x, curve.y, color=colour, linewidth=1.3, label="fitted" if not curve.group else None)
     elif view.means:
-        rows = some(np.flatnonzero(told))
-        dots(place, view.x[rows], view.fitted[rows], FITTED, label="fitted")
+        rows = some(np.flatnonzero(certain))
+        dots(panel, view.x[rows], view.fitted[rows], FITTED, label="fitted")
     if view.moment is not None:
-        place.axvline(view.moment, color="#cc0000", linewidth=1, linestyle="--", label="moment found")
+        panel.axvline(view.moment, color="#cc0000", linewidth=1, linestyle="--", label="moment found")
     if view.ticks:
-        place.set_xticks(range(len(view.ticks)), view.ticks)
-    place.set_ylim(*_limits(view, told))
-    place.set_xlabel(view.x_label)
-    place.set_ylabel(view.y_label)
-    place.legend(loc="best", fontsize=7, framealpha=0.7, edgecolor="none")
+        panel.set_xticks(range(len(view.ticks)), view.ticks)
+    panel.set_ylim(*_limits(view, certain))
+    panel.set_xlabel(view.x_label)
+    panel.set_ylabel(view.y_label)
+    panel.legend(loc="best", fontsize=7, framealpha=0.7, edgecolor="none")
 
 
-def _limits(view: View, told: np.ndarray) -> tuple[float, float]:
+def _limits(view: View, certain: np.ndarray) -> tuple[float, float]:
     """Limits of the y axis: nearly all points, and all of the fitted cause."""
-    inner = np.percentile(view.y[told], (OUTER, 100.0 - OUTER)) if told.any() else np.zeros(1)
-    drawn = np.concatenate([inner, view.fitted[told], *(curve.y for curve in view.curves)])
+    inner = np.percentile(view.y[certain], (OUTER, 100.0 - OUTER)) if certain.any() else np.zeros(1)
+    drawn = np.concatenate([inner, view.fitted[certain], *(curve.y for curve in view.curves)])
     low, high = float(drawn.min()), float(drawn.max())
     margin = 0.08 * (high - low) or 1.0
     return low - margin, high + margin
@@ -102,30 +102,30 @@ def _means(view: View, rows: np.ndarray) -> Iterator[tuple[float, float, float]]
         yield float(view.x[own] @ weights / whole), float(view.y[own] @ weights / whole), float(whole**-0.5)
 
 
-def _maps(canvas: Figure, places: tuple[Axes, Axes], view: View) -> None:
+def _maps(canvas: Figure, panels: tuple[Axes, Axes], view: View) -> None:
     """Means of readings in cells of two variables beside those of the fitted cause, in the same colours."""
     assert view.over is not None
-    told = np.isfinite(view.u)
-    count = int(np.clip(np.sqrt(told.sum() / PER_CELL), FEWEST_CELLS, MOST_CELLS))
-    edges = [np.linspace(v[told].min(), v[told].max(), count + 1) for v in (view.x, view.over)]
-    (read, u), (fitted, _) = (_cells(view, values, edges, told) for values in (view.y, view.fitted))
+    certain = np.isfinite(view.u)
+    count = int(np.clip(np.sqrt(certain.sum() / PER_CELL), FEWEST_CELLS, MOST_CELLS))
+    edges = [np.linspace(v[certain].min(), v[certain].max(), count + 1) for v in (view.x, view.over)]
+    (read, u), (fitted, _) = (_cells(view, values, edges, certain) for values in (view.y, view.fitted))
     most = 1.5 * float(np.nanmax(np.abs(fitted), initial=1e-9))
     read = np.where(2 * u < most, read, np.nan)
-    for place, values, what in ((places[0], read, "from the data"), (places[1], fitted, "fitted")):
-        mesh = place.pcolormesh(*edges, values.T, cmap="RdBu_r", vmin=-most, vmax=most, rasterized=True)
-        place.set_title(f"{view.title}, {what}")
-        place.set_xlabel(view.x_label)
-        place.set_ylabel(view.over_label)
-        place.grid(visible=False)
-    canvas.colorbar(mesh, ax=places[1], label=view.y_label)
+    for panel, values, origin in ((panels[0], read, "from the data"), (panels[1], fitted, "fitted")):
+        mesh = panel.pcolormesh(*edges, values.T, cmap="RdBu_r", vmin=-most, vmax=most, rasterized=True)
+        panel.set_title(f"{view.title}, {origin}")
+        panel.set_xlabel(view.x_label)
+        panel.set_ylabel(view.over_label)
+        panel.grid(visible=False)
+    canvas.colorbar(mesh, ax=panels[1], label=view.y_label)
 
 
-def _cells(view: View, values: Array, edges: Sequence[Array], told: np.ndarray) -> tuple[Array, Array]:
+def _cells(view: View, values: Array, edges: Sequence[Array], certain: np.ndarray) -> tuple[Array, Array]:
     """Weighted means in cells of both variables, and their standard uncertainties; NaN and infinite without rows."""
     assert view.over is not None
-    weights = view.u[told] ** -2
-    pair = view.x[told], view.over[told]
-    sums = np.histogram2d(*pair, bins=list(edges), weights=weights * values[told])[0]
+    weights = view.u[certain] ** -2
+    pair = view.x[certain], view.over[certain]
+    sums = np.histogram2d(*pair, bins=list(edges), weights=weights * values[certain])[0]
     whole = np.histogram2d(*pair, bins=list(edges), weights=weights)[0]
     known = np.where(whole > 0, whole, 1.0)
     return np.where(whole > 0, sums / known, np.nan), np.where(whole > 0, known**-0.5, np.inf)

@@ -130,12 +130,12 @@ class _Seen:
 
     def over(self, x: Array, label: str) -> Iterator[View]:
         """A panel for each component that the cause acts on."""
-        for (place, component), values in _motions(
+        for (acts_at, component), values in _motions(
             self.effect, self.linearised.measurement.state, self.linearised
         ).items():
-            arm = self.linearised.transform[:, :, 6 * place + component]
+            arm = self.linearised.transform[:, :, 6 * acts_at + component]
             unit, size = unit_of(COMPONENTS[component])
-            title = self._title(place, component)
+            title = self._title(acts_at, component)
             yield self.along(arm, values[self.linearised.rows], size, (title, f"{title}, {unit}"), (x, label))
 
     def along(self, arm: Array, values: Array, size: float, title: tuple[str, str], over: tuple[Array, str]) -> View:
@@ -144,19 +144,19 @@ class _Seen:
         size: mm or rad of the unit shown; title: of the panel, of its y axis; over: x and its label.
         """
         squares = np.sum(arm**2, axis=1)
-        told = self.linearised.good & (squares > 0)
-        told &= squares >= (np.median(squares[told]) if told.any() else 0.0) / BLUNT**2
-        safe = np.where(told, squares, 1.0)
+        sharp = self.linearised.good & (squares > 0)
+        sharp &= squares >= (np.median(squares[sharp]) if sharp.any() else 0.0) / BLUNT**2
+        safe = np.where(sharp, squares, 1.0)
         left = np.sum(arm * self.linearised.residual.reshape(arm.shape), axis=1) / safe
-        u = np.where(told, safe**-0.5 / size, np.inf)
+        u = np.where(sharp, safe**-0.5 / size, np.inf)
         fitted = values / size
         return View(title[0], over[0], fitted + left / size, u, fitted, over[1], title[1])
 
-    def _title(self, place: int, component: int) -> str:
+    def _title(self, acts_at: int, component: int) -> str:
         axes, letter = self.linearised.measurement.machine.names, COMPONENTS[component]
-        if place < len(axes):
-            return f"E_{letter}{axes[place]}"
-        return f"tool {letter}" if place == len(axes) else f"observed {letter.lower()}"
+        if acts_at < len(axes):
+            return f"E_{letter}{axes[acts_at]}"
+        return f"tool {letter}" if acts_at == len(axes) else f"observed {letter.lower()}"
 
 
 def views(linearised: LinearisedFit, effect: Effect) -> list[View]:
@@ -168,8 +168,8 @@ def _motions(effect: Effect, state: State, linearised: LinearisedFit) -> dict[tu
     """Values `(n,)` of the effect in these states, mm or rad, by error frame and component."""
     machine = linearised.measurement.machine
     sums: dict[tuple[int, int], Array] = {}
-    for place, component, values in effect.contributions(machine, state):
-        key = place % (len(machine.axes) + 2), component
+    for acts_at, component, values in effect.contributions(machine, state):
+        key = acts_at % (len(machine.axes) + 2), component
         sums[key] = sums.get(key, 0.0) + values
     return sums
 
@@ -208,8 +208,8 @@ def _course(seen: _Seen, view: View, x: Array) -> Curve:
     positions = np.zeros((len(x), len(machine.axes)))
     i = machine.index(seen.effect.axis)
     positions[:, i] = x * machine.scale[i]
-    for (place, component), values in _motions(seen.effect, State(positions), seen.linearised).items():
-        if seen._title(place, component) == view.title:
+    for (acts_at, component), values in _motions(seen.effect, State(positions), seen.linearised).items():
+        if seen._title(acts_at, component) == view.title:
             return Curve(x, values / unit_of(COMPONENTS[component])[1])
     raise KeyError(view.title)
 
@@ -269,8 +269,8 @@ def _growth(seen: _Seen) -> Iterator[View]:
     for view in seen.over(*_drive_of_heat(seen)):
         u = np.where(far, view.u / np.abs(per), np.inf)
         grown = replace(view, title=f"scale of {axis}", y=view.y / per, u=u, fitted=view.fitted / per)
-        told = np.flatnonzero(far)
-        order = told[np.argsort(view.x[told], kind="stable")]
+        marked = np.flatnonzero(far)
+        order = marked[np.argsort(view.x[marked], kind="stable")]
         yield replace(grown, y_label=f"scale of {axis}, um/m", curves=(Curve(view.x[order], grown.fitted[order]),))
 
 
@@ -351,7 +351,7 @@ def _white(seen: _Seen, vectors: Array) -> Array:
     return np.asarray((seen.linearised.transform[:, :, at : at + 3] @ vectors[:, :, None])[:, :, 0])
 
 
-def _strays(seen: _Seen) -> Iterator[View]:
+def _outliers(seen: _Seen) -> Iterator[View]:
     """Sizes of the residuals of all rows, the outliers in a colour of their own."""
     fit, rows = seen.linearised.fit, seen.linearised.rows
     white = whitened(whiteners(fit.measurement.rows(rows)), fit.residual[rows])
@@ -388,6 +388,6 @@ VIEWS: Mapping[type, Callable[[_Seen], Iterator[View]]] = {
     AngleHarmonic: _by_angle,
     RangeOffset: _by_range,
     AirScale: _by_range,
-    Outliers: _strays,
+    Outliers: _outliers,
 }
 """Views by class of effect; any other effect is drawn over the rows."""

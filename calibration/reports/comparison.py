@@ -91,18 +91,18 @@ def _volume(found: Comparison) -> Section:
 def _curves(motions: list[Motion], canvas: Figure) -> None:
     down = -(-len(motions) // ACROSS)
     canvas.set_size_inches(9.0, 2.2 * down)
-    places = canvas.subplots(down, ACROSS, squeeze=False).ravel()
-    for place in places[len(motions) :]:
-        place.set_axis_off()
-    for place, motion in zip(places, motions, strict=False):
-        _curve(place, motion)
-    places[0].legend(frameon=False, loc="best")
+    panels = canvas.subplots(down, ACROSS, squeeze=False).ravel()
+    for panel in panels[len(motions) :]:
+        panel.set_axis_off()
+    for panel, motion in zip(panels, motions, strict=False):
+        _curve(panel, motion)
+    panels[0].legend(frameon=False, loc="best")
 
 
-def _curve(place: Axes, motion: Motion) -> None:
+def _curve(panel: Axes, motion: Motion) -> None:
     pairs = zip("AB", COLOURS, (motion.a, motion.b), (motion.U_a, motion.U_b), motion.known, strict=False)
     for name, colour, values, U, known in pairs:
         if known:
-            band(place, motion.positions, values, U, colour, name)
-    place.set_title(f"{motion.name}, {motion.unit}", fontsize=8)
-    place.set_xlabel(f"{motion.axis}, {motion.position_unit}")
+            band(panel, motion.positions, values, U, colour, name)
+    panel.set_title(f"{motion.name}, {motion.unit}", fontsize=8)
+    panel.set_xlabel(f"{motion.axis}, {motion.position_unit}")

@@ -88,12 +88,12 @@ def continuous_json(found: Estimate, data: Data) -> dict[str, Any]:
                 "direction": DIRECTION_NAMES[sign],
                 "pitch_mm": None if each.jumps.pitch is None else each.jumps.pitch[0],
                 "u_pitch_mm": None if each.jumps.pitch is None else each.jumps.pitch[1],
-                "positions_mm": list(each.jumps.places_mm),
+                "positions_mm": list(each.jumps.positions_mm),
                 "sizes_um": list(each.jumps.sizes_um),
                 "u_um": list(each.jumps.u_um),
             }
             for sign, each in found.by_direction.items()
-            if each.jumps.places_mm
+            if each.jumps.positions_mm
         ],
         "methods_minus_ours_rms_um": {
             name: {method: _rms(off) for method, off in _differences(found, name).items()} for name in found.comparisons
@@ -236,7 +236,7 @@ def with_harmonics(waves: Sequence[Wave]) -> list[tuple[Wave, list[int]]]:
 
 def _jumps(direction: str, each: OneDirection) -> Iterator[tuple[str, ...]]:
     jumps = each.jumps
-    for x, size, u in list(zip(jumps.places_mm, jumps.sizes_um, jumps.u_um, strict=True))[:LISTED]:
+    for x, size, u in list(zip(jumps.positions_mm, jumps.sizes_um, jumps.u_um, strict=True))[:LISTED]:
         yield direction, f"{x:.3f}", f"{size:.2f}", f"{u:.2g}"
     if jumps.pitch is not None:
         yield direction, f"every {jumps.pitch[0]:.4g} (u {jumps.pitch[1]:.2g})", "", ""
@@ -260,42 +260,42 @@ def _drift(found: Estimate) -> Section:
 def _errors(found: Estimate, canvas: Figure) -> None:
     """Errors by direction with their uncertainties, and the readings."""
     canvas.set_size_inches(9.0, 3.6)
-    place = canvas.subplots()
+    panel = canvas.subplots()
     for colour, sign in zip(COLOURS, found.fused.signs, strict=False):
         rows = found.table(DIRECTION_NAMES[sign])
         inner = rows.continuous
-        band(place, rows.position[inner], rows.error[inner], 2 * rows.u[inner], colour, DIRECTION_NAMES[sign])
+        band(panel, rows.position[inner], rows.error[inner], 2 * rows.u[inner], colour, DIRECTION_NAMES[sign])
         own, label = found.quasi.direction == sign, f"readings {DIRECTION_NAMES[sign]}"
-        _circles(place, found.quasi.target[own], found.quasi.deviation[own], colour, label, markerfacecolor="none")
-    place.set_xlabel("position, mm")
-    place.set_ylabel("error, um")
-    place.legend(frameon=False, loc="best")
+        _circles(panel, found.quasi.target[own], found.quasi.deviation[own], colour, label, markerfacecolor="none")
+    panel.set_xlabel("position, mm")
+    panel.set_ylabel("error, um")
+    panel.legend(frameon=False, loc="best")
 
 
 def _reversal_figure(found: Estimate, canvas: Figure) -> None:
     canvas.set_size_inches(9.0, 2.4)
-    place = canvas.subplots()
+    panel = canvas.subplots()
     values, covariance = found.curve("reversal")
-    band(place, found.fused.positions, values, 2 * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
-    place.set_xlabel("position, mm")
-    place.set_ylabel("forward minus backward, um")
+    band(panel, found.fused.positions, values, 2 * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    panel.set_xlabel("position, mm")
+    panel.set_ylabel("forward minus backward, um")
 
 
 def _residuals(found: Estimate, canvas: Figure) -> None:
     canvas.set_size_inches(9.0, 2.4)
-    place = canvas.subplots()
+    panel = canvas.subplots()
     quasi, residual = found.quasi, found.fused.residual
     for colour, (sign, name) in zip(COLOURS, DIRECTION_NAMES.items(), strict=False):
         rows = quasi.direction[found.fused.inside] == sign
         if rows.any():
             at = quasi.target[found.fused.inside][rows]
-            _circles(place, at[:MANY], residual[rows][:MANY], colour, name)
+            _circles(panel, at[:MANY], residual[rows][:MANY], colour, name)
     for k in (-2.0, 2.0):
-        place.axhline(k * found.fused.spread.noise, color="#888", linewidth=0.6)
-    place.set_xlabel("target, mm")
-    place.set_ylabel("reading minus estimate, um")
-    place.legend(frameon=False)
+        panel.axhline(k * found.fused.spread.noise, color="#888", linewidth=0.6)
+    panel.set_xlabel("target, mm")
+    panel.set_ylabel("reading minus estimate, um")
+    panel.legend(frameon=False)
 
 
-def _circles(place: Axes, x: Array, y: Array, colour: str, label: str, **style: Any) -> None:
-    place.plot(x, y, "o", color=colour, markersize=3, label=label, **style)
+def _circles(panel: Axes, x: Array, y: Array, colour: str, label: str, **style: Any) -> None:
+    panel.plot(x, y, "o", color=colour, markersize=3, label=label, **style)

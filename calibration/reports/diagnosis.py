@@ -186,7 +186,7 @@ def _named(cause: Named) -> str:
 def _sections(found: Diagnosis) -> Iterator[Section]:
     yield facts("Data, model, noise", list(_facts(found)))
     if found.repeats is not None:
-        rows = [(part.name, f"{part.noise:.3g}", f"{part.sheet:.3g}", part.unit) for part in found.repeats.components]
+        rows = [(c.name, f"{c.noise:.3g}", f"{c.specified:.3g}", c.unit) for c in found.repeats.components]
         table = Table(("standard uncertainty (k=1)", "from repeats", "specified", ""), rows)
         yield Section("Noise of the instrument", table=table, detail=True)
     yield from _causes(found)
@@ -266,9 +266,9 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
 
 def _about(cause: Named) -> Iterator[str]:
     effect = cause.effect
-    what = type(effect).TITLE
+    title = type(effect).TITLE
     meaning = " ".join((inspect.getdoc(type(effect)) or "").replace("`", "").split())
-    yield f"{what[0].upper()}{what[1:]}. {meaning}"
+    yield f"{title[0].upper()}{title[1:]}. {meaning}"
     if cause.kind != "outliers":
         drawn = HOW_DRAWN["map" if isinstance(effect, CrossAxis) else "dots"]
         yield f"Model and registration cannot imitate {cause.visible:.0%} of its signal. {drawn}"
@@ -372,8 +372,8 @@ def _left_out(found: Diagnosis) -> Iterator[str]:
     """Runs, set-ups and rows that were left out of the fit, with the reasons."""
     fit = found.after.fit
     if fit.failed:
-        what = "runs" if fit.measurement.instrument.components == 1 else "set-ups"
-        yield f"{what} {', '.join(fit.failed)}: most of their rows disagree with the other rows or the model"
+        kind = "runs" if fit.measurement.instrument.components == 1 else "set-ups"
+        yield f"{kind} {', '.join(fit.failed)}: most of their rows disagree with the other rows or the model"
     outliers = [
         f"{found.measurement.where(int(row))}: outlier, {fit.residual_um[row]:.1f} um from the other rows"
         for row in fit.outliers

@@ -236,18 +236,18 @@ def _motions(found: Calibration, canvas: Figure) -> None:
     canvas.set_size_inches(1.9 * max(across, 2), 1.7 * len(by_axis))
     grid = canvas.subplots(len(by_axis), across, squeeze=False)
     for row, motions in zip(grid, by_axis.values(), strict=True):
-        for place, (effect, own) in zip(row, motions, strict=False):
-            _motion(place, effect, own)
-        for place in row[len(motions) :]:
-            place.set_axis_off()
+        for panel, (effect, own) in zip(row, motions, strict=False):
+            _motion(panel, effect, own)
+        for panel in row[len(motions) :]:
+            panel.set_axis_off()
 
 
-def _motion(place: Axes, effect: ErrorMotion, own: Array) -> None:
+def _motion(panel: Axes, effect: ErrorMotion, own: Array) -> None:
     x = np.linspace(*effect.basis.interval, 200)
     columns = effect.basis.columns(x)
     u = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", columns, own, columns), 0.0))
-    band(place, x, columns @ effect.parameters, 2 * u)
-    place.set_title(f"{effect.name}, {'urad' if effect.angular else 'um'}")
+    band(panel, x, columns @ effect.parameters, 2 * u)
+    panel.set_title(f"{effect.name}, {'urad' if effect.angular else 'um'}")
 
 
 def in_uncertainties(fitted: Fit) -> Array:
@@ -279,12 +279,12 @@ def _along_axes(fitted: Fit, canvas: Figure) -> None:
     typical = noise[fitted.kept].mean(axis=0)
     rows = some(np.arange(len(residual)))
     canvas.set_size_inches(2.7 * max(len(moving), 2), 2.2)
-    for place, i in zip(canvas.subplots(1, len(moving), squeeze=False)[0], moving, strict=True):
+    for panel, i in zip(canvas.subplots(1, len(moving), squeeze=False)[0], moving, strict=True):
         for k in range(residual.shape[1]):
-            dots(place, positions[rows, i], residual[rows, k], COLOURS[k], label="xyz"[k])
-        place.axhline(2 * typical.max(), color="#888", linewidth=0.6)
-        place.axhline(-2 * typical.max(), color="#888", linewidth=0.6)
-        place.set_xlabel(f"{machine.axes[i].name}, {machine.axes[i].unit}")
-        place.set_ylabel("residual, um")
+            dots(panel, positions[rows, i], residual[rows, k], COLOURS[k], label="xyz"[k])
+        panel.axhline(2 * typical.max(), color="#888", linewidth=0.6)
+        panel.axhline(-2 * typical.max(), color="#888", linewidth=0.6)
+        panel.set_xlabel(f"{machine.axes[i].name}, {machine.axes[i].unit}")
+        panel.set_ylabel("residual, um")
         if residual.shape[1] > 1:
-            place.legend(loc="upper right", markerscale=3, frameon=False)
+            panel.legend(loc="upper right", markerscale=3, frameon=False)

@@ -31,15 +31,15 @@ def share_chart(found: Diagnosis, canvas: Figure) -> None:
     bars = [(title(c), c.share, INSTRUMENT if c.where == "instrument" else MACHINE) for c in found.causes]
     bars.append(("noise and unexplained residual", found.unexplained_share, UNEXPLAINED))
     canvas.set_size_inches(8.0, 0.5 + 0.3 * len(bars))
-    place = canvas.subplots()
+    panel = canvas.subplots()
     for number, (_, share, colour) in enumerate(bars):
-        place.barh(number, 100 * share, color=colour, height=0.6)
-        place.annotate(f"{share:.0%}", (100 * share, number), (3, 0), textcoords="offset points", va="center")
-    place.set_yticks(range(len(bars)), [name for name, _, _ in bars])
-    place.invert_yaxis()
-    place.set_xlim(0, 112 * max(share for _, share, _ in bars))
-    place.set_xlabel("% of the squared residuals of the model without any of these causes, in units of the noise")
-    place.grid(visible=False)
+        panel.barh(number, 100 * share, color=colour, height=0.6)
+        panel.annotate(f"{share:.0%}", (100 * share, number), (3, 0), textcoords="offset points", va="center")
+    panel.set_yticks(range(len(bars)), [name for name, _, _ in bars])
+    panel.invert_yaxis()
+    panel.set_xlim(0, 112 * max(share for _, share, _ in bars))
+    panel.set_xlabel("% of the squared residuals of the model without any of these causes, in units of the noise")
+    panel.grid(visible=False)
 
 
 def before_and_after(found: Diagnosis, canvas: Figure) -> None:
@@ -51,15 +51,15 @@ def before_and_after(found: Diagnosis, canvas: Figure) -> None:
     names = "xyz" if measurement.axis is None else [""]
     canvas.set_size_inches(8.6, 4.0)
     grid = canvas.subplots(2, len(across), squeeze=False, sharey=True, sharex="col")
-    for line, what, stage in zip(grid, ("before", "after"), (found.before, found.after), strict=True):
+    for line, name, stage in zip(grid, ("before", "after"), (found.before, found.after), strict=True):
         values = in_micro(stage.fit, stage.fit.residual)
-        for place, x in zip(line, across.values(), strict=True):
+        for panel, x in zip(line, across.values(), strict=True):
             for k in range(values.shape[1]):
-                dots(place, x[rows], values[rows, k], COLOURS[k], alpha=0.4)
-                place.plot(*_means(x[kept], values[kept, k]), color=COLOURS[k], linewidth=1.5, label=names[k])
-        line[0].set_ylabel(f"{what}, um")
-    for place, label in zip(grid[-1], across, strict=True):
-        place.set_xlabel(label)
+                dots(panel, x[rows], values[rows, k], COLOURS[k], alpha=0.4)
+                panel.plot(*_means(x[kept], values[kept, k]), color=COLOURS[k], linewidth=1.5, label=names[k])
+        line[0].set_ylabel(f"{name}, um")
+    for panel, label in zip(grid[-1], across, strict=True):
+        panel.set_xlabel(label)
     low, high = np.percentile(in_micro(found.before.fit, found.before.fit.residual)[rows], (OUTER, 100 - OUTER))
     grid[0][0].set_ylim(1.2 * min(low, -1e-3), 1.2 * max(high, 1e-3))
     if measurement.axis is None:
@@ -69,11 +69,11 @@ def before_and_after(found: Diagnosis, canvas: Figure) -> None:
 def against_noise(found: Diagnosis, canvas: Figure) -> None:
     """Distribution of the residuals in standard uncertainties, before and after, with that of noise alone."""
     canvas.set_size_inches(8.0, 2.3)
-    places = canvas.subplots(1, 2, sharey=True)
-    for place, what, stage in zip(places, ("before", "after"), (found.before, found.after), strict=True):
-        against_normal(place, in_uncertainties(stage.fit), 6.0)
-        place.set_title(what)
-        place.legend(fontsize=7, frameon=False)
+    panels = canvas.subplots(1, 2, sharey=True)
+    for panel, name, stage in zip(panels, ("before", "after"), (found.before, found.after), strict=True):
+        against_normal(panel, in_uncertainties(stage.fit), 6.0)
+        panel.set_title(name)
+        panel.legend(fontsize=7, frameon=False)
 
 
 def unexplained_shape(found: Diagnosis, canvas: Figure) -> None:
@@ -86,22 +86,22 @@ def unexplained_shape(found: Diagnosis, canvas: Figure) -> None:
     known = variables(found.measurement, linearised.rows)
     chosen = dict(_shown(found, name, known[name]) for name in found.unexplained.variables)
     canvas.set_size_inches(8.6, 2.6)
-    places = canvas.subplots(1, len(chosen) + (len(chosen) > 1), squeeze=False)[0]
-    for place, (name, x) in zip(places, chosen.items(), strict=False):
+    panels = canvas.subplots(1, len(chosen) + (len(chosen) > 1), squeeze=False)[0]
+    for panel, (name, x) in zip(panels, chosen.items(), strict=False):
         for k in range(micro.shape[1]):
-            dots(place, x, micro[:, k], COLOURS[k], label="xyz"[k], alpha=0.4)
-        place.set_xlabel(name)
-    places[0].set_ylabel("unexplained, um")
+            dots(panel, x, micro[:, k], COLOURS[k], label="xyz"[k], alpha=0.4)
+        panel.set_xlabel(name)
+    panels[0].set_ylabel("unexplained, um")
     if micro.shape[1] > 1:
-        places[0].legend(loc="upper right", markerscale=3, fontsize=7, framealpha=0.7)
+        panels[0].legend(loc="upper right", markerscale=3, fontsize=7, framealpha=0.7)
     if len(chosen) > 1:
         k = int(np.argmax(np.sum(micro**2, axis=0)))
         (first, x), (second, y) = list(chosen.items())[:2]
         most = float(np.abs(micro[:, k]).max())
-        mapped = places[-1].scatter(x, y, c=micro[:, k], cmap="RdBu_r", vmin=-most, vmax=most, s=9, rasterized=True)
-        places[-1].set_xlabel(first)
-        places[-1].set_ylabel(second)
-        canvas.colorbar(mapped, ax=places[-1], label=f"{'xyz'[k] if micro.shape[1] > 1 else 'unexplained'}, um")
+        mapped = panels[-1].scatter(x, y, c=micro[:, k], cmap="RdBu_r", vmin=-most, vmax=most, s=9, rasterized=True)
+        panels[-1].set_xlabel(first)
+        panels[-1].set_ylabel(second)
+        canvas.colorbar(mapped, ax=panels[-1], label=f"{'xyz'[k] if micro.shape[1] > 1 else 'unexplained'}, um")
 
 
 def _axes_of_figures(found: Diagnosis) -> Iterator[tuple[str, Array]]:

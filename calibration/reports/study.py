@@ -49,7 +49,7 @@ def _sections(results: Sequence[Result], study: StudyEntry, draws: Draws) -> Ite
         text = "Mean over draws (dots) and 95 % quantile (band)."
         yield Section("Points and time", text, figure=partial(_curve, results))
     text = "Positions of the target, and the tracker."
-    yield Section("Measured positions", text, figure=partial(_places, results))
+    yield Section("Measured positions", text, figure=partial(_position_figure, results))
     if notes := list(_notes(results, draws)):
         yield Section("Notes", "\n".join(notes))
 
@@ -75,8 +75,8 @@ def _table(results: Sequence[Result]) -> Table:
             numbers += [f"{first.mean:.2f}", f"{last.mean:.2f}", f"{last.quantile:.2f}"]
         counts = str(result.points), f"{result.minutes:.0f}", str(result.after.shape[1])
         rows.append((result.case.name, *counts, *numbers, f"{standard_errors(result.after[0])[0]:.2f}"))
-    places = ("volume", "program")[: len(results[0].before)]
-    columns = [f"{place} {what}, um" for place in places for what in ("before", "after", "95 %")]
+    regions = ("volume", "program")[: len(results[0].before)]
+    columns = [f"{region} {stage}, um" for region in regions for stage in ("before", "after", "95 %")]
     return Table(("case", "points", "min", "draws", *columns, "u (k=1) of the mean, um"), rows)
 
 
@@ -94,24 +94,24 @@ def _notes(results: Sequence[Result], draws: Draws) -> Iterator[str]:
 
 def _distributions(results: Sequence[Result], canvas: Figure) -> None:
     canvas.set_size_inches(8.0, 0.45 * len(results) + 1.0)
-    place = canvas.subplots()
+    panel = canvas.subplots()
     for k, result in enumerate(results):
-        _half(place, -k, result.before[0], BEFORE, "high")
-        _half(place, -k, result.after[0], AFTER, "low")
-    place.set_yticks([-k for k in range(len(results))], [result.case.name for result in results])
-    place.set_xlim(left=0)
-    place.set_xlabel("RMS volumetric error, um: before (blue), after (grey)")
+        _half(panel, -k, result.before[0], BEFORE, "high")
+        _half(panel, -k, result.after[0], AFTER, "low")
+    panel.set_yticks([-k for k in range(len(results))], [result.case.name for result in results])
+    panel.set_xlim(left=0)
+    panel.set_xlabel("RMS volumetric error, um: before (blue), after (grey)")
 
 
-def _half(place: Axes, row: int, values: Array, colour: str, side: Literal["low", "high"]) -> None:
+def _half(panel: Axes, row: int, values: Array, colour: str, side: Literal["low", "high"]) -> None:
     """One side of a row: the distribution, its mean and its quantile."""
-    shape = place.violinplot([values], [row], orientation="horizontal", side=side, widths=0.8, showextrema=False)
+    shape = panel.violinplot([values], [row], orientation="horizontal", side=side, widths=0.8, showextrema=False)
     for body in shape["bodies"]:  # type: ignore[attr-defined]
         body.set_facecolor(colour)
         body.set_alpha(0.6)
     end = row + (0.35 if side == "high" else -0.35)
-    place.plot([values.mean()] * 2, [row, end], color=colour, linewidth=1.5)
-    place.plot([np.quantile(values, LEVEL)] * 2, [row, end], color=colour, linewidth=1, linestyle=":")
+    panel.plot([values.mean()] * 2, [row, end], color=colour, linewidth=1.5)
+    panel.plot([np.quantile(values, LEVEL)] * 2, [row, end], color=colour, linewidth=1, linestyle=":")
 
 
 def _curve(results: Sequence[Result], canvas: Figure) -> None:
@@ -120,30 +120,30 @@ def _curve(results: Sequence[Result], canvas: Figure) -> None:
     hours = np.array([result.minutes for result in ranked]) / 60.0
     canvas.set_size_inches(8.0, 2.6)
     left, right = canvas.subplots(1, 2)
-    for place, x, label in ((left, points, "points"), (right, hours, "hours")):
+    for panel, x, label in ((left, points, "points"), (right, hours, "hours")):
         for values, colour in (([r.before[0] for r in ranked], BEFORE), ([r.after[0] for r in ranked], AFTER)):
             found = [estimates(each) for each in values]
-            place.plot(x, [each.mean for each in found], "o-", markersize=3, color=colour, linewidth=1)
-            place.fill_between(x, [e.mean for e in found], [e.quantile for e in found], color=colour, alpha=0.2)
-        place.set_xlabel(label)
-        place.set_ylim(bottom=0)
+            panel.plot(x, [each.mean for each in found], "o-", markersize=3, color=colour, linewidth=1)
+            panel.fill_between(x, [e.mean for e in found], [e.quantile for e in found], color=colour, alpha=0.2)
+        panel.set_xlabel(label)
+        panel.set_ylim(bottom=0)
     left.set_ylabel("RMS volumetric error, um")
 
 
-def _places(results: Sequence[Result], canvas: Figure) -> None:
+def _position_figure(results: Sequence[Result], canvas: Figure) -> None:
     across = min(ACROSS, len(results))
     rows = -(-len(results) // across)
     canvas.set_size_inches(8.0, 2.2 * rows)
     for k, result in enumerate(results, start=1):
-        place: Any = canvas.add_subplot(rows, across, k, projection="3d")
+        panel: Any = canvas.add_subplot(rows, across, k, projection="3d")
         x, y, z = _targets(result).T / 1e3
-        place.scatter(x, y, z, s=1, color=BEFORE, rasterized=True)
+        panel.scatter(x, y, z, s=1, color=BEFORE, rasterized=True)
         for tracker in result.case.trackers:
-            place.scatter(*(value / 1e3 for value in tracker), s=20, color=TRACKER, marker="^")
-        place.set_title(result.case.name)
-        place.set_box_aspect([max(float(np.ptp(v)), 0.3) for v in (x, y, z)])
-        place.tick_params(labelsize=5)
-        place.locator_params(nbins=4)
+            panel.scatter(*(value / 1e3 for value in tracker), s=20, color=TRACKER, marker="^")
+        panel.set_title(result.case.name)
+        panel.set_box_aspect([max(float(np.ptp(v)), 0.3) for v in (x, y, z)])
+        panel.tick_params(labelsize=5)
+        panel.locator_params(nbins=4)
 
 
 def _targets(result: Result) -> Array:

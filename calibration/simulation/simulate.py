@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker
 from calibration.measurement.measurement import SPINDLE_NOSE, Measurement, Target, with_moves
-from calibration.measurement.observed_points import seen_points
+from calibration.measurement.observed_points import target_points
 from calibration.measurement.registration import Registration
 from calibration.observation.equations import covariance, expected
 from kinematics.effects.base import UM, URAD
@@ -70,7 +70,7 @@ def observe(
     registration = _registration(blank, poses, rng)
     if isinstance(instrument, LaserTracker):
         # instrument effects use the beam to the nominal point: the influence of machine errors on it is negligible
-        points = [registration.seen(part, seen_points(part, None, part.tool)) for part in _parts(blank, AT_A_TIME)]
+        points = [registration.seen(part, target_points(part, None, part.tool)) for part in _parts(blank, AT_A_TIME)]
         blank = replace(blank, state=replace(blank.state, observed=np.concatenate(points)))
     together = len(blank) if any(effect.HAS_MEMORY for effect in model.effects) else AT_A_TIME
     exact = np.empty((len(blank), instrument.components))

@@ -23,7 +23,7 @@ import numpy as np
 from calibration.fit.acceptance import relative_deviations, significant_share
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import seen_points
+from calibration.measurement.observed_points import target_points
 from calibration.plausibility.checks import usable
 from calibration.single_axis import stations
 from calibration.single_axis.error_curves import (
@@ -320,7 +320,7 @@ def _refuse_unknown(choice: Choice, found: Mapping[str, _Found]) -> None:
 
 def _on_tool(measurement: Measurement, number: np.ndarray) -> dict[int, Array]:
     """Nominal positions `(3,)` of the points on the tool, mm, by number."""
-    nominal = seen_points(measurement, None, measurement.tool)
+    nominal = target_points(measurement, None, measurement.tool)
     carrier = np.array([target.carrier for target in measurement.targets.values()])[measurement.target_number]
     return {int(number[row]): nominal[row] for row in np.flatnonzero(carrier == "tool")}
 

@@ -225,8 +225,8 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
         Units are mm, deg, s and K; for time and temperatures the name holds the variable behind the effect.
         """
-        largest = {what: float(excess.max(initial=0.0)) for what, excess in self.excesses(machine, state).items()}
-        return {what: excess for what, excess in largest.items() if excess > ROUNDING}
+        largest = {key: float(excess.max(initial=0.0)) for key, excess in self.excesses(machine, state).items()}
+        return {key: excess for key, excess in largest.items() if excess > ROUNDING}
 
     def excesses(self, machine: Machine, state: State) -> dict[tuple[str, str], Array]:
         """Distance of each row `(n,)` from the interval of each effect, 0 inside; names and units as `outside`.

@@ -17,7 +17,7 @@ from postproc.motion.motions import Motions
 from postproc.motion.reversals import (
     INNER,
     Directions,
-    axes_with_play,
+    axes_with_backlash,
     axis_positions_along,
     dead_band,
     known_before,
@@ -51,7 +51,7 @@ class MachineStates:
         *,
         written: bool = False,
     ) -> None:
-        self.axes = axes_with_play(model, machine)
+        self.axes = axes_with_backlash(model, machine)
         self.band = dead_band(machine, tolerance_um)
         if written:
             # moves below the dead band remain below it after rounding; a backlash take-up is longer

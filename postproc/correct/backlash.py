@@ -22,7 +22,7 @@ from postproc.motion.moves import Known
 from postproc.motion.reversals import (
     INNER,
     Directions,
-    axes_with_play,
+    axes_with_backlash,
     axis_positions_along,
     dead_band,
     feeds,
@@ -60,7 +60,7 @@ class BacklashTakeUps:
     ) -> None:
         model, orientation = models
         self.machine, self.conditions, self.notes = machine, conditions, notes
-        self.axes = axes_with_play(model, machine)
+        self.axes = axes_with_backlash(model, machine)
         self.band = dead_band(machine, tolerance_um)
         self._plain = model.part(lambda effect: not needs_direction(effect))
         self._orientation = orientation and orientation.part(lambda effect: not needs_direction(effect))
@@ -123,14 +123,14 @@ class BacklashTakeUps:
 
     def _with_backlash_take_ups(self, motions: Motions, before: Array, first: Array, last: Array) -> Directed:
         self._note_unknown(motions, last)
-        asked = (first != before) & feeds(motions)[:, None]
+        required = (first != before) & feeds(motions)[:, None]
         linear = np.zeros(len(self.machine.axes), bool)
         linear[list(self.machine.translators)] = True
-        others = asked & ~linear
+        others = required & ~linear
         coupled = motions.coupled
         # here a machine axis depends on several programmed ones: all of them move, or none
-        together = coupled[:, None] & linear & (asked & linear).any(axis=1, keepdims=True)
-        reversing = (asked & linear) | together
+        together = coupled[:, None] & linear & (required & linear).any(axis=1, keepdims=True)
+        reversing = (required & linear) | together
         programmed = (motions.known_start == Known.PROGRAM) & (motions.known == Known.PROGRAM)
         closed = np.array([block.no_insertion for block in motions.blocks], bool)[motions.block]
         ready = motions.frame_unchanged & ~motions.rotary_only & ~closed
@@ -140,20 +140,20 @@ class BacklashTakeUps:
         possible = reversing & programmed & ready[:, None]
         possible[coupled & (reversing & ~possible).any(axis=1)] = False
         self._note_along(motions, others, "ncomp does not correct this axis")
-        missing = asked & linear & ~possible
+        missing = required & linear & ~possible
         self._note_along(motions, missing & closed[:, None], NO_INSERTION)
         self._note_along(motions, missing & ~(closed | ready)[:, None], NOT_READY)
         self._note_along(motions, missing & ready[:, None], "the program has not given the position of the axis")
         rows = np.flatnonzero(possible.any(axis=1))
-        taken_up = np.where(possible & asked, first, before)[rows]
+        taken_up = np.where(possible & required, first, before)[rows]
         approach = np.insert(last, rows, taken_up, axis=0)
         return Directed(with_backlash_take_ups(motions, rows, possible[rows]), approach)
 
     def _note_along(self, motions: Motions, cells: NDArrayBool, why: str) -> None:
         """Note the moves and axes, true in `cells` `(n, axes)`, whose backlash is taken up along the move."""
         for row, axis in np.argwhere(cells):
-            what = f"the backlash of {self.machine.names[axis]} is taken up along a feed move and not before it"
-            self._note(what, why, motions.blocks[motions.block[row]])
+            deviation = f"the backlash of {self.machine.names[axis]} is taken up along a feed move and not before it"
+            self._note(deviation, why, motions.blocks[motions.block[row]])
 
     def _note_unknown(self, motions: Motions, approach: Array) -> None:
         """Note the axes that are assumed in the middle of their backlash."""
@@ -165,8 +165,8 @@ class BacklashTakeUps:
                 text = f"{name} is assumed in the middle of its backlash until it moves from a programmed position"
                 self.notes.add(text, line, rows.size)
 
-    def _note(self, what: str, why: str, block: Block) -> None:
-        self.notes.add(f"{what}, because {why}: the move may deviate by the backlash until its end", block.line)
+    def _note(self, deviation: str, why: str, block: Block) -> None:
+        self.notes.add(f"{deviation}, because {why}: the move may deviate by the backlash until its end", block.line)
 
 
 def _obstacle(motions: Motions, row: int, block: Block) -> str:

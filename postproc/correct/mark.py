@@ -56,7 +56,7 @@ def mark_line(dialect: Dialect, machine: Machine, mark: Mark, source: Source, ac
     """Comment line for a corrected program; upper case and plain characters, so that the oldest control reads it."""
     name = _PLAIN.sub("_", machine.name.upper())[:NAME_LENGTH]
     text = f"NCOMP {version('ncomp')} MACHINE {name} CALIBRATION {mark.calibration} PROGRAM {source.hash.upper()}"
-    named = "".join(f" {what} {value}" for what, value in (("SETUP", mark.setup), ("DATUM", mark.datum)) if value)
+    named = "".join(f" {word} {value}" for word, value in (("SETUP", mark.setup), ("DATUM", mark.datum)) if value)
     names = ",".join(sorted(accepted)).upper()
     return dialect.comment.format(text + named + (f" ACCEPTED {names}" if names else "")) + source.line_end
 

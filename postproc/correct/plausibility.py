@@ -119,10 +119,10 @@ class Outside:
         """Add the excesses of moves `(n,)`, as from `ErrorModel.excesses`, and their lines in the program."""
         self.moves += len(lines)
         beyond = np.zeros(len(lines), bool)
-        for what, excess in excesses.items():
+        for quantity, excess in excesses.items():
             if excess.max(initial=0.0) > ROUNDING:
-                self.largest[what] = max(float(excess.max()), self.largest.get(what, 0.0))
-                if f" in {TEMPERATURE}" not in what[0]:
+                self.largest[quantity] = max(float(excess.max()), self.largest.get(quantity, 0.0))
+                if f" in {TEMPERATURE}" not in quantity[0]:
                     beyond |= excess > ROUNDING
         self.outside += int(beyond.sum())
         self.lines += lines[beyond][: MOST_LINES - len(self.lines)].tolist()

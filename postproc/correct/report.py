@@ -75,10 +75,10 @@ def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterat
         yield Section("Notes", "\n".join(notes))
     if trace is not None:
         yield from _figures(trace, result.error)
-        for what, ends in zip(("before", "after"), trace.worst, strict=True):
+        for stage, ends in zip(("before", "after"), trace.worst, strict=True):
             if ends:
                 text = "Ends of moves, in programmed coordinates (mm, degrees)."
-                yield Section(f"Largest errors {what}", text, _worst_table(trace, ends), detail=True)
+                yield Section(f"Largest errors {stage}", text, _worst_table(trace, ends), detail=True)
 
 
 def _set_up(result: CorrectionResult) -> Iterator[tuple[str, str]]:

@@ -23,11 +23,11 @@ def error_figure(bins: Bins, canvas: Figure) -> None:
     """RMS and largest error of each stretch, before above after, each with its own scale."""
     canvas.set_size_inches(9.0, 4.0)
     grid = canvas.subplots(2, 1, sharex=True)
-    for k, (axes, what, colour) in enumerate(zip(grid, ("before", "after"), (BEFORE, AFTER), strict=True)):
+    for k, (axes, stage, colour) in enumerate(zip(grid, ("before", "after"), (BEFORE, AFTER), strict=True)):
         if bins.width > 1:
             _area(axes, bins, np.zeros(len(bins)), bins.largest[:, k], colour)
         axes.stairs(bins.rms[:, k], bins.edges, baseline=None, color=colour, linewidth=1)
-        axes.set_ylabel(f"{what}, um")
+        axes.set_ylabel(f"{stage}, um")
         axes.set_ylim(bottom=0.0)
     grid[-1].set_xlabel("moves of the program")
 

@@ -50,8 +50,8 @@ class Splitter:
     def limits(self) -> Limits:
         """Limits of the path without the rounding of its ends; at least half of the requested tolerance."""
         rounding = self.machine.rounding_mm
-        asked = 1e-3 * self.tolerance_um
-        return Limits(max(asked - 1.1 * rounding, asked / 2, rounding), math.inf if self.worse else rounding)
+        required = 1e-3 * self.tolerance_um
+        return Limits(max(required - 1.1 * rounding, required / 2, rounding), math.inf if self.worse else rounding)
 
     def prepare(self, motions: Motions, varied: frozenset[int]) -> Motions:
         """The moves of a chunk, split where necessary; `varied`: blocks that run several times with different moves."""

@@ -24,7 +24,7 @@ def needs_direction(effect: Effect) -> bool:
     return effect.ACTS_ON != "instrument" and "approach" in effect.needs
 
 
-def axes_with_play(model: ErrorModel, machine: Machine) -> tuple[int, ...]:
+def axes_with_backlash(model: ErrorModel, machine: Machine) -> tuple[int, ...]:
     """Columns of the axes whose direction the model depends on."""
     return tuple(sorted({machine.index(name) for e in model.effects if needs_direction(e) for name in e.axes}))
 

@@ -83,7 +83,7 @@ class _Part:
     """Mean square of its correction."""
 
 
-def build(target: Target, capabilities: Capabilities, limits: Limits, what: str) -> Built:
+def build(target: Target, capabilities: Capabilities, limits: Limits, control: str) -> Built:
     """The tables of a format for one machine; UserError if its limits admit none."""
     outputs = [i for i, axis in enumerate(target.machine.axes) if axis.name[0] in capabilities.outputs]
     parts = _of_one_axis(target, outputs, capabilities)
@@ -96,7 +96,7 @@ def build(target: Target, capabilities: Capabilities, limits: Limits, what: str)
     for group in _sharing([part for part in kept if len(part.sources) == 1], limits):
         writer.curves(group)
     writer.balance()
-    check_terms(writer.terms, limits, what, target.machine)
+    check_terms(writer.terms, limits, control, target.machine)
     return Built(tuple(sorted(writer.terms, key=lambda term: (len(term.factors), term.output))), writer.datum)
 
 

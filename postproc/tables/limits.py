@@ -56,15 +56,15 @@ class Limits:
     """True when the value (forward) at the reference position must be 0, or the axis would jump when it is homed."""
 
 
-def check_terms(terms: Sequence[Term], limits: Limits, what: str, machine: Machine) -> None:
-    """UserError, naming the table, for a table that the control `what` would refuse or truncate without a message."""
+def check_terms(terms: Sequence[Term], limits: Limits, control: str, machine: Machine) -> None:
+    """UserError, naming the table, for a table that `control` would refuse or truncate without a message."""
     count = sum(len(term.factors) for term in terms)
     if limits.tables is not None and count > limits.tables:
-        raise UserError(f"{what} holds at most {limits.tables} tables, and the correction needs {count}")
+        raise UserError(f"{control} holds at most {limits.tables} tables, and the correction needs {count}")
     for term in terms:
         crossing = len(term.inputs) == 1 and term.inputs != (term.output,)
         own = limits.cross if limits.cross is not None and crossing else limits
-        where = f"{what}, table {term.name}"
+        where = f"{control}, table {term.name}"
         for factor in term.factors:
             for nodes in factor.nodes if isinstance(factor.nodes, tuple) else (factor.nodes,):
                 _check_nodes(nodes, own, where)

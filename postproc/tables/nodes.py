@@ -136,9 +136,9 @@ def _equidistant(x: Array, curves: Array, limits: Limits, home: float | None, en
         if least <= enough:
             break
     if best is None:
-        asked = f" {limits.interval:g} apart" if limits.interval else ""
+        apart = f" {limits.interval:g} apart" if limits.interval else ""
         steep = "" if np.isinf(limits.steepest) else f" in steps of at most {limits.steepest:g}"
-        raise UserError(f"{limits.points} points{asked} do not reach from {x[0]:g} to {x[-1]:g}{steep}")
+        raise UserError(f"{limits.points} points{apart} do not reach from {x[0]:g} to {x[-1]:g}{steep}")
     return best
 
 

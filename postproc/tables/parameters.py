@@ -20,7 +20,7 @@ from postproc.tables.format import Content
 class Row(NamedTuple):
     """One parameter: its subject, value with unit, name in the control, and whether the tables contain it already."""
 
-    what: str
+    subject: str
     value: str
     control_parameter: str
     held: str

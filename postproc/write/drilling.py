@@ -56,7 +56,7 @@ class HoleWriter:
         incremental = cycle.incremental != cycle.switched
         above = self._level if incremental else 0.0
         both = (incremental or cycle.switched) and any(
-            self._differs(what, value, unit, decimals) for what, value in corrected.items()
+            self._differs(quantity, value, unit, decimals) for quantity, value in corrected.items()
         )
         scale = Scale(unit, decimals, depth.programmed, both)
         clear = self._write_word(editor, cycle.retract_word, ("R", "R"), corrected["R"], above, scale)
@@ -65,9 +65,9 @@ class HoleWriter:
         )
         return bottom, clear if cycle.to_retract else self._level
 
-    def _differs(self, what: str, corrected: float, unit: float, decimals: int) -> bool:
+    def _differs(self, quantity: str, corrected: float, unit: float, decimals: int) -> bool:
         """True if a position, mm, differs from the value on the control."""
-        return what not in self._held or round((corrected - self._held[what]) / unit, decimals) != 0
+        return quantity not in self._held or round((corrected - self._held[quantity]) / unit, decimals) != 0
 
     def _write_word(
         self, editor: WordEditor, index: int | None, name: tuple[str, str], corrected: float, base: float, scale: Scale
@@ -76,14 +76,14 @@ class HoleWriter:
 
         `name`: its address and its quantity; `base`: origin of its value, mm.
         """
-        (address, what), number = name, (corrected - base) / scale.unit
+        (address, quantity), number = name, (corrected - base) / scale.unit
         if index is not None:
             present = editor.block.words[index].value or 0.0
             programmed = editor.set(index, number, scale.decimals) if scale.corrected else present
-        elif scale.corrected and (scale.both or self._differs(what, corrected, scale.unit, scale.decimals)):
+        elif scale.corrected and (scale.both or self._differs(quantity, corrected, scale.unit, scale.decimals)):
             programmed = editor.agreed(address, round(number, scale.decimals), scale.decimals)
             editor.insert(address, programmed, scale.decimals)
         else:
-            return self._held.get(what, corrected)
-        self._held[what] = base + scale.unit * programmed
-        return self._held[what]
+            return self._held.get(quantity, corrected)
+        self._held[quantity] = base + scale.unit * programmed
+        return self._held[quantity]

@@ -158,7 +158,7 @@ ARC_RADIUS_UM = 1.5
 """The test's arcs are no better circles: four decimals on a short radius, a radius to four decimals."""
 
 
-def with_play(machine, seed):
+def with_backlash(machine, seed):
     model, rng = random_model(machine, seed), np.random.default_rng(seed)
     plays = [Backlash(axis.name, float(rng.uniform(2, 40)), float(rng.uniform(-9, 9))) for axis in machine.axes]
     return model_of(machine, *model.effects, *plays)

@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.observed_points import seen_points
+from calibration.measurement.observed_points import target_points
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -103,7 +103,7 @@ def log_of(
     q, target = np.concatenate(axes) * machine.scale, np.array(names)
     state = State(q, target=target)
     blank = Measurement(machine, SHEET, state, np.zeros((len(q), 3)), targets, stands_on)  # type: ignore[arg-type]
-    points = pose.apply(seen_points(blank, model.errors(machine, state), blank.tool))
+    points = pose.apply(target_points(blank, model.errors(machine, state), blank.tool))
     time = np.concatenate(times)
     wave = np.sin(2 * np.pi * 11.3 * time)[:, None] * np.array([0.6, -0.5, 0.6])
     noise = reading_um * rng.standard_normal(points.shape) + vibration_um * wave

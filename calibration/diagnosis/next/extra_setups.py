@@ -10,7 +10,7 @@ import numpy as np
 from calibration.diagnosis.next.fixed_standards import BAR_MM, bar, references
 from calibration.diagnosis.next.follow_up import NEW, Data, FollowUpDesign
 from calibration.measurement.measurement import Target
-from calibration.measurement.observed_points import seen_points
+from calibration.measurement.observed_points import target_points
 from kinematics.machine import Vector
 from kinematics.transforms import Array, Pose, rotation_about, turn
 
@@ -31,7 +31,7 @@ def from_elsewhere(data: Data) -> Iterator[FollowUpDesign]:
     name = _unused(list(registration.poses))
     there = data.following(index, STATION_MIN, station=np.full(len(index), name))
     pose = registration.poses[str(m.groups[-1])]
-    centre = seen_points(there, None, registration.tool(there)).mean(axis=0)
+    centre = target_points(there, None, registration.tool(there)).mean(axis=0)
     for where, angle in (("across the volume", np.pi), ("a quarter round the volume", np.pi / 2)):
         round_it = rotation_about((0.0, 0.0, 1.0), angle)
         moved = pose @ Pose(round_it, centre - turn(round_it, centre))

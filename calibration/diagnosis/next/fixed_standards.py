@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import Carrier, Measurement, Target
-from calibration.measurement.observed_points import seen_points
+from calibration.measurement.observed_points import target_points
 from calibration.measurement.registration import Registration
 from kinematics.transforms import Array
 
@@ -55,7 +55,7 @@ def bar(measurement: Measurement, registration: Registration) -> tuple[dict[str,
 
 
 def _tool_points(measurement: Measurement, registration: Registration) -> Array:
-    return seen_points(measurement, None, registration.tool(measurement))
+    return target_points(measurement, None, registration.tool(measurement))
 
 
 def _target(measurement: Measurement, position: Array) -> Target:

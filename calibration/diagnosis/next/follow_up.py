@@ -14,7 +14,7 @@ import numpy as np
 from calibration.diagnosis.next.fixed_standards import Length
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, with_moves
-from calibration.measurement.observed_points import seen_points
+from calibration.measurement.observed_points import target_points
 from calibration.measurement.registration import Registration
 from kinematics.effects import Effect, TrackerDrift
 from kinematics.state import State
@@ -142,7 +142,7 @@ class Data:
             registration = replace(registration, zeros=zeros, slopes=slopes)
             done = replace(measurement, observed=np.zeros((n, 1)))
         else:
-            points = seen_points(measurement, None, registration.tool(measurement))
+            points = target_points(measurement, None, registration.tool(measurement))
             observed = registration.seen(measurement, points)
             done = replace(measurement, observed=observed, state=replace(measurement.state, observed=observed))
         time = measurement.state.time

@@ -359,18 +359,18 @@ class LinearisedFit:
             step = block.posterior.solve(others)
             schur = squares - own.T @ own - others.T @ step
             slope = right - own.T @ self.residual[block.rows] + others.T @ block.moved
-            after = block.missed - (own - design @ step) @ np.linalg.solve(schur + softened, slope)
-            gains.append(float(np.sum(block.missed[block.counted] ** 2) - np.sum(after[block.counted] ** 2)))
+            after = block.held_residual - (own - design @ step) @ np.linalg.solve(schur + softened, slope)
+            gains.append(float(np.sum(block.held_residual[block.counted] ** 2) - np.sum(after[block.counted] ** 2)))
         return np.array(gains)
 
     @cached_property
     def cross_validation(self) -> HeldResiduals:
         """Residuals of every block under a fit of all the others, to first order."""
         components = self.measurement.components
-        missed, counted = np.empty(self.scalars), np.zeros(self.scalars, bool)
+        held_residual, counted = np.empty(self.scalars), np.zeros(self.scalars, bool)
         for block in self.blocks:
-            missed[block.rows], counted[block.rows] = block.missed, block.counted
-        whole = missed.reshape(-1, components)[:, :, None]
+            held_residual[block.rows], counted[block.rows] = block.held_residual, block.counted
+        whole = held_residual.reshape(-1, components)[:, :, None]
         in_mm = np.linalg.solve(self.white, whole)[:, :, 0] * self.measurement.per_micro[self.rows]
         return HeldResiduals(in_mm, counted.reshape(-1, components)[:, 0] & self.good, len(self.blocks))
 
@@ -437,7 +437,7 @@ class HeldBlock(NamedTuple):
     """H without these rows, factorised."""
     moved: Array
     """Parameters `(q,)` of the fit of all rows less those of the fit of all the others."""
-    missed: Array
+    held_residual: Array
     """Whitened residuals of these rows under the fit of all the others."""
     counted: np.ndarray
     """False where the other rows do not determine the set-up or the target."""

@@ -15,14 +15,14 @@ from kinematics.effects import QuantisedCompensation
 from kinematics.effects.base import own_component
 from kinematics.transforms import Array
 
-PITCHES, PLACES = 61, 41
+PITCHES, OFFSETS = 61, 41
 """Pitches and offsets that are tried about a sawtooth."""
 CLOSER = 8
 """Factor by which the next round is finer."""
 ROUNDS = 3
 ALL = 0.999
 """Least share of the odds in the range of the next round."""
-_NEXT = tuple(slice(n // 2 - n // 2 // CLOSER, n // 2 + n // 2 // CLOSER + 1) for n in (PLACES, PITCHES))
+_NEXT = tuple(slice(n // 2 - n // 2 // CLOSER, n // 2 + n // 2 // CLOSER + 1) for n in (OFFSETS, PITCHES))
 OVER = 3_000_000
 """Most rows times sawtooth functions that are computed together."""
 
@@ -67,14 +67,14 @@ def saw_uncertainty(linearised: LinearisedFit, effect: QuantisedCompensation) ->
         odds /= odds.sum()
         away = pitches - effect.pitch, offsets - effect.offset
         u_pitch, u_offset = (float(np.sqrt(odds @ distance**2)) for distance in away)
-        if odds.reshape(PLACES, PITCHES)[_NEXT].sum() < ALL:
+        if odds.reshape(OFFSETS, PITCHES)[_NEXT].sum() < ALL:
             break
     # the spacing of the trials adds the variance of a uniform distribution
     return float(np.hypot(u_pitch, apart[0] / 12**0.5)), float(np.hypot(u_offset, apart[1] / 12**0.5))
 
 
 def _about(linearised: LinearisedFit, effect: QuantisedCompensation, reach: float) -> tuple[Array, Array]:
-    """Pitches and offsets `(PLACES * PITCHES,)` about those of an effect; a new pitch keeps the jump in mid-travel.
+    """Pitches and offsets `(OFFSETS * PITCHES,)` about those of an effect; a new pitch keeps the jump in mid-travel.
 
     reach: 1 for one step more or less over the travel, and half a pitch to either side.
     """
@@ -82,7 +82,7 @@ def _about(linearised: LinearisedFit, effect: QuantisedCompensation, reach: floa
     jumps = round(((low + high) / 2 - effect.offset) / effect.pitch)
     alias = effect.pitch**2 / (high - low)
     pitch = effect.pitch + reach * alias * np.linspace(-1.0, 1.0, PITCHES)
-    middle = effect.offset + jumps * effect.pitch + reach * effect.pitch * np.linspace(-0.5, 0.5, PLACES)
+    middle = effect.offset + jumps * effect.pitch + reach * effect.pitch * np.linspace(-0.5, 0.5, OFFSETS)
     middles, pitches = (part.reshape(-1) for part in np.meshgrid(middle, pitch, indexing="ij"))
     return pitches, middles - jumps * pitches
 

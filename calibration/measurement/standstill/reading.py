@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import carried, seen_points
+from calibration.measurement.observed_points import carried, target_points
 from calibration.measurement.plan import Plan
 from calibration.measurement.plan_file import read_plan
 from calibration.measurement.standstill.detection import RADIUS, Found, Stream, find_standstills
@@ -160,7 +160,7 @@ def _positions(log: Table, plan: Plan, in_plan: np.ndarray) -> Positions:
     target = blank.target_number
     state = np.concatenate([np.round(blank.state.positions, 7), blank.state.approach, target[:, None]], axis=1)
     return Positions(
-        seen_points(blank, None, np.zeros((len(blank), 3))),
+        target_points(blank, None, np.zeros((len(blank), 3))),
         carried(blank),
         target,
         np.unique(state, axis=0, return_inverse=True)[1].reshape(-1),

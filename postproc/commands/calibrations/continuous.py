@@ -133,14 +133,14 @@ def _calibration(
     return axis_model(found, read, quasi, machine, line, base)
 
 
-def _runs(quasi: QuasiStatic, wanted: Sequence[str]) -> QuasiStatic:
+def _runs(quasi: QuasiStatic, chosen: Sequence[str]) -> QuasiStatic:
     """The readings of the requested runs, all of them by default; UserError for an unknown run."""
     import numpy as np
 
-    unknown = [name for name in wanted if name not in quasi.runs]
+    unknown = [name for name in chosen if name not in quasi.runs]
     if unknown:
         raise UserError(f"--run {unknown[0]}: {quasi.source} has runs {', '.join(quasi.runs)}")
-    return quasi.rows(np.flatnonzero(np.isin(quasi.run, list(wanted)))) if wanted else quasi
+    return quasi.rows(np.flatnonzero(np.isin(quasi.run, list(chosen)))) if chosen else quasi
 
 
 def _write_table(rows: TableRows, file: BinaryIO) -> None:

@@ -69,8 +69,8 @@ def _write_tables(tests: Sequence[AxisTest], file: BinaryIO) -> None:
     writer.writeheader()
     for test in tests:
         p, e = test.position_unit, test.unit
-        for way, name in enumerate(DIRECTIONS):
-            for row in test.table(way):
+        for number, name in enumerate(DIRECTIONS):
+            for row in test.table(number):
                 numbers = {
                     f"position_{p}": f"{row.position:g}",
                     f"error_{e}": f"{row.error:.4f}",

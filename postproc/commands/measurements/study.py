@@ -59,20 +59,20 @@ def study(
     check_files((definition, program, *set_up.tool_table), {"--output": output, **others.by_option})
     if dask is not None and workers is not None:
         raise UserError("--workers and --dask exclude each other: give one of them")
-    wanted = read_study(definition)
+    defined = read_study(definition)
     with console.status("laying out the cases"):
-        cases = read_cases(wanted, definition.parent)
+        cases = read_cases(defined, definition.parent)
     if program is not None:
         machine = cases[0].plan.machine
         moves = moves_of(program, machine, set_up.setup(machine), set_up.dialect)
-        along = _ends(moves, program, wanted.instrument.temperature)
+        along = _ends(moves, program, defined.instrument.temperature)
         cases = [with_volume(case, along) for case in cases]
-    number = None if wanted.draws == "adaptive" else wanted.draws
-    draws = Draws(number, wanted.tolerance_um, wanted.most_draws)
+    number = None if defined.draws == "adaptive" else defined.draws
+    draws = Draws(number, defined.tolerance_um, defined.most_draws)
     store = Store.beside(output)
     with team_of(workers or os.cpu_count() or 1, dask) as team, _progress(draws, len(cases)) as progress:
-        found = run(cases, draws, team, store, wanted.check_draws, progress)
-    report = study_report(found, wanted, draws, f"ncomp study {definition}")
+        found = run(cases, draws, team, store, defined.check_draws, progress)
+    report = study_report(found, defined, draws, f"ncomp study {definition}")
     with whole_results(*others.files, output) as (results, page, file):
         write_results(found, file)
         others.write(summary(found), report, (results, page))

@@ -98,9 +98,9 @@ def export(
         errors["program"] = exported.errors_at(points)
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
     others = whole_results(json, None if rest is None else str(rest))
-    with whole_folder(output, _encoded(files)), others as (results, remainder):
+    with whole_folder(output, _encoded(files)), others as (results, rest_file):
         write_json(_json(exported, left, errors, list(files)), results)
-        remainder.write(encode_model(exported.rest))
+        rest_file.write(encode_model(exported.rest))
     _show(exported, left, errors, output, to_screen=json != "-")
 
 

@@ -22,7 +22,7 @@ LONG = 1_000_000
 
 
 @contextmanager
-def progress_of(total: int, what: str, long: int = LONG) -> Iterator[Callable[[int], None]]:
+def progress_of(total: int, label: str, long: int = LONG) -> Iterator[Callable[[int], None]]:
     """A function to call with each amount done of a total; a bar on a terminal from `long` on, nothing in a pipe."""
     if total < long or not console.is_terminal:
         yield lambda _: None
@@ -30,7 +30,7 @@ def progress_of(total: int, what: str, long: int = LONG) -> Iterator[Callable[[i
     from rich.progress import Progress
 
     with Progress(console=console, transient=True) as bar:
-        task = bar.add_task(what, total=total)
+        task = bar.add_task(label, total=total)
         yield lambda done: bar.advance(task, done)
 
 
@@ -45,6 +45,6 @@ def say_assumed(sentence: str) -> None:
         console.print(Text(sentence, "yellow"))
 
 
-def say(what: str, text: str) -> None:
+def say(label: str, text: str) -> None:
     """Show one line that a person must notice."""
-    console.print(Text.assemble((f"{what}: ", "yellow"), text))
+    console.print(Text.assemble((f"{label}: ", "yellow"), text))

@@ -9,8 +9,8 @@ from kinematics.effects import Effect
 from kinematics.user_error import UserError
 from postproc.tables.readers.source import Source, numbers, refusal
 
-_EEC = re.compile(r"\$AA_ENC_COMP(?P<what>_\w+)?\[(?P<index>[^\]]*)\]$")
-_CEC = re.compile(r"\$AN_CEC(?P<what>_\w+)?\[(?P<index>[^\]]*)\]$")
+_EEC = re.compile(r"\$AA_ENC_COMP(?P<entry>_\w+)?\[(?P<index>[^\]]*)\]$")
+_CEC = re.compile(r"\$AN_CEC(?P<entry>_\w+)?\[(?P<index>[^\]]*)\]$")
 _NEEDED = ("_STEP", "_MIN", "_MAX")
 
 
@@ -25,10 +25,10 @@ class _Table:
 
     def points(self) -> list[tuple[float, float]]:
         """Positions and values; UserError where the control would fill in or leave out some."""
-        lacking = [what for what in _NEEDED if what not in self.entries]
+        lacking = [entry for entry in _NEEDED if entry not in self.entries]
         if lacking:
             raise UserError(f"{self.name}: {', '.join(lacking)} missing")
-        step, low, high = (self.entries[what] for what in _NEEDED)
+        step, low, high = (self.entries[entry] for entry in _NEEDED)
         if step <= 0 or high <= low:
             raise UserError(
                 f"{self.name}: expected MIN below MAX and STEP above 0, found {low:g}, {high:g} and {step:g}"
@@ -82,10 +82,10 @@ def read_cec(source: Source) -> list[Effect]:
 
 
 def _cross(source: Source, table: _Table) -> tuple[str, str, list[tuple[float, float]]]:
-    for what in ("_INPUT_AXIS", "_OUTPUT_AXIS"):
-        if what not in table.axes:
-            raise UserError(f"{table.name}: {what} is missing")
-    of, output = (_axis(source, table.axes[what]) for what in ("_INPUT_AXIS", "_OUTPUT_AXIS"))
+    for entry in ("_INPUT_AXIS", "_OUTPUT_AXIS"):
+        if entry not in table.axes:
+            raise UserError(f"{table.name}: {entry} is missing")
+    of, output = (_axis(source, table.axes[entry]) for entry in ("_INPUT_AXIS", "_OUTPUT_AXIS"))
     return output, of, _modulo(source, of, table, table.points())
 
 
@@ -114,19 +114,19 @@ def _tables(source: Source, pattern: re.Pattern[str]) -> dict[tuple[str, ...], _
                 continue
             if not equals:
                 raise refusal(name, line, row, "expected an assignment")
-            index, what = [part.strip() for part in match["index"].split(",")], match["what"] or ""
+            index, entry = [part.strip() for part in match["index"].split(",")], match["entry"] or ""
             key = (index[0], index[-1]) if pattern is _EEC else (index[0],)
-            if len(index) != (2 if pattern is _EEC else 1) + (not what):
+            if len(index) != (2 if pattern is _EEC else 1) + (not entry):
                 raise refusal(name, line, row, "the number of indices is wrong")
             if not all(part.isdecimal() for part in (index[:-1] if pattern is _EEC else index)):
                 raise refusal(name, line, row, "an index must be a whole number")
             table = found.setdefault(key, _Table(f"{name}, {left.strip().partition('[')[0]} {','.join(key)}"))
-            if what in ("_INPUT_AXIS", "_OUTPUT_AXIS"):
-                table.axes[what] = right.strip().strip("()").strip()
+            if entry in ("_INPUT_AXIS", "_OUTPUT_AXIS"):
+                table.axes[entry] = right.strip().strip("()").strip()
                 continue
             (value,) = numbers([right], name, line, row)
-            if what:
-                table.entries[what] = value
+            if entry:
+                table.entries[entry] = value
                 continue
             point = int(index[1])
             if point in table.values:

@@ -80,10 +80,10 @@ class Source:
         """Names of the axes in the order X Y Z A B C U V W, in which controls number them."""
         return sorted(self.machine.names, key=lambda name: "XYZABCUVW".index(name[0]))
 
-    def numbered(self, k: int, what: str) -> str:
-        """The axis with the number k of a control, from 1; UserError, beginning with `what`, if there is none."""
+    def numbered(self, k: int, subject: str) -> str:
+        """The axis with the number k of a control, from 1; UserError, beginning with `subject`, if there is none."""
         if not 1 <= k <= len(self.lettered):
-            raise UserError(f"{what} does not exist: the machine has {len(self.lettered)} axes")
+            raise UserError(f"{subject} does not exist: the machine has {len(self.lettered)} axes")
         return self.lettered[k - 1]
 
     def only(self, suffix: str, control: str, content: str) -> str:
