@@ -153,7 +153,7 @@ def test_a_page_says_what_is_missing_and_shows_it(several):
             assert f" {quantity.unit}\n" in page or f" {quantity.unit}<" in page
         for other in cause.alternatives[:3]:
             assert other.name in page
-    for figure in (several.before.fit.rms_um, several.after.fit.rms_um, several.before.heldout_um):
+    for figure in (several.before.fit.rms_um, several.after.fit.rms_um, several.before.held_out_um):
         assert f"{figure:.2f}" in page
     for said in (
         "bidirectional table",

@@ -44,7 +44,7 @@ def test_causes_are_found_one_by_one_and_fitted_along():
     width = last.fit.model.effects[last.numbers[names(last).index(SOME[0].effect.name)]]
     assert width.parameters[0] == pytest.approx(12.0, abs=3 * width.uncertainties[0])
     assert last.cost < found.stages[0].cost
-    assert last.heldout_um < found.stages[0].heldout_um
+    assert last.held_out_um < found.stages[0].held_out_um
 
 
 @pytest.mark.usefixtures("no_shapes")

@@ -297,7 +297,7 @@ def test_a_program_is_judged_by_name(command, tmp_path):
     )  # fmt: skip
     assert done.status == 0, done.err
     assert "HIDDEN       1 direction" in done.err
-    assert "BLIND MODE   E_XX, E_YY and E_ZZ in proportion to their travels" in done.err
+    assert "HIDDEN MODE  E_XX, E_YY and E_ZZ in proportion to their travels" in done.err
 
 
 WRONG = {

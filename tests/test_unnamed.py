@@ -104,7 +104,7 @@ def test_what_no_cause_explains_is_predicted_and_leaves_the_machine_alone(seed, 
     assert set(said["unexplained"]["variables"]) == {"X", "Z", "time"}
     assert "unnamed" in {effect["kind"] for effect in said["effects"]}
     assert found.after.fit.rms_um < 1.15 * found.noise_um
-    assert found.after.heldout_um < told.after.heldout_um
+    assert found.after.held_out_um < told.after.held_out_um
     assert missed_um(found.model, draw, draw.causes, tmp_path) < 0.8 * missed_um(
         told.model, draw, draw.causes, tmp_path
     )

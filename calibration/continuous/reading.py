@@ -264,11 +264,11 @@ def _quasi(table: Table, axis: str, prefix: str, notes: list[str]) -> QuasiStati
 
 
 def _refuse_motion(table: Table) -> None:
-    """UserError for a reading taken in motion."""
+    """UserError for a reading recorded in motion."""
     if "feed" in table.names:
         moving = np.flatnonzero(table.numbers(["feed"])["feed"] != 0.0)
         if len(moving):
-            table.fault(int(moving[0]), "feed", "taken in motion: not a quasi-static reading")
+            table.fault(int(moving[0]), "feed", "recorded in motion: not a quasi-static reading")
 
 
 def _refuse_dead(table: Table, deviations: Array) -> None:

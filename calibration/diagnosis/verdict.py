@@ -134,7 +134,7 @@ def named(stage: Stage, before: LinearisedFit) -> list[Named]:
                 each.candidate.kind,
                 effect,
                 each.score.delta_bic,
-                without.cross_validation.rms_um - stage.heldout_um,
+                without.cross_validation.rms_um - stage.held_out_um,
                 min(share, 1.0),
                 _verdict(each),
                 each.visible,

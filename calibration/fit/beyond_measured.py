@@ -56,7 +56,7 @@ def check_beyond_measured(model: ErrorModel, machine: Machine) -> None:
         if growth.outside > max(SHARE * growth.inside, FLOOR):
             raise UserError(
                 f"no calibration is written: {growth.name} changes by {growth.inside:.3g} {growth.unit} in the "
-                f"measured range ({growth.measured}) and goes {growth.outside:.3g} {growth.unit} beyond that outside "
+                f"measured range ({growth.measured}) and by {growth.outside:.3g} {growth.unit} more outside "
                 f"(at {growth.where:.4g}), more than {SHARE:.0%} and {FLOOR:g} {growth.unit}: measure the axis over "
                 "its travel, or leave out the effect that causes it (a wobble, a wave, a product with another axis)"
             )

@@ -126,9 +126,8 @@ def _beyond(directions: Array, known: Array) -> Array:
 def _unidentifiable(fit: Fit, effects: Sequence[Effect], directions: int, parameters: int) -> Unidentifiable:
     names = tuple(effect.name for effect in effects)
     if len(effects) == 1:
-        reason = (
-            "not seen" if directions == parameters else f"{directions} of its {parameters} shapes are unidentifiable"
-        )
+        part = f"{directions} of its {parameters} shapes are "
+        reason = ("" if directions == parameters else part) + "unidentifiable"
     elif len(effects) == 2:
         reason = f"only their sum is identifiable ({directions} of {parameters} shapes)"
     else:

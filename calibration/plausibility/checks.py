@@ -112,7 +112,7 @@ def _order(measurement: Measurement) -> Iterator[Finding]:
     if len(measurement) >= LEAST and back > BACK * len(measurement):
         yield Finding(
             "order",
-            f"time goes back at {back} of {len(measurement)} rows: they are not in the order of acquisition, from "
+            f"time decreases at {back} of {len(measurement)} rows: they are not in the order of acquisition, from "
             "which the directions of approach follow; sort them by time",
             True,
         )
@@ -167,7 +167,7 @@ def _small_volume(measurement: Measurement) -> Iterator[Finding]:
         yield Finding(
             "volume",
             f"{names} move over {100 * share:.2g} % of their travel at most: is the unit of the commands right "
-            "(inch or m)? The calibration holds in this small volume only",
+            "(inch or m)? The calibration is valid in this small volume only",
             False,
         )
 

@@ -101,5 +101,5 @@ def verdict(cause: Named) -> str:
 def remedy(effect: Effect) -> str:
     """Remedy of an effect, as text."""
     if effect.ACTS_ON == "instrument":
-        return "It is an effect of the instrument: it is taken out of the data and not written to the calibration."
+        return "It is an effect of the instrument: it is removed from the data and not written to the calibration."
     return REMEDIES[effect.REMEDY]

@@ -27,7 +27,7 @@ def comparison_report(found: Comparison, names: tuple[str, str], command: str) -
     """The result for people; `names`: of the two calibrations; `command`: the command that made it."""
     aligned = found.volume.aligned
     verdict = (
-        f"Over the volume that both know, the tool point differs by {aligned.rms:.2f} um RMS, at most "
+        f"Over the common volume of both calibrations the tool point differs by {aligned.rms:.2f} um RMS, at most "
         f"{aligned.largest:.2f} um, after alignment; standard uncertainty {found.volume.u_rms_um:.2f} um RMS."
     )
     lead = f"A: {names[0]} · B: {names[1]} · {command}"

@@ -99,7 +99,7 @@ def figures(stage: Stage) -> dict[str, float | None]:
         "rms_um": stage.fit.rms_um,
         "max_um": stage.fit.max_um,
         "chi2_reduced": stage.fit.chi2_reduced,
-        "heldout_rms_um": None if math.isnan(stage.heldout_um) else stage.heldout_um,
+        "heldout_rms_um": None if math.isnan(stage.held_out_um) else stage.held_out_um,
     }
 
 
@@ -143,7 +143,7 @@ def _verdict(found: Diagnosis) -> str:
     before, after = found.before, found.after
     brought = (
         f"residual {before.fit.rms_um:.2f} -> {after.fit.rms_um:.2f} um RMS, "
-        f"held out {before.heldout_um:.2f} -> {after.heldout_um:.2f} um"
+        f"held out {before.held_out_um:.2f} -> {after.held_out_um:.2f} um"
     )
     if found.causes:
         names = "; ".join(map(_named, found.causes))
@@ -278,7 +278,7 @@ def _about(cause: Named) -> Iterator[str]:
 
 def _residuals(found: Diagnosis) -> Iterator[Section]:
     rows = [
-        (name, f"{s.fit.rms_um:.2f}", f"{s.fit.max_um:.1f}", f"{s.fit.chi2_reduced:.2f}", f"{s.heldout_um:.2f}")
+        (name, f"{s.fit.rms_um:.2f}", f"{s.fit.max_um:.1f}", f"{s.fit.chi2_reduced:.2f}", f"{s.held_out_um:.2f}")
         for name, s in (("before", found.before), ("after", found.after))
     ]
     rows.append(("noise alone", f"{found.noise_um:.2f}", "", "1", ""))

@@ -170,7 +170,7 @@ def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
     ]
     if others:
         yield Section("Other effects", table=Table(("", "", "value", "U (k=2)", ""), others))
-    text = "Means and slopes that belong to location errors are taken out. Band: U (k=2)."
+    text = "Means and slopes that belong to location errors are removed. Band: U (k=2)."
     yield Section("Error motions", text, figure=partial(_motions, found))
     text = "Residuals in standard uncertainties; the curve is the distribution of noise alone."
     yield Section("Unexplained residual", text, figure=partial(_distribution, fitted))
@@ -189,8 +189,8 @@ def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, st
     yield "data", f"{measurement.source}: {len(measurement)} rows, {found.fit.observations} observations fitted"
     if taken is not None:
         yield "on the fly", str(taken.reduction)
-        if blind := common_odd_mode(taken.measurement, found.fit.registration):
-            yield "BLIND MODE", blind
+        if mode := common_odd_mode(taken.measurement, found.fit.registration):
+            yield "HIDDEN MODE", mode
     for finding in found.findings:
         yield "note", finding.message
     yield "model", f"{seen.parameters} parameters: {bases}; size of errors x {found.choice.prior_scale:g}"

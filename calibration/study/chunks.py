@@ -117,7 +117,7 @@ def _bases(case: Case, fits: Fits, prior_scale: float | None) -> tuple[Part, ...
     text, axes = case.fit.basis, list(moving_axes(fits.columns.measurement))
     if text == AUTO or text.startswith(f"{AUTO}:"):
         if prior_scale is not None and np.isinf(prior_scale):
-            raise UserError(f'basis = "{text}" goes by the evidence, which needs a prior')
+            raise UserError(f'basis = "{text}" is selected by the evidence, which needs a prior')
         kinds = AUTOMATIC_KINDS if text == AUTO else (text.removeprefix(f"{AUTO}:"),)
         return Search.of(fits.columns.measurement, kinds, ROTARY_KIND if text == AUTO else None, prior_scale)
     return with_other_effects(fits.columns, stated_bases(text, axes))

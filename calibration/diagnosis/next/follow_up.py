@@ -68,7 +68,7 @@ class Data:
 
     @cached_property
     def in_motion(self) -> bool:
-        """True where most rows were taken in motion."""
+        """True where most rows were recorded in motion."""
         velocity = self.measurement.state.velocity
         return velocity is not None and float(np.mean(np.any(velocity[self.index] != 0.0, axis=1))) > 0.5
 

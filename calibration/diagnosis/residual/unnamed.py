@@ -75,10 +75,10 @@ def add_unnamed(selector: Selector, named: Stage, dependence: Unexplained) -> Ad
         trial = other.stage(chosen_of(stage.accepted))
         for index in range(len(named.accepted), len(trial.accepted)):
             trial, shown = _tuned(other, trial, index, shown)
-        if trial.heldout_um >= stage.heldout_um:
+        if trial.held_out_um >= stage.held_out_um:
             break
         selector, stage = other, trial
-    text = f"{over} was added as an unnamed effect: it names no cause and holds within the measured ranges only."
+    text = f"{over} was added as an unnamed effect: it names no cause and is valid within the measured ranges only."
     return Added(selector, stage, text)
 
 
@@ -92,7 +92,7 @@ def _with_unnamed(selector: Selector, named: Stage, dependence: Unexplained) -> 
         first = selector.stage([*chosen_of(stage.accepted), (best, np.zeros(len(best.prior)))])
         trial, shown = _tuned(selector, first, -1, dependence)
         added = trial.accepted[-1]
-        if added.score.delta_bic < WORTH and predicts(added.held_out_gains) and trial.heldout_um < stage.heldout_um:
+        if added.score.delta_bic < WORTH and predicts(added.held_out_gains) and trial.held_out_um < stage.held_out_um:
             stage, dependence = trial, shown
         missing = tuple(component for component in missing if component != best.axis)
 
@@ -117,7 +117,7 @@ def _tuned(selector: Selector, stage: Stage, index: int, dependence: Unexplained
     chosen = chosen_of(stage.accepted)
     chosen[index] = candidates[0], np.zeros(len(candidates[0].prior))
     again = selector.stage(chosen)
-    return (again, shown) if again.heldout_um < stage.heldout_um else (stage, dependence)
+    return (again, shown) if again.held_out_um < stage.held_out_um else (stage, dependence)
 
 
 def propose(

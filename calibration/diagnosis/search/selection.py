@@ -115,7 +115,7 @@ class Stage(NamedTuple):
         return self.linearised.squares + parameters * float(np.log(self.linearised.scalars))
 
     @property
-    def heldout_um(self) -> float:
+    def held_out_um(self) -> float:
         """RMS of the cross-validation residuals, um per scalar (rotary axes: urad)."""
         return self.linearised.cross_validation.rms_um
 

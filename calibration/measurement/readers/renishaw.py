@@ -125,7 +125,7 @@ def _runs(content: _Content, source: str, notes: list[str]) -> tuple[dict[int, s
             notes.append(f"run {run} is left out: all its deviations are 0, as of a run that was not measured")
             continue
         if len(steps) == 0 or not (np.all(steps > 0) or np.all(steps < 0)):
-            raise UserError(f"{source}: run {run} goes neither forward nor backward through its targets")
+            raise UserError(f"{source}: run {run} passes its targets neither forward nor backward")
         directions[run] = "+" if steps[0] > 0 else "-"
         names[run] = str(list(directions.values()).count(directions[run]))
     flags = content.texts.get("flags", "").split()

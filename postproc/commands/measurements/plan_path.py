@@ -102,7 +102,7 @@ def path_report(path: NominalPath, evaluation: PathEvaluation, feed: float, targ
         number = "1 direction" if noise_gain.hidden == 1 else f"{noise_gain.hidden} directions"
         rows.append(("HIDDEN", f"{number} of the errors in the volume cannot be determined along this path"))
     if evaluation.unidentifiable_mode is not None:
-        rows.append(("BLIND MODE", evaluation.unidentifiable_mode))
+        rows.append(("HIDDEN MODE", evaluation.unidentifiable_mode))
     hidden = shortened(list(map(str, evaluation.unidentifiable)), SHOWN, "effects")
     rows += [("NOT VISIBLE", text) for text in hidden]
     return Report("Path", "", [facts("Path", rows)])

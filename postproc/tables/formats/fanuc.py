@@ -161,7 +161,7 @@ FORMAT = Format(
 The value of point n is the increment of the correction (or error, by --sign) over the section that ends at point n, in
 detection units times the magnification (3623): the running sum from the reference point (3620) is the amount at a
 position. The whole curve is rounded, and then differences are taken, so rounding does not add up. One set of points
-serves both directions, with the mean of the two; backlash belongs into 1851. With --set bidirectional=true (3605#0 BDP
+serves both directions, with the mean of the two; backlash is set in 1851. With --set bidirectional=true (3605#0 BDP
 1) points of negative travel follow behind those of positive travel (3626: the first of them, 3627: amount at the
 reference position when it is approached against the direction of the return, which is taken as positive).
 Between points the amount is taken as linear: with the interpolated option; without it, it steps by an increment.

@@ -165,7 +165,7 @@ EEC = Format(
     meaning="""\
 $AA_ENC_COMP holds the error of the axis: position measured minus programmed position, mm or degrees, at point N =
 (position - MIN) / STEP. The control adds it to the encoder's actual value, so that a positive value drives the
-axis in its negative direction. One value for both directions: the mean of the two; backlash belongs into MD32450.
+axis in its negative direction. One value for both directions: the mean of the two; backlash is set in MD32450.
 Linear between points; point 0 holds below MIN, the last above MAX; modulo tables begin again. Machine
 coordinates.""",
     loading="""\
