@@ -1,4 +1,4 @@
-"""Backlash in NC correction: take-ups and arcs in pieces, against a play that is worked out here by itself."""
+"""Backlash in NC correction: take-ups and arcs in pieces, against a backlash that is worked out here by itself."""
 
 import math
 import re
@@ -56,7 +56,7 @@ def test_the_machine_with_play_follows_the_nominal_path(seed, blocks, widths):
     widths = dict(zip("XYZ", widths, strict=True))
     try:
         result = correct(text, GANTRY, played(GANTRY, **widths))
-    except UserError as refusal:  # an arc of 10 um with a play of 20 um
+    except UserError as refusal:  # an arc of 10 um with a backlash of 20 um
         assume(not TOO_SMALL.search(str(refusal)))
         raise
     ends, along = largest_error(text, result.text, GANTRY, widths)
@@ -203,7 +203,7 @@ def test_random_programs_are_verified_and_do_not_depend_on_chunks(name, seed, tc
     setup, model = random_setup(machine), with_backlash(machine, seed)
     try:
         whole = correct(text, machine, model, **setup, travel_check=False)
-    except UserError as refusal:  # an arc smaller than the play
+    except UserError as refusal:  # an arc smaller than the backlash
         assume(not TOO_SMALL.search(str(refusal)))
         raise
     with pytest.MonkeyPatch.context() as patch:

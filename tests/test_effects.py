@@ -188,7 +188,7 @@ BOUNDS = {
     "time_constants_s": "> 0",
     "lag_s": ">= 0",
 }
-"""Of every quantity that has one, by name."""
+"""Bounds of every quantity that has one, by name."""
 
 
 @every_example

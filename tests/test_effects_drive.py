@@ -68,7 +68,7 @@ def test_a_rotary_axis_counts_forward_too(machine):
 
 
 def test_backlash_is_the_reversal_value_of_iso_230_2():
-    """A nut with play, 18 um at 0 and 20 um/m more, driven to five targets forward and backward."""
+    """A nut with backlash, 18 um at 0 and 20 um/m more, driven to five targets forward and backward."""
     targets = np.array([0.0, 100.0, 200.0, 300.0, 400.0])
     commands = np.concatenate([[-5.0], targets, [405.0], targets[::-1], [-5.0]])
     play = (18.0 + 20.0 * np.maximum(commands, 0.0) * 1e-3) * 1e-3

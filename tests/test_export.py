@@ -65,7 +65,7 @@ def test_a_program_corrected_with_the_rest_does_what_is_left(command, calibratio
     assert done.status == 0, done.err
     report = json.loads((tmp_path / "report.json").read_text())
     before = report["predicted_error_um"]["before"]["rms"]
-    assert "TAKE-UP" not in (tmp_path / "rest.nc").read_text()  # the play is in the tables
+    assert "TAKE-UP" not in (tmp_path / "rest.nc").read_text()  # the backlash is in the tables
     done = command("part.nc", *options, "-c", calibration, "-o", "all.nc", "--json", "report.json")
     assert done.status == 0, done.err
     report = json.loads((tmp_path / "report.json").read_text())

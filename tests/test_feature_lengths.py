@@ -10,7 +10,7 @@ STEPS = 4
 """In which moves are looked at on a bend length."""
 DENSE = 16
 SHARE = 0.04
-"""Of the size of an effect: what two bends within a step may hide."""
+"""Share of the size of an effect that two bends within a step may hide."""
 OF_MACHINE = [example for example in EXAMPLES if example.effect.ACTS_ON != "instrument"]
 
 

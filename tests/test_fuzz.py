@@ -97,7 +97,7 @@ def test_what_is_spoilt_differs(name, old, new, kind, monkeypatch):
     written = correct(case)
     spoilt = re.sub(old, new, written.text)
     if spoilt == written.text:
-        assert name == "linuxcnc"  # nothing is taken up without play
+        assert name == "linuxcnc"  # nothing is taken up without backlash
         return
     monkeypatch.setattr("tests.fuzz.linuxcnc.correct", lambda _: written._replace(text=spoilt))
     assert judge(module, case).kind in kind

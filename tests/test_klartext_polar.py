@@ -178,7 +178,7 @@ def test_ctp_by_parameters_is_refused():
 
 
 def test_pieces_of_a_helix_are_said_by_angles():
-    """An axis with play turns back in it: C does not go up, CP does."""
+    """An axis with backlash turns back in it: C does not go up, CP does."""
     model = model_of(GANTRY, Backlash("X", 20.0))
     text = POLE + "L X+80 Y+25 Z+10 F500\nL X+75\nCP IPA+500 IZ-20 DR+\n"
     written = correct(HEAD + text + TAIL, model=model)

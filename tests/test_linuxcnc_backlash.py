@@ -86,7 +86,7 @@ def test_motors_go_where_linuxcnc_s_own_backlash_takes_them(linuxcnc_sim):
     assert difference.max() <= 1e-6, "motors, mm, at the ends of the programmed moves"
     assert (commanded.kind == Kind.TAKE_UP).sum() > 10
 
-    # the machine with play behind these motors
+    # the machine with backlash behind these motors
     first = at_ours[0]
     motors = ours.motor[first:, columns]
     places = np.column_stack(

@@ -198,7 +198,7 @@ def writable(value, path, seen):
 
 @pytest.mark.parametrize("name", quick(machines.names(), ["gantry", "dmu50", "head_table"]))
 def test_runs_change_neither_modules_nor_what_they_are_given(name):
-    """Of every shipped machine, in every dialect: correct, check and verify."""
+    """Every shipped machine, in every dialect: correct, check and verify."""
     jobs = [job_of(Program(name, dialect, BEGINS[dialect] + MOVES[dialect]), 1) for dialect in DIALECTS]
     for job in jobs:
         everything(job)  # everything is loaded and derived

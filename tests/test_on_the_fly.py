@@ -463,7 +463,7 @@ def test_five_axes():
 
 @pytest.mark.statistical
 def test_the_place_of_a_reading_is_where_the_axes_stood():
-    """Of a machine with large errors, positions come nearer to where the axes were, but for a motion of the frame."""
+    """On a machine with large errors, positions come nearer to those of the axes, but for a motion of the frame."""
     truth = truth_of(9)
     truth = truth.with_parameters(truth.parameters * 5.0)
     path = polyline(2, 40)

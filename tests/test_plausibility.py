@@ -235,7 +235,7 @@ def test_a_move_that_would_be_worse_than_in_the_input_is_refused(ncomp, monkeypa
 
 
 def test_an_arc_of_two_turns_is_not_worse_than_in_the_input(ncomp):
-    """Its circle has to close: with play a correction of its end alone made its radius wrong by 0.16 mm."""
+    """Its circle has to close: with backlash a correction of its end alone made its radius wrong by 0.16 mm."""
     arc = "G21 G17 G90\nG0 X100.0 Y100.0 Z20.0\nG1 X140.0 Y135.0 F500\nG3 X140.0 Y135.0 Z5.0 I-20.0 J0 P2\nM30\n"
     done = ncomp(PLAY, "--json", "-", program=arc)
     assert WORSE in done.err if done.status else json.loads(done.out)["accepted"] == {}

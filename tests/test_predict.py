@@ -60,7 +60,7 @@ GROWTH = ThermalDrift(component="Z", rate=-6.0, amplitudes=(), time_constants_s=
 
 
 def test_by_hand(ncomp):
-    """A stretched, yawing X, play in Y, and a spindle that grows, added up with a pencil."""
+    """A stretched, yawing X, backlash in Y, and a spindle that grows, added up with a pencil."""
     write_model(model_of(GANTRY, STRETCH, YAW, PLAY, GROWTH), Path("cal.json"))
     Path("points.csv").write_text(
         "# machine: gantry\n# target.t1: 0 100 -50\n# a remark\nstation,X,Y,Z,time_s,dir_Y\n"

@@ -255,7 +255,7 @@ def test_zeros_of_runs_are_no_first_cycle():
 
 
 def first_run_off():
-    """A first run with 6 um more play, which no zero of a run takes up."""
+    """A first run with 6 um more backlash, which no zero of a run takes up."""
     m = laser(runs=5)
     more = 0.003 * np.where(m.state.cycle == 0, -m.state.approach[:, GANTRY.index("X")], 0.0)
     return replace(m, observed=m.observed + more[:, None])

@@ -305,7 +305,7 @@ def test_ends_of_conditions_that_read_alike_either_way():
     assert ends("G1 X0\nR1=1 R2=0\nIF R1==1 AND R2==1\nX9\nENDIF\nIF R1==1 AND NOT R2\nX2\nENDIF\n") == [0, 2]
 
 
-# ---- play
+# ---- backlash
 
 
 PLAY = model_of(load("gantry"), Backlash("X", 20.0), Backlash("Y", 10.0))

@@ -351,7 +351,7 @@ def test_klartext_arcs():
     assert [line for line in run.lines if re.match(r"\d+ C[PR] .* DR\+ ; NCOMP FROM", line)]
 
 
-# ---- time, play, what stays whole
+# ---- time, backlash, what stays whole
 
 
 def test_inverse_time_is_divided():

@@ -151,7 +151,7 @@ def test_a_sign_that_no_source_confirms_is_demanded(name):
 
 @every_case
 def test_the_probe_is_one_node(case: Case):
-    """Of the axis' own table, or of its positioning error; the reader finds it with the size that was said."""
+    """The node is in the axis' own table or its positioning error; the reader finds it with the stated size."""
     form, machine = find_format(case.format), load(case.machine)
     settings = parse_settings(form.settings, case.settings)
     if form.capabilities is not None and not form.capabilities(settings).own and form.sign is not None:

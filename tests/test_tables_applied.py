@@ -37,7 +37,7 @@ def bounds(axis):
 
 
 def calibration(machine, path):
-    """All error motions at random, linear between a few knots, closed over a full turn; and play of two axes."""
+    """All error motions at random, linear between a few knots, closed over a full turn; and backlash of two axes."""
     rng = np.random.default_rng([ord(letter) for letter in machine.name])
     effects = []
     for axis in machine.axes:

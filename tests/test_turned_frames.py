@@ -1,4 +1,4 @@
-"""Turned coordinates: the axes that a turn couples are corrected, and no others; with play too."""
+"""Turned coordinates: the axes that a turn couples are corrected, and no others; with backlash too."""
 
 import re
 
@@ -96,7 +96,7 @@ def test_play_in_turned_coordinates(seed, blocks, angle, widths, mirror):
     widths = dict(zip("XYZ", widths, strict=True))
     try:
         result = correct(text, GANTRY, played(GANTRY, **widths), travel_check=False)
-    except UserError as refusal:  # an arc of 10 um with a play of 20 um
+    except UserError as refusal:  # an arc of 10 um with a backlash of 20 um
         assume(not TOO_SMALL.search(str(refusal)))
         raise
     ends, along = largest_error(text, result.text, GANTRY, widths)
@@ -110,7 +110,7 @@ def test_take_ups_and_arcs_in_turned_coordinates():
     )
     result = correct(text, GANTRY, played(GANTRY, X=20.0, Y=40.0), **{"tolerance_um": 1.0})
     moved = [line for line in result.text.splitlines() if "TAKE-UP" in line]
-    assert moved[0] == "G1 X519.9800 (NCOMP TAKE-UP)"  # programmed X moves Y: by half of its play, 20 um
+    assert moved[0] == "G1 X519.9800 (NCOMP TAKE-UP)"  # programmed X moves Y: by half of its backlash, 20 um
     assert result.text.count("NCOMP ARC") == 3
 
 
@@ -123,7 +123,7 @@ UNMOVED = {
 
 @pytest.mark.parametrize("name", ["G92", "G53"])
 def test_axes_that_stand_keep_their_direction(name):
-    """A constant error beside the play: its correction is no move of an axis that a block does not contain."""
+    """A constant error beside the backlash: its correction is no move of an axis that a block does not contain."""
     machine, widths = GANTRY, {"X": 15.0, "Y": 15.0, "Z": 15.0}
     errors = shifted(machine, X=90.0, Y=-80.0, Z=70.0), played(machine, **widths)
     model = model_of(machine, *(effect for part in errors for effect in part.effects))

@@ -321,7 +321,7 @@ def check_path(text, out, model, um, machine=GANTRY, **setup):
     seed=st.integers(0, 9),
 )
 def test_arcs_of_any_size(radius, first, turn, code, by_radius, seed):
-    """Of a smooth machine: no arc strays farther than its chord's share of the errors, none is sent another way."""
+    """Smooth machine: no arc deviates by more than its chord's share of the errors, none changes its direction."""
     centre = (600.0, 500.0)
     start = [round(c + radius * f(first), 3) for c, f in zip(centre, (math.cos, math.sin), strict=True)]
     last = first + (turn if code == 3 else -turn)

@@ -84,7 +84,7 @@ class Config:
     tools: Mapping[int, float] = field(default_factory=dict)
     """Tool lengths, mm, by number."""
     velocity: float = 20_000.0
-    """Of every axis and joint, mm/s or deg/s."""
+    """Velocity of every axis and joint, mm/s or deg/s."""
     acceleration: float = 200_000.0
 
 

@@ -93,7 +93,7 @@ class Errors:
         return float(np.minimum(phase, 1.0 - phase).min() * pitch) if step else np.inf
 
     def tool_point(self, q: Array, tool: float, side: Array | None = None) -> Array:
-        """Tool point (n, 3), mm, at axis positions (n, 3); `side` (n, 3) in -1..1 is where each axis lies in its play."""
+        """Tool point (n, 3), mm, at axis positions (n, 3); `side` (n, 3) in -1..1 is the side of its backlash."""
         u = np.clip((q + HALF) / (2 * HALF), 0.0, 1.0)
         powers = u[:, :, None] ** np.arange(self.parameters.shape[2])
         e = np.einsum("nat,act->nac", powers, self.parameters) * 1e-6
@@ -154,12 +154,12 @@ def smooth(rng: random.Random) -> Errors:
 
 
 def flat(_: random.Random, play: tuple[float, ...]) -> Errors:
-    """Play and nothing else."""
+    """Backlash and nothing else."""
     return Errors(np.zeros((3, 6, 1)), (play[0], play[1], play[2]))
 
 
 def gentle(rng: random.Random, play: tuple[float, ...]) -> Errors:
-    """Play beside error motions whose corrections turn axes back within moves."""
+    """Backlash beside error motions whose corrections turn axes back within moves."""
     parameters = np.zeros((3, 6, 4))
     for i in range(3):
         for j in range(3):

@@ -33,7 +33,7 @@ class Group:
     shares: list[float]
     """Shares of the programmed move at which the written ones begin; nan where they do not contain it."""
     taken: list[Move] = field(default_factory=list)
-    """Moves before it that take up play; those within it are among the written ones."""
+    """Moves before it that take up backlash; those within it are among the written ones."""
 
 
 class DisorderError(Exception):

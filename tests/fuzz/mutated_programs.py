@@ -51,7 +51,7 @@ LONGEST_RUN = 2_000
 CORRECTED_SHARE = 0.01
 """Share of accepted programs that are corrected as well."""
 LARGEST_MM = 0.5
-"""Largest correction by the models used here, mm, with play and the lengths of levers."""
+"""Largest correction by the models used here, mm, with backlash and the lengths of levers."""
 HEAD_LINES, SECTION_LINES = 12, 14
 
 
@@ -209,7 +209,7 @@ def _machine(name: str) -> tuple:
 
 @cache
 def _model(name: str, number: int) -> ErrorModel:
-    """Constant, straight, curved, and with play."""
+    """Constant, straight, curved, and with backlash."""
     from support.programs import model_of
 
     machine, _ = _machine(name)

@@ -71,7 +71,7 @@ class Move:
     number: int = 0
     """Number of the active frame: a new one after every call that sets the coordinates."""
     takes_up: bool = False
-    """A block of ncomp's own that takes up play."""
+    """A block of ncomp's own that takes up backlash."""
     degrees: float = 0.0
     """Rotation of the frame, degrees."""
     at: Callable[[Array], Array] = field(default=lambda share: share, repr=False)

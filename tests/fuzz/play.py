@@ -1,4 +1,4 @@
-"""Examiner: axes with play, as mechanics: the carriage lies somewhere in the play, and moves when it is pushed."""
+"""Examiner: axes with backlash as mechanics: the carriage lies somewhere in the gap, and moves when it is pushed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DENSE, COARSE, NEAR = 97, 2001, 17
 
 
 def draw(seed: int) -> Case:
-    """A random program for a machine with play in some axes, and gentle or no other errors."""
+    """A random program for a machine with backlash in some axes, and gentle or no other errors."""
     rng = random.Random(seed)
     play = tuple(rng.choice([0.0, 6.0, 15.0, 40.0]) for _ in range(3))
     errors = (gentle if rng.random() < 0.5 else flat)(rng, play if any(play) else (15.0, 15.0, 15.0))
@@ -35,7 +35,7 @@ def draw(seed: int) -> Case:
 
 
 def judge(case: Case) -> Outcome:
-    """Both programs by LinuxCNC, and by the machine with play."""
+    """Both programs by LinuxCNC, and by the machine with backlash."""
     environment = environment_of(case)
     found = executed(case, environment)
     if isinstance(found, Outcome):
@@ -49,7 +49,7 @@ def judge(case: Case) -> Outcome:
 
 
 class Play:
-    """Carriages with play, at all positions at which they may lie: between `low` and `high`."""
+    """Carriages with backlash, at all positions at which they may lie: between `low` and `high`."""
 
     def __init__(self, play: Iterable[float]) -> None:
         self.half = 0.5e-3 * np.array(list(play))
@@ -58,7 +58,7 @@ class Play:
         self.at = np.zeros(3)
 
     def follow(self, q: Array) -> tuple[Array, Array]:
-        """Sides of the play (n, 3) in -1..1, lowest and highest, along commanded positions (n, 3)."""
+        """Sides of the backlash (n, 3) in -1..1, lowest and highest, along commanded positions (n, 3)."""
         sides = np.empty((2, *q.shape))
         for n, position in enumerate(q):
             step = position - self.at
@@ -78,14 +78,14 @@ class Play:
 
 
 class Mechanics:
-    """The machine with play on both programs."""
+    """The machine with backlash on both programs."""
 
     def __init__(self, case: Case, groups: list[Group], report: dict[str, object], text: str) -> None:
         self.groups, self.errors, self.text = groups, read_errors(case.calibration), text
         self.placed = Placed(case.program, groups)
         self.before, self.after = Play(self.errors.play), Play(self.errors.play)
         self.sure = np.zeros(3, bool)
-        """Axes whose direction the program lets a reader know: placed, and moved by more than the play since."""
+        """Axes whose direction the program lets a reader know: placed, and moved by more than the backlash since."""
         self.placed_before: set[str] = set()
         """Axes that were placed behind the block before."""
         self.placed_last: set[str] = set()
@@ -179,7 +179,7 @@ def _from(points: Array, place: Array) -> float:
 
 
 def _excused(report: dict[str, object]) -> int:
-    """Number of moves that may be off by a play according to a note."""
+    """Number of moves that may be off by a backlash according to a note."""
     notes = [str(note) for note in report.get("notes", ())]  # type: ignore[attr-defined]
     said = [note for note in notes if "taken up along" in note or "is not cut where an axis reverses" in note]
     counts = [note.rpartition(", ")[2].partition(" times")[0] for note in said]

@@ -43,7 +43,7 @@ TURN = 25.0
 ROUNDING_UM = 0.35
 """Error of the tool point by the rounding of axis words, 0.1 um and 0.1 mdeg, um."""
 LARGE = (1e3,)
-"""Tolerance at which nothing is split; with play nothing would be a reversal either."""
+"""Tolerance at which nothing is split; with backlash nothing would be a reversal either."""
 CLAIM_UM = 0.05
 """Largest difference between the errors that a run predicts and those that `verify` finds, um."""
 ACCEPTED = frozenset(("stale", "future", "temperature", "outside", "insignificant"))

@@ -33,7 +33,7 @@ def play(commands, width):
 
 
 def physical(commanded, widths, points=40):
-    """Axis positions `(moves, points, axes)`, mm and rad, of the machine with play along the commanded moves."""
+    """Axis positions `(moves, points, axes)`, mm and rad, of the machine with backlash along the commanded moves."""
     shares = (np.arange(points) + 1) / points
     commands = np.stack([commanded.in_machine(commanded.along(share)) for share in shares], axis=1)
     places = commands.copy()

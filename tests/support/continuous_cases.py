@@ -21,10 +21,10 @@ from kinematics.state import State
 from kinematics.transforms import Array
 
 LENGTH, FEED, RATE = 1000.0, 500.0, 100.0
-"""Of the paper's synthetic case, mm, mm/min, Hz; what the paper leaves open is fixed as in its published re-making."""
+"""Travel, mm, feed, mm/min, and rate, Hz, of the paper's synthetic case; the rest as in its published re-making."""
 MACHINE = machines.load("cframe")
 TRAVEL = 450.0
-"""Of the virtual machine's runs, mm, as in the paper's first case study."""
+"""Travel of the virtual machine's runs, mm, as in the paper's first case study."""
 SMOOTH_UM = (0.0, 15.0, 4.0, 4.0, 3.0, 3.0, 2.0, 2.0, 1.0, 1.0)
 """Half-widths of a smooth error: constant, slope, four waves over the travel."""
 

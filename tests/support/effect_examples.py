@@ -65,9 +65,9 @@ class Example:
     effect: Effect
     name: str
     units: str
-    """Of its parameters, in order."""
+    """Units of its parameters, in order."""
     keys: str
-    """Of its quantities, in order: names with units, once."""
+    """Keys of its quantities, in order: names with units, once."""
     touched: str
     """Error motions, `tool` and `seen` with their components, in no order."""
     machine: Machine = DMU50

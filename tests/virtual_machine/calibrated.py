@@ -1,6 +1,6 @@
 """The error motions that a calibration file describes, worked out from its text (docs/effects.md) a second time.
 
-Only the effects of the machine's geometry, error motions in every basis and location errors; and play.
+Only the effects of the machine's geometry, error motions in every basis and location errors; and backlash.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ class Chain:
 
     @property
     def names(self) -> list[str]:
-        """Of the axes, in order."""
+        """Names of the axes, in order."""
         return [axis.name for axis in self.axes]
 
     def index(self, name: str) -> int:

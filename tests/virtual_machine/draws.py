@@ -32,9 +32,9 @@ from virtual_machine.truth import smooth, table_1
 
 MACHINES = ("gantry", "cframe", "dmu50")
 TIMES = (2.0, 10.0)
-"""Of the noise of the mean: sizes of causes, drawn log-uniformly."""
+"""Sizes of causes as multiples of the noise of the mean, drawn log-uniformly."""
 PLAIN = (5.0, 10.0)
-"""Of causes that are plain to see, whatever they are called."""
+"""The same of causes that are plain to see, of any name."""
 LEADS = {"gantry": (10.0, 16.0, 20.0, 25.0, 40.0), "cframe": (5.0, 8.0, 10.0, 12.0), "dmu50": (5.0, 8.0, 10.0, 12.0)}
 """mm: screws."""
 GEARS = (4.0, 5.0, 7.5, 10.0)
@@ -112,7 +112,7 @@ class Draw:
     setup: Setup
     causes: tuple[Cause, ...]
     seed: Sequence[int]
-    """Of the noise."""
+    """Seed of the noise."""
     calibrated: Calibrated = "no"
     times: tuple[float, ...] = ()
     """Sizes of the causes, in units of the noise of the mean; 0 of outliers."""

@@ -17,14 +17,14 @@ REFERENCE = 20.0
 
 @dataclass(frozen=True)
 class Backlash(Cause):
-    """Play of the nut: the axis hangs back half of it, on the side that it came from."""
+    """Backlash of the nut: the axis hangs back half of it, on the side that it came from."""
 
     LINEAR: ClassVar[tuple[str, ...]] = ("width",)
     axis: str
     width: float = 1.0
 
     def errors(self, session: Session) -> Array:
-        """Half the play behind the command, whichever way it came; in the middle before the first move."""
+        """Half the backlash behind the command, whichever way it came; in the middle before the first move."""
         behind = -0.5 * self.width * micro(self.axis) * session.approach(self.axis)
         return of_axis(session, self.axis, session.chain.axis(self.axis).own, behind)
 
@@ -129,7 +129,7 @@ class Tilt(Cause):
     value: float = 1.0
 
     def errors(self, session: Session) -> Array:
-        """Of a tilted line the carriage leaves sideways, without turning; of a rotary axis the constants."""
+        """A tilted line displaces the carriage sideways, without rotation; a rotary axis has constants."""
         axis, k = session.chain.axis(self.axis), "XYZABC".index(self.component)
         if axis.rotary:
             return of_axis(session, self.axis, k, np.full(len(session), self.value * micro(self.component)))
@@ -186,7 +186,7 @@ class Drift(Cause):
     """um per hour, or the whole way in um."""
 
     def course(self, session: Session) -> Array:
-        """Of the size, `(n,)`."""
+        """Course of the size `(n,)`."""
         if self.time_constant_s is None:
             return np.asarray(session.clock / HOUR)
         return np.asarray(1.0 - np.exp(-session.clock / self.time_constant_s))

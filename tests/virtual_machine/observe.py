@@ -26,11 +26,11 @@ class Tracker:
     u_angle_um_per_m: float
 
     def along(self, length: Array) -> Array:
-        """Of the range, mm."""
+        """Standard uncertainty of the range, mm."""
         return np.asarray(UM * (self.u_range_um + self.u_range_um_per_m * length * 1e-3))
 
     def across(self, length: Array) -> Array:
-        """Of either direction across the beam, mm."""
+        """Standard uncertainty in either direction across the beam, mm."""
         return np.asarray(UM * (self.u_angle_um + self.u_angle_um_per_m * length * 1e-3))
 
 

@@ -20,10 +20,10 @@ PLACES = ("component", "circle", "station")
 
 @dataclass(frozen=True)
 class Score:
-    """Of one question."""
+    """Score of one question."""
 
     named: tuple[bool, ...]
-    """Of each cause: its kind, its axis, and what else tells it from others."""
+    """Kind, axis and further attributes of each cause: True where they are named."""
     blamed: tuple[str, ...]
     """Effects that are not there."""
     inside: int = 0
@@ -109,7 +109,7 @@ def _parameter(effect: Found, key: str, i: int) -> tuple[float, float] | None:
 
 
 def _amplitude(effect: Found, _: str) -> tuple[float, float] | None:
-    """Of the first harmonic of a cyclic error."""
+    """Amplitude of the first harmonic of a cyclic error."""
     for unit in ("um", "urad"):
         sine, cosine = (_parameter(effect, f"{wave}_{unit}", 0) for wave in ("sine", "cosine"))
         if sine and cosine:

@@ -13,11 +13,11 @@ from virtual_machine.chain import Array, Axis, Chain
 SIZE = (10.0, 30.0)
 """um and urad: largest value of an error motion over the travel."""
 FADING = (1.0, 0.5, 0.2)
-"""Of the Legendre polynomials of degree 1, 2, 3."""
+"""Shares of the Legendre polynomials of degree 1, 2, 3."""
 WAVE = 0.02
-"""Of a wave over the travel, beside them: no curve is quite a polynomial."""
+"""Share of a wave over the travel, beside them: no curve is exactly a polynomial."""
 FADING_OF_TURNS = (1.0, 1.0, 0.5, 0.5)
-"""Of one and two waves a turn."""
+"""Shares of one and two waves a turn, cosine and sine."""
 MICRO = np.array([1e-3] * 3 + [1e-6] * 3)
 """mm per um and rad per urad, of E_X ... E_C."""
 TABLE_1: Mapping[str, tuple[float, ...]] = {
@@ -43,7 +43,7 @@ class Curves:
 
     coefficients: Mapping[str, Array]
     waves: Mapping[str, Array] | None = None
-    """Of Table 1: n `(6, 2)` by axis."""
+    """Wave numbers n `(6, 2)` of Table 1, by axis."""
 
     def errors(self, chain: Chain, positions: Array) -> Array:
         """`(n, axes, 6)`, mm and rad, at positions `(n, axes)`, mm and degrees."""
