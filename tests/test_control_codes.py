@@ -75,7 +75,7 @@ def test_cycle_247_ends_shift_rotation_mirror_and_scaling():
 )
 def test_trans_reset_under_the_cycle_of_its_kind(cycle, word, reset):
     text = f"CYCL DEF {cycle}.0\nCYCL DEF {cycle}.1 {word}\n{reset}\nL X+10 Y+20 Z+50 R0 FMAX\n"
-    assert f"cycle {cycle} depends on the control" in refusal(klartext, text)
+    assert f"ends cycle {cycle} on some controls only" in refusal(klartext, text)
     assert klartext(f"{reset}\nL X+10 Y+20 Z+50 R0 FMAX\n") == [(10.0, 20.0, 150.0)]
 
 

@@ -124,7 +124,7 @@ def test_cycle_19_where_its_two_readings_are_one():
     program = run("CYCL DEF 19.0 PLANE\nCYCL DEF 19.1 B+20\nL B+Q121 FMAX\n" + PLACES, machine="trunnion_bc", head=head)
     pose = forward(program.machine, program.motions.machine_target[-1:])
     np.testing.assert_allclose(pose.apply(np.array([0.0, 0.0, -100.0]))[0], about("Y", 20) @ SEEN[-1], atol=1e-6)
-    with pytest.raises(Refusal, match="whether its angles are spatial or those of axes"):
+    with pytest.raises(Refusal, match="spatial angles or axis angles by a setting of the control"):
         run("CYCL DEF 19.0 PLANE\nCYCL DEF 19.1 B+20\n")
     with pytest.raises(Refusal, match="about an axis that the machine does not have"):
         run("CYCL DEF 19.0 PLANE\nCYCL DEF 19.1 A+20\n")
@@ -152,16 +152,16 @@ def test_move_leaves_the_linear_axes_unknown():
 
 REFUSED = [
     ("trunnion_bc", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "the program has not given"),
-    ("dmu50", "L C+30\nPLANE SPATIAL SPA+0 SPB+0 SPC+30 TURN\n", "the tool is along a rotary axis"),
-    ("dmu50", "PLANE SPATIAL SPA+0 SPB+0 SPC+30 TURN TABLE ROT\n", "the tool is along a rotary axis"),
+    ("dmu50", "L C+30\nPLANE SPATIAL SPA+0 SPB+0 SPC+30 TURN\n", "the tool is parallel to a rotary axis"),
+    ("dmu50", "PLANE SPATIAL SPA+0 SPB+0 SPC+30 TURN TABLE ROT\n", "the tool is parallel to a rotary axis"),
     ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN SEQ-\n", "SEQ-: no solution has this sign: write the other sign, or no SEQ"),
     ("head_head", "PLANE SPATIAL SPA+180 SPB+0 SPC+0 TURN\n", "no position of the rotary axes"),
     ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nL C+5\nL X+0\n", "not perpendicular"),
-    ("dmu50", "M128\nPLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "a plane is tilted while M128 is on"),
+    ("dmu50", "M128\nPLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "the working plane is tilted while M128 is on"),
     ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nM128\n", "M128 in a tilted plane"),
     ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nCYCL DEF 7.0 D\nCYCL DEF 7.1 X+5\nPLANE RESET STAY\n", "reset it before the plane ends"),
-    ("dmu50", "CYCL DEF 10.0 ROT\nCYCL DEF 10.1 ROT+5\nPLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "while a rotation, mirror or scale is active"),
-    ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nCYCL DEF 247 A Q339=1\n", "another preset while"),
+    ("dmu50", "CYCL DEF 10.0 ROT\nCYCL DEF 10.1 ROT+5\nPLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "a rotation, mirror or scale, or a shift within another plane, is active before PLANE: reset it first"),
+    ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nCYCL DEF 247 A Q339=1\n", "the preset changes in a tilted plane"),
 ]  # fmt: skip
 
 

@@ -102,7 +102,7 @@ def test_programs_that_leave_the_state_as_it_is():
     program = calling(CALLING + "L X+10 Y+20 Z+30\nQ1 = 6\nL XQ1\n")
     assert program.axes("XYZ")[-1].tolist() == [6, 20, 30]
     assert program.motions.known_start[1].any() is np.False_
-    assert "CALL PGM ROUGH.H: taken to leave tool, frames and modes as they are" in " ".join(program.notes.texts())
+    assert "CALL PGM ROUGH.H is taken to leave tool, frames and modes as they are" in " ".join(program.notes.texts())
 
 
 @pytest.mark.parametrize(

@@ -53,12 +53,12 @@ def test_a_subprogram_at_one_place_is_corrected():
 
 REFUSED = {
     "L10\nM30\n": "L calls a subprogram",
-    "PART\nM30\n%_N_OTHER_SPF\nM17\n": "PART is not known: a cycle, a subprogram",
+    "PART\nM30\n%_N_OTHER_SPF\nM17\n": "PART is not known to ncomp",
     "X1 PART\nM30\n%_N_PART_SPF\nM17\n": "the call of PART must be alone in its block",
     "MCALL PART\nM30\n%_N_PART_SPF\nM17\n": "PART is not known",
-    "PART(1,2)\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nM17\n": "a call with more arguments than parameters",
-    "PART\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nX=AA\nM17\n": "AA is a parameter that the call leaves out",
-    "PART(X)\nM30\n%_N_PART_SPF\nPROC PART(VAR REAL AA)\nM17\n": "VAR, or a field",
+    "PART(1,2)\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nM17\n": "the call has more arguments than the subprogram has parameters: remove the others",
+    "PART\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nX=AA\nM17\n": "X=AA: AA is not known: the call omits the argument for AA",
+    "PART(X)\nM30\n%_N_PART_SPF\nPROC PART(VAR REAL AA)\nM17\n": "a parameter with VAR, or an array, changes variables of the caller, which is not followed: remove it",
     "PART\nM30\n%_N_PART_SPF\nPROC PART SAVE\nM17\n": "SAVE restores the modes",
     "DEF REAL BB=3\nPART\nM30\n%_N_PART_SPF\nX=BB\nM17\n": "BB belongs to the calling program",
     "GOTOF THERE\nM30\n%_N_PART_SPF\nTHERE: X1\nM17\n": "no block with the label THERE",
@@ -100,7 +100,7 @@ def test_lengths_that_a_program_sets():
     text = "$TC_DP1[1,1]=120 $TC_DP3[1,1]=80 $TC_DP12[1,1]=0.5\n$TC_DP3[1,2]=90\nT1 M6\nD1 G0 X0 Y0 Z0\nD2 Z0\nD0 Z0\n"
     assert read(text).machine_target[:, 2].tolist() == [80.5, 90, 0]
     notes = corrected("T1 M6\nD2 G0 X0 Y0 Z0\n", tools=["T1=80"])[1]
-    assert any("D2 of tool 1 taken to be as long as D1" in note for note in notes)
+    assert any("D2 of tool 1 is taken to be as long as D1" in note for note in notes)
 
 
 ARCHIVE = """\
@@ -147,9 +147,9 @@ def test_archives_of_tools_and_offsets(tmp_path):
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
-        ("$TC_DP4[1,1]=5", "across its axis"),
-        ("$P_UIFR[1,Z,RT]=30", "G54 is turned, scaled or mirrored"),
-        ("$P_UIFR[1]=CTRANS(X,1):CROT(Z,30)", "a frame that turns"),
+        ("$TC_DP4[1,1]=5", "$TC_DP4 is a tool length across the tool axis, which is not corrected"),
+        ("$P_UIFR[1,Z,RT]=30", "G54 is rotated, scaled or mirrored, which is not followed"),
+        ("$P_UIFR[1]=CTRANS(X,1):CROT(Z,30)", "CROT or CMIRROR rotates or mirrors a frame, which is not followed"),
         ("$P_UIFR[1]=CTRANS(X,R5)", "R5 is not set"),
         ("$P_UIFR[1,X,TR=5", "is not understood"),
         ("CHANDATA(2)\n$TC_DP3[1,1]=5", "another channel"),

@@ -49,7 +49,7 @@ def test_circles_are_corrected(code):
 
 
 REFUSED = {
-    "CT X70 Y30\nX80": "from a block before",
+    "CT X70 Y30\nX80": "modal from an earlier block",
     "CT X70": "a straight line",
     "CT X70 Y30 Z140": "leaves the working plane",
     "CIP X70 Y30 I1=65": "takes I1 and J1",

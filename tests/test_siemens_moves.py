@@ -208,9 +208,9 @@ def test_moves_on_a_tilted_plane_are_corrected():
 @pytest.mark.parametrize(
     ("call", "reason"),
     [
-        ('CYCLE800(1,"",0,64,0,0,0,30,0,0)', "MODE = 64: only planes turned axis by axis"),
+        ('CYCLE800(1,"",0,64,0,0,0,30,0,0)', "CYCLE800 with MODE = 64 is not followed"),
         ('CYCLE800(1,"",100,57,0,0,0,30,0,0)', "ST = 100"),
-        ('CYCLE800(1,"",0,57,0,0,0,30,0,0,0,0,0,0)', "turns no axis"),
+        ('CYCLE800(1,"",0,57,0,0,0,30,0,0,0,0,0,0)', "CYCLE800 with DIR = 0 is not followed"),
         ('CYCLE800(1,"",0,57,0,0,0,R5,0,0)', "A of CYCLE800: R5 is not set"),
         ('CYCLE800(1,"",0,57,0,0,0,180,0,0)', "no position of the rotary axes"),
         ('CYCLE800(1,"",0,57,0,0,0,20,0,0)\nG0 C5', "a rotary axis moves in a tilted plane of CYCLE800"),

@@ -84,26 +84,28 @@ class Arcs:
         plane = self._plane_of(block, axes, before)
         relative = [word.axis for word, _ in words if word.incremental] if words else plane[:2]
         if not all(recorder.known[axis] for axis in relative):
-            raise block.refuse("a pole from a position that the program has not given")
+            raise block.refuse(
+                "the pole (CC) counts from a position that the program has not given: write it in absolute coordinates"
+            )
         here = [recorder.position[axis] for axis in plane[:2]]
         kept: tuple[float | None, ...] = before.at if before is not None and before.plane == plane else (None, None)
         pole: list[float | None] = list(kept) if words else list(here)
-        places: list[int | None] = [None, None]
+        word_indices: list[int | None] = [None, None]
         for word, value in words:
             i = plane.index(word.axis)
             pole[i] = here[i] + value if word.incremental else value
-            places[i] = None if word.incremental else word.word
+            word_indices[i] = None if word.incremental else word.word
         if pole[0] is None or pole[1] is None:
             raise block.refuse("the pole (CC) has one coordinate, and no earlier pole gives the other: write both")
         self.count += 1
-        sure = None not in places
+        sure = None not in word_indices
         self.pole = _Pole((pole[0], pole[1]), plane, self.count, sure, self.control.frames)
-        self.block, self.words = index, (places[0], places[1])
+        self.block, self.words = index, (word_indices[0], word_indices[1])
 
     def _plane_of(self, block: Block, axes: list[int], before: _Pole | None) -> Plane:
         possible = [plane for plane in self.planes if set(axes) <= set(plane[:2])]
         if not possible:
-            raise block.refuse("a pole has coordinates X Y, Y Z or Z X")
+            raise block.refuse("the coordinates of the pole (CC) are in no plane: write X Y, Y Z or Z X")
         if len(possible) > 1 and before is not None and before.plane in possible:
             return before.plane
         return possible[0]
@@ -115,7 +117,7 @@ class Arcs:
     def _pole(self, block: Block) -> _Pole:
         pole = self._present()
         if pole is None:
-            raise block.refuse("no pole (CC) in the present frame")
+            raise block.refuse("the block has no pole in the present frame: write CC before it")
         return pole
 
     # ---- arcs to a point
@@ -125,7 +127,7 @@ class Arcs:
         sense = self._sense(block, content) if block.kind != "tangent" else 0
         words = self.control.axis_words(block, content.axes)
         if not words:
-            raise block.refuse("an arc without an end point")
+            raise block.refuse("the arc has no end point: write its coordinates")
         target = self.control.target(block, words)
         plane = self._pole(block).plane if block.kind == "circle" else self.planes[0]
         ends = begin_arc(block, self.control.recorder, self._letters(plane), sense, target)
@@ -141,7 +143,7 @@ class Arcs:
     def _sense(self, block: Block, content: Content) -> int:
         senses = DIRECTIONS.keys() & content.other.keys()
         if len(senses) != 1:
-            raise block.refuse("an arc without DR+ or DR-")
+            raise block.refuse("the arc has no single sense of rotation: write DR+ or DR-")
         return DIRECTIONS[senses.pop()]
 
     def _letters(self, plane: Plane) -> str:
@@ -157,7 +159,7 @@ class Arcs:
             if word.address == "R" and word.start < word.end:
                 radius = value_of(block, word) * self.control.unit
                 return arc_by_radius(block, ends, radius, i)._replace(pole=self._number)
-        raise block.refuse("CR without a radius")
+        raise block.refuse("CR has no radius: write R")
 
     def _tangent(self, block: Block, plane: Plane, start: Point, end: Point) -> Arc:
         """The arc from start to end that leaves the start as the move before arrived there."""
@@ -193,24 +195,26 @@ class Arcs:
         first, second, _ = pole.plane
         recorder = self.control.recorder
         start = recorder.position[first], recorder.position[second]
-        place = self._place(block, pole, start)
+        position = self._polar_position(block, pole, start)
         if not (recorder.known[first] and recorder.known[second]) and (
-            block.kind != "polar_line" or not place.programmed
+            block.kind != "polar_line" or not position.programmed
         ):
-            raise block.refuse("polar coordinates that count from a position that the program has not given")
-        target[first], target[second] = place.at
+            raise block.refuse(
+                "the polar coordinates count from a position that the program has not given: write it before them"
+            )
+        target[first], target[second] = position.at
         kind, arc = straight(content), None
         if block.kind == "polar_circle":
-            kind, arc = Kind.ARC, self._polar_arc(block, content, pole, (start, place))
+            kind, arc = Kind.ARC, self._polar_arc(block, content, pole, (start, position))
         elif block.kind == "polar_tangent":
-            kind, arc = Kind.ARC, self._tangent(block, pole.plane, start, place.at)
-        recorder.say_end(index, PolarEnd(pole.plane, pole.at, pole.number, pole.sure, *place.words))
-        if not place.programmed and recorder.known[first] != recorder.known[second]:
+            kind, arc = Kind.ARC, self._tangent(block, pole.plane, start, position.at)
+        recorder.say_end(index, PolarEnd(pole.plane, pole.at, pole.number, pole.sure, *position.words))
+        if not position.programmed and recorder.known[first] != recorder.known[second]:
             recorder.mark_uncertain(pole.plane[:2])
-        words += [(AxisWord(axis, -1, not place.programmed), target[axis]) for axis in (first, second)]
+        words += [(AxisWord(axis, -1, not position.programmed), target[axis]) for axis in (first, second)]
         self.control.move(index, kind, target, words, arc)
 
-    def _place(self, block: Block, pole: _Pole, start: Point) -> _PolarPosition:
+    def _polar_position(self, block: Block, pole: _Pole, start: Point) -> _PolarPosition:
         x, y = start[0] - pole.at[0], start[1] - pole.at[1]
         radius, angle, turned = math.hypot(x, y), math.atan2(y, x), None
         found: dict[str, int] = {}
@@ -220,7 +224,7 @@ class Arcs:
             if name not in ("PR", "PA"):
                 continue
             if name in found:
-                raise block.refuse(f"two {name} words")
+                raise block.refuse(f"the block has two {name} words: write one")
             found[name] = i
             value, more = value_of(block, word), word.address[0] == "I"
             counted |= more
@@ -230,9 +234,13 @@ class Arcs:
                 turned = math.radians(value) if more else None
                 angle = (angle if more else 0.0) + math.radians(value)
         if not found or ("PA" not in found and block.kind != "polar_line"):
-            raise block.refuse("polar coordinates without an angle" if found else "no polar coordinates")
+            raise block.refuse(
+                "the block has no polar angle: write PA or IPA"
+                if found
+                else "the block has no polar coordinates: write PR and PA"
+            )
         if radius < SAME:
-            raise block.refuse("a polar radius that is not above 0")
+            raise block.refuse("the polar radius PR is not above 0: write a positive radius")
         at = (pole.at[0] + radius * math.cos(angle), pole.at[1] + radius * math.sin(angle))
         return _PolarPosition(
             radius, angle, turned, (found.get("PR"), found.get("PA")), at, len(found) == 2 and not counted
@@ -241,21 +249,21 @@ class Arcs:
     def _polar_arc(self, block: Block, content: Content, pole: _Pole, ends: tuple[Point, _PolarPosition]) -> Arc:
         """CP: round the pole at the radius of the start, by an increment also more than once."""
         sense = self._sense(block, content)
-        start, place = ends
-        if place.words[0] is not None:
+        start, position = ends
+        if position.words[0] is not None:
             raise block.refuse(
                 "CP takes no radius PR: the radius of the arc is the distance of its start from the pole"
             )
-        if place.turned is None:
-            if same(start, place.at):
+        if position.turned is None:
+            if same(start, position.at):
                 raise block.refuse(
                     "CP ends at the angle at which it starts, which is a full circle or no move: write IPA"
                 )
             return Arc(pole.plane, sense, pole.at, False, "polar", self.words, self.block, pole=pole.number)
-        if place.turned == 0.0 or (place.turned > 0.0) != (sense > 0):
+        if position.turned == 0.0 or (position.turned > 0.0) != (sense > 0):
             raise block.refuse("IPA and DR have different signs: write the same sense of rotation in both")
-        turned = abs(place.turned)
-        full = same(start, place.at) and turned > math.pi
-        once = abs(sweep(start, place.at, pole.at, sense, full))
+        turned = abs(position.turned)
+        full = same(start, position.at) and turned > math.pi
+        once = abs(sweep(start, position.at, pole.at, sense, full))
         turns = round((turned - once) / math.tau)
         return Arc(pole.plane, sense, pole.at, full, "polar", self.words, self.block, turns, pole.number)

@@ -13,20 +13,23 @@ HARMLESS_M = frozenset(
 PROGRAM_END_M = frozenset((2.0, 30.0))
 MEANT_M = frozenset((6.0, 91.0, 94.0, 99.0, 128.0, 129.0, 140.0, 143.0)) | PROGRAM_END_M
 REFUSED_M = {
-    89.0: "calls a cycle after every move",
-    92.0: "refers to a position that only the machine's maker knows",
-    **dict.fromkeys((95.0, 96.0, 97.0, 98.0), "changes the path at corners"),
-    101.0: "lets the control change the tool by itself",
-    104.0: "goes back to an earlier datum",
-    112.0: "rounds corners",
-    114.0: "compensates tilted axes in an older way than M128",
-    130.0: "refers to the coordinates before tilting",
-    142.0: "deletes modal states of the control",
-    144.0: "takes the kinematics into the coordinates",
-    150.0: "lets a move end at a limit switch",
-    **dict.fromkeys(map(float, range(200, 205)), "laser cutting is not corrected"),
+    89.0: "calls a cycle after every move, which is not followed: write M99 in each block",
+    92.0: "refers to a position of the machine manufacturer, which is not known: write M91",
+    **dict.fromkeys((95.0, 96.0, 97.0, 98.0), "changes the path at corners, which is not corrected"),
+    101.0: "changes to a replacement tool, whose length is not known: write TOOL CALL",
+    104.0: "returns to an earlier datum, which is not known: write cycle 247",
+    112.0: "rounds corners, which is not corrected: write cycle 32",
+    114.0: "compensates tilted axes, which is not followed: write M128",
+    130.0: "refers to the coordinates before tilting, which is not followed: write PLANE RESET instead",
+    142.0: "deletes modal states of the control, which is not followed",
+    144.0: "includes the tilted axes in the coordinates, which is not followed: write M128",
+    150.0: "ends a move at a limit switch, whose position is not known",
+    **dict.fromkeys(map(float, range(200, 205)), "controls laser cutting, which is not corrected"),
 }
-AXIS_M = {118.0: "lets the handwheel move axes", 138.0: "changes which axes M128 compensates"}
+AXIS_M = {
+    118.0: "superimposes moves of the handwheel, which are not known",
+    138.0: "selects the axes that M128 compensates, which is not followed",
+}
 """With axes behind them."""
 
 COMPENSATIONS = frozenset(("RL", "RR", "R+", "R-"))
@@ -37,7 +40,7 @@ HARMLESS_CYCLES = frozenset((*range(1, 7), 9, *range(13, 19), *range(20, 26), *r
     (*range(200, 216), 225, *range(230, 234), 240, 241, *range(251, 259), *range(262, 268), *range(270, 277), 392)
 )
 REFUSED_CYCLES = {
-    12: "calls a program",
+    12: "calls a program that is not followed: insert its blocks",
 }
 PATTERN_CYCLES = {
     220: frozenset(("Q216", "Q217", "Q244", "Q245", "Q246", "Q247", "Q241", "Q200", "Q203", "Q204")),
@@ -71,8 +74,8 @@ CONTOUR_CYCLES = frozenset((21, 22, 23, 24, 25))
 HARMLESS_FN = frozenset((*range(14, 17), 18, 20, 23, 24, 26, 27, 28, 37, 38))
 PLC_FN = frozenset((19, 29))
 REFUSED_FN = {
-    17: "sets data of the control while it runs",
-    25: "sets a preset while it runs",
+    17: "sets data of the control, whose effect is not known to ncomp",
+    25: "sets a preset while the program runs, which is not followed: write cycle 247",
 }
 
 HARMLESS_KINDS = frozenset(("blank", "blank_form", "definition", "control", "text_assignment"))
@@ -91,7 +94,7 @@ MOVING_KINDS = frozenset(
     )
 )
 REFUSED_KINDS = {
-    "free_contour": "free contours (FK) are not corrected",
-    "selection": "what it selects is not known",
-    "probe": "where a probing move ends is not known",
+    "free_contour": "free contours (FK) are not corrected: write L and C",
+    "selection": "ncomp does not read the file that SEL selects",
+    "probe": "the end of a probing move is not known",
 }

@@ -57,9 +57,9 @@ class Cycles:
         elif number in PATTERN_CYCLES:
             self._pattern(index, block, number)
         elif number in REFUSED_CYCLES:
-            raise block.refuse(f"cycle {number}: {REFUSED_CYCLES[number]}")
+            raise block.refuse(f"cycle {number} {REFUSED_CYCLES[number]}")
         elif number not in HARMLESS_CYCLES:
-            raise block.refuse(f"cycle {number} is not known")
+            raise block.refuse(f"cycle {number} is not known to ncomp: write its moves")
         elif number not in DATA_CYCLES:
             self.cycle = number
 
@@ -69,11 +69,11 @@ class Cycles:
         """CYCL CALL."""
         match = _CALL.fullmatch(block.detail)
         if match is None:
-            raise block.refuse(f"{block.detail}: where it runs the cycle is not known")
+            raise block.refuse(f"{block.detail} runs the cycle at positions that are not known: write CYCL CALL or M99")
         if match[1]:
             code = float(match[1])
             if code not in HARMLESS_M:
-                raise block.refuse(f"M{code:g} with a cycle")
+                raise block.refuse(f"M{code:g} in a cycle call is not followed: write it in a block of its own")
         self.run(block)
 
     def call_at(self, index: int, block: Block, content: Content) -> None:
@@ -82,7 +82,7 @@ class Cycles:
         words = control.axis_words(block, content.axes)
         x_y_z = control.x_y_z
         if sorted(word.axis for word, _ in words) != sorted(x_y_z) or any(word.incremental for word, _ in words):
-            raise block.refuse("CYCL CALL POS without X, Y and Z")
+            raise block.refuse("CYCL CALL POS needs an absolute position: write X, Y and Z")
         target = control.target(block, words)
         control.move(index, Kind.RAPID, target, words)
         self.run(block, target[x_y_z[2]] / control.unit)
@@ -94,7 +94,7 @@ class Cycles:
         """
         z = self.control.x_y_z[2]
         if self.control.tcp:
-            raise block.refuse("a canned cycle while M128 is on")
+            raise block.refuse("a canned cycle while M128 is on is not corrected: write M129 before it")
         if self.cycle in CYCLES_AT_POSITION:
             self._end_above(z, shifted)
         elif self.cycle in CYCLES_AROUND_POSITION:
@@ -102,12 +102,15 @@ class Cycles:
             self.control.mark_unknown("XY")
         elif self.cycle in CONTOUR_CYCLES:
             self.control.mark_unknown("XYZ")
-            text = f"cycle {self.cycle} runs along its contour as programmed: not corrected"
+            text = f"cycle {self.cycle} runs along its contour as programmed and is not corrected"
             self.control.notes.add(text, block.line)
             return
         elif self.cycle not in CYCLES_AT_START:
-            known = f"cycle {self.cycle}: where it runs is not known"
-            raise block.refuse(known if self.cycle else "M99 or CYCL CALL without a cycle")
+            raise block.refuse(
+                f"cycle {self.cycle} runs at positions that are not known to ncomp: write its moves"
+                if self.cycle
+                else "M99 or CYCL CALL has no cycle to run: write its CYCL DEF before it"
+            )
         self._note(block)
 
     def _note(self, block: Block) -> None:
@@ -131,15 +134,19 @@ class Cycles:
         control = self.control
         if self.cycle not in CYCLES_AT_POSITION | CYCLES_AROUND_POSITION:
             raise block.refuse(
-                f"cycle {number}: a pattern of cycle {self.cycle}" if self.cycle else "a pattern of none"
+                f"cycle {number} repeats cycle {self.cycle}, whose position is not known: write another cycle before it"
+                if self.cycle
+                else f"cycle {number} has no cycle to repeat: write its CYCL DEF before it"
             )
         if control.tcp:
-            raise block.refuse("a canned cycle while M128 is on")
+            raise block.refuse("a canned cycle while M128 is on is not corrected: write M129 before it")
         words = {word.address: i for i, word in enumerate(block.words)}
         values = {name: value_of(block, block.words[i]) for name, i in words.items()}
         wanted = PATTERN_CYCLES[number]
         if not wanted <= values.keys():
-            raise block.refuse(f"cycle {number} without {', '.join(sorted(wanted - values.keys()))}")
+            raise block.refuse(
+                f"cycle {number} has no {', '.join(sorted(wanted - values.keys()))}: write all its parameters"
+            )
         x, y, z = control.x_y_z
         first = zip((x, y), HOLE_WORDS[number], strict=True)
         named = [(AxisWord(axis, words[name], False), values[name]) for axis, name in first]
@@ -157,13 +164,13 @@ class Cycles:
     def _set_preset(self, block: Block) -> None:
         values = [value_of(block, word) for word in block.words if word.address == "Q339"]
         if len(values) != 1 or values[0] != int(values[0]):
-            raise block.refuse("cycle 247 without a preset number Q339")
+            raise block.refuse("cycle 247 has no whole preset number: write Q339")
         self.control.set_preset(block, f"{values[0]:.0f}")
 
     def _frame_cycle(self, block: Block, number: int, part: str | None, name: str) -> None:
         if number in TRANSFORMATION_CYCLES and part is not None and not re.search(r"[\d#]", name):
             if part != ".0":
-                self._place(block, number)
+                self._transform(block, number)
             return
         addresses, neutral, meaning = FRAME_CYCLES[number]
         changes = [word for word in block.words if not re.fullmatch(addresses, word.address) or word.value != neutral]
@@ -171,11 +178,13 @@ class Cycles:
             self.planes.tilt_by_cycle(block)
             return
         if part is None or changes or re.search(r"[\d#]", name):
-            raise block.refuse(f"cycle {number} {meaning}")
+            raise block.refuse(
+                f"cycle {number} {meaning} in a form that is not followed: write CYCL DEF {number}.0 and {number}.1"
+            )
         if number == 19 and part != ".0":
             self.planes.level(block, bool(block.words))
 
-    def _place(self, block: Block, number: int) -> None:
+    def _transform(self, block: Block, number: int) -> None:
         line = next((match for word in block.words if (match := _DATUM_LINE.fullmatch(word.address))), None)
         if line is not None and number == SHIFT:
             words = self._datum(block, line[1])
@@ -190,7 +199,7 @@ class Cycles:
         before = active.placement
         scaled_axes = control.machine.control.scaled_axes
         if number == SCALING and scaled_axes:
-            control.notes.add(f"cycle 11 taken to scale {' '.join(scaled_axes)} (machine file)", block.line)
+            control.notes.add(f"cycle 11 is taken to scale {' '.join(scaled_axes)} (machine file)", block.line)
         if active.set(block, number, words, control.unit, scaled_axes):
             control.change_frame([control.x_y_z[i] for i in renamed(before, active.placement)])
 
@@ -198,7 +207,7 @@ class Cycles:
         """A line of the datum table, in units of the program."""
         control = self.control
         if line not in control.control_state.setup.datums:
-            raise block.refuse(f"datum #{line} is in no datum table that was given (--tool-table ZERO.D)")
+            raise block.refuse(f"datum #{line} is in no datum table: give the table by --tool-table ZERO.D")
         shifts = control.control_state.setup.datums[line]
         return {axis: value / (1.0 if axis in "ABC" else control.unit) for axis, value in shifts.items()}
 

@@ -10,7 +10,9 @@ from postproc.motion.frames import Placement, mirrored, rotated, scaled, shifted
 from postproc.text.block import Block
 
 SHIFT, ROTATION, SCALING, AXIS_SCALING = 7, 10, 11, 26
-_ORDER = "cycle {} together with another that changes the coordinates: this order is not supported"
+_ORDER = (
+    "cycle {} together with another coordinate transformation is not followed in this order: reset the other one first"
+)
 
 
 @dataclass
@@ -60,7 +62,7 @@ class DatumTransformations:
         if number != ROTATION:
             return _mirror(block, words)
         if words.keys() not in ({"ROT"}, {"IROT"}):
-            raise block.refuse("cycle 10 without an angle")
+            raise block.refuse("cycle 10 has no angle: write ROT and the angle")
         self.angle = words["ROT"] if "ROT" in words else self.angle + words["IROT"]
         return rotated(self.angle)
 
@@ -73,7 +75,9 @@ class DatumTransformations:
 def _shift(block: Block, before: Placement, words: Mapping[str, float], unit: float) -> Placement:
     others = {name: value for name, value in words.items() if name.removeprefix("I") not in tuple("XYZ")}
     if any(value or name.removeprefix("I") not in AXES for name, value in others.items()):
-        raise block.refuse(f"cycle 7 shifts the datum by {' '.join(others)}")
+        raise block.refuse(
+            f"cycle 7 shifts the datum by {' '.join(others)}, which is not followed: write X, Y and Z only"
+        )
     x, y, z = (
         (words[name] * unit if name in words else old) + words.get(f"I{name}", 0.0) * unit
         for name, old in zip("XYZ", before.shift, strict=True)
@@ -83,23 +87,25 @@ def _shift(block: Block, before: Placement, words: Mapping[str, float], unit: fl
 
 def _mirror(block: Block, words: Mapping[str, float]) -> Placement:
     if not words.keys() <= set("XYZ"):
-        raise block.refuse("cycle 8 mirrors a rotary axis")
+        raise block.refuse("cycle 8 mirrors a rotary or auxiliary axis, which is not followed: write X, Y and Z only")
     return mirrored("".join(words))
 
 
 def _scale(block: Block, words: Mapping[str, float], scaled_axes: str) -> Placement:
     if words.keys() != {"SCL"} or words["SCL"] <= 0.0:
-        raise block.refuse("cycle 11 without a scale")
+        raise block.refuse("cycle 11 has no factor above 0: write SCL and the factor")
     factor = words["SCL"]
     if factor != 1.0 and not scaled_axes:
         raise block.refuse(
-            "cycle 11: whether Z is scaled too is a machine parameter of older controls (7410); "
-            'scaled_axes = "XYZ" or "XY" under [control] in the machine file decides it'
+            "cycle 11 scales Z on some controls only (machine parameter 7410): write "
+            'scaled_axes = "XYZ" or "XY" under [control] in the machine file'
         )
     return scaled(*(factor if axis in scaled_axes else 1.0 for axis in "XYZ"))
 
 
 def _factors(block: Block, words: Mapping[str, float]) -> Mapping[str, float]:
     if not words.keys() <= set("XYZ") or any(factor <= 0.0 for factor in words.values()):
-        raise block.refuse("cycle 26 with other words than a factor along X, Y or Z, as of a centre")
+        raise block.refuse(
+            "cycle 26 takes factors above 0 for X, Y and Z; a centre is not followed: write factors only"
+        )
     return words

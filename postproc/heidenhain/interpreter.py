@@ -107,11 +107,11 @@ class HeidenhainInterpreter(ModalState):
 
     def _begin(self, block: Block) -> None:
         if self.begun:
-            raise block.refuse("a second program in one file")
+            raise block.refuse("the file has a second BEGIN PGM: write each program in a file of its own")
         self.begun = True
         unit = block.detail.split()[-1].upper()
         if unit not in ("MM", "INCH"):
-            self.notes.add("BEGIN PGM without MM or INCH: coordinates taken in mm", block.line)
+            self.notes.add("BEGIN PGM has no MM or INCH: the coordinates are taken in mm", block.line)
         self.unit = INCH if unit == "INCH" else 1.0
 
     # ---- moves
@@ -245,7 +245,7 @@ class HeidenhainInterpreter(ModalState):
 
     def _start_tcp(self, block: Block, name: str) -> None:
         if self.tilt is not None:
-            raise block.refuse(f"{name} in a tilted plane")
+            raise block.refuse(f"{name} in a tilted plane is not followed: write PLANE RESET before it")
         self.switch_tcp(True)
         self.note_tcp(name, block)
 
@@ -256,7 +256,9 @@ class HeidenhainInterpreter(ModalState):
         for axis in named or self.rotary_axes:
             if not 0.0 <= recorder.position[axis] < 360.0 and recorder.known[axis]:
                 name, at = self.machine.names[axis], recorder.position[axis]
-                raise block.refuse(f"M94 subtracts whole turns from {name}{at:g}: its turn is not known then")
+                raise block.refuse(
+                    f"M94 subtracts whole turns from {name}{at:g}: write an angle from 0 to 360 degrees before it"
+                )
 
     def _retract(self) -> None:
         """M140: the tool goes off along its axis."""
@@ -268,12 +270,14 @@ class HeidenhainInterpreter(ModalState):
     def _call_program(self, block: Block) -> None:
         """CALL PGM: its effect on parameters is a step of the block."""
         if not self.machine.control.calls_leave_state:
-            reason = "other programs are not followed; if they leave tool, frames and modes unchanged, write"
-            raise block.refuse(f"{block.detail}: {reason} calls_leave_state = true in the machine file")
+            raise block.refuse(
+                f"{block.detail}: other programs are not followed; if they leave tool, frames and modes unchanged, "
+                "write calls_leave_state = true in the machine file"
+            )
         self.mark_unknown(self.machine.names)
         self.arcs.pole = None
-        says = f"{block.detail}: taken to leave tool, frames and modes as they are (machine file: calls_leave_state)"
-        self.notes.add(says, block.line)
+        text = f"{block.detail} is taken to leave tool, frames and modes as they are (machine file: calls_leave_state)"
+        self.notes.add(text, block.line)
 
     def _transformation(self, block: Block) -> None:
         words = {word.address: word.value for word in block.words}
@@ -282,20 +286,20 @@ class HeidenhainInterpreter(ModalState):
         elif block.detail.upper() == "TRANS DATUM RESET":
             self.cycles.shift(block, SHIFT, dict.fromkeys("XYZ", 0.0))
         elif block.words or (cycle := _RESETS.get(block.detail.upper())) is None:
-            raise block.refuse(f"{block.detail}: changes the meaning of coordinates, which is not followed")
+            raise block.refuse(f"{block.detail} transforms the coordinates in a form that is not followed")
         elif cycle in self.transformations.active or cycle in self.tilted_transformations.active:
-            raise block.refuse(f"{block.detail}: whether it ends cycle {cycle} depends on the control")
+            raise block.refuse(f"{block.detail} ends cycle {cycle} on some controls only: reset it by CYCL DEF {cycle}")
 
     def _fn(self, block: Block) -> None:
         match = _FN.match(block.detail)
         assert match is not None
         number = int(match[1])
         if number in REFUSED_FN:
-            raise block.refuse(f"{block.detail}: {REFUSED_FN[number]}")
+            raise block.refuse(f"FN {number} {REFUSED_FN[number]}")
         if number in PLC_FN:
             self.notes.add(f"FN {number} passes values to the PLC and is taken to move nothing", block.line)
         elif number not in HARMLESS_FN:
-            raise block.refuse(f"FN {number} is not known")
+            raise block.refuse(f"FN {number} is not known to ncomp")
 
     def _function(self, block: Block) -> None:
         if _TCPM.fullmatch(block.detail):
@@ -303,7 +307,7 @@ class HeidenhainInterpreter(ModalState):
         elif block.detail.upper() == "FUNCTION RESET TCPM":
             self.switch_tcp(False)
         elif not _HARMLESS_FUNCTION.fullmatch(block.detail):
-            raise block.refuse(f"{block.detail}: is not known")
+            raise block.refuse(f"{block.detail} is not known to ncomp")
 
 
 def _vector(block: Block, kind: str) -> list[float] | None:

@@ -30,7 +30,7 @@ def sort(block: Block) -> Content:
         address = word.address
         if address[-1] in AXES and address[:-1] in ("", "I"):
             if any(block.words[j].address[-1] == address[-1] for j in content.axes):
-                raise block.refuse(f"two {address[-1]} words")
+                raise block.refuse(f"the block has two {address[-1]} words: write one")
             if word.start == word.end:
                 content.names[address] = i
             else:
@@ -85,12 +85,14 @@ class ModalState(Interpreter):
     def target(self, block: Block, words: AxisWords) -> list[float]:
         """Where a move with these words ends, in programmed coordinates."""
         if not self.begun:
-            self.notes.add("no BEGIN PGM: coordinates taken in mm", block.line)
+            self.notes.add("no BEGIN PGM: the coordinates are taken in mm", block.line)
         target = self.recorder.target(block, words)
         self.transformations.check(block)
         self.tilted_transformations.check(block)
         if self.levelled and any(target[i] for i, axis in enumerate(self.machine.axes) if axis.rotary):
-            raise block.refuse("rotary axes away from 0 while cycle 19 is on: the control may turn the coordinates")
+            raise block.refuse(
+                "a rotary axis is not at 0 while cycle 19 is on: the control may rotate the coordinates; write PLANE"
+            )
         if self.tilt is not None and any(word.axis in self.machine.translators for word, _ in words):
             self._check_upright(block, target)
         return target
@@ -124,9 +126,9 @@ class ModalState(Interpreter):
     def delete_basic_rotation(self, block: Block) -> None:
         """M143: the basic rotation of the preset in force ends, its shift stays."""
         if self.tilt is not None:
-            raise block.refuse("M143 deletes the basic rotation in a tilted plane")
+            raise block.refuse("M143 in a tilted plane is not followed: write PLANE RESET before it")
         if any(self.basic_rotation):
-            self.notes.add(f"M143: the basic rotation of preset {self.preset} ends", block.line)
+            self.notes.add(f"M143 ends the basic rotation of preset {self.preset}", block.line)
         self.without_rotation.add(self.preset)
         if self.frame() != self.recorder.frame:
             self.change_frame(self.x_y_z)
@@ -134,11 +136,11 @@ class ModalState(Interpreter):
     def set_preset(self, block: Block, preset: str) -> None:
         """Cycle 247: another preset, which ends datum shift, mirror, rotation and scaling."""
         if self.tilt is not None:
-            raise block.refuse("another preset while the working plane is tilted")
+            raise block.refuse("the preset changes in a tilted plane: write PLANE RESET before it")
         if preset in self.without_rotation and any(self.control_state.setup.turned.get(preset, ())):
-            raise block.refuse(f"preset {preset} after an M143: its rotation then depends on the control")
+            raise block.refuse(f"the rotation of preset {preset} after its M143 depends on the control: remove M143")
         if preset not in self.control_state.setup.turned:
-            self.notes.add("presets taken without rotation", block.line)
+            self.notes.add("the presets are taken without rotation", block.line)
         if self.transformations.active:
             self.notes.add("cycle 247 ends datum shift, mirror, rotation and scaling", block.line)
         self.preset, self.transformations = preset, DatumTransformations()

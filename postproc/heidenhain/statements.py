@@ -51,7 +51,7 @@ def _leaf(token: Token) -> Expression:
     if token.type == "PI":
         return Operation("PI", ())
     if token.type == "Q":
-        return parameter(token) if not token.upper().startswith("QS") else Operation("a text", ())
+        return parameter(token) if not token.upper().startswith("QS") else Operation("the text of a QS parameter", ())
     return Constant(float(token.replace(",", ".")))
 
 
@@ -61,8 +61,7 @@ def _chain(parts: list[Any]) -> Expression:
     unclear = any(b - a == 2 for a, b in pairwise(powers))
     if unclear or any(getattr(parts[i - 1], "data", "") in ("signed", "function") for i in powers):
         raise Ambiguous(
-            "a power of a power, of a function or of a number with a sign: which comes first depends on the control; "
-            "brackets are missing"
+            "a power of a power, of a function or of a number with a sign depends on the control: write brackets"
         )
     return by_levels([str(p).upper() if i % 2 else _formula(p) for i, p in enumerate(parts)], LEVELS)
 
@@ -138,7 +137,7 @@ def _read(detail: str) -> Expression:
     """The value of SYSREAD or TABREAD: known for the tool table."""
     match = _SYSREAD.fullmatch(detail)
     if match is None:
-        return Operation("what the control reads", ())
+        return Operation("the value that the control reads", ())
     values = [text for text in match.groups() if text is not None]
     return Operation("SYSREAD", tuple(parameter(v) if "Q" in v.upper() else Constant(float(v)) for v in values))
 
@@ -148,7 +147,9 @@ def _cycle_parameter(word: Word) -> Step:
     assert isinstance(variable, Variable)
     if word.value is not None:
         return Assign(variable, Constant(word.value))
-    return Assign(variable, word.formula.expression if word.formula else Operation("a value of a cycle", ()))
+    return Assign(
+        variable, word.formula.expression if word.formula else Operation("the value of a cycle parameter", ())
+    )
 
 
 def labels(block: Block) -> list[str]:

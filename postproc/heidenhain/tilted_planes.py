@@ -59,14 +59,14 @@ class Planes:
         """PLANE."""
         match = re.fullmatch(r"PLANE ([A-Z]+) ?(.*)", block.detail.upper())
         if match is None:
-            raise block.refuse(f"{block.detail}: is not known")
+            raise block.refuse(f"{block.detail} is not known to ncomp")
         form, flags = match.groups()
         rest = _FLAGS.sub("", flags)
         if rest:
-            raise block.refuse(f"PLANE {form}: {rest.strip()} is not known")
+            raise block.refuse(f"{rest.strip()} in PLANE {form} is not known to ncomp")
         found = re.findall(r"STAY|TURN|MOVE", flags)
         if len(found) > 1 or (not found and form != "RESET"):
-            raise block.refuse("a plane needs one of STAY, TURN and MOVE")
+            raise block.refuse("PLANE has none or several of STAY, TURN and MOVE: write one of them")
         positioning = found[0] if found else "STAY"
         if form == "RESET":
             self._reset(index, block, positioning)
@@ -101,20 +101,21 @@ class Planes:
             "AXIAL": (words.keys() & {"A", "B", "C"}, lambda w: self._axial(block, w)),
         }
         if form == "PROJECTED":
-            raise block.refuse("PLANE PROJECTED: give the plane by PLANE SPATIAL or VECTOR, whose signs are documented")
+            raise block.refuse("the signs of PLANE PROJECTED are not documented: write PLANE SPATIAL or PLANE VECTOR")
         if form not in forms:
-            raise block.refuse(f"PLANE {form} is not known")
+            raise block.refuse(f"PLANE {form} is not known to ncomp: write PLANE SPATIAL")
         wanted, made = forms[form]
         if set(wanted) != words.keys() or not words:
-            raise block.refuse(f"PLANE {form} takes {' '.join(sorted(wanted)) or 'angles of rotary axes'}, all of them")
+            expected = " ".join(sorted(wanted)) or "the angles of the rotary axes"
+            raise block.refuse(f"PLANE {form} has missing or additional words: write {expected}")
         try:
             return made(words)
         except ZeroDivisionError:
-            raise block.refuse(f"PLANE {form}: its directions span no plane") from None
+            raise block.refuse(f"the directions or points of PLANE {form} span no plane: write others") from None
 
     def _relative(self, block: Block, words: dict[str, float]) -> Placement:
         if len(words) != 1 or not words.keys() <= set(_SPATIAL):
-            raise block.refuse("PLANE RELATIV takes one of SPA SPB SPC")
+            raise block.refuse("PLANE RELATIV takes one angle: write SPA, SPB or SPC")
         ((name, angle),) = words.items()
         return (self.control.tilt or Placement()).then(rotated_in_turn("XYZ"["ABC".index(name[2])], [angle]))
 
@@ -129,7 +130,7 @@ class Planes:
         given = {recorder.axis(block, name): value for name, value in words.items()}
         missing = [axis.name for i, axis in enumerate(self.control.machine.axes) if axis.rotary and i not in given]
         if missing:
-            raise block.refuse(f"the angle of {missing[0]} is not given")
+            raise block.refuse(f"PLANE AXIAL has no angle of {missing[0]}: write the angles of all rotary axes")
         return {axis: value + frame.offset[axis] for axis, value in given.items()}
 
     def _positions(self, angles: dict[int, float]) -> Array:
@@ -145,17 +146,17 @@ class Planes:
         """Cycle 19: its angles are spatial or those of axes, as the control is set; followed where both are one."""
         words = {word.address: value_of(block, word) for word in block.words if word.address in ("A", "B", "C")}
         if len(words) < len(block.words):
-            raise block.refuse("cycle 19 tilts the working plane, and positions axes")
+            raise block.refuse("cycle 19 with other words than A, B and C is not followed: write PLANE SPATIAL")
         turn = spatial(*(words.get(name, 0.0) for name in "ABC"))
         names = [axis.name for axis in self.control.machine.axes if axis.rotary]
         if not words.keys() <= set(names):
-            raise block.refuse("cycle 19 tilts the working plane: about an axis that the machine does not have")
+            raise block.refuse("cycle 19 tilts about an axis that the machine does not have: write PLANE SPATIAL")
         given = {name: words.get(name, 0.0) for name in names}
         axial = self._axial(block, given)
         if not np.allclose(turn.turn, axial.turn, rtol=0.0, atol=1e-9):
             raise block.refuse(
-                "cycle 19 tilts the working plane: whether its angles are spatial or those of axes is a setting of "
-                "the control, and makes a difference here; use PLANE SPATIAL or PLANE AXIAL"
+                "the angles of cycle 19 are spatial angles or axis angles by a setting of the control, and these "
+                "differ here: write PLANE SPATIAL or PLANE AXIAL"
             )
         self._tilt(-1, block, turn, _Choice("STAY"), self._given(block, given))
 
@@ -170,23 +171,22 @@ class Planes:
     ) -> None:
         control = self.control
         if control.tcp:
-            raise block.refuse("a plane is tilted while M128 is on")
+            raise block.refuse("the working plane is tilted while M128 is on: write M129 before it")
         if control.tilted_transformations.active or control.transformations.active.keys() - {7}:
             raise block.refuse(
-                "PLANE while a rotation, mirror or scale is active, or a shift within another plane: "
-                "reset them before PLANE"
+                "a rotation, mirror or scale, or a shift within another plane, is active before PLANE: reset it first"
             )
         control.levelled = False
         normal = self._normal(turn)
         if angles is None:
             angles = self._solve(block, normal, choice)
-        self._tell(angles)
+        self._set_rotary_parameters(angles)
         if choice.positioning != "STAY":
             assert angles is not None
             self._turn_axes(index, angles, choice.positioning)
         control.tilt, control.normal = turn, normal
         control.change_frame(control.x_y_z)
-        text = "tilted plane: X Y Z taken along its axes, from the datum, which turns with the workpiece"
+        text = "tilted plane: X Y Z are taken along its axes, from the datum, which turns with the workpiece"
         control.notes.add(text, block.line)
 
     def _normal(self, turn: Placement) -> tuple[float, float, float]:
@@ -199,7 +199,9 @@ class Planes:
         if positioning != "STAY":
             rotary = [i for i, axis in enumerate(self.control.machine.axes) if axis.rotary]
             if any(self.control.frame().offset[i] for i in rotary):
-                raise block.refuse("rotary axes go to their zero: of the machine, or of a preset that shifts them")
+                raise block.refuse(
+                    "PLANE RESET turns rotary axes to 0, of the machine or of the preset: write STAY, then the angles"
+                )
             self._turn_axes(index, dict.fromkeys(rotary, 0.0), positioning)
 
     def _untilt(self, block: Block) -> None:
@@ -222,7 +224,7 @@ class Planes:
         if positioning == "MOVE":
             control.mark_unknown("XYZ")
 
-    def _tell(self, angles: dict[int, float] | None) -> None:
+    def _set_rotary_parameters(self, angles: dict[int, float] | None) -> None:
         names, offset = self.control.machine.names, self.control.frame().offset
         for name, number in ROTARY_Q.items():
             axis = names.index(name) if name in names else None
@@ -255,7 +257,7 @@ class Planes:
         if sequence:
             main = [i for i in rotary if abs(machine.axes[i].unit_direction[2]) < 0.99]
             if len(main) != 1:
-                raise UserError("SEQ: which of the rotary axes it means depends on the control")
+                raise UserError("the rotary axis of SEQ depends on the control: write no SEQ, or PLANE AXIAL")
             found = [q for q in found if q[main[0]] == 0.0 or (q[main[0]] > 0.0) == (sequence == "+")]
             if not found:
                 raise UserError(f"SEQ{sequence}: no solution has this sign: write the other sign, or no SEQ")
@@ -286,9 +288,7 @@ class Planes:
         here = {i: recorder.position[i] + recorder.frame.offset[i] for i in rotary}
         found, free = perpendicular(self.control.machine, normal, here)
         if free and not choice.flat and (choice.table or here[rotary[0]] != 0.0):
-            raise UserError(
-                "the tool is along a rotary axis, whose position is then the choice of the control: write PLANE AXIAL"
-            )
+            raise UserError("the tool is parallel to a rotary axis, whose angle the control chooses: write PLANE AXIAL")
         return found
 
 

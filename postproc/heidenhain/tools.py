@@ -34,7 +34,7 @@ class Tools:
         words = {word.address: word for word in block.words}
         other_axis = [axis for axis in "XYUVW" if axis in words]
         if other_axis:
-            raise block.refuse(f"tool axis {other_axis[0]}: only tools along Z are corrected")
+            raise block.refuse(f"the tool axis is {other_axis[0]}: only tools along Z are corrected")
         control = self.control
         oversize, more = (
             value_of(block, words[name]) * control.unit if name in words else 0.0 for name in ("DL", "DR")
@@ -42,15 +42,15 @@ class Tools:
         if "T" in words:
             self._change(block, words["T"])
         elif "DL" not in words and control.oversize:
-            raise block.refuse("whether DL stays in force when no tool is named depends on the control")
+            raise block.refuse("TOOL CALL without a tool ends DL on some controls only: write DL")
         control.oversize, control.tool_length, self.more = oversize, self.length, more
-        self._tell()
+        self._set_tool_parameters()
         control.change_frame(control.x_y_z[2:])
 
     def _change(self, block: Block, word: Word) -> None:
         control = self.control
         if control.tcp:
-            raise block.refuse("a tool call while M128 is on: HEIDENHAIN asks for M129 before it")
+            raise block.refuse("a tool is called while M128 is on: write M129 before TOOL CALL")
         self.key = self._named(block, word)
         self.length = control.control_state.tool_length(self.key) if self.key != "0" else 0.0
         control.tool_name = self.key if self.key != "0" else ""
@@ -62,7 +62,7 @@ class Tools:
         if not words.keys() & {"L", "R"}:
             return
         if "T" not in words:
-            raise block.refuse("a tool length without a tool number")
+            raise block.refuse("TOOL DEF has a length or radius, but no tool: write its number")
         key = self._named(block, words["T"])
         if "L" in words:
             control.control_state.enter_length(key, value_of(block, words["L"]) * control.unit)
@@ -80,15 +80,15 @@ class Tools:
             return self.more
         radius = self.control.control_state.tool_radius(self.key)
         if radius is None:
-            return NotKnown(f"the radius of tool {self.key} is given by no tool table (--tool-table)")
+            return NotKnown(f"no tool table (--tool-table) gives the radius of tool {self.key}")
         return radius + self.more
 
-    def _tell(self) -> None:
+    def _set_tool_parameters(self) -> None:
         radius, unit = self.radius(), self.control.unit
         scope = self.control.scope
         scope.set("Q", (RADIUS,), radius if isinstance(radius, NotKnown) else radius / unit)
         known = self.key == "0" or self.control.control_state.knows(self.key)
-        missing = NotKnown(f"the length of tool {self.key} is not given (--tool-length, --tool-table)")
+        missing = NotKnown(f"neither --tool-length nor --tool-table gives the length of tool {self.key}")
         scope.set("Q", (LENGTH,), (self.length + self.control.oversize) / unit if known else missing)
 
     # ---- reading of the tool table by the program
@@ -96,10 +96,10 @@ class Tools:
     def read_system(self, group: float, number: float, index: float | None = None) -> float:
         """SYSREAD ID50 NR1 and NR2: length and radius of a tool, in units of the program; NotKnown for all else."""
         if group != 50.0 or number not in (1.0, 2.0):
-            raise NotKnown("data of the control that ncomp does not have")
+            raise NotKnown("SYSREAD reads data of the control that ncomp does not have")
         state, key = self.control.control_state, self.key if index is None else f"{index:.10g}"
         found = state.tool_radius(key) if number == 2.0 else state.tool_length(key) if state.knows(key) else None
         if found is None:
-            what = "radius" if number == 2.0 else "length"
-            raise NotKnown(f"the {what} of tool {key} is given by no tool table (--tool-table)")
+            quantity = "radius" if number == 2.0 else "length"
+            raise NotKnown(f"no tool table (--tool-table) gives the {quantity} of tool {key}")
         return found / self.control.unit

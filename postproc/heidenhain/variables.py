@@ -21,7 +21,7 @@ def _integer(a: float) -> float:
 
 def _modulo(a: float, b: float) -> float:
     if a < 0.0 or b <= 0.0:
-        raise NotKnown("% of a negative number: its sign is not documented")
+        raise NotKnown("the result of % with a negative number or 0 is not documented: write positive numbers")
     return math.fmod(a, b)
 
 
@@ -49,8 +49,8 @@ OPERATIONS: Operations = {
 def _not_whole(a: float) -> float:
     if a != math.floor(a):
         raise NotKnown(
-            f"{a:g} repeats: whether the control cuts off the fraction or rounds is not known; "
-            'repeats = "truncate" or "round" under [control] in the machine file decides it'
+            f"{a:g} repeats are truncated on some controls and rounded on others: write "
+            'repeats = "truncate" or "round" under [control] in the machine file'
         )
     return a
 
@@ -66,7 +66,7 @@ def _rounded(a: float) -> float:
 def _beyond_rounding(a: float, border: float) -> float:
     """The value; NotKnown where the rounding of the control's arithmetic decides, as `border` is all but whole."""
     if border != round(border) and nearly(border, round(border)):
-        raise NotKnown(f"{a:.17g} repeats: the number depends on the rounding of the control's arithmetic")
+        raise NotKnown(f"{a:.17g} repeats depend on the rounding of the control's arithmetic: write a whole number")
     return a
 
 
@@ -94,7 +94,7 @@ class QParameters:
         (number,) = indices
         value, shown = self.values.get((name, number)), f"{name}{number:g}"
         if value is None and name == "Q" and isinstance(number, float) and int(number) in PRESET:
-            raise NotKnown(f"{shown} is set by the control")
+            raise NotKnown(f"the control sets {shown}, and its value is not known to ncomp")
         return known_value(value, shown)
 
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:

@@ -40,15 +40,15 @@ GROUPS = (
     MACHINE | REFERENCE | POLES | LIMITS | {DWELL}, COMPENSATION | {COMPENSATION_END},
 )  # fmt: skip
 REFUSED_G = {
-    **dict.fromkeys((33.0, 34.0, 35.0, 63.0, 331.0, 332.0), "threading is not corrected"),
+    **dict.fromkeys((33.0, 34.0, 35.0, 63.0, 331.0, 332.0), "cuts a thread, which is not corrected"),
     **dict.fromkeys(
         map(float, (140, 141, 142, 143, 147, 148, 247, 248, 347, 348)),
-        "is an approach or retraction path that the control calculates: not corrected",
+        "is an approach or retraction path that the control calculates and ncomp does not correct: write its moves",
     ),
-    **dict.fromkeys((58.0, 59.0), "shifts the coordinates"),
-    5.0: "is a groove path that the control calculates: not corrected",
-    7.0: "is a groove path that the control calculates: not corrected",
-    291.0: "switches to the language of ISO programs",
+    **dict.fromkeys((58.0, 59.0), "shifts the coordinates, which is not followed: write TRANS or ATRANS"),
+    5.0: "is a groove path that the control calculates and ncomp does not correct: write its moves",
+    7.0: "is a groove path that the control calculates and ncomp does not correct: write its moves",
+    291.0: "switches to ISO programs, which are not followed here: write these blocks in a file of their own",
 }  # fmt: skip
 
 HARMLESS_NAMES = _all(
@@ -80,22 +80,39 @@ CYCLES_ELSEWHERE = _all(
 CYCLES = CYCLES_AT_POSITION | CYCLES_ELSEWHERE
 
 REFUSED_NAMES = {
-    **dict.fromkeys(("ASPLINE", "BSPLINE", "CSPLINE", "POLY"), "splines are not corrected"),
-    **dict.fromkeys(("INVCW", "INVCCW"), "an arc whose circle the control works out is not corrected"),
-    **dict.fromkeys(("DIAMON", "DIAM90", "DIAMONA"), "diameter programming is not corrected"),
-    **dict.fromkeys(("TRANSMIT", "TRACYL", "TRAANG"), "transforms the coordinates"),
+    **dict.fromkeys(
+        ("ASPLINE", "BSPLINE", "CSPLINE", "POLY"), "begins a spline, which is not corrected: write G1, G2 or G3"
+    ),
+    **dict.fromkeys(("INVCW", "INVCCW"), "is an involute, which is not corrected: write G1, G2 or G3"),
+    **dict.fromkeys(
+        ("DIAMON", "DIAM90", "DIAMONA"), "begins diameter programming, which is not corrected: write radii and DIAMOF"
+    ),
+    **dict.fromkeys(
+        ("TRANSMIT", "TRACYL", "TRAANG"),
+        "transforms the coordinates, which is not followed: write the coordinates of the axes",
+    ),
     **dict.fromkeys(
         ("CALL", "PCALL", "EXTCALL", "ISOCALL"), "calls a program that is not in this file: insert its blocks"
     ),
-    **dict.fromkeys(("PROC", "DEFINE", "SETINT"), "declares a program of another file: not followed"),
+    **dict.fromkeys(
+        ("PROC", "DEFINE", "SETINT"), "declares a subprogram, macro or interrupt in a form that is not followed"
+    ),
     **dict.fromkeys(
         ("WHEN", "WHENEVER", "EVERY", "FROM", "DO", "ID", "IDS"),
-        "is a synchronised action, which runs in parallel with the program: not corrected",
+        "is a synchronised action, which runs in parallel with the program and is not followed: remove it",
     ),
-    **dict.fromkeys(("TOROT", "TOFRAME", "PAROT", "TOFRAMEX", "TOFRAMEY", "TOROTX", "TOROTY"), "turns the coordinates"),
-    **dict.fromkeys(("MEAS", "MEAW", "MEASA", "MEAWA"), "where a probing move ends is not known"),
-    **dict.fromkeys(("CUT3DC", "CUT3DF", "CUT3DFS", "CUT3DFF"), "tool radius compensation in space is not corrected"),
-}  # fmt: skip
+    **dict.fromkeys(
+        ("TOROT", "TOFRAME", "PAROT", "TOFRAMEX", "TOFRAMEY", "TOROTX", "TOROTY"),
+        "rotates the coordinates, which is not followed: write ROT, AROT or CYCLE800",
+    ),
+    **dict.fromkeys(
+        ("MEAS", "MEAW", "MEASA", "MEAWA"), "probes, and the end of a probing move is not known: remove it"
+    ),
+    **dict.fromkeys(
+        ("CUT3DC", "CUT3DF", "CUT3DFS", "CUT3DFF"),
+        "is tool radius compensation in space, which is not corrected: write the path of the tool",
+    ),
+}
 HARMLESS_ADDRESSES = _all("N F S H FA FB FZ FD FRC FRCM SPOS SPOSA OVR OVRRAP ADIS ADISPOS SCC DISC")
 """Of words that move no axis of the path."""
 VECTOR = ("A3", "B3", "C3")

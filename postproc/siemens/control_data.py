@@ -45,7 +45,7 @@ class ControlData:
         elif name in RADII and isinstance(value, float):
             self.rounds.setdefault((_index(indices, 0), _index(indices, 1)), {})[RADII[name]] = value
         elif name in SIDEWAYS and value != 0.0:
-            raise NotKnown(f"{name}: a length of the tool across its axis is not corrected for")
+            raise NotKnown(f"{name} is a tool length across the tool axis, which is not corrected: write 0")
         elif name == NAMES and isinstance(value, str):
             self.names[_index(indices, 0)] = value
 
@@ -53,7 +53,7 @@ class ControlData:
         number = _index(indices, 0)
         frame = SETTABLE.get(number)
         if frame is None:
-            raise NotKnown(f"{FRAMES}[{number}] is no work offset")
+            raise NotKnown(f"{FRAMES}[{number}] is no work offset: write an index from 0 to {max(SETTABLE)}")
         if len(indices) == 1 and isinstance(value, str):
             self.whole[frame] = axes_of(value)
             self.single.pop(frame, None)
@@ -63,13 +63,15 @@ class ControlData:
             if isinstance(axis, float):
                 axis = dict(enumerate("XYZ")).get(int(axis), "")
             if part in NEUTRAL and value != NEUTRAL[part]:
-                raise NotKnown(f"{frame} is turned, scaled or mirrored: not followed")
+                raise NotKnown(f"{frame} is rotated, scaled or mirrored, which is not followed: write shifts only")
             if part not in PARTS or not axis:
-                raise NotKnown(f"{FRAMES}[{', '.join(map(str, indices))}] is not known")
+                raise NotKnown(
+                    f"{FRAMES}[{', '.join(map(str, indices))}] is not known to ncomp: write an axis, and TR or FI"
+                )
             if part not in NEUTRAL:
                 (self.fine if part == "FI" else self.single).setdefault(frame, {})[axis] = value
         else:
-            raise NotKnown(f"{frame} is set in a form that is not followed")
+            raise NotKnown(f"{frame} has a value in a form that is not followed: write CTRANS and CFINE")
 
     def coarse(self, name: str) -> dict[str, float]:
         """The axes of a work offset that were set, mm or degrees, without fine shifts."""
@@ -113,10 +115,10 @@ def edge_key(tool: int | str, edge: int) -> str:
     return str(tool) if edge == 1 else f"{tool} D{edge}"
 
 
-def _index(indices: tuple[Value, ...], place: int) -> int:
-    value = indices[place] if place < len(indices) else None
+def _index(indices: tuple[Value, ...], position: int) -> int:
+    value = indices[position] if position < len(indices) else None
     if not isinstance(value, float) or value != int(value):
-        raise NotKnown(f"{value} is no index")
+        raise NotKnown(f"index {position + 1} of a variable of the control is no whole number: write a whole number")
     return int(value)
 
 
@@ -134,14 +136,14 @@ def translation(*parts: Value) -> str:
 def unturned(*parts: Value) -> str:
     """CROT and CMIRROR that change nothing."""
     if any(isinstance(value, float) and value != 0.0 for value in parts[1::2]):
-        raise NotKnown("a frame that turns or mirrors: not followed")
+        raise NotKnown("CROT or CMIRROR rotates or mirrors a frame, which is not followed: write CTRANS and CFINE only")
     return ""
 
 
 def unscaled(*parts: Value) -> str:
     """CSCALE that changes nothing."""
     if any(isinstance(value, float) and value != 1.0 for value in parts[1::2]):
-        raise NotKnown("a frame that scales: not followed")
+        raise NotKnown("CSCALE scales a frame, which is not followed: write CTRANS and CFINE only")
     return ""
 
 
@@ -158,7 +160,7 @@ def axes_of(frame: str) -> dict[str, float]:
     try:
         return {axis: float(value) for axis, value in (part.split("=") for part in frame.split())}
     except ValueError:
-        raise NotKnown(f"{frame!r} is no frame") from None
+        raise NotKnown(f"{frame!r} is no frame: write CTRANS and CFINE") from None
 
 
 def _text(pairs: Sequence[tuple[str, float]]) -> str:

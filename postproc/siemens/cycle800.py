@@ -43,9 +43,9 @@ def read_tilted_plane(block: Block, word: Word, scope: Scope, unit: float) -> Ti
     state, direction = STATES.get(int(values.get("ST", 0.0))), values.get("DIR", -1.0)
     if state is None:
         known = ", ".join(map(str, STATES))
-        raise block.refuse(f"CYCLE800 with ST = {values['ST']:g} is not followed, only with ST = {known}")
+        raise block.refuse(f"CYCLE800 with ST = {values['ST']:g} is not followed: write one of ST = {known}")
     if direction not in (-1.0, 1.0):
-        raise block.refuse("CYCLE800 that turns no axis (DIR = 0)")
+        raise block.refuse(f"CYCLE800 with DIR = {direction:g} is not followed: write DIR = -1 or DIR = 1")
     turn = _turned(block, int(values.get("MODE", 0.0)), [values.get(name, 0.0) for name in "ABC"])
     before = shifted(*(values.get(name, 0.0) * unit for name in ("X0", "Y0", "Z0")))
     behind = shifted(*(values.get(name, 0.0) * unit for name in ("X1", "Y1", "Z1")))
@@ -56,7 +56,9 @@ def _turned(block: Block, mode: int, angles: list[float]) -> Placement:
     """Axis by axis, each as rotated before; two bits of `mode` for each axis."""
     axes = [" XYZ"[mode >> shift & 3] for shift in (0, 2, 4)]
     if mode >> 6 or " " in axes:
-        raise block.refuse(f"CYCLE800 with MODE = {mode}: only planes turned axis by axis are followed")
+        raise block.refuse(
+            f"CYCLE800 with MODE = {mode} is not followed: write rotations axis by axis, as with MODE = 57"
+        )
     return rotated_in_turn("".join(axes), angles)
 
 

@@ -63,7 +63,7 @@ class Cycles:
             raise block.refuse(f"{cycle.name} while TRAORI is on is not corrected: write TRAFOOF before it")
         if cycle.name not in CYCLES_AT_POSITION:
             control.mark_unknown("XYZ")
-            text = f"{cycle.name}: its positions are arguments, which stay as programmed: not corrected"
+            text = f"{cycle.name}: the positions in its arguments stay as programmed and are not corrected"
             control.notes.add(text, block.line)
             return
         control.notes.add(

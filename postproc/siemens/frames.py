@@ -38,7 +38,7 @@ class DatumTransformations:
         """Apply the frame statement of a block, absolute or additive (with an A); returns the axes that it shifts."""
         (name,) = content.frames
         if name in SPATIAL_NAMES:
-            raise block.refuse(f"{name} turns the coordinates by angles in space")
+            raise block.refuse(f"{name} rotates by angles in space, which is not followed: write ROT or AROT")
         kind = name.removeprefix("A")
         words = {block.words[i].address: plain_of(block, block.words[i]) for i in content.axes}
         turned = {axis: value for axis, value in words.items() if axis not in "XYZ"}
@@ -46,7 +46,7 @@ class DatumTransformations:
             if axis not in self.machine.names:
                 raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {axis}")
         if turned and kind != "TRANS":
-            raise block.refuse(f"{name} of a rotary axis: only TRANS and ATRANS shift rotary axes")
+            raise block.refuse(f"{name} has a rotary axis: write TRANS or ATRANS, which alone shift rotary axes")
         inner = self._inner(block, content, kind, {a: v for a, v in words.items() if a in "XYZ"}, unit, plane)
         if kind == name:
             self.programmed, self.rotary_shifts = Placement(), {}
@@ -64,7 +64,7 @@ class DatumTransformations:
             return mirrored("".join(words))
         if kind == "SCALE":
             if any(factor <= 0.0 for factor in words.values()):
-                raise block.refuse("a scale that is not above 0")
+                raise block.refuse(f"{kind} has a factor that is not above 0: write a positive factor")
             return scaled(*(words.get(axis, 1.0) for axis in "XYZ"))
         angle = content.other.get("RPL")
         if angle is not None:
@@ -72,5 +72,5 @@ class DatumTransformations:
                 raise block.refuse("RPL and an axis letter exclude each other: write one of them")
             return rotated(plain_of(block, block.words[angle]), plane)
         if len(words) > 1:
-            self.notes.add("rotations in one block taken in the order Z, Y, X (RPY: MD10600 = 1)", block.line)
+            self.notes.add("rotations in one block are taken in the order Z, Y, X (RPY: MD10600 = 1)", block.line)
         return spatial(*(words.get(axis, 0.0) for axis in "XYZ"))

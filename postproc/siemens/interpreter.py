@@ -49,7 +49,7 @@ BY_CONTROL = -1.0
 OLDER_TOLERANCE_MODE = range(100, 1_000_000)
 """Second arguments of CYCLE832 whose second last digit switches TRAORI; in others it is for the orientation."""
 LENGTH_STAYS = (
-    "G18 or G19 with a tool length, which is taken to stay along Z: the control needs setting data SD42940 "
+    "G18 or G19 with a tool length: the length is taken to stay along Z, which needs setting data SD42940 "
     "($SC_TOOL_LENGTH_CONST) other than 0"
 )
 STANDING = LIMITS | {DWELL}
@@ -154,7 +154,7 @@ class SiemensInterpreter(Interpreter):
     def _note_edge(self, block: Block) -> None:
         tool, edge = self._tool_key()
         if tool and edge > 1 and not self.control_state.knows(edge_key(tool, edge)):
-            self.notes.add(f"D{edge} of tool {tool} taken to be as long as D1", block.line)
+            self.notes.add(f"D{edge} of tool {tool} is taken to be as long as D1", block.line)
 
     def _tool_key(self) -> tuple[int | str | None, int]:
         return self.spindle_tool, self.edge
@@ -167,8 +167,7 @@ class SiemensInterpreter(Interpreter):
         key = edge_key(self.spindle_tool, self.edge)
         if key in self.scope.data.worn():
             raise block.refuse(
-                f"wear or base of tool {key} without its length ($TC_DP3): whether they are part of the "
-                "length in the set-up is not known"
+                f"the program sets wear or base of tool {key} without its length: set the length ($TC_DP3) too"
             )
         self.length_key = key if self.control_state.knows(key) else str(self.spindle_tool)
         return self.control_state.tool_length(self.length_key)
@@ -184,11 +183,14 @@ class SiemensInterpreter(Interpreter):
             elif code in WORK_OFFSETS:
                 self._set_work_offset(block, f"G{code:.0f}")
             elif not self.take_mode(block, code) and code not in HARMLESS_G:
-                raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known')}")
+                raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known to ncomp')}")
         if DWELL in content.g and content.axes:
-            raise block.refuse("G4 with a coordinate: a dwell takes F or S")
+            raise block.refuse("G4 has a coordinate: write F or S, the time of the dwell")
         if self.transformations.tilted is not None and not FRAME_ENDS.isdisjoint(content.names):
-            raise block.refuse(f"{', '.join(FRAME_ENDS & content.names.keys())} in a plane of CYCLE800")
+            raise block.refuse(
+                f"{', '.join(FRAME_ENDS & content.names.keys())} in a tilted plane is not followed: write CYCLE800() "
+                "before it"
+            )
         if "CYCLE832" in content.names:
             self._check_tolerance_cycle(block, block.words[content.names["CYCLE832"]])
         if not CALCULATED_ARCS.isdisjoint(content.names):
@@ -198,7 +200,7 @@ class SiemensInterpreter(Interpreter):
         if "ORIWKS" in content.names or "ORIMKS" in content.names:
             self.machine_vectors = "ORIMKS" in content.names
         if "RET" in content.names and block.words[content.names["RET"]].arguments is not None:
-            raise block.refuse("RET with arguments returns to another block: not followed")
+            raise block.refuse("RET with arguments returns to another block, which is not followed: write RET alone")
         return claimed
 
     def _calculate_arc(self, block: Block, content: Content) -> None:
@@ -206,7 +208,9 @@ class SiemensInterpreter(Interpreter):
         if len(CALCULATED_ARCS & content.names.keys()) > 1 or not MOTION.keys().isdisjoint(content.g):
             raise block.refuse("CIP and CT exclude G0 to G3 and each other in one block: write one of them")
         if not POLAR.isdisjoint(content.other) or self.tcp:
-            raise block.refuse("CIP or CT with polar coordinates, or while TRAORI is on")
+            raise block.refuse(
+                "CIP or CT with polar coordinates, or while TRAORI is on, is not corrected: write G2 or G3"
+            )
         if self.cornered or self.rounded:
             raise block.refuse(
                 "CIP or CT directly after a chamfer or rounding is not corrected: write G2 or G3 with a centre"
@@ -221,7 +225,9 @@ class SiemensInterpreter(Interpreter):
         except NotKnown as reason:
             raise block.refuse(f"second argument of CYCLE832: {reason}") from None
         if mode in OLDER_TOLERANCE_MODE and mode // 10 % 10 != int(self.tcp):
-            raise block.refuse(f"CYCLE832 with {mode}, whose second last digit switches TRAORI on or off")
+            raise block.refuse(
+                f"CYCLE832 with {mode} switches TRAORI by its tens digit: write TRAORI or TRAFOOF before it"
+            )
 
     def take_mode(self, block: Block, code: float) -> bool:
         """Take over a modal G code; another plane has no polar coordinates yet."""
@@ -231,7 +237,7 @@ class SiemensInterpreter(Interpreter):
 
     def _set_work_offset(self, block: Block, name: str) -> None:
         if self.transformations.tilted is not None and name != self.work_offset:
-            raise block.refuse("another work offset in a plane of CYCLE800")
+            raise block.refuse("the work offset changes in a tilted plane: write CYCLE800() before it")
         data = self.scope.data
         if name in data.offsets:
             self.control_state.offsets[name] = data.coarse(name)
@@ -244,9 +250,11 @@ class SiemensInterpreter(Interpreter):
         arguments = block.words[content.names["TRAORI" if on else "TRAFOOF"]].arguments
         given = [argument for argument in arguments or () if argument != EMPTY]
         if given and (not on or given != [Constant(1.0)]):
-            raise block.refuse("TRAORI of another transformation than the first, or with a direction, is not known")
+            raise block.refuse(
+                "TRAORI with another transformation than the first, or with a direction, is not followed: write TRAORI(1)"
+            )
         if on and self.transformations.tilted is not None:
-            raise block.refuse("TRAORI in a plane of CYCLE800")
+            raise block.refuse("TRAORI in a tilted plane is not followed: write CYCLE800() before it")
         if on:
             self.note_tcp("TRAORI", block)
         self.switch_tcp(on)
@@ -269,7 +277,7 @@ class SiemensInterpreter(Interpreter):
         self.polar.clear()
         if tilt is None:
             self.transformations.tilt(None)
-            self.notes.add("CYCLE800(): rotary axes taken to keep their positions", block.line)
+            self.notes.add("CYCLE800(): the rotary axes are taken to keep their positions", block.line)
         else:
             before = self.transformations.tilted
             if tilt.added and before is not None:
@@ -277,7 +285,7 @@ class SiemensInterpreter(Interpreter):
             positions = rotary_positions(block, self, tilt)
             self.recorder.move_to_machine_position(index, positions, tuple(AxisWord(i, 0, False) for i in positions))
             listed = " ".join(f"{self.machine.names[i]}{angle:g}" for i, angle in positions.items())
-            self.notes.add(f"CYCLE800 taken to turn the rotary axes to {listed}", block.line)
+            self.notes.add(f"CYCLE800 is taken to turn the rotary axes to {listed}", block.line)
             tilts = tilt.plane != Placement() or any(positions.values())
             self.transformations.tilt(tilt.plane if tilts else None)
         self.change_frame(range(len(self.machine.axes)))
@@ -324,11 +332,11 @@ class SiemensInterpreter(Interpreter):
     def _move(self, index: int, block: Block, content: Content, *, divisible: bool) -> Block:
         """Record a move; its block comes back with the words that a correction may change."""
         if self.motion is None:
-            self.notes.add("no G0 or G1 before it: coordinates taken for straight lines", block.line)
+            self.notes.add("no G0 or G1 before it: the coordinates are taken for straight lines", block.line)
             self.motion = 1.0
         if self.motion == BY_CONTROL and CALCULATED_ARCS.isdisjoint(content.names):
             raise block.refuse(
-                "CIP or CT from a block before: ncomp writes G2 or G3 instead of it, so write it in every block"
+                "CIP or CT is modal from an earlier block, which ncomp corrects to G2 or G3: write it in every block"
             )
         if self.length and self.plane != "XYZ":
             self.notes.add(LENGTH_STAYS, block.line)
@@ -342,7 +350,7 @@ class SiemensInterpreter(Interpreter):
         elif self.polar.radius is not None and any(block.words[i].address in self.plane[:2] for i in content.axes):
             self.polar.clear()
         if kind is not Kind.ARC and content.other.keys() & ARC_WORDS:
-            raise block.refuse("a centre, a radius or turns without an arc")
+            raise block.refuse("the block has a centre, a radius or turns, but no arc: write G2 or G3")
         if kind is Kind.ARC and "AR" in content.other:
             programmed = with_angle(self, block, content, programmed)
         target = programmed.target(self.recorder)
@@ -364,9 +372,13 @@ class SiemensInterpreter(Interpreter):
     def _point(self, block: Block, content: Content, target: list[float]) -> None:
         """A tool vector."""
         if not self.tcp or self.machine_vectors:
-            raise block.refuse("a tool vector without TRAORI, or in machine coordinates (ORIMKS)")
+            raise block.refuse(
+                "a tool vector without TRAORI, or with ORIMKS, is not corrected: write TRAORI and ORIWKS before it"
+            )
         if not all(self.recorder.frame.keeps_circles(plane) for plane in ("XY", "YZ")):
-            raise block.refuse("a tool vector where the axes are scaled by different factors is not corrected")
+            raise block.refuse(
+                "a tool vector with different factors of SCALE is not corrected: write one factor for all axes"
+            )
         words = {address: content.other.pop(address) for address in VECTOR if address in content.other}
         vector = np.array([plain_of(block, block.words[words[a]]) if a in words else 0.0 for a in VECTOR])
         self.turn_along(block, target, self.recorder.frame.turned(vector).tolist())
@@ -377,7 +389,6 @@ class SiemensInterpreter(Interpreter):
             if word.incremental and self.recorder.known[word.axis] == Known.MACHINE:
                 name = self.machine.names[word.axis]
                 raise block.refuse(
-                    f"an increment of {name} before its first absolute position in this frame: whether "
-                    "the control moves by the "
-                    "new offset too depends on its settings. Write an absolute position first"
+                    f"an increment of {name} before its first absolute position in this frame depends on settings of "
+                    "the control: write an absolute position first"
                 )

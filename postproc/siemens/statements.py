@@ -65,9 +65,11 @@ def number_of(text: str) -> float:
 def _expression(parts: list[Any]) -> Expression:
     operators = {str(part).upper() for part in parts[1::2]}
     if sum(str(part) in COMPARING for part in parts[1::2]) > 1 and LOGIC.isdisjoint(operators):
-        raise Ambiguous("a comparison of a comparison: brackets are missing")
+        raise Ambiguous("a comparison is compared again: write brackets round the first comparison")
     if any(_is_not(operand) and str(operator) in COMPARING for operand, operator in pairwise(parts)):
-        raise Ambiguous("NOT and a comparison: brackets are missing, for NOT binds more than the comparison")
+        raise Ambiguous(
+            "NOT binds more than the comparison: write brackets round NOT and its operand, or round the comparison"
+        )
     operands = [str(part).upper() if i % 2 else formula(part) for i, part in enumerate(parts)]
     result = by_levels([*operands], LEVELS)
     if COMPARING.isdisjoint(operators) or LOGIC.isdisjoint(operators):
@@ -91,10 +93,10 @@ def _reference(parts: list[Any]) -> Variable:
 def variable(name: str, indices: Tree[Token] | None = None) -> Variable:
     """A variable; R5 is R with the index 5."""
     name = name.upper()
-    places = () if indices is None else tuple(formula(index) for index in indices.children)
+    found = () if indices is None else tuple(formula(index) for index in indices.children)
     if re.fullmatch(r"R\d+", name):
         return Variable("R", (Constant(float(name[1:])),))
-    return Variable(name, places)
+    return Variable(name, found)
 
 
 def arguments(node: Tree[Token]) -> tuple[Expression, ...]:
@@ -156,7 +158,7 @@ def _mode(value: Tree[Token]) -> tuple[Tree[Token], str]:
         mode, given = str(only.children[0]).upper(), only.children[1].children  # type: ignore[union-attr]
         values = [argument.children for argument in given if isinstance(argument, Tree)]
         if len(values) != 1 or not values[0]:
-            raise Ambiguous(f"{mode} takes one value")
+            raise Ambiguous(f"{mode} takes one value: write it in parentheses")
         return values[0][0], mode  # type: ignore[return-value]
     return value, ""
 
@@ -199,7 +201,7 @@ def _declare(parts: list[Any]) -> list[Step]:
         sizes = tuple(formula(size) for size in indices[0].children) if indices else ()
         variable_ = variable(str(name))
         if len(str(name)) == 1:
-            raise Ambiguous(f"{name} is an address and no name for a variable")
+            raise Ambiguous(f"{name} is an address: write a longer name for the variable")
         if variable_.name == "R":
             steps.append(Assign(variable_, formula(values[0]) if values else Constant(0.0)))
         else:
@@ -210,7 +212,7 @@ def _declare(parts: list[Any]) -> list[Step]:
 def _receive(parts: list[Any]) -> Receive:
     """PROC: the parameters of a subprogram."""
     if any(str(part).upper() == "SAVE" for part in parts[2:]):
-        raise Ambiguous("SAVE restores the modes of the caller after the subprogram: not followed")
+        raise Ambiguous("SAVE restores the modes of the caller after the subprogram, which is not followed: remove it")
     found = []
     for part in parts[2:]:
         if isinstance(part, Token):
@@ -218,7 +220,9 @@ def _receive(parts: list[Any]) -> Receive:
         tokens = {child.type: str(child).upper() for child in part.children if isinstance(child, Token)}
         trees = [child for child in part.children if isinstance(child, Tree)]
         if "VAR" in tokens or any(tree.data == "indices" for tree in trees):
-            raise Ambiguous("VAR, or a field: a parameter that changes variables of the caller is not followed")
+            raise Ambiguous(
+                "a parameter with VAR, or an array, changes variables of the caller, which is not followed: remove it"
+            )
         found.append((tokens["TYPE"], tokens["IDENTIFIER"], formula(trees[0]) if trees else None))
     return Receive(tuple(found))
 
@@ -229,7 +233,7 @@ DIRECTIONS = {"GOTO": "FB", "GOTOC": "FB", "GOTOF": "F", "GOTOB": "B"}
 def _jump(parts: list[Any]) -> Jump:
     word, target = str(parts[0]).upper(), parts[1]
     if word not in DIRECTIONS:
-        raise Ambiguous(f"{word}: jumps to the beginning of the program")
+        raise Ambiguous(f"{word} jumps to the beginning of the program, which is not followed: write GOTOB and a label")
     label = str(target).strip('"').upper()
     return Jump(label, DIRECTIONS[word], optional=word == "GOTOC")
 

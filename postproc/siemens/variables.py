@@ -50,13 +50,13 @@ def _quotient(a: float, b: float) -> float:
 
 def _modulo(a: float, b: float) -> float:
     if a < 0.0 or b <= 0.0:
-        raise NotKnown("MOD of a negative number: its sign is not documented")
+        raise NotKnown("the result of MOD with a negative number or 0 is not documented: write positive numbers")
     return math.fmod(a, b)
 
 
 def _rounded(a: float) -> float:
     if nearly(a % 1.0, 0.5) and a < 0.0:
-        raise NotKnown(f"how {a:g} is rounded is not documented")
+        raise NotKnown(f"the rounding of {a:g} is not documented: write the whole number")
     return float(math.floor(a + 0.5))
 
 
@@ -67,7 +67,7 @@ def _joined(a: Value, b: Value) -> str:
 
 def _agreed(as_documented: Value, as_usual: Value) -> Value:
     if as_documented != as_usual:
-        raise NotKnown("a comparison binds least of all: parentheses round the comparisons are missing")
+        raise NotKnown("a comparison binds less than AND and OR: write brackets round each comparison")
     return as_documented
 
 
@@ -103,7 +103,7 @@ OPERATIONS: Operations = {
 
 def _bits(a: float) -> int:
     if a != int(a) or a < 0.0:
-        raise NotKnown(f"{a:g} is no whole number of 0 or more, which a bit operation needs")
+        raise NotKnown(f"{a:g} in a bit operation is no whole number of 0 or more: write such a number")
     return int(a)
 
 
@@ -145,14 +145,16 @@ class SiemensVariables:
         if name in MACHINING and name not in here.kinds:
             return MACHINING[name]
         if name.startswith("$"):
-            raise NotKnown(f"{shown} belongs to the control")
+            raise NotKnown(f"{shown} belongs to the control, and its value is not known to ncomp: write a number")
         if name in SETTINGS:
-            raise NotKnown(f"{shown} is a setting of an axis and no coordinate")
+            raise NotKnown(f"{shown} is a setting of an axis, and its value is not known to ncomp: write a number")
         if name in NAMES and not indices and name not in here.kinds:
             return name
-        value = (self.shared if name == "R" else here.values).get((name, _places(indices)))
+        value = (self.shared if name == "R" else here.values).get((name, _whole_indices(indices)))
         if value is None and any(name in level.kinds for level in self.levels[:-1]):
-            raise NotKnown(f"{shown} belongs to the calling program: whether it is seen here depends on the control")
+            raise NotKnown(
+                f"{shown} belongs to the calling program, and only some controls read it here: write it as a parameter"
+            )
         return known_value(value, shown)
 
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
@@ -165,13 +167,17 @@ class SiemensVariables:
             self.data.set(name, indices, value)
             return
         if name.startswith("$"):
-            raise NotKnown(f"{name} belongs to the control: what it changes is not known")
+            raise NotKnown(
+                f"{name} belongs to the control, and its effect is not known to ncomp: remove the assignment"
+            )
         here = self.levels[-1]
         if name != "R" and name not in here.kinds:
-            raise NotKnown(f"{name} is declared nowhere: an axis, a variable of the control or of another program")
+            raise NotKnown(
+                f"{name} is neither a declared variable nor an axis: write DEF, or passive_axes in the machine file"
+            )
         if here.kinds.get(name) == "INT" and isinstance(value, float):
             value = _rounded(value)
-        (self.shared if name == "R" else here.values)[name, _places(indices)] = value
+        (self.shared if name == "R" else here.values)[name, _whole_indices(indices)] = value
 
     def declare(self, kind: str, name: str, sizes: Sequence[int], values: Sequence[Value | NotKnown | None]) -> None:
         """A new variable, with first values in the order of its elements, last index first."""
@@ -180,16 +186,16 @@ class SiemensVariables:
         empty: Value = "" if kind in ("STRING", "CHAR", "AXIS", "FRAME") else 0.0
         elements = math.prod(sizes)
         if elements > MOST:
-            raise NotKnown(f"a field of {elements} elements")
+            raise NotKnown(f"the array has {elements} elements: write at most {MOST}")
         for i in range(elements):
-            place, left = [], i
+            reversed_indices, left = [], i
             for size in reversed(sizes):
                 left, index = divmod(left, size)
-                place.append(index)
+                reversed_indices.append(index)
             given = values[i] if i < len(values) else None
-            here.values[name, tuple(reversed(place))] = empty
+            here.values[name, tuple(reversed(reversed_indices))] = empty
             if given is not None:
-                self.set(name, tuple(float(index) for index in reversed(place)), given)
+                self.set(name, tuple(float(index) for index in reversed(reversed_indices)), given)
 
     def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
         """A subprogram has variables of its own."""
@@ -211,9 +217,9 @@ class Receive(NamedTuple):
         assert isinstance(scope, SiemensVariables)
         arguments = scope.levels[-1].arguments
         if len(arguments) and max(arguments) > len(self.parameters):
-            raise NotKnown("a call with more arguments than parameters")
+            raise NotKnown("the call has more arguments than the subprogram has parameters: remove the others")
         for i, (kind, name, default) in enumerate(self.parameters, start=1):
-            omitted = NotKnown(f"{name} is a parameter that the call leaves out")
+            omitted = NotKnown(f"the call omits the argument for {name}")
             given = arguments.get(i, omitted if default is None else _known(default, scope))
             scope.declare(kind, name, (), [given])
 
@@ -238,13 +244,13 @@ class Declare(NamedTuple):
             return [None if part == EMPTY else _known(part, scope) for part in first.operands]
         if isinstance(first, Operation) and first.name == "REP":
             if not first.operands:
-                raise NotKnown("REP without a value")
+                raise NotKnown("REP has no value: write one in its parentheses")
             times = whole(first.operands[1], scope) if len(first.operands) > 1 else elements
             return [_known(first.operands[0], scope)] * min(times, elements, MOST)
         return [] if first is None else [_known(first, scope)]
 
 
-EMPTY = Operation("nothing", ())
+EMPTY = Operation("an omitted argument", ())
 """An argument that is left out."""
 
 
@@ -255,15 +261,15 @@ def _known(expression: Expression, scope: Scope) -> Value | NotKnown:
         return reason
 
 
-def _places(indices: tuple[Value, ...]) -> tuple[int, ...]:
-    places = []
+def _whole_indices(indices: tuple[Value, ...]) -> tuple[int, ...]:
+    found = []
     for index in indices:
         if not isinstance(index, float):
-            raise NotKnown(f"a value of the axis {index}")
+            raise NotKnown(f"{index} is an axis as an index: write a number")
         if index != int(index) or index < 0.0:
-            raise NotKnown(f"{index:g} is no index")
-        places.append(int(index))
-    return tuple(places)
+            raise NotKnown(f"{index:g} is no index: write a whole number of 0 or more")
+        found.append(int(index))
+    return tuple(found)
 
 
 def _shown(index: Value) -> str:

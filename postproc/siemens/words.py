@@ -59,7 +59,7 @@ def sort(block: Block, passive: tuple[str, ...] = ()) -> Content:
             content.names[address] = i
         elif address in AXES:
             if address in axes:
-                raise block.refuse(f"two {address} words")
+                raise block.refuse(f"the block has two {address} words: write one")
             axes += address
             content.axes.append(i)
         elif address == "G":
@@ -67,7 +67,7 @@ def sort(block: Block, passive: tuple[str, ...] = ()) -> Content:
         elif address[0] == "M" and (address == "M" or _SPINDLE_M.fullmatch(address)):
             content.m.append(word.value or 0.0)
         elif address in content.other:
-            raise block.refuse(f"two {address} words")
+            raise block.refuse(f"the block has two {address} words: write one")
         else:
             content.other[address] = i
     return content
@@ -106,17 +106,17 @@ def _check_name(block: Block, name: str, word: Word) -> None:
         raise block.refuse(f"{name} {REFUSED_NAMES[name]}")
     known = HARMLESS_CALLS | CYCLES if word.arguments is not None else HARMLESS_NAMES | FRAME_NAMES
     if name not in known and name not in MEANT_NAMES:
-        raise block.refuse(f"{name} is not known: a cycle, a subprogram or a function of the control")
+        raise block.refuse(f"{name} is not known to ncomp: write the moves of this cycle, subprogram or function")
 
 
 def _strange(address: str) -> str:
     if address == "L":
-        return "L calls a subprogram"
+        return "L calls a subprogram that is not in this file: insert its blocks"
     if address == "RPL":
-        return "RPL: a rotation without ROT or AROT"
+        return "RPL has no rotation: write ROT or AROT before it"
     if re.fullmatch(r"[ABC][24-7]|LEAD|TILT|THETA|PHI|PSI", address):
-        return f"{address}: orientations by these words are not corrected"
-    return f"{address} in a block: what it does is not known"
+        return f"{address} is an orientation that is not corrected: write A3 B3 C3 or the rotary axes"
+    return f"the address {address} is not known to ncomp: remove it"
 
 
 # ---- values
@@ -125,7 +125,7 @@ def _strange(address: str) -> str:
 def plain_of(block: Block, word: Word) -> float:
     """The number of a word without AC, IC and the like."""
     if word.mode:
-        raise block.refuse(f"{word.mode} in {word.address}: how it counts is not known")
+        raise block.refuse(f"{word.mode} has no meaning in {word.address}: write the number alone")
     return value_of(block, word)
 
 
