@@ -619,7 +619,7 @@ OUTCOMES = {
     "700.klartext": (32, 0),
     "7025.klartext": (
         15,
-        "DL-Q108: Q108 is not known: the radius of tool 155 is given by no tool table (--tool-table)",
+        "DL-Q108: Q108 is not known: no tool table (--tool-table) gives the radius of tool 155",
     ),
     "9030_de.klartext": (62, f"CALL PGM 90301_de.h: {NOT_FOLLOWED}"),
     "BewegBlv.klartext": (120, "no LBL 3 in this file"),
@@ -628,7 +628,7 @@ OUTCOMES = {
     "VESELYparametr.klartext": (7, 0),
     "programm-zirkularnut-fraesen.klartext": (
         28,
-        "IX+Q2: Q2 is not known: Q10 is not known: the radius of tool 32 is given by no tool table (--tool-table)",
+        "IX+Q2: Q2 is not known: Q10 is not known: no tool table (--tool-table) gives the radius of tool 32",
     ),
 }
 

@@ -251,7 +251,7 @@ class SiemensInterpreter(Interpreter):
         given = [argument for argument in arguments or () if argument != EMPTY]
         if given and (not on or given != [Constant(1.0)]):
             raise block.refuse(
-                "TRAORI with another transformation than the first, or with a direction, is not followed: write TRAORI(1)"
+                "TRAORI with another transformation than the first, or a direction, is not followed: write TRAORI(1)"
             )
         if on and self.transformations.tilted is not None:
             raise block.refuse("TRAORI in a tilted plane is not followed: write CYCLE800() before it")
