@@ -142,10 +142,10 @@ class Cycles:
             raise block.refuse("a canned cycle while M128 is on is not corrected: write M129 before it")
         words = {word.address: i for i, word in enumerate(block.words)}
         values = {name: value_of(block, block.words[i]) for name, i in words.items()}
-        wanted = PATTERN_CYCLES[number]
-        if not wanted <= values.keys():
+        required = PATTERN_CYCLES[number]
+        if not required <= values.keys():
             raise block.refuse(
-                f"cycle {number} has no {', '.join(sorted(wanted - values.keys()))}: write all its parameters"
+                f"cycle {number} has no {', '.join(sorted(required - values.keys()))}: write all its parameters"
             )
         x, y, z = control.x_y_z
         first = zip((x, y), HOLE_WORDS[number], strict=True)

@@ -104,9 +104,9 @@ class Planes:
             raise block.refuse("the signs of PLANE PROJECTED are not documented: write PLANE SPATIAL or PLANE VECTOR")
         if form not in forms:
             raise block.refuse(f"PLANE {form} is not known to ncomp: write PLANE SPATIAL")
-        wanted, made = forms[form]
-        if set(wanted) != words.keys() or not words:
-            expected = " ".join(sorted(wanted)) or "the angles of the rotary axes"
+        required, made = forms[form]
+        if set(required) != words.keys() or not words:
+            expected = " ".join(sorted(required)) or "the angles of the rotary axes"
             raise block.refuse(f"PLANE {form} has missing or additional words: write {expected}")
         try:
             return made(words)
