@@ -124,7 +124,7 @@ class Interpreter(ABC):
 
     def note_tcp(self, name: str, block: Block) -> None:
         """Note a function that switches TCP on."""
-        text = f"{name}: X Y Z taken as the tool point in the workpiece frame that turns with a table"
+        text = f"{name}: X Y Z are taken as the tool point in the workpiece frame, which turns with a table"
         self.notes.add(text, block.line)
 
     # ---- modes and functions
@@ -170,7 +170,7 @@ class Interpreter(ABC):
         if code in self.refused_m:
             raise block.refuse(f"M{code:g} {self.refused_m[code]}")
         if code not in self.harmless_m:
-            self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
+            self.notes.add(f"M{code:g} is not known to ncomp and is taken to move nothing", block.line)
             self.recorder.mark_uncertain()
 
     def mark_unknown(self, names: Sequence[str]) -> list[str]:
@@ -182,7 +182,7 @@ class Interpreter(ABC):
     def move_for_tool_change(self, block: Block) -> None:
         """A tool change takes the axes of the machine file to positions that the program does not give."""
         names = " ".join(self.mark_unknown(self.machine.control.tool_change_moves)) or "no axis"
-        self.notes.add(f"a tool change taken to move {names} (machine file: tool_change_moves)", block.line)
+        self.notes.add(f"a tool change is taken to move {names} (machine file: tool_change_moves)", block.line)
 
     # ---- words
 

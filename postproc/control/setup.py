@@ -122,7 +122,9 @@ def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float
         unnamed += not equals
         axis = axis.strip().upper() or ("XYZ"[i] if i < 3 else "")
         if axis not in machine.names:
-            raise UserError(f"--work-offset {text}: no axis {axis or '(fourth value)'} on machine {machine.name}")
+            raise UserError(
+                f"--work-offset {text}: machine {machine.name} has no axis {axis or 'for the fourth value'}"
+            )
         if axis in offsets:
             raise UserError(f"--work-offset {text}: {axis} is given twice")
         offsets[axis] = given_number(number, f"--work-offset {text}")
@@ -167,7 +169,7 @@ def make_setup(
     for name, values in table.work_offsets.items():
         for axis, value in values.items():
             if axis not in machine.names and value:
-                raise UserError(f"tool table: work offset {name}: no axis {axis} on machine {machine.name}")
+                raise UserError(f"tool table: work offset {name}: machine {machine.name} has no axis {axis}")
     given = given_once((parse_work_offset(text, machine) for text in work_offsets), "--work-offset ")
     named = [parse_tool_length(text) for text in tool_lengths]
     given_once(((shown_tool(tool), length) for tool, length in named), "--tool-length ")

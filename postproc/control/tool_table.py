@@ -35,7 +35,7 @@ def checked(table: ToolTable, path: Path) -> ToolTable:
     for name, values in numbers.items():
         for key, value in values.items():
             if not math.isfinite(value):
-                raise UserError(f"tool table {path}: {name}: {key}: {value} is not finite")
+                raise UserError(f"tool table {path}: {name}: {key}: {value} is not a finite number")
     return replace(
         table,
         tools={tool_key(tool): length for tool, length in table.tools.items()},
@@ -68,6 +68,8 @@ def joined(tables: Mapping[Path, ToolTable]) -> ToolTable:
             values, part = found.setdefault(name, {}), getattr(table, name)
             twice = sorted(values.keys() & part.keys())
             if twice:
-                raise UserError(f"tool table {path}: {name.replace('_', ' ')}: {twice[0]} is in another table too")
+                raise UserError(
+                    f"tool table {path}: {name.replace('_', ' ')}: {twice[0]} is in another table too: keep one of them"
+                )
             values.update(part)
     return ToolTable(**found)  # type: ignore[arg-type]

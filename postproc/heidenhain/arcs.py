@@ -208,7 +208,7 @@ class Arcs:
             kind, arc = Kind.ARC, self._polar_arc(block, content, pole, (start, position))
         elif block.kind == "polar_tangent":
             kind, arc = Kind.ARC, self._tangent(block, pole.plane, start, position.at)
-        recorder.say_end(index, PolarEnd(pole.plane, pole.at, pole.number, pole.sure, *position.words))
+        recorder.record_polar_end(index, PolarEnd(pole.plane, pole.at, pole.number, pole.sure, *position.words))
         if not position.programmed and recorder.known[first] != recorder.known[second]:
             recorder.mark_uncertain(pole.plane[:2])
         words += [(AxisWord(axis, -1, not position.programmed), target[axis]) for axis in (first, second)]

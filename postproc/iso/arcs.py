@@ -12,7 +12,7 @@ from postproc.iso.words import Content
 from postproc.motion.moves import Arc, Polar
 from postproc.text.block import Block
 
-HINT = '; its centre would fit as absolute: for such a control set arc_centres = "absolute" in the machine file'
+HINT = '. With an absolute centre it is a circle: for such a control set arc_centres = "absolute" in the machine file'
 
 
 def arc_of(control: ModalState, content: Content, target: list[float]) -> Arc:

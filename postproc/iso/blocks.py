@@ -108,5 +108,8 @@ def _explain(text: str, fault: UnexpectedInput) -> str:
     column = fault.column if fault.column > 0 else len(text.rstrip())
     rest = text[column - 1 :].strip() if column else text
     if isinstance(fault, UnexpectedCharacters) and rest[:1] in "()":
-        return f"column {column}: parentheses that do not match, or one inside another: controls read these differently"
+        return (
+            f"column {column}: controls differ in parentheses that do not match or that are nested: write the comment "
+            "in one pair"
+        )
     return f"column {column}: {rest[:20]!r} is not understood"

@@ -46,21 +46,21 @@ def _with_step(block: Block, words: tuple[Word, ...], step: Step) -> Block:
 def _with_return(block: Block, others: tuple[Word, ...]) -> Block:
     """M99, with P back to a block of the caller that it names."""
     if any(other.address in "LQ" for other in others):
-        raise block.refuse("M99 with L or Q")
+        raise block.refuse("M99 with L or Q is not corrected: write M99 alone or with P")
     taken, kept = _taken(block, others, "P")
     label = _value(taken["P"]) if taken else None
-    step = Return("M99 jumps back in the program, outside of a subprogram: it runs for ever", label)
+    step = Return("M99 outside of a subprogram repeats the program without end: write M30", label)
     return _with_step(block, kept, step)
 
 
 def _with_subprogram(block: Block, others: tuple[Word, ...]) -> Block:
-    """M98 P, with a number of passes in L or in P."""
+    """M98 P, with a number of repetitions in L or in P."""
     taken, kept = _taken(block, others, "PL")
     name, times = _program(block, "M98", taken), _times(taken)
     if any(other.address in "HQ" for other in kept):
-        raise block.refuse("M98 with a block number")
+        raise block.refuse("M98 with the block number H or Q is not corrected: write the program number P only")
     if times is None:
-        name, times = Operation("of passes", (name,)), Operation("passes", (name,))
+        name, times = Operation("repeated program", (name,)), Operation("repetitions", (name,))
     else:
         name = Operation("program", (name,))
     return _with_step(block, kept, Call(name, None, times))
@@ -72,7 +72,9 @@ def _with_macro(block: Block, word: Word, others: tuple[Word, ...]) -> Block:
     taken, kept = _taken(block, others, "PL" + "".join(ARGUMENTS))
     name = Operation("program", (_program(block, code, taken),))
     if any(other.address not in "NG" for other in kept):
-        raise block.refuse(f"{code} does not go with the other words of its block: write them in a block before it")
+        raise block.refuse(
+            f"{code} cannot share a block with the other words of this one: write them in a block before it"
+        )
     arguments = tuple(
         (ARGUMENTS[address], _argument(block, taken[address])) for address in taken if address in ARGUMENTS
     )
@@ -85,17 +87,17 @@ def _taken(block: Block, words: tuple[Word, ...], addresses: str) -> tuple[dict[
     taken = [word for word in words if word.address in addresses]
     by_address = {word.address: word for word in taken}
     if len(taken) > len(by_address):
-        raise block.refuse("two words of one address in a call")
+        raise block.refuse("the call has two words of one address: write one of them")
     return by_address, tuple(word for word in words if word.address not in addresses)
 
 
 def _program(block: Block, code: str, taken: dict[str, Word]) -> Expression:
     """The number of the program that a call names."""
     if "P" not in taken:
-        raise block.refuse(f"{code} without P")
+        raise block.refuse(f"{code} needs P, the number of the program: write it")
     name = taken["P"]
     if name.value is not None and not (name.value == int(name.value) and 0 <= name.value < LARGEST):
-        raise block.refuse("P with a number that no program has")
+        raise block.refuse(f"P is not the number of a program: write a whole number from 0 to below {LARGEST:g}")
     return _value(name)
 
 
@@ -110,5 +112,5 @@ def _value(word: Word) -> Expression:
 def _argument(block: Block, word: Word) -> Expression:
     """An argument; one without decimal point is a number of increments, for some controls."""
     if word.formula is None and word.value and "." not in block.text[word.start : word.end]:
-        return Operation("an argument without decimal point", (Constant(word.value),))
+        return Operation("the unit of an argument without decimal point", (Constant(word.value),))
     return _value(word)

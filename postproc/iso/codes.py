@@ -90,31 +90,45 @@ GROUPS = (
 G80 may be beside G0 to G3: FANUC and LinuxCNC end the cycle and run the motion, others refuse the block."""
 
 REFUSED_G = {
-    **dict.fromkeys((5.2, 5.3, 6.2), "splines are not corrected"),
-    7.0: "diameter programming is not corrected",
-    **dict.fromkeys((12.1, 13.1, 7.1, 107.0, 112.0, 113.0), "polar or cylindrical interpolation is not corrected"),
-    **dict.fromkeys((12.0, 13.0, 150.0), "a pocket that the control makes is not corrected"),
-    **dict.fromkeys((31.0, 37.0, 38.2, 38.3, 38.4, 38.5), "where a probing move ends is not known"),
-    **dict.fromkeys((32.0, 33.0, 33.1), "threading is not corrected"),
-    76.0: 'threading on LinuxCNC, fine boring on FANUC: write family = "fanuc" in the machine file',
-    **dict.fromkeys((41.2, 42.2, 41.3, 41.4, 41.5, 42.4, 42.5), "radius compensation in space is not corrected"),
-    43.2: "a second length offset beside the first is not corrected",
-    44.0: "a negative length offset is not corrected",
+    **dict.fromkeys((5.2, 5.3, 6.2), "programs a spline, which is not corrected"),
+    7.0: "selects diameter programming, which is not corrected",
+    **dict.fromkeys(
+        (12.1, 13.1, 7.1, 107.0, 112.0, 113.0),
+        "selects polar or cylindrical interpolation, which is not corrected",
+    ),
+    **dict.fromkeys((12.0, 13.0, 150.0), "mills a pocket by a cycle of the control, which is not corrected"),
+    **dict.fromkeys(
+        (31.0, 37.0, 38.2, 38.3, 38.4, 38.5), "is a probing move, and its end position is not known from the program"
+    ),
+    **dict.fromkeys((32.0, 33.0, 33.1), "cuts a thread, which is not corrected"),
+    76.0: 'is threading on LinuxCNC and fine boring on FANUC: write family = "fanuc" in the machine file',
+    **dict.fromkeys(
+        (41.2, 42.2, 41.3, 41.4, 41.5, 42.4, 42.5),
+        "selects radius compensation in space, which is not corrected",
+    ),
+    43.2: "adds a second length offset to the first, which is not corrected",
+    44.0: "selects a negative length offset, which is not corrected",
     **dict.fromkeys((60.0, 72.1, 72.2), "is not corrected"),
     **dict.fromkeys((65.0, 66.0), "calls a macro"),
-    66.1: "calls a macro behind every block, or takes its words for arguments: not followed",
-    **dict.fromkeys((53.6, 68.1, 68.3, 68.4), "turns the coordinates in a way that is not corrected"),
-    **dict.fromkeys((87.0, 88.0), "a boring cycle that shifts the tool or waits for a hand is not corrected"),
+    66.1: "calls a macro after every block, which is not corrected: call it by G65 or G66",
+    **dict.fromkeys((53.6, 68.1, 68.3, 68.4), "rotates the coordinates in a form that is not corrected"),
+    **dict.fromkeys(
+        (87.0, 88.0),
+        "is a boring cycle that shifts the tool or waits for the operator, which is not corrected",
+    ),
 }
 TOOL_IS = 61.0
 REFUSED_M = {
-    96.0: "jumps when an interrupt comes",
+    96.0: "jumps at an interrupt, and the time of the interrupt is not known from the program",
     97.0: "calls a subprogram",
     98.0: "calls a subprogram",
     99.0: "jumps back in the program",
     198.0: "calls a subprogram",
-    TOOL_IS: "declares that another tool is in the spindle",
-    **dict.fromkeys((70.0, 71.0, 72.0, 73.0), "brings back other modes on some controls, and mirrors on others"),
+    TOOL_IS: 'sets the tool in the spindle on LinuxCNC: write Q, and family = "linuxcnc" in the machine file',
+    **dict.fromkeys(
+        (70.0, 71.0, 72.0, 73.0),
+        "restores modes on some controls and mirrors on others: program the modes by G codes",
+    ),
     **dict.fromkeys((128.0, 129.0, 428.0, 429.0, 430.0), "switches the kinematics on some controls"),
 }
 AFTER_MOTION = frozenset((TOOL_CHANGE, PALLET_CHANGE))
@@ -125,6 +139,6 @@ MOVE_WORDS = frozenset("NFSTHDPQIJKR$")
 """Words that may be in a move besides G, M and axes."""
 
 CONSTRUCTS = {
-    "bracket": "an expression that stands alone is not understood",
-    "number": "a number without an address",
+    "bracket": "the expression has no address before it: write the address",
+    "number": "the number has no address before it: write the address",
 }

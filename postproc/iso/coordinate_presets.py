@@ -57,7 +57,7 @@ def change_coordinates(control: ModalState, content: Content, code: float, words
     beside = set(content.g) - BESIDE_COORDINATE_CHANGES - {code}
     if beside or content.m or content.other.keys() - {"N", *WORDS.get(code, TURN_WORDS if code in TURNS else "")}:
         raise content.refuse(
-            f"G{code:g} does not go with the other words of its block: write them in a block before it"
+            f"G{code:g} cannot share a block with the other words of this one: write them in a block before it"
         )
     if not control.absolute and (words or code in TURNS):
         raise content.refuse(f"G{code:g} needs G90: write G90 before it")
@@ -72,7 +72,7 @@ def extended_offset(content: Content, code: float) -> int | None:
     """The P that a work offset is chosen by, None for one that has a code of its own."""
     extended = "P" in content.other and code in (54.0, *EXTENDED)
     if code in EXTENDED and not extended:
-        raise content.refuse(f"G{code:g} without P")
+        raise content.refuse(f"G{code:g} needs P, the number of the work offset: write it")
     if extended and not ONE_SHOT.isdisjoint(content.g):
         raise content.refuse("two G codes of the block can use P: write them in two blocks")
     return whole_of(content.block, content.block.words[content.other["P"]]) if extended else None
@@ -84,7 +84,10 @@ def _programmed(change: CoordinateChange) -> Programmed:
     axes = {}
     for word, value in change.words:
         if machine.names[word.axis] not in "XYZ":
-            raise block.refuse(f"{machine.names[word.axis]} in a turn of the coordinates")
+            raise block.refuse(
+                f"{machine.names[word.axis]} in a block that rotates, mirrors or scales the coordinates is not "
+                "corrected: write X, Y and Z only"
+            )
         axes[machine.names[word.axis]] = value
     others = {name: block.words[i].value or 0.0 for name, i in change.content.other.items() if name != "N"}
     return Programmed(block, change.control.plane, axes, others)
@@ -92,14 +95,16 @@ def _programmed(change: CoordinateChange) -> Programmed:
 
 def _shift(change: CoordinateChange) -> None:
     if change.control.placement_code:
-        raise change.content.refuse("G52 while the coordinates are turned")
+        raise change.content.refuse(
+            "G52 while the coordinates are rotated, mirrored or scaled is not corrected: write G52 before that"
+        )
     change.control.shift_origin(change.content.block, change.shifts)
 
 
 def _preset(change: CoordinateChange) -> bool:
     """G92 X: the coordinate of the present position; G92 S: the fastest spindle."""
     if not change.words and "S" not in change.content.other:
-        raise change.content.refuse("G92 without an axis")
+        raise change.content.refuse("G92 needs an axis word: write the new coordinates")
     if change.words:
         change.control.preset_here(change.content.block, change.shifts)
     return bool(change.words)
@@ -107,14 +112,16 @@ def _preset(change: CoordinateChange) -> bool:
 
 def _cancel_preset(change: CoordinateChange) -> None:
     if change.words and change.control.family != "fanuc":
-        raise change.content.refuse(f"axis words beside G92.1: a move on LinuxCNC, not so on FANUC; {DIFFERS}")
+        raise change.content.refuse(f"axis words with G92.1 are a move on LinuxCNC and not on FANUC; {DIFFERS}")
     change.control.cancel_preset(change.content.block, change.shifts or range(len(change.control.machine.axes)))
 
 
 def _suspend(suspended: bool) -> Callable[[CoordinateChange], None]:
     def maker(change: CoordinateChange) -> None:
         if change.words:
-            raise change.content.refuse("axis words beside G92.2 or G92.3: a move on LinuxCNC")
+            raise change.content.refuse(
+                "axis words with G92.2 or G92.3 are a move on LinuxCNC: write the move in a block of its own"
+            )
         change.control.suspend(change.content.block, suspended)
 
     return maker
@@ -122,7 +129,9 @@ def _suspend(suspended: bool) -> Callable[[CoordinateChange], None]:
 
 def _unscale(change: CoordinateChange) -> None:
     if change.words:
-        raise change.content.refuse("G50 with axes: shifts the coordinates, on lathes")
+        raise change.content.refuse(
+            "G50 with axis words shifts the coordinates on lathes and is not corrected: write G50 alone to end a scale"
+        )
     change.control.end_turn(SCALE)
 
 
@@ -134,9 +143,11 @@ def _unmirror(change: CoordinateChange) -> None:
 def _give_length(change: CoordinateChange) -> None:
     """G43.1 of LinuxCNC: the length in the block."""
     if change.control.family != "linuxcnc":
-        raise change.content.refuse(f"G43.1: a length on LinuxCNC, a move with another length on FANUC; {DIFFERS}")
+        raise change.content.refuse(
+            f"G43.1 sets a length on LinuxCNC and moves with another length on FANUC; {DIFFERS}"
+        )
     if [change.control.machine.names[word.axis] for word, _ in change.words] != ["Z"]:
-        raise change.content.refuse("G43.1 without Z alone: a length along a tool that is turned, or sideways")
+        raise change.content.refuse("G43.1 is corrected with a length along Z only: write Z as its only axis word")
     change.control.give_length(change.words[0][1])
 
 
@@ -206,7 +217,7 @@ def _set_length(change: CoordinateChange, kind: int, number: int) -> None:
         store = state.tools if kind == GEOMETRY else state.wear
         lengths.set(block, store, number, control.number(block, content.other["R"], control.unit))
     else:
-        raise content.refuse(f"G10 L{kind} reads differently on FANUC and LinuxCNC: {DIFFERS}")
+        raise content.refuse(f"G10 L{kind} sets different data on FANUC and on LinuxCNC: {DIFFERS}")
 
 
 def _name(content: Content, kind: int, number: int) -> str:
@@ -214,10 +225,10 @@ def _name(content: Content, kind: int, number: int) -> str:
         return f"G54.1P{number}"
     if number not in NUMBERED:
         raise content.refuse(
-            f"G10 L2 P{number}: the active offset on LinuxCNC, the common offset on FANUC, which is not corrected; "
+            f"G10 L2 P{number} sets the active offset on LinuxCNC and the common one, not corrected, on FANUC: "
             'write family = "linuxcnc" in the machine file'
             if number == 0
-            else f"G10 L2 P{number}: which offset that is depends on the control"
+            else f"the work offset of G10 L2 P{number} depends on the control: write P from 1 to 9"
         )
     return NUMBERED[number]
 
@@ -225,4 +236,4 @@ def _name(content: Content, kind: int, number: int) -> str:
 def _refuse_but(content: Content, allowed: str) -> None:
     strange = sorted(content.other.keys() - {"N", *allowed})
     if strange:
-        raise content.refuse(f"{strange[0]} in G10: not followed")
+        raise content.refuse(f"{strange[0]} in a G10 block is not corrected: leave it out")

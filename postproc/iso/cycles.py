@@ -21,7 +21,7 @@ class Hole(NamedTuple):
     """The bottom."""
     level: float
     """Where the axis that drills comes back to."""
-    places: tuple[AxisWord, ...]
+    positions: tuple[AxisWord, ...]
     """The words of its position."""
     cycle: Cycle
 
@@ -69,10 +69,13 @@ class CannedCycle:
         axis = self.axis
         programmed = {word.axis: (word.word, value) for word, value in words}
         self.store(words, retract)
+        name = recorder.machine.names[axis]
         if self.retract is None or self.depth is None:
-            raise block.refuse(f"a canned cycle without {recorder.machine.names[axis]} or R")
+            raise block.refuse(f"the canned cycle needs {name} and R: write both")
         if self.incremental and (to_retract is not False or not self.known):
-            raise block.refuse("a canned cycle with increments, and no G98 before it or no known level")
+            raise block.refuse(
+                f"a canned cycle with increments needs G98 and a known position of {name} before it: write both"
+            )
         above = self.level if self.incremental else 0.0
         level = above + self.retract
         if self.known and level > self.level and not to_retract:
@@ -80,8 +83,8 @@ class CannedCycle:
                 "R is above the level before the cycle, and controls differ in the return: move the tool "
                 "above R before the cycle"
             )
-        places = [(word, value) for word, value in words if word.axis != axis]
-        target = recorder.target(block, places)
+        positions = [(word, value) for word, value in words if word.axis != axis]
+        target = recorder.target(block, positions)
         target[axis] = level + self.depth if self.incremental else self.depth
         index, retract_word = (
             programmed[axis][0] if axis in programmed else None,
@@ -89,16 +92,18 @@ class CannedCycle:
         )
         cycle = Cycle(axis, index, retract_word, level, self.incremental, to_retract, not self.begun, switched)
         self.begun = True
-        return Hole(target, level if to_retract else self.level, tuple(word for word, _ in places), cycle)
+        return Hole(target, level if to_retract else self.level, tuple(word for word, _ in positions), cycle)
 
 
 def check_cycle_words(content: Content, rotary: bool) -> None:
     """Refuse words that some controls do not take in a cycle, or use differently."""
     strange = sorted(content.other.keys() - CYCLE_WORDS)
     if strange:
-        raise content.refuse(f"{strange[0]} in a canned cycle: its effect depends on the control")
+        raise content.refuse(f"the effect of {strange[0]} in a canned cycle depends on the control: leave it out")
     if rotary:
-        raise content.refuse("a rotary axis in a canned cycle")
+        raise content.refuse(
+            "a rotary axis in the block of a canned cycle is not corrected: move it in a block before the cycle"
+        )
 
 
 # ---- modal macros
@@ -113,11 +118,16 @@ def calls_macro(content: Content, claimed: float | None, inside: str, stayed: bo
     if claimed in STANDING or claimed in COORDINATE_CHANGES:
         return False
     if claimed is not None:
-        raise content.refuse(f"G{claimed:g} while G66 is on: whether its macro runs behind it depends on the control")
+        raise content.refuse(
+            f"G{claimed:g} while G66 is active: not all controls run the macro after it. Write G67 before it"
+        )
     if not content.moves:
         if LENGTH_CODES.isdisjoint(content.g):
             return False
-        raise content.refuse("a length without coordinates while G66 is on: whether its macro runs behind it depends")
+        raise content.refuse(
+            "a length offset without coordinates while G66 is active: not all controls run the macro after it. "
+            "Write G67 before it"
+        )
     if inside:
         raise content.refuse(
             f"{inside} while G66 is active: the order of the two is not documented. Write G67 before it"

@@ -26,14 +26,16 @@ class Programmed:
     def centre(self, names: str) -> Placement:
         """The shift to the position of the block, along these axes; Refusal where one is missing."""
         if self.axes.keys() != set(names):
-            raise self.block.refuse(f"needs {' and '.join(names)}: without, the centre depends on where the tool is")
+            raise self.block.refuse(
+                f"the centre needs {' and '.join(names)}, or it depends on the position of the tool: write them"
+            )
         return shifted(**{name.lower(): value for name, value in self.axes.items()})
 
     def refuse_but(self, allowed: str) -> None:
         """Refuse words that are none of these."""
         strange = sorted(self.others.keys() - set(allowed))
         if strange:
-            raise self.block.refuse(f"{strange[0]} here: its effect depends on the control")
+            raise self.block.refuse(f"the effect of {strange[0]} in this block depends on the control: leave it out")
 
 
 def _about(centre: Placement, inner: Placement) -> Placement:
@@ -45,7 +47,7 @@ def _rotation(programmed: Programmed) -> Placement:
     """G68: round a point of the plane, counter-clockwise seen from its normal."""
     programmed.refuse_but("R")
     if "R" not in programmed.others:
-        raise programmed.block.refuse("G68 without R")
+        raise programmed.block.refuse("G68 needs R, the angle of the rotation: write it")
     return _about(programmed.centre(programmed.plane[:2]), rotated(programmed.others["R"], programmed.plane))
 
 
@@ -53,12 +55,16 @@ def _scale(programmed: Programmed) -> Placement:
     """G51: larger by P round a point, along all axes."""
     programmed.refuse_but("P")
     if "P" not in programmed.others:
-        raise programmed.block.refuse("G51 without P: scales that differ by axis are not corrected")
+        raise programmed.block.refuse(
+            "G51 needs P, one scale for all axes: scales that differ by axis are not corrected"
+        )
     word = next(word for word in programmed.block.words if word.address == "P")
     if word.formula is None and "." not in programmed.block.text[word.start : word.end]:
-        raise programmed.block.refuse("a scale without decimal point: its unit depends on the control")
+        raise programmed.block.refuse(
+            "the unit of a scale without decimal point depends on the control: write the decimal point"
+        )
     if programmed.others["P"] <= 0.0:
-        raise programmed.block.refuse("a scale that is not positive")
+        raise programmed.block.refuse("the scale P is not positive: write a number above 0")
     return _about(programmed.centre(ALL_AXES), scaled(*[programmed.others["P"]] * 3))
 
 
@@ -66,7 +72,7 @@ def _mirror(programmed: Programmed) -> Placement:
     """G51.1: mirrored at the programmed positions, each across its axis."""
     programmed.refuse_but("")
     if not programmed.axes:
-        raise programmed.block.refuse("G51.1 without an axis")
+        raise programmed.block.refuse("G51.1 needs an axis word: write the position of the mirror")
     return _about(
         shifted(**{name.lower(): v for name, v in programmed.axes.items()}), mirrored("".join(programmed.axes))
     )

@@ -100,15 +100,15 @@ class IsoInterpreter(ModalState):
             raise block.refuse("a second program in one file is not corrected: write it into a file of its own")
         if self.torn and block.kind not in ("blank", "tape_mark"):
             raise block.refuse(
-                "text after a tape mark (%) that has no first one: for some controls the program "
-                "begins here. Write % before the first block too"
+                "text follows the only tape mark (%), and some controls begin the program here: write % before the "
+                "first block too"
             )
         if block.kind not in ("blank", "tape_mark"):
             self.note_after_end(block)
 
     def _read_tape_mark(self, block: Block) -> None:
         if block.words or block.skippable:
-            raise block.refuse("a tape mark beside other text: write it in a line of its own")
+            raise block.refuse("the tape mark shares its line with other text: write it in a line of its own")
         if block.detail == LEADER:
             self.notes.add("the text before the first tape mark is taken for the leader of a tape", block.line)
         self.torn = self.begun and not self.opened
@@ -125,7 +125,9 @@ class IsoInterpreter(ModalState):
         if claimed == DWELL and not dwells_alone(content, family):
             claimed = None
         if "L" in other and claimed != DATA and not (self.cycle is not None and moves):
-            raise block.refuse("L calls a subprogram on some controls and repeats the block on others")
+            raise block.refuse(
+                "L calls a subprogram on some controls and repeats the block on others: write the call by M98"
+            )
         if claimed is None:
             if moves:
                 self._move(index, content)
@@ -193,7 +195,10 @@ class IsoInterpreter(ModalState):
             if code == ROTATION_END:
                 self._end_rotation()
             elif (self.compensated or drilling or self.polar is not None) and self.shifted:
-                raise content.refuse(f"G{code:g} with radius compensation, in polar coordinates or in a canned cycle")
+                raise content.refuse(
+                    f"G{code:g} under radius compensation, in polar coordinates or in a canned cycle is not corrected: "
+                    "end these before it"
+                )
             elif code == PRESET_END:
                 self.cancel_preset(content.block, range(len(self.machine.axes)))
             elif code == SCALE_END:
@@ -265,7 +270,7 @@ class IsoInterpreter(ModalState):
 
     def _go_polar(self, target: list[float], polar: Polar) -> None:
         target[polar.axes[0]], target[polar.axes[1]] = point_around((0.0, 0.0), polar.radius, polar.angle)
-        self.recorder.say_polar(polar)
+        self.recorder.record_polar(polar)
 
     # ---- moves
 
@@ -273,10 +278,12 @@ class IsoInterpreter(ModalState):
         """G28, G30: to a reference point, its intermediate point uncorrected. G53: to machine coordinates."""
         self._refuse_compensated(content)
         if self.polar is not None:
-            raise content.refuse(f"G{code:g} in polar coordinates")
+            raise content.refuse(f"G{code:g} in polar coordinates is not corrected: write G15 before it")
         strange = sorted(content.other.keys() - BESIDE_LEAVING - ({"P"} if code == 30.0 else set()))
         if strange:
-            raise content.refuse(f"{strange[0]} beside G{code:g}: its effect depends on the control")
+            raise content.refuse(
+                f"the effect of {strange[0]} in a G{code:g} block depends on the control: leave it out"
+            )
         words = self.axis_words(content.block, content.axes)
         if code == 53.0 and not words:
             return
@@ -289,14 +296,16 @@ class IsoInterpreter(ModalState):
             self.recorder.mark_unknown([word.axis for word, _ in words] or list(range(len(self.machine.axes))))
             return
         if not self.absolute or self.motion not in (0.0, 1.0):
-            raise content.refuse("G53 needs G90 and G0 or G1")
+            raise content.refuse("G53 needs G90 and G0 or G1: write them before it")
         self.move_to_machine_position(index, content.block, words)
 
     def _move(self, index: int, content: Content) -> None:
         if self.motion is None:
-            raise content.refuse("coordinates before any G0, G1, G2 or G3")
+            raise content.refuse("the coordinates have no G0, G1, G2 or G3 before them: write one")
         if self.tilted and not self.upright:
-            raise content.refuse("a move in a tilted plane before G53.1 has turned the tool into it")
+            raise content.refuse(
+                "the tool is not yet perpendicular to the tilted plane in this move: write G53.1 before it"
+            )
         if self.cycle is not None:
             self._drill(index, content, self.cycle)
             return
@@ -311,7 +320,7 @@ class IsoInterpreter(ModalState):
         arc = None
         if kind is Kind.ARC:
             if polar is not None or self.polar is not None:
-                raise content.refuse("an arc in polar coordinates is not corrected")
+                raise content.refuse("an arc in polar coordinates is not corrected: write G15 before it")
             arc = arc_of(self, content, target)
         if self.not_programmed:
             self.note_not_programmed(content.block.line, kind)
@@ -324,21 +333,26 @@ class IsoInterpreter(ModalState):
         other = content.other.keys()
         strange = sorted(other - MOVE_WORDS)
         if strange:
-            raise content.refuse(f"{strange[0]} in a move: its effect depends on the control")
+            raise content.refuse(f"the effect of {strange[0]} in a move depends on the control: leave it out")
         if self.motion in (0.0, 1.0) and not other.isdisjoint("R" if self.lengths.vectors else "IJKR"):
-            raise content.refuse(f"{', '.join(sorted(other & set('IJKR')))} without an arc")
+            letters = ", ".join(sorted(other & set("IJKR")))
+            raise content.refuse(f"the block is no arc and has {letters}: write G2 or G3, or leave these words out")
 
     def _turn_tool(self, content: Content, target: list[float], words: AxisWords) -> AxisWords:
         """The positions of rotary axes by tool vectors, which no word names; in a tilted plane they do not move."""
         if any(self.rotary[word.axis] for word, _ in words):
-            raise content.refuse("a rotary axis beside tool vectors or in a tilted plane")
+            raise content.refuse(
+                "a rotary axis word with tool vectors or in a tilted plane is not corrected: leave it out"
+            )
         programmed = [content.other.get(letter) for letter in "IJK"]
         if programmed == [None, None, None] or self.tilted:
             return []
         if None in programmed or self.motion not in (0.0, 1.0):
-            raise content.refuse("a tool vector needs I, J and K, and a straight line")
+            raise content.refuse("a tool vector needs I, J and K and a straight line: write all three with G0 or G1")
         vector = [content.block.words[i].value or 0.0 for i in programmed if i is not None]
-        self.notes.add("G43.5: rotary axes taken nearest to their present positions", content.block.line)
+        self.notes.add(
+            "G43.5: the new positions of the rotary axes are taken nearest to the present ones", content.block.line
+        )
         positions = self.along_tool_axis(content.block, target, vector)
         for axis, value in positions.items():
             target[axis] = value
@@ -349,13 +363,13 @@ class IsoInterpreter(ModalState):
 
     def _begin_cycle(self, block: Block, code: float) -> None:
         if self.compensated:
-            raise block.refuse("a canned cycle while radius compensation is on")
+            raise block.refuse("a canned cycle under radius compensation is not corrected: write G40 before it")
         axis = self.plane_columns[2]
         begun = self.cycle
         if begun is None:
             self._before_cycle = self.motion
         if begun is not None and begun.axis != axis:
-            raise block.refuse("another plane within a canned cycle")
+            raise block.refuse("a change of the plane within a canned cycle is not corrected: write G80 before it")
         # the level before the first of several cycles is that of all
         level = self.recorder.position[axis] if begun is None else begun.level
         known = self.recorder.known[axis] if begun is None else begun.known
@@ -369,7 +383,7 @@ class IsoInterpreter(ModalState):
         self.motion = code
         if axis != self.x_y_z[2]:
             name = self.plane[2]
-            self.notes.add(f"a canned cycle outside of G17: taken to drill along {name}", block.line)
+            self.notes.add(f"a canned cycle outside of G17 is taken to drill along {name}", block.line)
 
     @property
     def _keeps_depth(self) -> bool:
@@ -389,7 +403,7 @@ class IsoInterpreter(ModalState):
         self._check_cycle_frame(content, cycle)
         times = [whole_of(block, block.words[content.other[letter]]) for letter in "KL" if letter in content.other]
         if len(times) > 1 or any(not 0 <= n <= MOST_HOLES for n in times):
-            raise content.refuse("a canned cycle needs K or L, at most 9999: write one of them")
+            raise content.refuse(f"a canned cycle takes one of K and L, from 0 to {MOST_HOLES}: write one of them")
         words, polar = self._end_words(content)
         i = content.other.get("R")
         retract = None if i is None else (i, self.number(block, i, self.unit))
@@ -405,7 +419,7 @@ class IsoInterpreter(ModalState):
             hole = cycle.hole(block, self.recorder, words, retract, self._returns(cycle), switched=switched)
             if polar is not None:
                 self._go_polar(hole.target, polar)
-            self.recorder.drill(index, hole.target, hole.level, self.unit, hole.places, hole.cycle)
+            self.recorder.drill(index, hole.target, hole.level, self.unit, hole.positions, hole.cycle)
 
     def _returns(self, cycle: CannedCycle) -> bool | None:
         """End position of a hole, as `to_retract`; None if the level before the cycle belongs to another frame.
@@ -419,19 +433,26 @@ class IsoInterpreter(ModalState):
         """K0 and L0 set the depth and R of the holes that come; LinuxCNC refuses them."""
         elsewhere = any(word.axis != cycle.axis for word, _ in words)
         if self.family == "linuxcnc" or cycle.incremental or elsewhere:
-            raise content.refuse("a canned cycle that runs no times, with a position or increments: controls differ")
+            raise content.refuse(
+                "the effect of K0 or L0 in this canned cycle depends on the control: write the cycle in the block of "
+                "its first hole"
+            )
 
     def _check_cycle_frame(self, content: Content, cycle: CannedCycle) -> None:
         if cycle.unit != self.unit:
-            raise content.refuse("G20 or G21 within a canned cycle: some controls interpret its depth in the new unit")
+            raise content.refuse(
+                "G20 or G21 within a canned cycle: some controls read its depth in the new unit. Write G80 before it"
+            )
         if cycle.incremental == self.absolute:
             self._check_switched(content, cycle)
         if cycle.axis != self.plane_columns[2]:
-            raise content.refuse("another plane within a canned cycle")
+            raise content.refuse("a change of the plane within a canned cycle is not corrected: write G80 before it")
         if self.recorder.frame.tcp and not self.tilted:
-            raise content.refuse("canned cycles under TCP are not corrected")
+            raise content.refuse("a canned cycle under TCP is not corrected: switch TCP off before it")
         if self.scaled_along(cycle.axis):
-            raise content.refuse("a canned cycle while its depth is scaled or mirrored: controls differ here")
+            raise content.refuse(
+                "controls differ in canned cycles with a scaled or mirrored depth: end the scale or mirror before it"
+            )
 
     def _check_switched(self, content: Content, cycle: CannedCycle) -> None:
         """FANUC keeps the programmed positions of depth and R; LinuxCNC interprets their numbers again."""
@@ -448,14 +469,18 @@ class IsoInterpreter(ModalState):
                 "G90 or G91 changed within the cycle, and the block has only one of depth and R: write both"
             )
         if self.polar is not None:
-            raise content.refuse("G90 or G91 within a canned cycle in polar coordinates")
+            raise content.refuse(
+                "G90 or G91 within a canned cycle in polar coordinates is not corrected: write G15 before it"
+            )
 
     # ---- meaning of coordinates
 
     def _change_coordinates(self, index: int, content: Content, code: float) -> None:
         self._refuse_compensated(content)
         if self.polar is not None or self.cycle is not None:
-            raise content.refuse(f"G{code:g} in polar coordinates or in a canned cycle")
+            raise content.refuse(
+                f"G{code:g} in polar coordinates or in a canned cycle is not corrected: end these before it"
+            )
         words = self.axis_words(content.block, content.axes)
         if change_coordinates(self, content, code, words):
             self.recorder.call(index, self.unit, tuple(word for word, _ in words))

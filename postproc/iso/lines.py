@@ -64,7 +64,9 @@ LINUXCNC = 253
 def refuse_long_line(control: Control, block: Block) -> None:
     """Refuse a line of the program, comments among them, that LinuxCNC can't read, where the control is one."""
     if control.family == "linuxcnc" and len(block.text) > LINUXCNC and _longest(block.text) > LINUXCNC:
-        raise block.refuse(f"a line of {_longest(block.text)} characters: LinuxCNC reads {LINUXCNC}")
+        raise block.refuse(
+            f"the line has {_longest(block.text)} characters, and LinuxCNC reads {LINUXCNC}: make it shorter"
+        )
 
 
 def refuse_lengthened(control: Control, blocks: Sequence[Block], texts: Iterable[str]) -> None:

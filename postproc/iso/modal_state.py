@@ -33,9 +33,9 @@ from postproc.text.block import Block
 UPRIGHT = 1e-6
 """rad: a tool that leans no more is perpendicular to the tilted plane."""
 DEFAULTS = {
-    "unit": "no G20 or G21 before it: coordinates taken in mm",
-    "distance": "no G90 or G91 before it: coordinates taken as absolute",
-    "plane": "no G17, G18 or G19 before it: arcs taken in X Y",
+    "unit": "no G20 or G21 before it: coordinates are taken in mm",
+    "distance": "no G90 or G91 before it: coordinates are taken as absolute",
+    "plane": "no G17, G18 or G19 before it: arcs are taken in X Y",
 }
 """Notes on modes that the program has not set, by their names."""
 
@@ -109,7 +109,7 @@ class ModalState(Interpreter):
                     )
                 return value * self.machine.control.increment
             self.notes.add(
-                "coordinates without decimal point taken in mm, inches or degrees, not in increments", block.line
+                "coordinates without decimal point are taken in mm, inches or degrees, not in increments", block.line
             )
         return value * unit
 
@@ -156,18 +156,20 @@ class ModalState(Interpreter):
         """G54 and its kin, G54.1 P. LinuxCNC keeps G52 and G92, which are one store there, in every offset."""
         if self.placement_code or (self.offsets.moved and self.family != "linuxcnc"):
             raise block.refuse(
-                "a work offset while G52, G92 or a turn of the coordinates is on: what becomes of these depends on the "
-                "control"
+                "the effect of a new work offset on an active G52, G92, rotation, mirror or scale depends on the "
+                "control: end these before it"
             )
         self.offsets.select(code, extended)
 
     def select_length(self, block: Block, code: float, number: int | None) -> None:
         """G43, G43.4, G43.5, G49."""
         if code in TCP_CODES and (self.placement_code or self.offsets.turn):
-            raise block.refuse(f"G{code:g} while the coordinates are turned: not corrected")
+            raise block.refuse(
+                f"G{code:g} while the coordinates are rotated, mirrored or scaled is not corrected: end this before it"
+            )
         assumed = number is None and code != 49.0
         if assumed and self.lengths.select_spindle(block, self.family == "linuxcnc"):
-            self.notes.add("G43 without H: taken for the length of the tool in the spindle", block.line)
+            self.notes.add("G43 without H is taken to select the length of the tool in the spindle", block.line)
         self.lengths.select(code, number)
         self.tcp = code in TCP_CODES or self.machine.control.tcp_at_start
         if code in TCP_CODES:
@@ -201,7 +203,7 @@ class ModalState(Interpreter):
     def shift_origin(self, block: Block, values: Shifts) -> None:
         """G52."""
         if self.offsets.preset and any(self.offsets.preset.values()):
-            raise block.refuse("G52 while G92 is on: one store on some controls, two on others")
+            raise block.refuse("G52 and G92 share one offset on some controls, not on others: cancel G92 before G52")
         self.offsets.local.update(values)
         self.change_frame(values)
 
@@ -218,7 +220,7 @@ class ModalState(Interpreter):
                 "G10 changes the active work offset while the coordinates are rotated: write it before the rotation"
             )
         self.offsets.enter(name, values)
-        self.notes.add(f"{name} as G10 sets it", block.line)
+        self.notes.add(f"{name} has the values that G10 sets", block.line)
         changed = set(values)
         if turn is not None:
             self.offsets.turned[name] = turn
@@ -238,7 +240,9 @@ class ModalState(Interpreter):
     def cancel_preset(self, block: Block, axes: Iterable[int]) -> None:
         """G92.1."""
         if self.placement_code and self.offsets.moved:
-            raise block.refuse("G92.1 while the coordinates are turned")
+            raise block.refuse(
+                "G92.1 while the coordinates are rotated, mirrored or scaled is not corrected: write it before that"
+            )
         axes = list(axes)
         self.offsets.cancel_preset(axes)
         self._change_shifted(axes)
@@ -274,11 +278,17 @@ class ModalState(Interpreter):
     def turn(self, code: float, programmed: Programmed) -> None:
         """G68, G51, G51.1, G68.2."""
         if self.placement_code and not (code == MIRROR == self.placement_code):
-            raise programmed.block.refuse(f"G{code:g} while G{self.placement_code:g} is on")
+            raise programmed.block.refuse(
+                f"G{code:g} while G{self.placement_code:g} is active is not corrected: end the latter first"
+            )
         if self.offsets.turn:
-            raise programmed.block.refuse(f"G{code:g} within a work offset that turns the coordinates")
+            raise programmed.block.refuse(
+                f"G{code:g} within a work offset that rotates the coordinates is not corrected: select another first"
+            )
         if code == TILT and (self.offsets.moved or self.tcp):
-            raise programmed.block.refuse("a tilted plane while G52, G92 or TCP is on: not corrected")
+            raise programmed.block.refuse(
+                "a tilted plane while G52, G92 or TCP is active is not corrected: end these before it"
+            )
         if code == MIRROR:
             self.mirrors.update(programmed.axes)
             programmed = Programmed(programmed.block, programmed.plane, self.mirrors, programmed.others)
@@ -315,7 +325,7 @@ class ModalState(Interpreter):
     def stand_upright(self, block: Block) -> None:
         """G53.1: the tool along the normal of the tilted plane; otherwise the control chooses how to turn it."""
         if not self.tilted:
-            raise block.refuse("G53.1 without a tilted plane")
+            raise block.refuse("G53.1 needs a tilted plane: write G68.2 before it")
         degrees = np.add(self.recorder.position, self.recorder.frame.offset)
         known = all(self.recorder.known[i] != Known.ASSUMED for i in self.rotary_axes)
         if (

@@ -66,7 +66,7 @@ class Offsets:
     def preset_at(self, block: Block, here: Shifts, values: Shifts) -> None:
         """G92: the positions `here` have the coordinates `values` from now on."""
         if any(self.local.values()):
-            raise block.refuse("G92 while G52 is on: one store on some controls, two on others")
+            raise block.refuse("G92 and G52 share one offset on some controls, not on others: cancel G52 before G92")
         preset = {} if self.suspended or self.preset is None else self.preset
         for axis, value in values.items():
             preset[axis] = preset.get(axis, 0.0) + here[axis] - value
@@ -82,7 +82,9 @@ class Offsets:
         """G92.2: no G92 for a while; G92.3: again."""
         if any(self.local.values()):
             code = "G92.2" if suspended else "G92.3"
-            raise block.refuse(f"{code} while G52 is on: one store on some controls, two on others")
+            raise block.refuse(
+                f"{code} and G52 act on one offset on some controls, not on others: cancel G52 before {code}"
+            )
         if not suspended and self.preset is None:
             raise block.refuse(
                 "G92.3 restores the G92 of another program, which is not known: write G92 with its values"
@@ -164,6 +166,6 @@ class Lengths:
         if self.spindle_tool not in (None, self.number):
             raise block.refuse(
                 f"G43 without H while tool {self.spindle_tool} is in the spindle and H{self.number} in force: "
-                "some controls take the one, some the other. Write H"
+                "some controls use the length of the tool, others that of H. Write H"
             )
         return False

@@ -67,7 +67,9 @@ def _product(children: list[Node]) -> Expression:
     parts = list(children)
     powers = [i for i, part in enumerate(parts) if part == "**"]
     if any(b - a == 2 for a, b in pairwise(powers)) or any(_is_signed(parts[i - 1]) for i in powers):
-        raise Ambiguous("a power of a power, or of a number with a sign: which comes first depends on the control")
+        raise Ambiguous(
+            "the order of evaluation depends on the control for powers of powers or of signed numbers: write brackets"
+        )
     while "**" in parts:
         i = [str(part) for part in parts].index("**")
         parts[i - 1 : i + 2] = [Tree("power", [parts[i - 1], parts[i + 1]])]
@@ -76,7 +78,7 @@ def _product(children: list[Node]) -> Expression:
         operator, operand = str(parts[i]).upper(), parts[i + 1]
         arc = operator == "/" and isinstance(result, Operation) and result.name == "ATAN"
         if arc and not (isinstance(operand, Tree) and operand.data == "bracket"):
-            raise Ambiguous("ATAN and a quotient: controls read this differently")
+            raise Ambiguous("the meaning of a division after ATAN depends on the control: write ATAN[y]/[x]")
         if arc and isinstance(result, Operation):
             result = Operation("ATAN2", (*result.operands, _factor(operand)))
         else:
@@ -99,9 +101,9 @@ def _condition(children: list[Node]) -> Expression:
     if not operators:
         return expression(children[0])
     if len(operators) > 1 or (len(children) > 3 and not operators <= {"AND", "OR", "XOR"}):
-        raise Ambiguous("what belongs together in this condition depends on the control: brackets are missing")
+        raise Ambiguous("the order of evaluation of this condition depends on the control: write brackets")
     if operators <= {"AND", "OR", "XOR"} and not all(map(_is_operand, children[::2])):
-        raise Ambiguous("what belongs together in this condition depends on the control: brackets are missing")
+        raise Ambiguous("the order of evaluation of this condition depends on the control: write brackets")
     return _chain(children, lambda operator: str(operator).upper())
 
 
@@ -203,7 +205,7 @@ def _subroutine(parts: list[Any]) -> Step:
     key, word = "O" + (name if name.startswith("<") else f"{int(name)}"), re.sub(r"[ \t]", "", match[2]).upper()
     values = [_linuxcnc_value(part) for part in parts[1:]]
     if len(values) != (word in _TESTED) and word not in ("CALL", "ENDSUB", "RETURN"):
-        raise Ambiguous(f"{word} with {len(values)} values")
+        raise Ambiguous(f"{word} has {len(values)} values: write {'one' if word in _TESTED else 'none'}")
     test = values[0] if values else None
     others: dict[str, Step] = {
         "ELSEIF": Else(key, test),
@@ -211,7 +213,7 @@ def _subroutine(parts: list[Any]) -> Step:
         "BREAK": Leave(key),
         "CONTINUE": Again(key),
         "CALL": Call(key, tuple(enumerate(values, start=1))),
-        "RETURN": Return("RETURN stands in no subprogram"),
+        "RETURN": Return("RETURN is outside of a subprogram: write M2 to end the program"),
     }
     if word in others:
         return others[word]
@@ -220,7 +222,7 @@ def _subroutine(parts: list[Any]) -> Step:
 
 def _key(number: Token) -> str:
     if not number.isdecimal():
-        raise Ambiguous(f"{number} is no number of a loop: a whole one is expected")
+        raise Ambiguous(f"{number} is not the number of a loop: write a whole number")
     return f"DO{int(number)}"
 
 

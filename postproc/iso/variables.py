@@ -26,7 +26,7 @@ LINUXCNC_SYSTEM = 5001
 DEBUG = 5599
 """LinuxCNC: whether it shows the texts of (DEBUG, ...)."""
 SPLIT = 10_000
-"""A P of M98 from here on holds a number of passes too, on FANUC: P51001 runs O1001 five times."""
+"""A P of M98 from here on contains a number of repetitions too, on FANUC: P51001 runs O1001 five times."""
 EMPTY = ""
 """The value of a variable that has none (FANUC)."""
 LINUXCNC_EQUAL = 1e-4
@@ -64,7 +64,7 @@ def _ordered(name: str, sign: str) -> Callable[..., Value]:
 def _logic(name: str, result: Callable[[bool, bool], bool]) -> Callable[[float, float], float]:
     def operation(a: float, b: float) -> float:
         if a not in (0.0, 1.0) or b not in (0.0, 1.0):
-            raise NotKnown(f"{name} of numbers: logical on some controls, bit by bit on others")
+            raise NotKnown(f"{name} of numbers other than 0 and 1 is logical on some controls and bit by bit on others")
         return truth(result(bool(a), bool(b)))
 
     return operation
@@ -72,7 +72,7 @@ def _logic(name: str, result: Callable[[bool, bool], bool]) -> Callable[[float, 
 
 def _round(a: float) -> float:
     if nearly(a % 1.0, 0.5):
-        raise NotKnown(f"how {a:g} is rounded depends on the control")
+        raise NotKnown(f"the rounding of {a:g} depends on the control")
     return float(round(a))
 
 
@@ -94,8 +94,8 @@ def _program(number: float) -> str:
 def _short(number: float) -> str:
     if number >= SPLIT:
         raise NotKnown(
-            "P with more than four digits: number of passes and of the subprogram, for some controls. "
-            'Say family = "fanuc" or "linuxcnc" in the machine file'
+            "some controls read P with more than four digits as a number of repetitions and a program number: "
+            'write family = "fanuc" or "linuxcnc" in the machine file'
         )
     return _program(number)
 
@@ -114,8 +114,8 @@ OPERATIONS: Operations = {
     "FUP": lambda a: float(math.ceil(a)) if a >= 0.0 else _differing("FUP"),
     "ROUND": _round,
     "program": _short,
-    "of passes": _short,
-    "passes": lambda _: 1.0,
+    "repeated program": _short,
+    "repetitions": lambda _: 1.0,
     "ATAN2": lambda a, b: math.degrees(math.atan2(a, b)) if b > 0.0 else _differing("ATAN"),
 }
 
@@ -158,14 +158,16 @@ class IsoVariables:
 
     def _exists(self, key: str, value: Value | NotKnown | None) -> Value:
         if value is None and key.startswith("#<_"):
-            raise NotKnown(f"whether LinuxCNC has a {key} of its own is not known to ncomp")
+            raise NotKnown(f"ncomp does not know whether LinuxCNC itself has {key}")
         return truth(value is not None or not key.startswith("#<"))
 
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
         """Set it; NotKnown for a system variable."""
         key, store = self._stored_at(name, indices)
         if key.startswith("#") and key[1:].isdigit() and int(key[1:]) >= self.system and int(key[1:]) != DEBUG:
-            raise NotKnown(f"{key}: sets a system variable of the control")
+            raise NotKnown(
+                f"{key} is a system variable of the control, and the effect of its value is not known to ncomp"
+            )
         store[key] = value
 
     def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
@@ -182,10 +184,10 @@ class IsoVariables:
             return name, self.shared if name.startswith("#<_") else self.own[-1]
         (index,) = indices
         if not isinstance(index, float) or not nearly(index, round(index)):
-            raise NotKnown(f"#{index}: no number of a variable")
+            raise NotKnown(f"#{index} is not the number of a variable: write a whole number")
         number = round(index)
         if number == 0:
-            raise NotKnown("#0 is the empty variable of some controls")
+            raise NotKnown("#0 is the empty variable on some controls only: write another variable")
         if number > LINUXCNC_LOCALS and number in LOCALS and len(self.own) > 1:
             raise NotKnown(f"whether a subprogram has a #{number} of its own depends on the control")
         return f"#{number}", self.own[-1] if number in LOCALS else self.shared
@@ -243,10 +245,13 @@ def variables_of(family: str) -> IsoVariables:
     """The variables of a program, for controls of a family."""
     if family == "any":
         return IsoVariables()
-    plain = {**OPERATIONS, "program": _program, "passes": lambda _: 1.0, "of passes": _program}
+    plain = {**OPERATIONS, "program": _program, "repetitions": lambda _: 1.0, "repeated program": _program}
     if family == "linuxcnc":
         return IsoVariables({**plain, **LINUXCNC}, system=LINUXCNC_SYSTEM)
     if family == "fanuc":
         plain |= FANUC
-        plain |= {"passes": lambda number: float(number // SPLIT) or 1.0, "of passes": lambda n: _program(n % SPLIT)}
+        plain |= {
+            "repetitions": lambda number: float(number // SPLIT) or 1.0,
+            "repeated program": lambda n: _program(n % SPLIT),
+        }
     return IsoVariables(plain, empty=True)

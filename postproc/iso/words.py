@@ -51,7 +51,7 @@ def sort_words(block: Block) -> Content:
         elif address == "M":
             content.m.append(word[1] or 0.0)
         elif address in done:
-            raise block.refuse(f"two {address} words")
+            raise block.refuse(f"the block has two {address} words: write one of them")
         else:
             done += address
             if address in AXES:
@@ -67,11 +67,13 @@ def check_content(content: Content, begun: bool, family: str) -> None:
     if block.skippable and not _may_be_skipped(content):
         raise block.refuse_skip()
     if "O" in other and begun:
-        raise block.refuse("a second program in one file")
+        raise block.refuse("a second program in one file is not corrected: write it into a file of its own")
     if ";" in block.text:
         _check_line_end(block)
     if "H" in other and LENGTH_CODES.isdisjoint(g) and REFUSED_G.keys().isdisjoint(g):
-        raise block.refuse("H without G43: some controls take the new length at once, others do not")
+        raise block.refuse(
+            "H without G43: some controls take the new length at once, others do not. Write G43 in this block"
+        )
     if len(g) > 1:
         naming = NAMING - {DWELL} if family == "linuxcnc" else NAMING
         if content.axes and not naming.isdisjoint(g) and not (MOTION.keys() | CYCLES).isdisjoint(g):
@@ -133,12 +135,12 @@ def take_own_words(content: Content, motion: float | None, family: str) -> None:
     takers += [(f"M{code:g}", TAKEN_BY_M[code]) for code in content.m if code in TAKEN_BY_M]
     if not takers:
         return
-    takers.append(("its motion", motion_words(content, motion)))
+    takers.append(("the motion", motion_words(content, motion)))
     for address in content.other:
         names = [name for name, letters in takers if address in letters]
         if len(names) > 1:
             raise content.refuse(
-                f"{address} in one block with {' and '.join(names)}, which can both use it: write them in two blocks"
+                f"{' and '.join(names)} can both use the {address} of this block: write them in two blocks"
             )
     for code in content.m:
         if code == ORIENTED_STOP or (code in OUTPUTS and family == "linuxcnc"):
@@ -151,11 +153,13 @@ def dwells_alone(content: Content, family: str) -> bool:
     other, times = content.other, [content.block.words[i].address for i in content.axes]
     strange = sorted(other.keys() & {"I", "J", "R", "Q", "L", "D", "E"})
     if strange:
-        raise content.refuse(f"{strange[0]} beside G4: its effect depends on the control")
+        raise content.refuse(f"the effect of {strange[0]} in a G4 block depends on the control: leave it out")
     if "P" in other and content.axes:
         if family == "linuxcnc":
             return False
-        raise content.refuse(f"axis words beside G4 P: a move on LinuxCNC and Mach3, refused by others; {DIFFERS}")
+        raise content.refuse(
+            f"axis words with G4 P are a move on LinuxCNC and Mach3, and other controls refuse them; {DIFFERS}"
+        )
     if "P" not in other and (len(times) > 1 or not set(times) <= set(DWELL_TIMES)):
         raise content.refuse(
             "G4 has axis words that are no dwell time, and some controls move there: write the move in a "

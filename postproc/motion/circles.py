@@ -28,10 +28,10 @@ def radius_fault(start: Point, end: Point, centre: Point) -> str | None:
     """Reason why no control runs this circle; None if the end points lie on it."""
     first, last = math.dist(start, centre), math.dist(end, centre)
     if max(first, last) == 0.0:
-        return "an arc of radius 0"
+        return "the arc has the radius 0: write a centre away from its ends"
     difference = abs(first - last)
     if difference > max(RADIUS_TOLERANCE_MM, RADIUS_TOLERANCE_RATIO * first):
-        return f"radius {first:.4f} mm at its start and {last:.4f} mm at its end: this is no circle"
+        return f"the arc is no circle: its radius is {first:.4f} mm at its start and {last:.4f} mm at its end"
     return None
 
 

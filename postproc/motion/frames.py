@@ -138,7 +138,7 @@ class Placement:
 
 def renamed(before: Placement, after: Placement) -> tuple[int, ...]:
     """Axes of X, Y and Z (0, 1, 2) whose coordinates differ between two placements."""
-    old, new = (np.linalg.inv(_matrix(place.turn)) for place in (before, after))
+    old, new = (np.linalg.inv(_matrix(placement.turn)) for placement in (before, after))
     origin_moved = ~np.isclose(old @ np.array(before.shift), new @ np.array(after.shift), rtol=0.0, atol=1e-12)
     return tuple(np.flatnonzero((old != new).any(axis=1) | origin_moved).tolist())
 

@@ -127,11 +127,11 @@ class Recorder:
         elif not cycle.to_retract:
             self.known[cycle.axis] = before
 
-    def say_polar(self, polar: Polar) -> None:
+    def record_polar(self, polar: Polar) -> None:
         """Record the polar position of the next move, whose words name no axis of its plane."""
         self._by_row["polars"][len(self._rows)] = polar
 
-    def say_end(self, block: int, end: PolarEnd) -> None:
+    def record_polar_end(self, block: int, end: PolarEnd) -> None:
         """Record the polar end of a block."""
         self._polar_ends[block] = end
 
@@ -152,10 +152,10 @@ class Recorder:
         self.position[axis] = position
         self.known[axis] = Known.MACHINE
 
-    def leave_at(self, block: int, axis: int, place: float) -> None:
+    def leave_at(self, block: int, axis: int, position: float) -> None:
         """Record that a cycle of the control leaves an axis at a programmed position, mm, which is not corrected."""
         target, before = list(self.position), tuple(self.known)
-        target[axis] = place
+        target[axis] = position
         self.known[axis] = Known.PROGRAM
         self._record(block, Kind.MACHINE, target, 1.0, (False, False, True), (AxisWord(axis, 0, False),), before)
 
@@ -187,7 +187,9 @@ class Recorder:
                 target[word.axis] += value
             else:
                 name = self.machine.names[word.axis]
-                raise block.refuse(f"an increment of {name} from a position that the program has not given")
+                raise block.refuse(
+                    f"an increment of {name} needs a known start: write an absolute position of {name} before it"
+                )
         return target
 
     @property

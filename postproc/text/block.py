@@ -72,7 +72,7 @@ class Block(NamedTuple):
 
     def refuse_skip(self) -> Refusal:
         """The exception for a block whose run depends on the operator and matters to other blocks."""
-        return self.refuse("whether it runs depends on the block-skip switch")
+        return self.refuse("the block-skip switch decides whether this block runs: delete the slash or the block")
 
 
 class Edit(NamedTuple):

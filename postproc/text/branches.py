@@ -23,11 +23,11 @@ class StructureSteps:
     """The next block after a step of a structure; None for the following one."""
 
     def __init__(
-        self, blocks: Sequence[Block], scope: Scope, passes: Callable[[], dict[int, int]], leave: Callable[[], int]
+        self, blocks: Sequence[Block], scope: Scope, remaining: Callable[[], dict[int, int]], leave: Callable[[], int]
     ) -> None:
-        """`passes` gives, by the block that opens a loop, the number of its remaining iterations in the present
+        """`remaining` gives, by the block that opens a loop, the number of its remaining iterations in the present
         subprogram; `leave` ends the subprogram."""
-        self.structures, self.scope, self.passes, self.leave = find_structures(blocks), scope, passes, leave
+        self.structures, self.scope, self.remaining, self.leave = find_structures(blocks), scope, remaining, leave
         self.after_break = False
         """A WHILE with a break in it has ended, and no DO since."""
         self.after_continue = False
@@ -37,7 +37,7 @@ class StructureSteps:
             Else: self._else,
             End: self._end,
             Leave: self._leave_loop,
-            Again: self._next_pass,
+            Again: self._next_iteration,
         }
 
     def _begin(self, at: int, block: Block, __: Begin) -> int | None:
@@ -51,15 +51,15 @@ class StructureSteps:
             case "WHILE":
                 runs = self._holds(step.test)
             case "REPEAT":
-                passes = whole(_given(step.test), self.scope)
-                self.passes()[at] = passes
-                runs = passes > 0
+                iterations = whole(_given(step.test), self.scope)
+                self.remaining()[at] = iterations
+                runs = iterations > 0
             case "FOR":
                 self._count(step, number(_given(step.first), self.scope))
                 runs = self._counting(step)
             case kind:
                 runs = kind != "SUB"
-        if not runs and step.kind == "WHILE" and at in self.structures.left:
+        if not runs and step.kind == "WHILE" and at in self.structures.with_leave:
             self.after_break = True
         return None if runs else end + 1
 
@@ -81,10 +81,11 @@ class StructureSteps:
             case "REPEAT":
                 if self.after_continue:
                     raise block.refuse(
-                        "a repeat loop that ends behind the continue of a do loop: LinuxCNC 2.9 runs it too often"
+                        "LinuxCNC 2.9 runs a repeat loop too often after the continue of a do loop: write the do loop "
+                        "without a continue"
                     )
-                self.passes()[begin] -= 1
-                again = self.passes()[begin] > 0
+                self.remaining()[begin] -= 1
+                again = self.remaining()[begin] > 0
             case "FOR":
                 self._count(opened, number(_given(opened.counter), self.scope) + 1.0)
                 again = self._counting(opened)
@@ -108,7 +109,7 @@ class StructureSteps:
         self.after_break = cast(Begin, self.structures.steps[begin]).kind == "WHILE"
         return self.structures.end[begin] + 1
 
-    def _next_pass(self, at: int, _: Block, __: Again) -> int:
+    def _next_iteration(self, at: int, _: Block, __: Again) -> int:
         begin = self.structures.begin[at]
         self.after_continue |= cast(Begin, self.structures.steps[begin]).kind == "DO"
         return self.structures.end[begin]

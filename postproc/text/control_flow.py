@@ -22,7 +22,7 @@ class Structures:
     """The block that closes a Begin or an Else."""
     following: dict[int, int] = field(default_factory=dict)
     """The next Else, or the End, of a Begin or an Else."""
-    left: set[int] = field(default_factory=set)
+    with_leave: set[int] = field(default_factory=set)
     """Blocks that open a loop that contains a Leave of this loop."""
 
 
@@ -36,12 +36,12 @@ def find_structures(blocks: Sequence[Block]) -> Structures:
         for step in _inner(block.code.before + block.code.after):
             if isinstance(step, (Leave, Again)):
                 found.begin[i] = _loop(found, open_, block, step.key)
-                found.left |= {found.begin[i]} if isinstance(step, Leave) else set()
+                found.with_leave |= {found.begin[i]} if isinstance(step, Leave) else set()
             elif isinstance(step, (Begin, Else, End)):
                 _pair(found, open_, i, block, step)
     if open_:
         block = blocks[open_[-1][0]]
-        raise block.refuse("the end of this structure is missing")
+        raise block.refuse("the end of this loop, branch or subprogram is missing: write it")
     return found
 
 
@@ -62,9 +62,9 @@ def _pair(found: Structures, open_: list[list[int]], i: int, block: Block, step:
     if isinstance(step, Begin):
         open_.append([i])
         return
-    wanted = "IF" if isinstance(step, Else) else step.kind
-    if not isinstance(opened, Begin) or (opened.kind, opened.key) != (wanted, step.key):
-        raise block.refuse("closes a structure that is not open here")
+    kind_opened = "IF" if isinstance(step, Else) else step.kind
+    if not isinstance(opened, Begin) or (opened.kind, opened.key) != (kind_opened, step.key):
+        raise block.refuse("the block ends a loop, branch or subprogram that does not begin before it")
     members = open_[-1]
     found.begin[i] = members[0]
     found.following[members[-1]] = i
@@ -80,4 +80,4 @@ def _loop(found: Structures, open_: list[list[int]], block: Block, key: str) -> 
         step = found.steps[members[0]]
         if isinstance(step, Begin) and step.kind in LOOPS and key in ("", step.key):
             return members[0]
-    raise block.refuse("is in no loop")
+    raise block.refuse("the block leaves or continues a loop and is in none: write it in a loop or delete it")

@@ -22,7 +22,7 @@ def end_of(text: str) -> str:
     return text[len(text.rstrip("\r\n")) :]
 
 
-def place(address: str) -> int:
+def rank_of(address: str) -> int:
     """Rank of an added word among coordinates."""
     return _RANKS[address if address in _RANKS else address[0]]
 
@@ -99,7 +99,7 @@ class WordEditor:
         word = self.block.words[index]
         number = self.rounded(index, value, decimals)
         if word.formula is not None and word.formula.instead:
-            self._say_instead(word, number, decimals)
+            self._write_coordinate(word, number, decimals)
         elif number != word.value and word.formula is not None and word.formula.carrier:
             self._carry(word, number - (word.value or 0.0), max(decimals_of(self._number(word)), decimals))
         elif number != word.value and word.formula is not None:
@@ -139,9 +139,11 @@ class WordEditor:
     def insert(self, address: str, value: float, decimals: int) -> None:
         """Add a word at its rank in the order PR PA X Y Z A B C U V W I J K R."""
         ranked = [(r, word) for word in self.block.words if (r := rank(word)) is not None]
-        before = [word for r, word in ranked if r < place(address)]
+        before = [word for r, word in ranked if r < rank_of(address)]
         if not ranked:
-            raise self.block.refuse(f"{address} has to be put right here, and the block names no axis")
+            raise self.block.refuse(
+                f"the correction must add {address} to this block, which has no axis word: write {address} in it"
+            )
         neighbour = before[-1] if before else ranked[0][1]
         text = self._like(neighbour, address, value, decimals)
         blank = " " if self.layout.blank else ""
@@ -197,26 +199,26 @@ class WordEditor:
         lower = self.block.text[first.at].islower()
         self.edits.append(Edit(first.at, first.at, (code.lower() if lower else code) + " " * self.layout.blank))
 
-    def _say_instead(self, word: Word, number: float, decimals: int) -> None:
+    def _write_coordinate(self, word: Word, number: float, decimals: int) -> None:
         """Siemens: replace a word by the coordinate, or the radius, that it describes."""
         equals = "=" if len(word.address) > 1 else ""
-        said = f"{word.address}{equals}{self.layout.numbers.write(number, decimals)}"
-        self.edits.append(Edit(word.at, word.end + word.tail, said))
+        text = f"{word.address}{equals}{self.layout.numbers.write(number, decimals)}"
+        self.edits.append(Edit(word.at, word.end + word.tail, text))
 
     def _carry(self, word: Word, shift: float, decimals: int) -> None:
         """Klartext: give a parameter of ncomp's own the sum, and the word that parameter."""
         name = f"QL{CARRIERS[word.address.removeprefix('I')]}"
         text = "".join(self.block.text[word.start : word.end].split())
-        said = text if text[0] in "+-" else f"+{text}"
+        summand = text if text[0] in "+-" else f"+{text}"
         style = replace(self.layout.numbers, plus=True)
-        self.lines_before([f"FN 1: {name} ={said} + {style.write(shift, decimals)}"])
+        self.lines_before([f"FN 1: {name} ={summand} + {style.write(shift, decimals)}"])
         self.edits.append(Edit(word.start, word.end, f"+{name}"))
 
     def _refuse_insertion(self) -> None:
         if self.block.no_insertion:
             raise self.block.refuse(
-                "needs an added block beside it, which is not possible here: a jump would skip it, a "
-                "modal macro or radius compensation would act on it, or its coordinates would be of another kind"
+                "the correction needs an added block here, which is not possible: a jump would skip it, a modal macro "
+                "or radius compensation would act on it, or its coordinates would be of another kind"
             )
 
     @property

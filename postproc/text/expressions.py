@@ -90,7 +90,7 @@ def evaluate(expression: Expression, scope: Scope) -> Value:
 
 def _value(expression: Expression, scope: Scope) -> Value:
     if isinstance(expression, Constant):
-        return _finite(expression.value, "a number of so many digits")
+        return _finite(expression.value, "a number with so many digits")
     if isinstance(expression, Variable):
         return scope.get(expression.name, tuple(_value(index, scope) for index in expression.indices))
     values = [_value(operand, scope) for operand in expression.operands]
@@ -100,14 +100,14 @@ def _value(expression: Expression, scope: Scope) -> Value:
     try:
         value = operation(*values)
     except (ArithmeticError, TypeError, ValueError):
-        said = ", ".join(f"{value:g}" if isinstance(value, float) else repr(value) for value in values)
-        raise NotKnown(f"{expression.name} has no value for {said}") from None
+        operands = ", ".join(f"{value:g}" if isinstance(value, float) else repr(value) for value in values)
+        raise NotKnown(f"{expression.name} has no value for {operands}") from None
     return _finite(value, expression.name)
 
 
-def _finite(value: Value, what: str) -> Value:
+def _finite(value: Value, name: str) -> Value:
     if isinstance(value, float) and not math.isfinite(value):
-        raise NotKnown(f"{what} has no finite value")
+        raise NotKnown(f"{name} has no finite value")
     return value
 
 
@@ -123,7 +123,7 @@ def whole(expression: Expression, scope: Scope) -> int:
     """The value of an expression that has to be a whole number."""
     value = number(expression, scope)
     if value != int(value):
-        raise NotKnown(f"{value:g} is not whole")
+        raise NotKnown(f"{value:g} is not a whole number")
     return int(value)
 
 

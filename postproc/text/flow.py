@@ -68,16 +68,18 @@ class _Called:
     depth: int = 0
     """Number of frames around the G66 of a modal call."""
 
-    def after(self, left: dict[int, Value | NotKnown]) -> None:
+    def after(self, at_end: dict[int, Value | NotKnown]) -> None:
         """Mark the variables that an iteration has changed as unknown: their values in the next one depend on the
         control.
         """
         if self.arguments is None:
             return
-        unsure = NotKnown("a macro that runs again finds it as it was called, or as it left it: controls differ")
+        unsure = NotKnown(
+            "a repeated macro begins with the values of its call on some controls and with its last values on others"
+        )
         given = self.arguments
         self.arguments = {
-            n: given[n] if n in given and left.get(n) == given[n] else unsure for n in given.keys() | left.keys()
+            n: given[n] if n in given and at_end.get(n) == given[n] else unsure for n in given.keys() | at_end.keys()
         }
 
 
@@ -89,14 +91,14 @@ class _Frame:
     first: int
     last: int
     """The last block of a part; -1 for a subprogram, which has its own end."""
-    left: int
-    """Passes still to come behind this one."""
+    remaining: int
+    """Iterations after the present one."""
     called: _Called | None
     """The subprogram; None for a part, and for the main program."""
     modals: int | None
     """How many of the modal calls hold for its moves; None for all."""
     loops: dict[int, int] = field(default_factory=dict)
-    """By the block that opens it: passes that a loop has still to run."""
+    """Remaining iterations of a loop, by the block that opens it."""
 
 
 def never(_: Block) -> bool:
@@ -147,7 +149,7 @@ class Flow:
             block = self.blocks[at]
             ran += 1
             if ran > LONGEST:
-                raise block.refuse(f"the program does not come to an end within {LONGEST} blocks")
+                raise block.refuse(f"the program does not end within {LONGEST} blocks: check its loops and jumps")
             self.ran.add(at)
             jumped, self._jumped, then = self._jumped, False, None
             if block.code is not None:
@@ -159,7 +161,10 @@ class Flow:
                 yield at, with_values(block._replace(no_insertion=True) if no_insertion else block, self.scope)
                 if modal is not None and reader.moved:
                     if reader.ended or (block.code is not None and block.code.after):
-                        raise block.refuse("a move beside a jump, a call or an end while G66 is active")
+                        raise block.refuse(
+                            "a move in one block with a jump, a call or an end is not corrected while G66 is active: "
+                            "write it in a block of its own"
+                        )
                     then = self._enter(at, block, modal)
                 elif block.code is not None and not reader.ended:
                     then = self._steps(at, block, block.code.after)
@@ -172,8 +177,8 @@ class Flow:
         frame = self.frames[-1]
         if at != frame.last:
             return at + 1
-        if frame.left > 0:
-            frame.left -= 1
+        if frame.remaining > 0:
+            frame.remaining -= 1
             return frame.first
         return self._leave()
 
@@ -209,25 +214,25 @@ class Flow:
 
     def _jump(self, at: int, block: Block, step: Jump) -> int | None:
         name = self._name(step.label)
-        places = self._labelled(name, at)
-        if len(step.ways) > 1 and len(places) > 1:
-            raise block.refuse(f"{name} is the label of {len(places)} blocks")
-        later, earlier = [place for place in places if place > at], [place for place in places if place <= at]
+        blocks = self._labelled(name, at)
+        if len(step.directions) > 1 and len(blocks) > 1:
+            raise block.refuse(f"{len(blocks)} blocks have the label {name}: write it once")
+        later, earlier = [i for i in blocks if i > at], [i for i in blocks if i <= at]
         found = {"F": later[:1], "B": earlier[-1:]}
-        target = next((place for way in step.ways for place in found[way]), None)
+        target = next((i for direction in step.directions for i in found[direction]), None)
         if target is None:
             if step.optional:
                 return None
-            raise block.refuse(f"no block with the label {name}")
+            raise block.refuse(f"the program has no block with the label {name}: write it or correct the jump")
         frame = self.frames[-1]
         if frame.last >= 0 and not frame.first <= target <= frame.last:
-            raise block.refuse("a jump out of a part of the program that is repeated")
+            raise block.refuse("a jump out of a repeated part of the program is not corrected: end the part before it")
         self._jumped = True
         return target
 
     def _labelled(self, name: str, at: int) -> list[int]:
         """The blocks of a label in the program that a block belongs to."""
-        return [place for place in self.labels.get(name, []) if self.programs[place] == self.programs[at]]
+        return [i for i in self.labels.get(name, []) if self.programs[i] == self.programs[at]]
 
     def _name(self, label: str | Expression) -> str:
         value = label if isinstance(label, str) else evaluate(label, self.scope)
@@ -235,28 +240,30 @@ class Flow:
 
     def _call(self, at: int, block: Block, step: Call) -> int | None:
         if step.arguments is not None and self._modal_call() is not None:
-            raise block.refuse("a macro within a modal call: whether its moves call the other depends on the control")
+            raise block.refuse(
+                "not all controls run the modal macro after the moves of this macro: end the modal call before it"
+            )
         return self._enter(at, block, self._called(block, step))
 
     def _called(self, block: Block, step: Call) -> _Called:
         name = self._name(step.name)
-        places = self.labels.get(name, [])
-        if len(places) != 1:
+        blocks = self.labels.get(name, [])
+        if len(blocks) != 1:
             raise block.refuse(
-                f"{len(places)} subprograms {name} in this file" if places else f"no {name} in this file"
+                f"the file has {len(blocks) or 'no'} subprogram{'s' * bool(blocks)} {name}: write one into the file"
             )
         arguments: dict[int, Value | NotKnown] | None = None
         if step.arguments is not None:
             arguments = {number_: self._argument(expression) for number_, expression in step.arguments}
         times = 1 if step.times is None else whole(step.times, self.scope)
-        return _Called(places[0] + 1, times, arguments, len(self.frames))
+        return _Called(blocks[0] + 1, times, arguments, len(self.frames))
 
     def _enter(self, at: int, block: Block, called: _Called) -> int | None:
         """Begin the subprogram; one that runs behind a move has the modal calls before its own."""
         if called.times < 1:
             return None
         if len(self.frames) > DEEPEST:
-            raise block.refuse("subprograms that call each other without end")
+            raise block.refuse(f"the subprograms call each other more than {DEEPEST} deep: end the recursion")
         modals = self.modals.index(called) if called in self.modals else self.frames[-1].modals
         self.scope.enter(called.arguments)
         self.frames.append(_Frame(at, called.first, -1, called.times - 1, called, modals))
@@ -276,8 +283,10 @@ class Flow:
             return None if step.label is None else self._jump(at, block, Jump(step.label))
         if step.label is None:
             return self._leave()
-        if frame.left > 0 or frame.called in self.modals:
-            raise block.refuse("M99 with P in a subprogram with passes to come, or behind a move while G66 is on")
+        if frame.remaining > 0 or frame.called in self.modals:
+            raise block.refuse(
+                "M99 with P is not corrected in a repeated subprogram or in a modal macro: write M99 without P"
+            )
         back = Jump(self._name(step.label))
         self._end_frame(frame)
         return self._jump(frame.caller, block, back)
@@ -285,8 +294,8 @@ class Flow:
     def _leave(self) -> int:
         """The end of a subprogram or a part: once more, or behind its call."""
         frame = self.frames[-1]
-        if frame.left > 0:
-            frame.left -= 1
+        if frame.remaining > 0:
+            frame.remaining -= 1
             if frame.called is not None:
                 frame.called.after(self.scope.leave())
                 self.scope.enter(frame.called.arguments)
@@ -296,7 +305,9 @@ class Flow:
 
     def _end_frame(self, frame: _Frame) -> None:
         if self.modals and self.modals[-1].depth == len(self.frames):
-            raise self.blocks[frame.caller].refuse("a subprogram that ends while its G66 is on")
+            raise self.blocks[frame.caller].refuse(
+                "the subprogram ends while its G66 is active: write G67 before its end"
+            )
         self.frames.pop()
         if frame.called is not None:
             frame.called.after(self.scope.leave())
@@ -311,14 +322,14 @@ class Flow:
 
     def _modal(self, _: int, block: Block, step: Modal) -> None:
         if self.frames[-1].modals is not None:
-            raise block.refuse("G66 in a macro that runs behind moves")
+            raise block.refuse("G66 in a modal macro is not corrected: call the second macro by G65")
         self.modals.append(self._called(block, step.call))
 
     def _end_modal(self, _: int, block: Block, __: EndModal) -> None:
         if not self.modals:
             return
         if self.frames[-1].modals is not None or self.modals[-1].depth != len(self.frames):
-            raise block.refuse("G67 in another program than its G66")
+            raise block.refuse("G67 and its G66 are in different programs: write G67 in the program of G66")
         self.modals.pop()
 
     def _rerun(self, at: int, block: Block, step: Rerun) -> int | None:
@@ -327,13 +338,13 @@ class Flow:
             return None
         firsts = self._labelled(step.first, at)
         if len(firsts) != 1 or (firsts[0] >= at and not step.last) or "ENDLABEL" in self.labels:
-            raise block.refuse(f"no block {step.first} before it, or more than one")
+            raise block.refuse(f"the repetition needs exactly one label {step.first} before it")
         last = at - 1
         if step.last:
-            places = self._labelled(step.last, at)
-            if len(places) != 1 or places[0] < firsts[0]:
-                raise block.refuse(f"no block {step.last} behind {step.first}, or more than one")
-            last = places[0]
+            lasts = self._labelled(step.last, at)
+            if len(lasts) != 1 or lasts[0] < firsts[0]:
+                raise block.refuse(f"the repetition needs exactly one label {step.last} after {step.first}")
+            last = lasts[0]
         self.frames.append(_Frame(at, firsts[0], last, times - 1, None, self.frames[-1].modals))
         self._jumped = True
         return firsts[0]

@@ -44,8 +44,8 @@ class Jump(NamedTuple):
     """Go on at a label: a text, or an expression whose value names it."""
 
     label: str | Expression
-    ways: str = "FB"
-    """Where it is looked for: towards the end (F), the beginning (B), in this order."""
+    directions: str = "FB"
+    """Directions of the search for the label, in their order: towards the end (F), the beginning (B)."""
     optional: bool = False
     """Go on behind the jump where there is no such label."""
 
@@ -73,7 +73,7 @@ class Begin(NamedTuple):
     key: str = ""
     """Number or name that opening and end share, where the dialect has one."""
     test: Expression | None = None
-    """Condition of IF and WHILE, number of passes of REPEAT, last value of FOR."""
+    """Condition of IF and WHILE, number of iterations of REPEAT, last value of FOR."""
     counter: Variable | None = None
     first: Expression | None = None
     """Loop variable of FOR."""
@@ -104,7 +104,7 @@ class Leave(NamedTuple):
 
 
 class Again(NamedTuple):
-    """Go on with the next pass of a loop."""
+    """Go on with the next iteration of a loop."""
 
     key: str = ""
 

@@ -11,7 +11,7 @@ from postproc.control.codes import DISTANCES
 from postproc.iso.codes import FEED_MODES, UNITS
 from postproc.siemens.codes import CALCULATED_ARCS
 from postproc.text.block import Block, Word
-from postproc.text.editing import Iterations, Layout, place
+from postproc.text.editing import Iterations, Layout, rank_of
 
 ARCS = frozenset((2.0, 3.0))
 MODES = DISTANCES | FEED_MODES | UNITS.keys()
@@ -169,7 +169,7 @@ class AddedBlock:
 
     def lines(self, comment: str) -> list[str]:
         """The block and its preface, without line ends; `comment`: format of a comment, for the tag."""
-        ordered = [address + number for address, number in sorted(self._words, key=lambda w: place(w[0]))]
+        ordered = [address + number for address, number in sorted(self._words, key=lambda w: rank_of(w[0]))]
         if self.klartext:
             heads = {"R": "CR", "IPA": "CP"}
             head = next((heads[address] for address, _ in self._words if address in heads), "C" if self.sense else "L")
