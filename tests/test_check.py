@@ -52,7 +52,7 @@ def test_every_line_that_is_refused(command, tmp_path):
     assert [(found["line"], found["text"]) for found in refused] == [
         (2, "G31 F10 X5."), (4, "X3. (a (b))"), (6, "G999"),
     ]  # fmt: skip
-    assert b"refused      line 2: 'G31 F10 X5.': G31 where a probing move ends" in done.out
+    assert b"refused      line 2: 'G31 F10 X5.': G31 is a probing move" in done.out
 
 
 def test_json_alone_on_standard_output(command, tmp_path):

@@ -69,11 +69,11 @@ BAD_FILE_WORDS = {
     "folder.nc": "Is a directory",
     "siemens.mpf": "siemens.mpf:2: 'CYCLE97.1.': CYCLE97 is not known",
     "siemens.nc": "siemens.nc:2: 'N10 G0 X=R10 Y1': X=R10: R10 is not set by the program",
-    "refused.nc": "refused.nc:2: 'G31 X5': G31 where a probing move ends",
+    "refused.nc": "refused.nc:2: 'G31 X5': G31 is a probing move",
     "outside.nc": "outside.nc:1: 'G0 X5000.5 Y1 Z1': X would go to 5000.5000 mm as programmed",
     "outside_after.nc": "outside_after.nc:1: 'G0 X5000 Y1 Z1': X would go to 5000.0100 mm after correction",
     "marked.nc": "marked.nc:1: .*already corrected by ncomp .calibration ABC123.; --force",
-    "nested.nc": "nested.nc:1: .*parentheses that do not match, or one inside another",
+    "nested.nc": "nested.nc:1: .*controls differ in parentheses that do not match",
 }
 BAD_OPTIONS = {
     "unknown machine": (["in.nc", "--machine", "nomill"], "unknown machine 'nomill': shipped are .*dmu50"),
@@ -92,7 +92,7 @@ BAD_OPTIONS = {
     "time before zero": (["in.nc", *GANTRY, "--elapsed", "-5"], "--elapsed -5: expected a time in s"),
     "bad work offset": (["in.nc", *GANTRY, "--work-offset", "G54=1,x"], "--work-offset G54=1,x: 'x' is no number"),
     "work offset that is no number": (["in.nc", *GANTRY, "--work-offset", "G54=nan,0,0"], "'nan' is no number"),
-    "work offset of no axis": (["in.nc", *GANTRY, "--work-offset", "G54=1,2,3,C=4"], "no axis C on machine gantry"),
+    "work offset of no axis": (["in.nc", *GANTRY, "--work-offset", "G54=1,2,3,C=4"], "machine gantry has no axis C"),
     "bad tool length": (["in.nc", *GANTRY, "--tool-length", "long"], "--tool-length long: expected T1=mm"),
     "missing tool table": (["in.nc", *GANTRY, "--tool-table", "no.tbl"], "tool table no.tbl: No such file"),
     "bad tool table": (["in.nc", *GANTRY, "--tool-table", "in.nc"], "tool table in.nc:3: 'G21 G17 G90': G17 may not be in a list of offsets"),
@@ -465,7 +465,9 @@ def test_as_a_process(tmp_path):
         [*command, "-", *GANTRY], input=b"G31\n", capture_output=True, cwd=tmp_path, check=False, timeout=60
     )
     assert (refused.returncode, refused.stdout) == (2, b"")
-    assert refused.stderr.decode().startswith("ncomp: <stdin>:1: 'G31': G31 where a probing move ends is not known (")
+    assert refused.stderr.decode().startswith(
+        "ncomp: <stdin>:1: 'G31': G31 is a probing move, and its end position is not known ("
+    )
     long = PROGRAM.replace("M30", "G1 X100.0\nX200.0\n" * 20_000 + "M30").encode()
     (tmp_path / "long.nc").write_bytes(long)
     with subprocess.Popen(

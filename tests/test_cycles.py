@@ -135,22 +135,22 @@ def test_repeats_by_increments(linuxcnc):
 
 
 REFUSED = {
-    "G81 X5. Y5. Z-5. F100": "a canned cycle without Z or R",
-    "G81 X5. Y5. R2. F100": "a canned cycle without Z or R",
+    "G81 X5. Y5. Z-5. F100": "the canned cycle needs Z and R",
+    "G81 X5. Y5. R2. F100": "the canned cycle needs Z and R",
     "G81 X5. Y5. Z-5. R200. F100": "R is above the level before the cycle",
-    "G81 X5. Y5. Z-5. R2. K0": "a canned cycle that runs no times, with a position",
-    "G81 X5. Y5. Z-5. R2. K2 L2": "a canned cycle needs K or L",
+    "G81 X5. Y5. Z-5. R2. K0": "the effect of K0 or L0 in this canned cycle",
+    "G81 X5. Y5. Z-5. R2. K2 L2": "a canned cycle takes one of K and L",
     "G81 X5. Y5. Z-5. R2. I3.": "I in a canned cycle",
-    "G81 X5. Y5. Z-5. R2.\nG18 X7.": "another plane within a canned cycle",
-    "G81 X5. Y5. Z-5. R2.\nG19 G83 X7. Q1.": "another plane within a canned cycle",
-    "G41 D1 X5.\nG81 X5. Y5. Z-5. R2.": "a canned cycle while radius compensation is on",
-    "G51 X0. Y0. Z0. P2.\nG81 X5. Y5. Z-5. R2.": "a canned cycle while its depth is scaled",
+    "G81 X5. Y5. Z-5. R2.\nG18 X7.": "a change of the plane within a canned cycle",
+    "G81 X5. Y5. Z-5. R2.\nG19 G83 X7. Q1.": "a change of the plane within a canned cycle",
+    "G41 D1 X5.\nG81 X5. Y5. Z-5. R2.": "a canned cycle under radius compensation",
+    "G51 X0. Y0. Z0. P2.\nG81 X5. Y5. Z-5. R2.": "controls differ in canned cycles with a scaled or mirrored depth",
     "G91 G81 X5. Y5. Z-5. R-2.\nG90 X5.": "G90 or G91 within a canned cycle",
-    "G91 G99 G81 X5. Y5. Z-5. R-2.": "a canned cycle with increments, and no G98",
+    "G91 G99 G81 X5. Y5. Z-5. R-2.": "a canned cycle with increments needs G98",
     "G81 G80 X5.": "G80 and G81 in one block",
     "G98 G99": "G98 and G99 in one block",
     "G87 X5. Y5. Z-5. R2.": "G87 a boring cycle that shifts the tool",
-    "G76 X5. Y5. Z-5. R2. Q1.": "threading on LinuxCNC, fine boring on FANUC",
+    "G76 X5. Y5. Z-5. R2. Q1.": "G76 is threading on LinuxCNC and fine boring on FANUC",
 }
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from postproc.dialects import find_dialect
-from postproc.text.dialect_evidence import spoken
+from postproc.text.dialect_evidence import without_comments
 
 HEAD = "G21 G90 G17 G54\nG0 X1000. Y1000. Z-500.\n"
 FOUND = {
@@ -40,7 +40,7 @@ def test_by_the_name_of_the_file():
 
 
 def test_what_is_spoken():
-    assert spoken('G1 (a; b) X5 "c;d" ; e (f') == 'G1 ( X5 " '
+    assert without_comments('G1 (a; b) X5 "c;d" ; e (f') == 'G1 ( X5 " '
 
 
 def test_a_refusal_says_how_it_was_read(command, tmp_path):

@@ -235,7 +235,7 @@ def test_a_repeat_loop_behind_the_continue_of_a_do_loop(linuxcnc):
     """LinuxCNC 2.9 runs it more than twice."""
     loop = "#1=0\no1 do\nX#1\n#1=[#1+1]\no2 if [#1 ge 2]\no1 continue\no2 endif\no1 while [#1 lt 3]\n"
     text = HEAD + loop + "o3 repeat [2]\nY9.\no3 endrepeat\n"
-    with pytest.raises(UserError, match="a repeat loop that ends behind the continue of a do loop"):
+    with pytest.raises(UserError, match="runs a repeat loop too often after the continue of a do loop"):
         read(text, load("gantry"))
     assert [move.end[1] for move in linuxcnc.run(text + "M2\n").moves].count(9.0) > 2
 
@@ -244,10 +244,10 @@ def test_a_repeat_loop_behind_the_continue_of_a_do_loop(linuxcnc):
     ("block", "reason"),
     [
         ("G91\nG52 X1.", "G52 needs G90"),
-        ("G52 X1. M8", "G52 does not go with the other words of its block"),
-        ("G68 X1. R5.", "needs X and Y: without, the centre depends on where the tool is"),
-        ("G68 X1. Y1. R5.\nG54", "a work offset while G52, G92 or a turn of the coordinates is on"),
-        ("G68 X1. Y1. R5.\nG52 X1.", "G52 while the coordinates are turned"),
+        ("G52 X1. M8", "G52 cannot share a block with the other words"),
+        ("G68 X1. R5.", "the centre needs X and Y, or it depends on the position of the tool"),
+        ("G68 X1. Y1. R5.\nG54", "the effect of a new work offset on an active G52, G92, rotation, mirror or scale"),
+        ("G68 X1. Y1. R5.\nG52 X1.", "G52 while the coordinates are rotated, mirrored or scaled"),
         ("G68 R5.", "needs X and Y"),
         ("G28 X0\nG92 X1.", "needs a programmed position"),
     ],

@@ -374,15 +374,15 @@ SAID = "G17 G21 G90\nG0 X1.0 Y1.0 Z1.0\n"
 @pytest.mark.parametrize(
     ("text", "note"),
     [
-        ("G0 X1.0\nX2.0\n", "no G20 or G21 before it: coordinates taken in mm (line 1)"),
-        ("G0 X1.0\nX2.0\n", "no G90 or G91 before it: coordinates taken as absolute (line 1)"),
-        ("G0 X0 Y0\nG2 I1.0\n", "no G17, G18 or G19 before it: arcs taken in X Y (line 2)"),
-        (SAID + "X10\nX10\n", "coordinates without decimal point taken in mm, inches or degrees, not in increments (line 3, 2 times)"),
-        (SAID + "M123\n", "M123 is not known to ncomp and taken to move nothing (line 3)"),
-        (SAID + "M21\n", "M21 is not known to ncomp and taken to move nothing (line 3)"),  # mirrors on some controls
+        ("G0 X1.0\nX2.0\n", "no G20 or G21 before it: coordinates are taken in mm (line 1)"),
+        ("G0 X1.0\nX2.0\n", "no G90 or G91 before it: coordinates are taken as absolute (line 1)"),
+        ("G0 X0 Y0\nG2 I1.0\n", "no G17, G18 or G19 before it: arcs are taken in X Y (line 2)"),
+        (SAID + "X10\nX10\n", "coordinates without decimal point are taken in mm, inches or degrees, not in increments (line 3, 2 times)"),
+        (SAID + "M123\n", "M123 is not known to ncomp and is taken to move nothing (line 3)"),
+        (SAID + "M21\n", "M21 is not known to ncomp and is taken to move nothing (line 3)"),  # mirrors on some controls
         (SAID + "G28 Z0\n", "G28/G30 passes its intermediate point uncorrected (line 3)"),
-        (SAID + "G43 Z0\n", "G43 without H: taken for the length of the tool in the spindle (line 3)"),
-        (SAID + "T1 M6\nT2 M6\n", "a tool change taken to move Z (machine file: tool_change_moves) (line 3, 2 times)"),
+        (SAID + "G43 Z0\n", "G43 without H is taken to select the length of the tool in the spindle (line 3)"),
+        (SAID + "T1 M6\nT2 M6\n", "a tool change is taken to move Z (machine file: tool_change_moves) (line 3, 2 times)"),
         (SAID + "M30\nX5\nX6\n", "blocks after the end of the program do not run and stay as programmed (line 4, 2 times)"),
     ],
 )  # fmt: skip
@@ -414,23 +414,23 @@ REFUSED = {
     "T1.5": "T has a number that is not whole",
     "T" + "9" * 400: "T has a number that no control reads",
     "G43 H1.5": "H has a number that is not whole",
-    "X1 E6": "E in a move: its effect depends on the control",  # the rest of X1E6
+    "X1 E6": "the effect of E in a move depends on the control",  # the rest of X1E6
     "X1 L3": "L calls a subprogram on some controls and repeats the block on others",
     "L340": "L calls a subprogram on some controls",
-    "X1 R5": "R without an arc",
-    "X1 I5": "I without an arc",
+    "X1 R5": "the block is no arc and has R",
+    "X1 I5": "the block is no arc and has I",
     "X#1": "X#1: #1 is not set by the program",
     "F#1 X#2": "X#2: #2 is not set by the program",
     "#1=#5041\nX#1": "X#1: #1 is not known: #5041 is not set by the program",
     "#1=2 X#1": "variable assigned and used in the same block",
     "#1=1/0\nX#1": "#1 is not known: / has no value for 1, 0",
-    "#1=ROUND[2.5]\nX#1": "#1 is not known: how 2.5 is rounded depends on the control",
-    "#1=[2 AND 3]\nX#1": "AND of numbers: logical on some controls, bit by bit on others",
+    "#1=ROUND[2.5]\nX#1": "#1 is not known: the rounding of 2.5 depends on the control",
+    "#1=[2 AND 3]\nX#1": "AND of numbers other than 0 and 1 is logical on some controls and bit by bit on others",
     "#1=[0.1 EQ 0.10001]\nX#1": "whether 0.1 equals 0.10001 depends on the control",
-    "#5221=10": "sets a system variable of the control",
-    "#1=5 #5221=10": "sets a system variable of the control",
-    "#0=5": "#0 is the empty variable of some controls",
-    "X1 0.5": "a number without an address",
+    "#5221=10": "is a system variable of the control",
+    "#1=5 #5221=10": "is a system variable of the control",
+    "#0=5": "#0 is the empty variable on some controls only",
+    "X1 0.5": "the number has no address before it",
     # arcs
     "G2 X5": "the arc has no centre and no radius",
     "G18 G2 X5 J1": "J gives no centre in the plane of Z and X",
@@ -439,9 +439,9 @@ REFUSED = {
     "G2 X1 Y1 R1": "no circle of this radius joins start and end",
     "G2 X1.01 Y1 R0": "no circle of this radius joins start and end",
     "G2 R5": "no circle of this radius joins start and end",
-    "G2 I0 J0": "an arc of radius 0",
-    "G2 X5 Y1 I2.1 J0": "this is no circle",
-    "G2 X2 Y2 I2 J1": 'its centre would fit as absolute: for such a control set arc_centres = "absolute"',
+    "G2 I0 J0": "the arc has the radius 0",
+    "G2 X5 Y1 I2.1 J0": "the arc is no circle: its radius is",
+    "G2 X2 Y2 I2 J1": 'With an absolute centre it is a circle: for such a control set arc_centres = "absolute"',
     "G2 X5 Y1 I2 R2": "the arc has a radius and a centre",
     "G2 X5 Y1 I2 P0": "P of the arc must be 1 or more",
     "G2 X5 Y1 R2 P2": "needs a centre: write I J K instead of R",
@@ -458,7 +458,7 @@ REFUSED = {
     "G4 G53 X1": "G4 and G53 in one block",
     "G28 G53 X1": "G28 and G53 in one block",
     "G54 G4 P1": "two G codes of the block can use P",
-    "G54.1": "G54.1 without P",
+    "G54.1": "G54.1 needs P, the number of the work offset",
     # lengths
     "H2": "H without G43: some controls take the new length at once",
     "X1 H2": "H without G43",
@@ -466,27 +466,27 @@ REFUSED = {
     # machine coordinates, unknown positions
     "G91 G53 X1": "G53 needs G90",
     "G2\nG53 X1": "G53 needs G90 and G0 or G1",
-    "G28 Z0\nG91 Z1": "an increment of Z from a position that the program has not given",
-    "G30 X0\nG91 X1": "an increment of X from a position that the program has not given",
-    "M6\nG91 Z1": "an increment of Z from a position that the program has not given",
+    "G28 Z0\nG91 Z1": "an increment of Z needs a known start",
+    "G30 X0\nG91 X1": "an increment of X needs a known start",
+    "M6\nG91 Z1": "an increment of Z needs a known start",
     "G28 X0\nG2 X5 Y1 I2": "the arc starts at a position that the program has not given",
     # block skip
-    "/X1": "whether it runs depends on the block-skip switch",
-    "N5 /2 M6": "whether it runs depends on the block-skip switch",
-    "/M30": "whether it runs depends on the block-skip switch",
-    "/M123": "whether it runs depends on the block-skip switch",
-    "/G4 X1": "whether it runs depends on the block-skip switch",
-    "/G4 P1 M6": "whether it runs depends on the block-skip switch",
-    "/G9": "whether it runs depends on the block-skip switch",
-    "/T2": "whether it runs depends on the block-skip switch",
-    "X1 /Y1": "whether it runs depends on the block-skip switch",
+    "/X1": "the block-skip switch decides whether this block runs",
+    "N5 /2 M6": "the block-skip switch decides whether this block runs",
+    "/M30": "the block-skip switch decides whether this block runs",
+    "/M123": "the block-skip switch decides whether this block runs",
+    "/G4 X1": "the block-skip switch decides whether this block runs",
+    "/G4 P1 M6": "the block-skip switch decides whether this block runs",
+    "/G9": "the block-skip switch decides whether this block runs",
+    "/T2": "the block-skip switch decides whether this block runs",
+    "X1 /Y1": "the block-skip switch decides whether this block runs",
     # several programs, tape marks
-    "O2": "a second program in one file",
-    "M30\nO2": "a second program in one file",
-    "M30\n%\nO2\nX1": "a second program in one file",
-    "%\nX5": "text after a tape mark",
-    "X10 %": "a tape mark beside other text",
-    "/%": "a tape mark beside other text",
+    "O2": "a second program in one file is not corrected",
+    "M30\nO2": "a second program in one file is not corrected",
+    "M30\n%\nO2\nX1": "a second program in one file is not corrected",
+    "%\nX5": "text follows the only tape mark",
+    "X10 %": "the tape mark shares its line with other text",
+    "/%": "the tape mark shares its line with other text",
     # the next block, where a semicolon ends one
     "X5; Y5": "words after a semicolon",
     "X5 ;G1 y5 ": "words after a semicolon",
@@ -494,17 +494,17 @@ REFUSED = {
     "M8 ; M6": "words after a semicolon",
     # control flow and other constructs
     "IF[#1 EQ 2] GOTO 10": "#1 is not set by the program",
-    "GOTO10": "no block with the label 10",
-    "N5\nGOTO5\nN5": "5 is the label of 2 blocks",
-    "o100 call": "no O100 in this file",
-    "M98 P100": "no O100 in this file",
-    "M98 P20100": "P with more than four digits",
-    "M99": "M99 jumps back in the program, outside of a subprogram",
-    "WHILE[1 EQ 1]DO1": "the end of this structure is missing",
-    "END1": "closes a structure that is not open here",
-    "o100 break": "is in no loop",
-    "O100 sub\no100 call\nO100 endsub\nO100 call": "subprograms that call each other without end",
-    "[5]": "an expression that stands alone",
+    "GOTO10": "the program has no block with the label 10",
+    "N5\nGOTO5\nN5": "2 blocks have the label 5",
+    "o100 call": "the file has no subprogram O100",
+    "M98 P100": "the file has no subprogram O100",
+    "M98 P20100": "some controls read P with more than four digits",
+    "M99": "M99 outside of a subprogram repeats the program without end",
+    "WHILE[1 EQ 1]DO1": "the end of this loop, branch or subprogram is missing",
+    "END1": "ends a loop, branch or subprogram that does not begin before it",
+    "o100 break": "leaves or continues a loop and is in none",
+    "O100 sub\no100 call\nO100 endsub\nO100 call": "the subprograms call each other more than 100 deep",
+    "[5]": "the expression has no address before it",
     # coordinates that are a move for one code and none for the other
     "G1 G50.1 X5": "two G codes of the block can use its coordinates",
     "G5.1 Q1 G0 X5": "two G codes of the block can use its coordinates",
@@ -557,7 +557,7 @@ def test_long_comments_take_no_longer_than_their_length():
 
 
 def test_before_any_motion_code():
-    assert "coordinates before any G0, G1, G2 or G3" in refusal("X1\n")
+    assert "the coordinates have no G0, G1, G2 or G3 before them" in refusal("X1\n")
     assert "G53 needs G90 and G0 or G1" in refusal("G53 X1\n")
     assert "an increment of X from a position" in refusal("G91 G0 X1\n")
     assert "the arc starts at a position" in refusal("G0 X1\nG2 X5 I2\n")
@@ -571,7 +571,7 @@ def test_integers_in_an_inch_program_have_no_known_increment():
 
 def test_a_program_without_end(monkeypatch):
     monkeypatch.setattr("postproc.text.flow.LONGEST", 1000)
-    assert "the program does not come to an end within 1000 blocks" in refusal("N5 G0 X1\nGOTO5\n")
+    assert "the program does not end within 1000 blocks" in refusal("N5 G0 X1\nGOTO5\n")
 
 
 def test_long_blocks_are_shown_short():

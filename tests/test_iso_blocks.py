@@ -189,9 +189,9 @@ def test_statements(text, step):
     ("text", "words", "step"),
     [
         ("N5 M98 P2 L3\n", "N", Call(Operation("program", (TWO,)), None, THREE)),
-        ("G1 X5 M98 P2\n", "GX", Call(Operation("of passes", (TWO,)), None, Operation("passes", (TWO,)))),
+        ("G1 X5 M98 P2\n", "GX", Call(Operation("repeated program", (TWO,)), None, Operation("repetitions", (TWO,)))),
         ("G65 P2 A1. X#1\n", "", Call(Operation("program", (TWO,)), ((1, ONE), (24, FIRST)), None)),
-        ("M99\n", "", Return("M99 jumps back in the program, outside of a subprogram: it runs for ever")),
+        ("M99\n", "", Return("M99 outside of a subprogram repeats the program without end: write M30")),
     ],
 )
 def test_calls(text, words, step):
@@ -205,15 +205,15 @@ def test_calls(text, words, step):
     [
         ("#1=5 X#1\n", "variable assigned and used in the same block"),
         ("#1=5 #2=#[#3]\n", "variable assigned and used in the same block"),
-        ("#1=[#2 EQ 1 AND #3 EQ 2]\n", "brackets are missing"),
-        ("#1=[1 LT #2 LT 3]\n", "brackets are missing"),
-        ("#1=[[#1 EQ 1] AND [#2 EQ 2] OR [#3 EQ 3]]\n", "brackets are missing"),
-        ("#1=ATAN[1]/2\n", "ATAN and a quotient"),
+        ("#1=[#2 EQ 1 AND #3 EQ 2]\n", "this condition depends on the control: write brackets"),
+        ("#1=[1 LT #2 LT 3]\n", "this condition depends on the control: write brackets"),
+        ("#1=[[#1 EQ 1] AND [#2 EQ 2] OR [#3 EQ 3]]\n", "this condition depends on the control: write brackets"),
+        ("#1=ATAN[1]/2\n", "a division after ATAN depends on the control"),
         ("/#1=5\n", "block-skip switch"),
         ("/M98 P5\n", "must be the only call, jump or loop of its block"),
         ("M98\n", "M98 without P"),
         ("M99 P5 L2\n", "M99 with L or Q"),
-        ("G65 P5 X1. X2.\n", "two words of one address"),
+        ("G65 P5 X1. X2.\n", "the call has two words of one address"),
         ("#5=1 GOTO 5\n", "must be the only statement of its block"),
     ],
 )
@@ -230,7 +230,7 @@ def test_skip(text):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("G1 Z-1. F200. (PLUNGE (NESTED?) )\n", "parentheses that do not match, or one inside another"),
+        ("G1 Z-1. F200. (PLUNGE (NESTED?) )\n", "controls differ in parentheses that do not match"),
         ("X10. (UNCLOSED\n", "parentheses that do not match"),
         ("X10.) Y5\n", "parentheses that do not match"),
         ("(a(b\n", "parentheses that do not match"),

@@ -44,7 +44,7 @@ def test_words_of_a_dwell_move_on_some_controls(check):
     for family in ("any", "fanuc"):
         status, text = check(program, family)
         assert status == 2
-        assert "axis words beside G4 P: a move on LinuxCNC" in text
+        assert "axis words with G4 P are a move on LinuxCNC" in text
     assert check(program, "linuxcnc")[0] == 0
 
 
@@ -254,7 +254,7 @@ def test_the_level_of_a_cycle_in_another_work_offset(family, refused):
     text = HEAD + "G98 G81 X1200. Z-510. R-505.\nG55 X1100.\nG80 G0 X1000.\nG91 Z5.\n"
     setup = {"offsets": ["G54=0,0,0", "G55=0,0,-20"]}
     if refused:
-        with pytest.raises(UserError, match="an increment of Z from a position that the program has not given"):
+        with pytest.raises(UserError, match="an increment of Z needs a known start"):
             read(text, with_family("gantry", family), **setup)
     else:
         motions = read(text, with_family("gantry", family), **setup)

@@ -178,42 +178,42 @@ def test_as_if_called_by_hand(moves, passes):
 
 
 REFUSED = {
-    "G66": (2, "G66 without P"),
-    "G66 P7": (2, "no O7 in this file"),
-    "G66 P7 X1. X2.": (2, "two words of one address"),
+    "G66": (2, "G66 needs P, the number of the program"),
+    "G66 P7": (2, "the file has no subprogram O7"),
+    "G66 P7 X1. X2.": (2, "the call has two words of one address"),
     "G66 P7 M98": (2, "must be the only call, jump or loop of its block"),
-    "G66.1 P7": (2, "G66.1 calls a macro behind every block"),
+    "G66.1 P7": (2, "G66.1 calls a macro after every block"),
     "/G66 P7": (2, "must be the only call, jump or loop of its block"),
     "G[66] P7": (2, "G66 calls a macro"),
     "G[67]": (2, "G67 is not known"),
-    "G66 P7\nX10. G67\nM30\nO7\nM99": (3, "a move beside a jump, a call or an end while G66 is active"),
-    "G66 P7\nX10. M98 P7\nM30\nO7\nM99": (3, "a move beside a jump, a call or an end while G66 is active"),
-    "G66 P7\nX10. M30\nO7\nM99": (3, "a move beside a jump, a call or an end while G66 is active"),
+    "G66 P7\nX10. G67\nM30\nO7\nM99": (3, "a move in one block with a jump, a call or an end is not corrected while G66 is active"),
+    "G66 P7\nX10. M98 P7\nM30\nO7\nM99": (3, "a move in one block with a jump, a call or an end is not corrected while G66 is active"),
+    "G66 P7\nX10. M30\nO7\nM99": (3, "a move in one block with a jump, a call or an end is not corrected while G66 is active"),
     "G66 P7\nX0.\nM30\nO7\nM99": (3, "the block moves to the present position while G66 is active"),
-    "G66 P7\nG28 Z0\nM30\nO7\nM99": (3, "G28 while G66 is on"),
-    "G66 P7\nG53 X5.\nM30\nO7\nM99": (3, "G53 while G66 is on"),
-    "G66 P7\nG49\nM30\nO7\nM99": (3, "a length without coordinates while G66 is on"),
+    "G66 P7\nG28 Z0\nM30\nO7\nM99": (3, "G28 while G66 is active"),
+    "G66 P7\nG53 X5.\nM30\nO7\nM99": (3, "G53 while G66 is active"),
+    "G66 P7\nG49\nM30\nO7\nM99": (3, "a length offset without coordinates while G66 is active"),
     "G66 P7\nG98 G81 X5. Z-5. R-1. F100\nM30\nO7\nM99": (3, "a canned cycle while G66 is active"),
     "G66 P7\nG41 D1 X5.\nM30\nO7\nM99": (3, "radius compensation while G66 is active"),
-    "G66 P7\nG65 P8\nM30\nO7\nM99\nO8\nM99": (3, "a macro within a modal call"),
-    "G66 P7\nX5.\nM30\nO7\nG66 P8\nM99\nO8\nM99": (6, "G66 in a macro that runs behind moves"),
-    "G66 P7\nX5.\nM30\nO7\nG67\nM99": (6, "G67 in another program than its G66"),
-    "G66 P7\nM98 P8\nM30\nO7\nM99\nO8\nG67\nM99": (8, "G67 in another program than its G66"),
-    "M98 P8\nM30\nO7\nM99\nO8\nG66 P7\nM99": (2, "a subprogram that ends while its G66 is on"),
-    "G66 P7 Z5\nX5.\nM30\nO7\nZ-#26\nM99": (6, "an argument without decimal point"),
-    "G66 P7 Z5.\nX5.\nX6.\nM30\nO7\nG91 Z-#26\n#26=#26+1\nG90\nM99": (7, "controls differ"),
+    "G66 P7\nG65 P8\nM30\nO7\nM99\nO8\nM99": (3, "not all controls run the modal macro after the moves of this macro"),
+    "G66 P7\nX5.\nM30\nO7\nG66 P8\nM99\nO8\nM99": (6, "G66 in a modal macro is not corrected"),
+    "G66 P7\nX5.\nM30\nO7\nG67\nM99": (6, "G67 and its G66 are in different programs"),
+    "G66 P7\nM98 P8\nM30\nO7\nM99\nO8\nG67\nM99": (8, "G67 and its G66 are in different programs"),
+    "M98 P8\nM30\nO7\nM99\nO8\nG66 P7\nM99": (2, "the subprogram ends while its G66 is active"),
+    "G66 P7 Z5\nX5.\nM30\nO7\nZ-#26\nM99": (6, "the unit of an argument without decimal point is not known"),
+    "G66 P7 Z5.\nX5.\nX6.\nM30\nO7\nG91 Z-#26\n#26=#26+1\nG90\nM99": (7, "a repeated macro begins with the values of its call on some controls"),
     "G66 P7\nX5.\nX6.\nM30\nO7\nIF[#100 EQ 1]GOTO 5\n#1=2\n#100=1\nN5 Z#1\nM99": (7, "#100 is not set"),
-    "#100=0\nG66 P7\nX5.\nX6.\nM30\nO7\nIF[#100 EQ 1]GOTO 5\n#1=2\n#100=1\nN5 Z#1\nM99": (11, "controls differ"),
-    "G65 P7 L2 A1.\nM30\nO7\nX#1\n#1=#1+1\nM99": (5, "controls differ"),
-    "G66 P7\nX5.\nN9 M30\nO7\nM99 P9": (6, "M99 with P in a subprogram with passes to come, or behind a move"),
-    "M98 P7 L2\nN9 M30\nO7\nM99 P9": (5, "M99 with P in a subprogram with passes to come"),
-    "M98 P7\nM30\nO7\nN9\nM99 P9": (6, "no block with the label 9"),
-    "M98 P7\nN9\nN9\nM30\nO7\nM99 P9": (7, "9 is the label of 2 blocks"),
-    "M99 P9": (2, "no block with the label 9"),
+    "#100=0\nG66 P7\nX5.\nX6.\nM30\nO7\nIF[#100 EQ 1]GOTO 5\n#1=2\n#100=1\nN5 Z#1\nM99": (11, "a repeated macro begins with the values of its call on some controls"),
+    "G65 P7 L2 A1.\nM30\nO7\nX#1\n#1=#1+1\nM99": (5, "a repeated macro begins with the values of its call on some controls"),
+    "G66 P7\nX5.\nN9 M30\nO7\nM99 P9": (6, "M99 with P is not corrected in a repeated subprogram or in a modal macro"),
+    "M98 P7 L2\nN9 M30\nO7\nM99 P9": (5, "M99 with P is not corrected in a repeated subprogram"),
+    "M98 P7\nM30\nO7\nN9\nM99 P9": (6, "the program has no block with the label 9"),
+    "M98 P7\nN9\nN9\nM30\nO7\nM99 P9": (7, "2 blocks have the label 9"),
+    "M99 P9": (2, "the program has no block with the label 9"),
     "M99 P#9": (2, "#9 is not set by the program"),
     "M99 P9 L2": (2, "M99 with L or Q"),
-    "GOTO 9\nM30\nO7\nN9 M99": (2, "no block with the label 9"),
-    "M98 P7\nN9 M30\nO7\nGOTO 9\nM99": (5, "no block with the label 9"),
+    "GOTO 9\nM30\nO7\nN9 M99": (2, "the program has no block with the label 9"),
+    "M98 P7\nN9 M30\nO7\nGOTO 9\nM99": (5, "the program has no block with the label 9"),
 }  # fmt: skip
 
 
@@ -228,7 +228,7 @@ def test_refused(block):
 @pytest.mark.parametrize("block", ["N5 X1.\nX2.\nM99 P5", "G66 P7\nN5 X1.\nX2.\nGOTO 5\nM30\nO7\nZ1.\nM99"])
 def test_what_never_ends_is_refused(monkeypatch, block):
     monkeypatch.setattr("postproc.text.flow.LONGEST", 1000)
-    with pytest.raises(UserError, match="does not come to an end within 1000 blocks"):
+    with pytest.raises(UserError, match="does not end within 1000 blocks"):
         read(HEAD + block + "\n", load("gantry"))
 
 

@@ -61,8 +61,8 @@ REFUSED = {
     "PART(X)\nM30\n%_N_PART_SPF\nPROC PART(VAR REAL AA)\nM17\n": "a parameter with VAR, or an array, changes variables of the caller, which is not followed: remove it",
     "PART\nM30\n%_N_PART_SPF\nPROC PART SAVE\nM17\n": "SAVE restores the modes",
     "DEF REAL BB=3\nPART\nM30\n%_N_PART_SPF\nX=BB\nM17\n": "BB belongs to the calling program",
-    "GOTOF THERE\nM30\n%_N_PART_SPF\nTHERE: X1\nM17\n": "no block with the label THERE",
-    "PART\nM30\n%_N_PART_SPF\nPART\nM17\n": "call each other without end",
+    "GOTOF THERE\nM30\n%_N_PART_SPF\nTHERE: X1\nM17\n": "the program has no block with the label THERE",
+    "PART\nM30\n%_N_PART_SPF\nPART\nM17\n": "call each other more than 100 deep",
     "X1\n%_N_PART_SPF\nX2\nM17\n": "the program before this one has no end",
     RUNS["repeated parts"][0]: "no block LA1 before it",
 }

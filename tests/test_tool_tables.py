@@ -94,7 +94,7 @@ def test_several(tmp_path):
         ("T  NAME  L\nX  A     +1\n", "'X' in column T is not the number of a line"),
         ("T  NAME  L\n1  A     +1\n1  A     +1\n", "1 is in the table twice: delete one line"),
         ("T  NAME  L\n1  A     one\n", "L: 'one' is not a number"),
-        ("T  NAME  L\n1  A     nan\n", "nan is not finite"),
+        ("T  NAME  L\n1  A     nan\n", "nan is not a finite number"),
     ],
 )
 def test_bad_tables_of_heidenhain(tmp_path, lines, words):

@@ -125,7 +125,7 @@ class Cycles:
         except NotKnown:
             control.mark_unknown("Z")
             return
-        control.recorder.stand_at(z, (surface + shifted + max(second, first)) * control.unit)
+        control.recorder.record_machine_position(z, (surface + shifted + max(second, first)) * control.unit)
 
     # ---- patterns
 
@@ -150,7 +150,9 @@ class Cycles:
         x, y, z = control.x_y_z
         first = zip((x, y), HOLE_WORDS[number], strict=True)
         named = [(AxisWord(axis, words[name], False), values[name]) for axis, name in first]
-        control.recorder.stand_at(z, (values["Q203"] + max(values["Q204"], values["Q200"])) * control.unit)
+        control.recorder.record_machine_position(
+            z, (values["Q203"] + max(values["Q204"], values["Q200"])) * control.unit
+        )
         for i, (at_x, at_y) in enumerate(_positions(number, values)):
             target = list(control.recorder.position)
             target[x], target[y] = at_x * control.unit, at_y * control.unit

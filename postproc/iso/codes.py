@@ -43,8 +43,8 @@ COMPENSATION, COMPENSATION_END = frozenset((41.0, 42.0, 41.1, 42.1)), 40.0
 POLAR, POLAR_END = 16.0, 15.0
 SPLINE_OR_SPEED = frozenset((5.0, 5.1))
 """Splines, or the mode of a fast path, by their words."""
-STANDING = frozenset((DWELL, 5.0, 5.1))
-"""Take the coordinates of their block for something else than a move."""
+NOT_MOVING = frozenset((DWELL, 5.0, 5.1))
+"""Codes that use the coordinates of their block for something else than a move."""
 DATA, GIVEN_LENGTH, LOCAL, UPRIGHT = 10.0, 43.1, 52.0, 53.1
 SCALE, SCALE_END, MIRROR, MIRROR_END = 51.0, 50.0, 51.1, 50.1
 ROTATION, TILT, ROTATION_END = 68.0, 68.2, 69.0
@@ -67,7 +67,7 @@ ENDS = (SCALE_END, MIRROR_END, ROTATION_END, PRESET_END)
 """Without axis words these end something, independent of the other codes of the block; in the order of execution."""
 BESIDE_COORDINATE_CHANGES = frozenset((*PLANES, *UNITS, 40.0, 69.0, 90.0, 94.0))
 """Codes that may be in a block with one of those."""
-NAMING = STANDING | COORDINATE_CHANGES
+NAMING = NOT_MOVING | COORDINATE_CHANGES
 ONE_SHOT = NAMING | {28.0, 30.0, 53.0}
 GROUPS = (
     frozenset(MOTION) | CYCLES,
@@ -109,7 +109,7 @@ REFUSED_G = {
     43.2: "adds a second length offset to the first, which is not corrected",
     44.0: "selects a negative length offset, which is not corrected",
     **dict.fromkeys((60.0, 72.1, 72.2), "is not corrected"),
-    **dict.fromkeys((65.0, 66.0), "calls a macro"),
+    **dict.fromkeys((65.0, 66.0), "calls a macro by a computed code: write the code as a number"),
     66.1: "calls a macro after every block, which is not corrected: call it by G65 or G66",
     **dict.fromkeys((53.6, 68.1, 68.3, 68.4), "rotates the coordinates in a form that is not corrected"),
     **dict.fromkeys(
@@ -120,10 +120,10 @@ REFUSED_G = {
 TOOL_IS = 61.0
 REFUSED_M = {
     96.0: "jumps at an interrupt, and the time of the interrupt is not known from the program",
-    97.0: "calls a subprogram",
-    98.0: "calls a subprogram",
-    99.0: "jumps back in the program",
-    198.0: "calls a subprogram",
+    97.0: "calls a subprogram and is not corrected: call it by M98",
+    98.0: "calls a subprogram by a computed code: write the code as a number",
+    99.0: "jumps back in the program by a computed code: write the code as a number",
+    198.0: "calls a subprogram of another memory and is not corrected: write it into this file and call it by M98",
     TOOL_IS: 'sets the tool in the spindle on LinuxCNC: write Q, and family = "linuxcnc" in the machine file',
     **dict.fromkeys(
         (70.0, 71.0, 72.0, 73.0),

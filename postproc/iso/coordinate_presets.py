@@ -155,7 +155,7 @@ _MAKERS: dict[float, Callable[[CoordinateChange], bool | None]] = {
     DATA: lambda change: bool(set_data(change)),
     GIVEN_LENGTH: _give_length,
     LOCAL: _shift,
-    UPRIGHT: lambda change: change.control.stand_upright(change.content.block),
+    UPRIGHT: lambda change: change.control.check_perpendicular(change.content.block),
     SCALE_END: _unscale,
     MIRROR_END: _unmirror,
     PRESET: _preset,

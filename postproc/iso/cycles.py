@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from postproc.control.interpreter import AxisWords
-from postproc.iso.codes import COORDINATE_CHANGES, CYCLE_WORDS, LENGTH_CODES, STANDING
+from postproc.iso.codes import COORDINATE_CHANGES, CYCLE_WORDS, LENGTH_CODES, NOT_MOVING
 from postproc.iso.words import Content
 from postproc.motion.frames import Frame
 from postproc.motion.moves import AxisWord, Cycle, Known
@@ -115,7 +115,7 @@ def calls_macro(content: Content, claimed: float | None, inside: str, stayed: bo
     `claimed`: the code that takes the coordinates of the block; `inside`: another mode that is active; `stayed`: its
     move has no length.
     """
-    if claimed in STANDING or claimed in COORDINATE_CHANGES:
+    if claimed in NOT_MOVING or claimed in COORDINATE_CHANGES:
         return False
     if claimed is not None:
         raise content.refuse(

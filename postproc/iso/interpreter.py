@@ -25,6 +25,7 @@ from postproc.iso.codes import (
     LENGTH_CODES,
     MIRROR,
     MOVE_WORDS,
+    NOT_MOVING,
     OFFSET_CODES,
     ONE_SHOT,
     POLAR,
@@ -35,7 +36,6 @@ from postproc.iso.codes import (
     ROTATION_END,
     SCALE,
     SCALE_END,
-    STANDING,
     TOOL_IS,
     TURNS,
 )
@@ -133,7 +133,7 @@ class IsoInterpreter(ModalState):
                 self._move(index, content)
         elif claimed in COORDINATE_CHANGES:
             self._change_coordinates(index, content, claimed)
-        elif claimed not in STANDING:
+        elif claimed not in NOT_MOVING:
             self._leave_path(index, content, claimed)
         if moves and not AFTER_MOTION.isdisjoint(content.m) and family != "linuxcnc":
             self._change_behind(content)
@@ -221,7 +221,7 @@ class IsoInterpreter(ModalState):
         elif code in COMPENSATION:
             self.compensate(block)
         elif code in (POLAR, POLAR_END):
-            self._count_angles(block, code == POLAR)
+            self._select_polar(block, code == POLAR)
         elif code == ROTATION_END:
             self._end_rotation()
         elif code in PLANES and PLANES[code] != self.plane and (self.placement_code or self.polar):
@@ -240,7 +240,7 @@ class IsoInterpreter(ModalState):
             )
         super().compensate(block)
 
-    def _count_angles(self, block: Block, on: bool) -> None:
+    def _select_polar(self, block: Block, on: bool) -> None:
         if on and not self.absolute:
             raise block.refuse("polar coordinates with G91 are not corrected: write G90 before them")
         self.polar = (self.polar or PolarCoordinates()) if on else None

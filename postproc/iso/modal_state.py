@@ -322,7 +322,7 @@ class ModalState(Interpreter):
         elif self.frame() != self.recorder.frame:
             self.change_frame([self.x_y_z[i] for i in renamed(before, placement)])
 
-    def stand_upright(self, block: Block) -> None:
+    def check_perpendicular(self, block: Block) -> None:
         """G53.1: the tool along the normal of the tilted plane; otherwise the control chooses how to turn it."""
         if not self.tilted:
             raise block.refuse("G53.1 needs a tilted plane: write G68.2 before it")

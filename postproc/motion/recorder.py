@@ -54,7 +54,7 @@ class Recorder:
         self._frames = [self.frame]
         self._by_row = {name: {} for name in BY_ROW}
         if self.frame.tcp:
-            self.position = self._stand_at(home)
+            self.position = self._programmed(home)
 
     def set_frame(self, frame: Frame, axes: Iterable[int] | None = None) -> None:
         """Program in another frame from here; the machine does not move.
@@ -147,7 +147,7 @@ class Recorder:
         """Record a preset: its words give the current position in the present frame, which they define."""
         self._record(block, Kind.PRESET, self.position, unit, (False, False, True), words, tuple(self.known))
 
-    def stand_at(self, axis: int, position: float) -> None:
+    def record_machine_position(self, axis: int, position: float) -> None:
         """Record that the control has moved an axis to a position, mm or degrees, that no block names."""
         self.position[axis] = position
         self.known[axis] = Known.MACHINE
@@ -316,7 +316,7 @@ class Recorder:
         rows = [x_y_z.index(axis) for axis in moved if axis in x_y_z]
         return [x_y_z[i] for i in np.flatnonzero(self.frame.shares[rows].any(axis=0)).tolist()]
 
-    def _stand_at(self, positions: list[float]) -> list[float]:
+    def _programmed(self, positions: list[float]) -> list[float]:
         q = np.array([positions]) * self.machine.scale
         result: list[float] = to_program(self.machine, self.frame, q)[0].tolist()
         return result

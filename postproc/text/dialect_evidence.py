@@ -20,7 +20,7 @@ _SIEMENS = re.compile(
 _VARIABLE = re.compile(r"#\s*[\d<\[#]")
 """Beginning of a variable of FANUC and LinuxCNC."""
 _SUFFIXES = {".h": "heidenhain", ".hnc": "heidenhain", ".klartext": "heidenhain", ".mpf": "siemens", ".spf": "siemens"}
-_UNSPOKEN = re.compile(r'\([^()]*(?:\)|$)|"[^"]*(?:"|$)|;.*')
+_COMMENTS = re.compile(r'\([^()]*(?:\)|$)|"[^"]*(?:"|$)|;.*')
 
 
 class Evidence(NamedTuple):
@@ -35,9 +35,9 @@ class Evidence(NamedTuple):
         return f"read as {TITLES[self.dialect]} because {self.reason}; {OVERRIDE}"
 
 
-def spoken(line: str) -> str:
+def without_comments(line: str) -> str:
     """A line without comments, and without the contents of parentheses and strings; a Siemens path is no comment."""
-    return line if ";$PATH" in line else _UNSPOKEN.sub(lambda match: match[0][0] if match[0][0] != ";" else "", line)
+    return line if ";$PATH" in line else _COMMENTS.sub(lambda match: match[0][0] if match[0][0] != ";" else "", line)
 
 
 def evidence(suffix: str, head: str) -> Evidence:
@@ -45,10 +45,10 @@ def evidence(suffix: str, head: str) -> Evidence:
     if _SUFFIXES.get(suffix) == "siemens":
         return Evidence("siemens", f"its name ends in {suffix}")
     lines = re.split(r"\r\n|\r|\n", head)
-    said = [spoken(line) for line in lines]
+    texts = [without_comments(line) for line in lines]
     signs = {"heidenhain": _HEIDENHAIN, "iso": _VARIABLE, "siemens": _SIEMENS}
     for dialect, sign in signs.items():
-        for number, text in enumerate(said, start=1):
+        for number, text in enumerate(texts, start=1):
             if sign.search(text):
                 return Evidence(dialect, f"of line {number}: {lines[number - 1].strip()[:_LONGEST]!r}")
     if suffix in _SUFFIXES:
