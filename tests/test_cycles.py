@@ -149,7 +149,7 @@ REFUSED = {
     "G91 G99 G81 X5. Y5. Z-5. R-2.": "a canned cycle with increments needs G98",
     "G81 G80 X5.": "G80 and G81 in one block",
     "G98 G99": "G98 and G99 in one block",
-    "G87 X5. Y5. Z-5. R2.": "G87 a boring cycle that shifts the tool",
+    "G87 X5. Y5. Z-5. R2.": "G87 is a boring cycle that shifts the tool",
     "G76 X5. Y5. Z-5. R2. Q1.": "G76 is threading on LinuxCNC and fine boring on FANUC",
 }
 

@@ -447,7 +447,7 @@ REFUSED = [
     ("L X+1 IX+2", "two X words"),
     ("L X", "the axis X has no coordinate"),
     ("M3 X+5", "coordinates and no path function"),
-    ("L IC+5", "an increment of C from a position that the program has not given"),
+    ("L IC+5", "an increment of C needs a known start"),
     ("TOOL CALL 2 Z\nL IZ+1", "an increment of Z needs a known start"),
     ("/L X+1", "the block-skip switch decides whether this block runs"),
     ("/M5", "the block-skip switch decides whether this block runs"),

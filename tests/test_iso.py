@@ -559,7 +559,7 @@ def test_long_comments_take_no_longer_than_their_length():
 def test_before_any_motion_code():
     assert "the coordinates have no G0, G1, G2 or G3 before them" in refusal("X1\n")
     assert "G53 needs G90 and G0 or G1" in refusal("G53 X1\n")
-    assert "an increment of X from a position" in refusal("G91 G0 X1\n")
+    assert "an increment of X needs a known start" in refusal("G91 G0 X1\n")
     assert "the arc starts at a position" in refusal("G0 X1\nG2 X5 I2\n")
 
 

@@ -211,7 +211,7 @@ def test_calls(text, words, step):
         ("#1=ATAN[1]/2\n", "a division after ATAN depends on the control"),
         ("/#1=5\n", "block-skip switch"),
         ("/M98 P5\n", "must be the only call, jump or loop of its block"),
-        ("M98\n", "M98 without P"),
+        ("M98\n", "M98 needs P, the number of the program"),
         ("M99 P5 L2\n", "M99 with L or Q"),
         ("G65 P5 X1. X2.\n", "the call has two words of one address"),
         ("#5=1 GOTO 5\n", "must be the only statement of its block"),

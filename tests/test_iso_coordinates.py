@@ -249,7 +249,7 @@ REFUSED = {
     "G10 L52 P1": "this kind of data is not known",
     "G91\nG10 L2 P1 X1.": "G10 needs G90",
     "T1 M6\nG43 H1 Z5.\nG10 L1 P1 Z5.": "changes the length offset in force",
-    "G43.1 X1. Z1.": "G43.1: a length on LinuxCNC",
+    "G43.1 X1. Z1.": "G43.1 sets a length on LinuxCNC",
     "G68 X1. Y1. R5.\nG51.1 X1.": "G51.1 while G68 is active",
     "G68 X1. Y1. R5.\nG18": "another plane while the coordinates are rotated or polar",
     "G68 X1. Y1. I1. R5.": "the effect of I in this block",

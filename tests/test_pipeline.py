@@ -173,7 +173,7 @@ REASONS = {
     "CONTOUR_ABS.NC": ":15: .*the arc is no circle: .*With an absolute centre it is a circle",
     "TEST2.NC": ":12: .*the arc is no circle: .*With an absolute centre it is a circle",
     "G81_G91.NC": ":11: .*a canned cycle with increments needs G98",
-    "TEST_G91.NC": ":30: .*an increment of Z from a position that the program has not given",
+    "TEST_G91.NC": ":30: .*an increment of Z needs a known start",
     "TEST_TURN.NC": ":9: .*the arc starts at a position that the program has not given",
     "box_centroid.nc": ":105: .*M99 outside of a subprogram repeats the program",
     "box_fanuc.nc": ":3: .*is not understood",

@@ -64,7 +64,7 @@ REFUSED = {
     "GOTOF THERE\nM30\n%_N_PART_SPF\nTHERE: X1\nM17\n": "the program has no block with the label THERE",
     "PART\nM30\n%_N_PART_SPF\nPART\nM17\n": "call each other more than 100 deep",
     "X1\n%_N_PART_SPF\nX2\nM17\n": "the program before this one has no end",
-    RUNS["repeated parts"][0]: "no block LA1 before it",
+    RUNS["repeated parts"][0]: "the repetition needs exactly one label LA1 before it",
 }
 
 
