@@ -250,7 +250,7 @@ class Flow:
         blocks = self.labels.get(name, [])
         if len(blocks) != 1:
             raise block.refuse(
-                f"the file has {len(blocks) or 'no'} subprogram{'s' * bool(blocks)} {name}: write one into the file"
+                f"the file has {len(blocks) or 'no'} subprogram{'s' * bool(blocks)} {name}: write it into the file once"
             )
         arguments: dict[int, Value | NotKnown] | None = None
         if step.arguments is not None:
