@@ -350,7 +350,7 @@ REFUSED = {
     "X=AC(1,2)": "AC takes one value",
     "X=IC()": "IC takes one value",
     "TRANS X5\nX=IC(5)": "an increment of X before its first absolute position in this frame",
-    "G74 X1=0\nX=IC(5)": "an increment of X from a position that the program has not given",
+    "G74 X1=0\nX=IC(5)": "an increment of X needs a known start",
     "DEF INT n=7": "n is an address",
     "FOR i=1 TO 3\nENDFOR": "I is neither a declared variable nor an axis",
     "E=5": "has no axis E",
