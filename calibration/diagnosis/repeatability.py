@@ -74,10 +74,10 @@ def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
     if not len(own):
         return None
     states = position_numbers(own)
-    close = _seen_again(own, _clusters(own, states))
+    close = _repeated(own, _clusters(own, states))
     if close.degrees_of_freedom * own.instrument.components >= ENOUGH:
         return _evaluated(own, close, states, apart=False)
-    all_of_them = _seen_again(own, states)
+    all_of_them = _repeated(own, states)
     if all_of_them.degrees_of_freedom > close.degrees_of_freedom:
         return _evaluated(own, all_of_them, states, apart=True)
     return _evaluated(own, close, states, apart=False) if close.degrees_of_freedom > 0 else None
@@ -105,7 +105,7 @@ def _clusters(measurement: Measurement, states: np.ndarray) -> np.ndarray:
     return result
 
 
-def _seen_again(measurement: Measurement, cluster: np.ndarray) -> _Again:
+def _repeated(measurement: Measurement, cluster: np.ndarray) -> _Again:
     """The rows whose cluster has several rows."""
     rows = np.flatnonzero(np.bincount(cluster)[cluster] > 1)
     _, number = np.unique(cluster[rows], return_inverse=True)

@@ -54,13 +54,13 @@ class Calibration:
     cross_validation: CrossValidation | None
     findings: tuple[Finding, ...]
     """Anomalies of the data."""
-    seen: RelativeDeviation
+    relative_deviation: RelativeDeviation
     """Predicted deviations at the measured states relative to their mean, with uncertainties."""
 
     @property
     def significant_share(self) -> float:
         """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
-        return significant_share(self.seen)
+        return significant_share(self.relative_deviation)
 
 
 def calibrate(
@@ -90,8 +90,8 @@ def calibrate(
     found = fit(measurement, model, prior=prior, variance=variance, progress=progress)
     before = nominal_residuals(found)
     progress("identifiability")
-    seen = identifiability(found)
-    refuse_few(found, seen)
+    identified = identifiability(found)
+    refuse_few(found, identified)
     progress("held-out residuals")
     held_out = cross_validate(measurement, model, prior, found.kept, variance) if hold_out else None
     refuse_worse(found, before, held_out)
@@ -102,7 +102,7 @@ def calibrate(
         found,
         written,
         choice,
-        seen,
+        identified,
         float(np.sqrt(np.mean(before_um**2))),
         float(np.linalg.norm(before_um, axis=1).max()),
         tuple(dependences(found)),

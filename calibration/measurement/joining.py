@@ -137,13 +137,13 @@ def _targets(measurements: Sequence[Measurement], names: list[str]) -> dict[str,
         for name, target in m.targets.items():
             if found.setdefault(name, target) != target:
                 raise UserError(
-                    f"{file}: target {name} is at {_place(target)}, in another file at {_place(found[name])}: give the "
+                    f"{file}: target {name} is at {_shown(target)}, in another file at {_shown(found[name])}: give the "
                     "two targets different names"
                 )
     return found
 
 
-def _place(target: Target) -> str:
+def _shown(target: Target) -> str:
     return f"{' '.join(f'{value:g}' for value in target.position)} on the {target.carrier}"
 
 

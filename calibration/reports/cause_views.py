@@ -97,7 +97,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Cause:
     """One cause in one linearised fit."""
 
     linearised: LinearisedFit
@@ -161,7 +161,7 @@ class _Seen:
 
 def views(linearised: LinearisedFit, effect: Effect) -> list[View]:
     """The panels of a cause with its fitted parameters, on a linearised fit whose model has it."""
-    return list(VIEWS.get(type(effect), _by_row)(_Seen(linearised, effect)))
+    return list(VIEWS.get(type(effect), _by_row)(_Cause(linearised, effect)))
 
 
 def _motions(effect: Effect, state: State, linearised: LinearisedFit) -> dict[tuple[int, int], Array]:
@@ -180,15 +180,15 @@ def _lined(view: View) -> View:
     return replace(view, curves=(Curve(view.x[order], view.fitted[order]),))
 
 
-def _by_row(seen: _Seen) -> Iterator[View]:
-    yield from seen.over(seen.linearised.rows.astype(float), IN_ORDER)
+def _by_row(cause: _Cause) -> Iterator[View]:
+    yield from cause.over(cause.linearised.rows.astype(float), IN_ORDER)
 
 
-def _by_direction(seen: _Seen) -> Iterator[View]:
-    axis = seen.effect.axis
-    way = seen.of_axis("approach")
+def _by_direction(cause: _Cause) -> Iterator[View]:
+    axis = cause.effect.axis
+    way = cause.of_axis("approach")
     groups = (("forward", way > 0), ("backward", way < 0))
-    for view in seen.over(seen.position(axis), seen.label(axis)):
+    for view in cause.over(cause.position(axis), cause.label(axis)):
         curves = []
         for number, (_, group) in enumerate(groups):
             order = np.argsort(view.x[group])
@@ -196,77 +196,77 @@ def _by_direction(seen: _Seen) -> Iterator[View]:
         yield replace(view, groups=groups, curves=tuple(curves))
 
 
-def _by_position(seen: _Seen) -> Iterator[View]:
-    x = seen.position(seen.effect.axis)
-    for view in seen.over(x, seen.label(seen.effect.axis)):
-        yield replace(view, curves=(_course(seen, view, np.linspace(x.min(), x.max(), DENSE)),))
+def _by_position(cause: _Cause) -> Iterator[View]:
+    x = cause.position(cause.effect.axis)
+    for view in cause.over(x, cause.label(cause.effect.axis)):
+        yield replace(view, curves=(_course(cause, view, np.linspace(x.min(), x.max(), DENSE)),))
 
 
-def _course(seen: _Seen, view: View, x: Array) -> Curve:
+def _course(cause: _Cause, view: View, x: Array) -> Curve:
     """Curve along its axis of a cause that depends on positions alone, in the component of the view."""
-    machine = seen.linearised.measurement.machine
+    machine = cause.linearised.measurement.machine
     positions = np.zeros((len(x), len(machine.axes)))
-    i = machine.index(seen.effect.axis)
+    i = machine.index(cause.effect.axis)
     positions[:, i] = x * machine.scale[i]
-    for (acts_at, component), values in _motions(seen.effect, State(positions), seen.linearised).items():
-        if seen._title(acts_at, component) == view.title:
+    for (acts_at, component), values in _motions(cause.effect, State(positions), cause.linearised).items():
+        if cause._title(acts_at, component) == view.title:
             return Curve(x, values / unit_of(COMPONENTS[component])[1])
     raise KeyError(view.title)
 
 
-def _folded(seen: _Seen) -> Iterator[View]:
-    effect = seen.effect
+def _folded(cause: _Cause) -> Iterator[View]:
+    effect = cause.effect
     period = effect.period if isinstance(effect, Cyclic) else effect.pitch
     start = getattr(effect, "offset", 0.0)
-    label = f"{seen.label(effect.axis)}, folded at {period:.5g}"
+    label = f"{cause.label(effect.axis)}, folded at {period:.5g}"
     phases = np.linspace(0.0, period, DENSE, endpoint=False)
-    for view in seen.over((seen.position(effect.axis) - start) % period, label):
-        yield replace(view, curves=(Curve(phases, _course(seen, view, start + phases).y),))
+    for view in cause.over((cause.position(effect.axis) - start) % period, label):
+        yield replace(view, curves=(Curve(phases, _course(cause, view, start + phases).y),))
 
 
-def _by_velocity(seen: _Seen) -> Iterator[View]:
-    machine = seen.linearised.measurement.machine
-    own = getattr(seen.effect, "axis", "")
-    velocity = seen.state.need("velocity", seen.effect.name)
+def _by_velocity(cause: _Cause) -> Iterator[View]:
+    machine = cause.linearised.measurement.machine
+    own = getattr(cause.effect, "axis", "")
+    velocity = cause.state.need("velocity", cause.effect.name)
     for i, name in enumerate(machine.names):
         speed = velocity[:, i] / machine.scale[i]
         if np.ptp(speed) > 0 and own in ("", name):
             unit = machine.axes[i].unit
-            for view in seen.over(speed, f"velocity of {name}, {unit}/s"):
+            for view in cause.over(speed, f"velocity of {name}, {unit}/s"):
                 if view.title.endswith(name):
-                    yield view if getattr(seen.effect, "compliance_ms2", None) else _lined(view)
+                    yield view if getattr(cause.effect, "compliance_ms2", None) else _lined(view)
 
 
-def _by_last_move(seen: _Seen) -> Iterator[View]:
-    machine = seen.linearised.measurement.machine
-    move = seen.of_axis("last_move") / machine.scale[machine.index(seen.effect.axis)]
-    yield from map(_lined, seen.over(move, f"last move of {seen.label(seen.effect.axis)}"))
+def _by_last_move(cause: _Cause) -> Iterator[View]:
+    machine = cause.linearised.measurement.machine
+    move = cause.of_axis("last_move") / machine.scale[machine.index(cause.effect.axis)]
+    yield from map(_lined, cause.over(move, f"last move of {cause.label(cause.effect.axis)}"))
 
 
-def _by_cycle(seen: _Seen) -> Iterator[View]:
-    yield from map(_lined, seen.over(seen.state.need("cycle", seen.effect.name), "cycle"))
+def _by_cycle(cause: _Cause) -> Iterator[View]:
+    yield from map(_lined, cause.over(cause.state.need("cycle", cause.effect.name), "cycle"))
 
 
-def _drive_of_heat(seen: _Seen) -> tuple[Array, str]:
+def _drive_of_heat(cause: _Cause) -> tuple[Array, str]:
     """Time, or the temperature where the cause follows it without lag."""
-    sensor = getattr(seen.effect, "sensor", None)
-    if sensor is None or seen.effect.lag_s:
-        return seen.time()
-    return seen.state.temperature(sensor, seen.effect.name) + REFERENCE, f"temperature {sensor}, degC"
+    sensor = getattr(cause.effect, "sensor", None)
+    if sensor is None or cause.effect.lag_s:
+        return cause.time()
+    return cause.state.temperature(sensor, cause.effect.name) + REFERENCE, f"temperature {sensor}, degC"
 
 
-def _by_heat(seen: _Seen) -> Iterator[View]:
-    yield from map(_lined, seen.over(*_drive_of_heat(seen)))
+def _by_heat(cause: _Cause) -> Iterator[View]:
+    yield from map(_lined, cause.over(*_drive_of_heat(cause)))
 
 
-def _growth(seen: _Seen) -> Iterator[View]:
+def _growth(cause: _Cause) -> Iterator[View]:
     """Growth per metre of distance from the fixed point; rows near it are not shown."""
-    axis = seen.effect.axis
-    forward = own_motion(seen.linearised.measurement.machine, axis)[2]
-    metres = forward * (seen.position(axis) - seen.effect.fixed_point) * 1e-3
+    axis = cause.effect.axis
+    forward = own_motion(cause.linearised.measurement.machine, axis)[2]
+    metres = forward * (cause.position(axis) - cause.effect.fixed_point) * 1e-3
     far = np.abs(metres) > np.median(np.abs(metres)) / BLUNT
     per = np.where(far, metres, 1.0)
-    for view in seen.over(*_drive_of_heat(seen)):
+    for view in cause.over(*_drive_of_heat(cause)):
         u = np.where(far, view.u / np.abs(per), np.inf)
         grown = replace(view, title=f"scale of {axis}", y=view.y / per, u=u, fitted=view.fitted / per)
         marked = np.flatnonzero(far)
@@ -274,95 +274,95 @@ def _growth(seen: _Seen) -> Iterator[View]:
         yield replace(grown, y_label=f"scale of {axis}, um/m", curves=(Curve(view.x[order], grown.fitted[order]),))
 
 
-def _map(seen: _Seen) -> Iterator[View]:
-    axis, other = seen.effect.axis, seen.effect.other
-    for view in seen.over(seen.position(axis), seen.label(axis)):
-        yield replace(view, over=seen.position(other), over_label=seen.label(other))
+def _map(cause: _Cause) -> Iterator[View]:
+    axis, other = cause.effect.axis, cause.effect.other
+    for view in cause.over(cause.position(axis), cause.label(axis)):
+        yield replace(view, over=cause.position(other), over_label=cause.label(other))
 
 
-def _of_table(seen: _Seen) -> Iterator[View]:
-    first, *second = seen.effect.of
-    for view in seen.over(seen.position(first), seen.label(first)):
-        yield replace(view, over=seen.position(second[0]), over_label=seen.label(second[0])) if second else view
+def _of_table(cause: _Cause) -> Iterator[View]:
+    first, *second = cause.effect.of
+    for view in cause.over(cause.position(first), cause.label(first)):
+        yield replace(view, over=cause.position(second[0]), over_label=cause.label(second[0])) if second else view
 
 
-def _by_variable(seen: _Seen) -> Iterator[View]:
+def _by_variable(cause: _Cause) -> Iterator[View]:
     """A panel for each variable."""
-    machine, effect = seen.linearised.measurement.machine, seen.effect
+    machine, effect = cause.linearised.measurement.machine, cause.effect
     for name in effect.variables:
-        x, label = seen.state.variable(machine, name, effect.name), f"{name}, degC"
+        x, label = cause.state.variable(machine, name, effect.name), f"{name}, degC"
         if name in machine.names:
-            label = seen.label(name)
+            label = cause.label(name)
         elif name == TIME:
-            x, label = seen.time()
+            x, label = cause.time()
         else:
             x = x + REFERENCE
-        views = seen.over(x, label)
+        views = cause.over(x, label)
         yield from map(_lined, views) if len(effect.variables) == 1 else views
 
 
-def _by_time(seen: _Seen) -> Iterator[View]:
-    since = getattr(seen.effect, "since_s", None)
-    if seen.state.time is None:
-        yield from _by_row(seen)
+def _by_time(cause: _Cause) -> Iterator[View]:
+    since = getattr(cause.effect, "since_s", None)
+    if cause.state.time is None:
+        yield from _by_row(cause)
         return
-    unit, _ = clock(seen.state.time)
-    for view in seen.over(*seen.time()):
+    unit, _ = clock(cause.state.time)
+    for view in cause.over(*cause.time()):
         yield view if since is None else replace(view, moment=since / unit)
 
 
-def _by_target(seen: _Seen) -> Iterator[View]:
-    names, number = np.unique(seen.state.need("target", seen.effect.name), return_inverse=True)
-    for view in seen.over(number.astype(float), "target"):
+def _by_target(cause: _Cause) -> Iterator[View]:
+    names, number = np.unique(cause.state.need("target", cause.effect.name), return_inverse=True)
+    for view in cause.over(number.astype(float), "target"):
         yield replace(_lined(view), ticks=tuple(map(str, names.tolist())))
 
 
-def _by_angle(seen: _Seen) -> Iterator[View]:
-    effect = seen.effect
-    x, y, z = seen.state.need("observed", effect.name).T
+def _by_angle(cause: _Cause) -> Iterator[View]:
+    effect = cause.effect
+    x, y, z = cause.state.need("observed", effect.name).T
     angle = np.arctan2(y, x) if effect.circle == "azimuth" else np.arctan2(z, np.hypot(x, y))
     sin, cos = np.sin(effect.harmonic * angle), np.cos(effect.harmonic * angle)
-    arm = _beam_columns(seen) @ np.stack([sin, cos], axis=1)[:, :, None] / URAD
+    arm = _beam_columns(cause) @ np.stack([sin, cos], axis=1)[:, :, None] / URAD
     values = (effect.sine_urad * sin + effect.cosine_urad * cos) * URAD
     title = f"{effect.circle} reading", f"{effect.circle} reading, urad"
     yield _lined(
-        seen.along(_white(seen, arm[:, :, 0]), values, URAD, title, (np.degrees(angle), f"{effect.circle}, deg"))
+        cause.along(_white(cause, arm[:, :, 0]), values, URAD, title, (np.degrees(angle), f"{effect.circle}, deg"))
     )
 
 
-def _by_range(seen: _Seen) -> Iterator[View]:
-    observed = seen.state.need("observed", seen.effect.name)
+def _by_range(cause: _Cause) -> Iterator[View]:
+    observed = cause.state.need("observed", cause.effect.name)
     length = np.linalg.norm(observed, axis=1)
-    column = np.linalg.norm(_beam_columns(seen)[:, :, 0], axis=1)
-    beam = _white(seen, observed / length[:, None])
-    values = column * seen.effect.parameters[0]
-    yield _lined(seen.along(beam, values, UM, ("range", "range, um"), (length * 1e-3, "range, m")))
+    column = np.linalg.norm(_beam_columns(cause)[:, :, 0], axis=1)
+    beam = _white(cause, observed / length[:, None])
+    values = column * cause.effect.parameters[0]
+    yield _lined(cause.along(beam, values, UM, ("range", "range, um"), (length * 1e-3, "range, m")))
 
 
-def _beam_columns(seen: _Seen) -> Array:
+def _beam_columns(cause: _Cause) -> Array:
     """Derivatives `(n, 3, parameters)` of the observed point by an instrument's parameters, mm."""
-    made = {c.component: c.values for c in seen.effect.columns(seen.linearised.measurement.machine, seen.state)}
+    made = {c.component: c.values for c in cause.effect.columns(cause.linearised.measurement.machine, cause.state)}
     return np.stack([made[k] for k in range(3)], axis=1)
 
 
-def _white(seen: _Seen, vectors: Array) -> Array:
+def _white(cause: _Cause, vectors: Array) -> Array:
     """Vectors `(n, 3)` of the instrument's frame, whitened."""
-    at = 6 * (len(seen.linearised.measurement.machine.axes) + 2 + INSTRUMENT)
-    return np.asarray((seen.linearised.transform[:, :, at : at + 3] @ vectors[:, :, None])[:, :, 0])
+    at = 6 * (len(cause.linearised.measurement.machine.axes) + 2 + INSTRUMENT)
+    return np.asarray((cause.linearised.transform[:, :, at : at + 3] @ vectors[:, :, None])[:, :, 0])
 
 
-def _outliers(seen: _Seen) -> Iterator[View]:
+def _outliers(cause: _Cause) -> Iterator[View]:
     """Sizes of the residuals of all rows, the outliers in a colour of their own."""
-    fit, rows = seen.linearised.fit, seen.linearised.rows
+    fit, rows = cause.linearised.fit, cause.linearised.rows
     white = whitened(whiteners(fit.measurement.rows(rows)), fit.residual[rows])
     sizes = np.linalg.norm(white, axis=1) / fit.variance_factor**0.5
-    astray = np.isin(rows, seen.effect.rows)
+    astray = np.isin(rows, cause.effect.rows)
     groups = (("all others", ~astray), ("outliers", astray))
     label, one = "residual / standard uncertainty", np.ones(len(rows))
     yield View("residuals", rows.astype(float), sizes, one, sizes, IN_ORDER, label, groups, means=False)
 
 
-VIEWS: Mapping[type, Callable[[_Seen], Iterator[View]]] = {
+VIEWS: Mapping[type, Callable[[_Cause], Iterator[View]]] = {
     Backlash: _by_direction,
     Reversal: _by_direction,
     Cyclic: _folded,

@@ -36,7 +36,7 @@ RIGHT_HANDED = "Tool relative to workpiece, right-handed; of a table the line li
 
 def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
     """The result for programs; `taken`: data taken on the fly."""
-    fitted, seen, held = found.fit, found.identifiability, found.cross_validation
+    fitted, identified, held = found.fit, found.identifiability, found.cross_validation
     measurement = fitted.measurement
     return {
         "before": {"rms_um": found.before_rms_um, "max_um": found.before_max_um},
@@ -49,15 +49,15 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         },
         "noise_factor": fitted.variance_factor**0.5,
         "n_observations": fitted.observations,
-        "n_parameters": seen.parameters,
+        "n_parameters": identified.parameters,
         "effective_parameters": fitted.effective_parameters,
-        "rank": seen.rank,
-        "rank_registered": seen.rank_registered,
-        "by_convention": seen.by_convention,
-        "not_visible": seen.not_visible,
+        "rank": identified.rank,
+        "rank_registered": identified.rank_registered,
+        "by_convention": identified.by_convention,
+        "not_visible": identified.not_visible,
         "blind": [
             {"effects": list(b.effects), "directions": b.directions, "reason": b.reason, "remedy": b.remedy}
-            for b in seen.unidentifiable
+            for b in identified.unidentifiable
         ],
         "basis": {axis: str(choice) for axis, choice in found.choice.bases.items()},
         "prior_scale": found.choice.prior_scale,
@@ -67,7 +67,7 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         "copies": [measurement.where(int(row)) for row in fitted.copies.nonzero()[0]],
         "failed_stations": list(fitted.failed),
         "significant_share": found.significant_share,
-        "u_um": found.seen.json(),
+        "u_um": found.relative_deviation.json(),
         "sanity": [{"what": finding.check, "says": finding.message} for finding in found.findings],
         "locations": {
             e.name: {"value_urad" if e.angular else "value_um": e.value, "u": e.uncertainties[0]}
@@ -184,7 +184,7 @@ def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
 
 
 def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, str]]:
-    measurement, seen = found.fit.measurement, found.identifiability
+    measurement, identified = found.fit.measurement, found.identifiability
     bases = ", ".join(f"{axis} {basis}" for axis, basis in found.choice.bases.items())
     yield "data", f"{measurement.source}: {len(measurement)} rows, {found.fit.observations} observations fitted"
     if taken is not None:
@@ -193,13 +193,13 @@ def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, st
             yield "HIDDEN MODE", mode
     for finding in found.findings:
         yield "note", finding.message
-    yield "model", f"{seen.parameters} parameters: {bases}; size of errors x {found.choice.prior_scale:g}"
+    yield "model", f"{identified.parameters} parameters: {bases}; size of errors x {found.choice.prior_scale:g}"
     yield (
         "rank",
-        f"{seen.rank} with the instrument's position known, {seen.rank_registered} with it fitted; "
-        f"{seen.by_convention} directions belong to the frame and are fixed by convention",
+        f"{identified.rank} with the instrument's position known, {identified.rank_registered} with it fitted; "
+        f"{identified.by_convention} directions belong to the frame and are fixed by convention",
     )
-    yield "uncertainty", str(found.seen)
+    yield "uncertainty", str(found.relative_deviation)
     for dependence in found.dependences:
         yield (
             "DEPENDS ON",

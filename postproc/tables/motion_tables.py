@@ -67,11 +67,11 @@ def build_motions(
         errors = {direction: _mean_errors(target, j, x, direction, others) for direction in (1, -1)}
         curves = {c: _curves(errors, k, c, axis, bidirectional=bidirectional) for k, c in enumerate(COMPONENTS)}
         steps = {c: angular_resolution if c in "ABC" else limits.resolution for c in COMPONENTS}
-        seen = {c: curve for c, curve in curves.items() if np.abs(curve).max() >= steps[c] / 2}
-        for group in [list(seen)] if limits.shared and seen else [[c] for c in seen]:
-            nodes = _nodes(x, {c: seen[c] for c in group}, steps, limits, axis)
+        significant = {c: curve for c, curve in curves.items() if np.abs(curve).max() >= steps[c] / 2}
+        for group in [list(significant)] if limits.shared and significant else [[c] for c in significant]:
+            nodes = _nodes(x, {c: significant[c] for c in group}, steps, limits, axis)
             for component in group:
-                values = fitted(x, seen[component], nodes)
+                values = fitted(x, significant[component], nodes)
                 if axis.turns_fully:
                     values[[0, -1]] = values[[0, -1]].mean(axis=0)
                 values = to_steps(values, steps[component], 15)
