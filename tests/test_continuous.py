@@ -138,11 +138,11 @@ def test_scale_of_the_instrument_is_in_the_uncertainty():
     assert scaled.u**2 - plain.u**2 == pytest.approx((3.0e-3 * plain.position) ** 2, abs=1e-9)
 
 
-def test_noise_beyond_the_sheet_widens_the_table():
+def test_noise_beyond_the_specification_widens_the_table():
     case = paper_case(0, noise_quasi=1.5)
     honest = estimate([case.record], replace(case.quasi, u=0.15))
     assert honest.fused.spread.noise > 0.8
-    assert any("sheet" in note for note in honest.notes)
+    assert any("the instrument specification gives 0.15 um" in note for note in honest.notes)
 
 
 # ---- segment
@@ -160,10 +160,10 @@ def test_nothing_of_the_ramps_is_left_in_the_segment(feed, acceleration, jerk, l
     motion = Motion(0.0, 450.0, feed, acceleration, jerk, lag)
     profile = _profile(motion, 1000.0)
     noise = 1e-4 * np.random.default_rng(seed).standard_normal(len(profile.time))
-    record = Record("1 forward", 1, profile.time, profile.place + noise, 0.0, 450.0, feed, "ramp")
+    record = Record("1 forward", 1, profile.time, profile.along + noise, 0.0, 450.0, feed, "ramp")
     found = constant_velocity(record)
     rows = slice(found.first, found.stop)
-    time, place = profile.time[rows], profile.place[rows]
+    time, place = profile.time[rows], profile.along[rows]
     level = place - np.polyval(np.polyfit(time - time.mean(), place, 1), time - time.mean())
     assert np.abs(level).max() < 2e-4
     assert place[-1] - place[0] > 0.5 * 450.0

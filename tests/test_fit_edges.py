@@ -160,7 +160,7 @@ def test_points_on_one_line_are_refused():
     q = np.zeros((60, 3))
     q[:, 1] = np.linspace(0.0, 2000.0, 60)
     measurement = measured(MONTAVON, q, ONE, model, rng)
-    with pytest.raises(UserError, match="station s1 saw points on one line only"):
+    with pytest.raises(UserError, match="all points of station s1 lie on one line"):
         fit(measurement, rigid_model(measurement, COARSE))
     three = measured(MONTAVON, q, THREE, model, rng)
     assert fit(three, rigid_model(three, COARSE)).chi2_reduced < 2.0

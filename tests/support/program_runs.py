@@ -112,7 +112,7 @@ def corrected(job: Job) -> dict[str, Any]:
     trace = pipeline.trace
     assert trace is not None
     figures = [trace.bins.edges, trace.bins.largest, trace.bins.rms, *trace.bins.corrections,
-               trace.ways.points, trace.ways.errors]  # fmt: skip
+               trace.paths.points, trace.paths.errors]  # fmt: skip
     return {
         "text": out.getvalue().decode(ENCODING),
         "report": json.dumps(content),
