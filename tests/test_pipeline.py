@@ -81,7 +81,7 @@ def test_random_programs(name, seed, tcp, blocks):
     # once more is refused, unless it is wanted
     with pytest.raises(UserError, match="already corrected by ncomp"):
         correct(output, machine, model, **setup, **options)
-    again = correct(output, machine, model, **setup, travel_check=False, force=True, **WHOLE)
+    again = correct(output, machine, model, **setup, **{**options, "travel_check": False}, force=True)
     assert again.text.count("(NCOMP ") == 2
     assert any(note.startswith("already corrected") for note in again.report.notes)
 
@@ -148,7 +148,9 @@ def test_no_move_goes_elsewhere_whatever_the_offsets_really_are(name, seed, tcp,
     text = RandomProgram(machine, seed, tcp=tcp).text(50)
     setup = random_setup(machine) if told else {}
     corrected = without_mark(
-        correct(text, machine, random_model(machine, seed), travel_check=False, **WHOLE, **setup).text
+        correct(
+            text, machine, random_model(machine, seed), travel_check=False, max_correction_um=1e4, **WHOLE, **setup
+        ).text
     )
     real, real_setup = another(machine, seed)
     before, after = (read(each, real, **real_setup).machine_target for each in (text, corrected))
