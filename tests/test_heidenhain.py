@@ -622,7 +622,7 @@ OUTCOMES = {
         "DL-Q108: Q108 is not known: no tool table (--tool-table) gives the radius of tool 155",
     ),
     "9030_de.klartext": (62, f"CALL PGM 90301_de.h: {NOT_FOLLOWED}"),
-    "BewegBlv.klartext": (120, "the file has no subprogram LBL 3"),
+    "BewegBlv.klartext": (120, "the file has no subprogram LBL 3: write it into the file once"),
     "Krivka.klartext": (3 + 4 * 18851 + 2, 0),
     "SLII001.klartext": (3, 0),
     "VESELYparametr.klartext": (7, 0),
