@@ -11,6 +11,8 @@ SETUP := --work-offset G54=-30,-20,150 --tool-length T1=80
 
 # Tests start many processes: without bytecode files each of them compiles the whole package.
 export PYTHONDONTWRITEBYTECODE :=
+# Two workers have a core each: threads of the linear algebra would only wait for each other.
+test test-unit test-statistical test-all: export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:

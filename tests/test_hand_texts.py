@@ -9,7 +9,7 @@ import io
 import re
 
 import pytest
-from support.programs import load, model_of, setup_of, source_of
+from support.programs import AT_MOST, load, model_of, setup_of, source_of
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
@@ -47,6 +47,7 @@ def written(dialect, text, **options):
         model(machine, slope),
         setup_of(machine, ["1=0,0,0"]),
         travel_check=False,
+        **AT_MOST,
         **options,
     )
     Pipeline(job).run(out, lambda _: None)

@@ -71,14 +71,14 @@ FILES["ncomp"] = ROOT / "ncomp.py"
 def imported(path: Path) -> set[str]:
     """The modules of the project that a file imports, also inside functions; not those for annotations only."""
     found = set()
-    tree = ast.parse(path.read_text())
+    nodes = list(ast.walk(ast.parse(path.read_text())))
     annotations = {
         id(inner)
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
         for inner in ast.walk(node)
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         if id(node) in annotations:
             continue
         if isinstance(node, ast.ImportFrom) and node.module:
@@ -162,8 +162,11 @@ TEST_MODULES = {path.stem: path for path in (ROOT / "tests").glob("test_*.py")}
 
 def modules_named(path: Path) -> set[str]:
     """The modules that a file imports, also by a call with its name (importlib)."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    found: set[str] = set()
+    text = path.read_text()
+    if not any(name in text for name in (*TEST_MODULES, "conftest")):
+        return found
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.ImportFrom) and node.module:
             found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
         elif isinstance(node, ast.Import):

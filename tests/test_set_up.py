@@ -162,7 +162,10 @@ def test_wear_without_a_length_is_refused(command):
     Path("a.mpf").write_text("$TC_DP12[1,1]=0.1\nT1 D1 M6\nG500 G0 X1 Y1 Z1\n")
     done = command("a.mpf", *ALONE, "--tool-length", "T1=80", "-o", "out")
     assert done.status == 2
-    assert "a.mpf:2: 'T1 D1 M6': the program sets wear or base of tool 1 without its length: set the length ($TC_DP3) too" in done.err
+    assert (
+        "a.mpf:2: 'T1 D1 M6': the program sets wear or base of tool 1 without its length: set the length ($TC_DP3) too"
+        in done.err
+    )
 
 
 def test_refused_with_a_loop_and_unrolled(command):

@@ -6,14 +6,15 @@ from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.source import ENCODING
-from support.programs import source_of
+from support.programs import AT_MOST, source_of
 from support.three_dialects import setup as offset_setup
 
 
 def written(text, machine, model, dialect="iso", setup=None):
     """The corrected program without its mark, and the notes; or why it is refused."""
     source, out, dialect = source_of(text), io.BytesIO(), find_dialect(dialect, "", "")
-    job = Job(source, dialect, machine, model, setup or offset_setup(machine, dialect.name), travel_check=False)
+    made = setup or offset_setup(machine, dialect.name)
+    job = Job(source, dialect, machine, model, made, travel_check=False, **AT_MOST)
     try:
         report = Pipeline(job).run(out, lambda _: None)
     except UserError as refusal:

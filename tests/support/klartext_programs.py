@@ -9,7 +9,7 @@ from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING, Source
 from postproc.verification.verify import read_motions
-from support.programs import WHOLE, load, setup_of, source_of
+from support.programs import AT_MOST, WHOLE, load, setup_of, source_of
 
 KLARTEXT = find_dialect("heidenhain", "", "")
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}
@@ -33,6 +33,7 @@ def correct(text, machine="gantry", model=None, tolerance_um=WHOLE["tolerance_um
         setup_of(machine),
         False,
         tolerance_um=tolerance_um,
+        **AT_MOST,
     )
     Pipeline(job).run(out, lambda _: None)
     return re.sub("; NCOMP .* PROGRAM .*\n", "", out.getvalue().decode(ENCODING))

@@ -18,6 +18,7 @@ from kinematics.error_model.model import ErrorModel, Provenance, no_errors, refe
 from kinematics.machine import Machine
 from postproc.control.setup import Setup, make_setup
 from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.plausibility import HIGHEST_UM
 from postproc.correct.result import CorrectionResult
 from postproc.correct.unroll import UnrolledProgram, unrolled
 from postproc.dialects import Dialect, find_dialect
@@ -41,6 +42,8 @@ def load(name: str) -> Machine:
 
 WHOLE = {"tolerance_um": 1e3}
 """Every move stays in one piece, and no block is added."""
+AT_MOST = {"max_correction_um": HIGHEST_UM}
+"""The limit of corrections without a search for the largest error of the calibration, which takes time."""
 
 
 class Corrected(NamedTuple):
@@ -92,7 +95,7 @@ def correct(
     source, out = source_of(text), io.BytesIO()
     dialect = find_dialect("iso", source.name, "")
     setup = setup_of(machine, offsets, tools, datums)
-    job = Job(source, dialect, machine, model or no_errors(machine), setup, **options)
+    job = Job(source, dialect, machine, model or no_errors(machine), setup, **{**AT_MOST, **options})
     report = Pipeline(job).run(out, lambda _: None)
     return Corrected(out.getvalue().decode(ENCODING), report)
 

@@ -11,7 +11,7 @@ from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING
 from postproc.verification.verify import read_motions, verify
-from support.programs import load, setup_of, source_of
+from support.programs import AT_MOST, load, setup_of, source_of
 
 SIEMENS = find_dialect("siemens", "", "")
 
@@ -26,7 +26,7 @@ def corrected(text, machine="gantry", model=None, **setup):
     """The program corrected, without the mark; and what was noted."""
     machine, out = load(machine), io.BytesIO()
     source, made = source_of(text, "test.mpf"), setup_of(machine, **setup)
-    job = Job(source, SIEMENS, machine, model or no_errors(machine), made, travel_check=False)
+    job = Job(source, SIEMENS, machine, model or no_errors(machine), made, travel_check=False, **AT_MOST)
     report = Pipeline(job).run(out, lambda _: None)
     return re.sub("; NCOMP .* PROGRAM .*\n", "", out.getvalue().decode(ENCODING)), report.notes
 
