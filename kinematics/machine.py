@@ -54,11 +54,11 @@ class Axis:
     home: float
     """Reference position; the assumed position of the axis until a program sets it."""
 
-    @property
+    @cached_property
     def unit_direction(self) -> Array:
         """Direction of length 1, shape (3,)."""
         d = np.asarray(self.direction, float)
-        return np.asarray(d / np.linalg.norm(d))
+        return read_only(np.asarray(d / np.linalg.norm(d)))
 
     @property
     def rotary(self) -> bool:

@@ -34,7 +34,10 @@ class Pose(NamedTuple):
 
     def __matmul__(self, other: Pose) -> Pose:
         """Compose: `(a @ b)` applies b first."""
-        return Pose(self.rotation @ other.rotation, self.apply(other.translation))
+        if _is_identity(self.rotation):
+            return Pose(other.rotation, self.apply(other.translation))
+        rotation = self.rotation if _is_identity(other.rotation) else self.rotation @ other.rotation
+        return Pose(rotation, self.apply(other.translation))
 
     def apply(self, points: ArrayLike) -> Array:
         """Transform points `(n, 3)` or `(3,)`, mm."""
@@ -49,9 +52,15 @@ class Pose(NamedTuple):
 IDENTITY = Pose(read_only(np.eye(3)[None]), read_only(np.zeros((1, 3))))
 
 
+def _is_identity(rotation: Array) -> bool:
+    """True for the rotation of IDENTITY, which every linear axis has: products with it are not calculated."""
+    return rotation is IDENTITY.rotation
+
+
 def turn(rotation: Array, vectors: ArrayLike) -> Array:
     """Rotate vectors `(n, 3)` or `(3,)` by rotations `(n, 3, 3)`, row by row."""
-    return np.asarray((rotation @ np.atleast_2d(np.asarray(vectors, float))[..., None])[..., 0])
+    rows = np.atleast_2d(np.asarray(vectors, float))
+    return rows if _is_identity(rotation) else np.asarray((rotation @ rows[..., None])[..., 0])
 
 
 def by_turn(arms: Array) -> Array:
@@ -71,12 +80,16 @@ def rotation_about(direction: ArrayLike, angle: ArrayLike) -> Array:
 def rotation_vector_matrix(vectors: ArrayLike) -> Array:
     """Rotation matrices `(n, 3, 3)` of rotation vectors `(n, 3)`, rad; exact at and near zero."""
     v = np.atleast_2d(np.asarray(vectors, float))
-    angle = np.linalg.norm(v, axis=1)[:, None, None]
-    k = np.zeros((len(v), 3, 3))
-    k[:, 0, 1], k[:, 0, 2], k[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    k[:, 1, 0], k[:, 2, 0], k[:, 2, 1] = v[:, 2], -v[:, 1], v[:, 0]
+    x, y, z = v.T
+    angle = np.linalg.norm(v, axis=1)
     # numpy's sinc is sin(pi x)/(pi x)
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * k + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (k @ k))
+    sine, versed = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    rotation = np.empty((len(v), 3, 3))
+    for i, (row, column) in enumerate(((y, z), (x, z), (x, y))):
+        rotation[:, i, i] = 1.0 - versed * (row**2 + column**2)
+    for i, j, product, component in ((1, 0, x * y, z), (0, 2, x * z, y), (2, 1, y * z, x)):
+        rotation[:, i, j], rotation[:, j, i] = versed * product + sine * component, versed * product - sine * component
+    return rotation
 
 
 def rotation_vector(rotation: Array) -> Array:

@@ -1,7 +1,8 @@
 """Fixtures shared by all tests, and what needs a program or data that may be absent."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
@@ -16,6 +17,7 @@ from support.command import Done, run_command
 from support.file_examples import PROGRAM
 from support.programs import load, shifted
 from support.real_data import NC_DATA, REAL_DATA
+from support.table_cases import few_positions
 
 from kinematics.error_model.model import write_model
 
@@ -107,6 +109,13 @@ def slit_log() -> Path:
     if not path.is_file():
         pytest.skip("the real slit axis (../shared/data/slit_axis) is not beside this repository")
     return path.resolve()
+
+
+@pytest.fixture(name="few_positions")
+def _few_positions(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Tables of controls from few positions, for tests of anything but their accuracy; not in the statistical tier."""
+    with few_positions() if request.node.get_closest_marker("statistical") is None else nullcontext():
+        yield
 
 
 @pytest.fixture

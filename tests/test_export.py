@@ -13,6 +13,8 @@ from kinematics.effects import ErrorMotion, GrowthWithSensor, LocationError
 from kinematics.error_model.model import read_model, write_model
 from kinematics.state import State
 
+pytestmark = pytest.mark.usefixtures("few_positions")
+
 NC = "G21 G90 G0 X10 Y10 Z400\nG1 X500 Y300 F800\nG2 X400 Y200 I-100 J0\nG1 Z100\nX20\nX30\nX25\nM2\n"
 
 

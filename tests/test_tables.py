@@ -26,8 +26,9 @@ from postproc.tables.readers import READERS, read_tables
 from postproc.tables.readers.source import Source
 from postproc.tables.remaining_error import volume_points
 
+EVERY = [*(case.of_few_positions for case in CASES), *CASES]
 every_case = pytest.mark.parametrize(
-    "case", one_of_each(CASES, lambda case: case.format), ids=[case.id for case in CASES]
+    "case", one_of_each(EVERY, lambda case: case.format), ids=[case.id for case in EVERY]
 )
 
 
@@ -173,6 +174,7 @@ def test_the_probe_is_one_node(case: Case):
     assert np.mean(np.abs(errors) > 0.001 * SIZE) < 0.5
 
 
+@pytest.mark.usefixtures("few_positions")
 def test_axes_that_run_against_their_letters():
     """X and C against theirs, Y carrying the workpiece: every own table still goes the right way."""
     names = {"X": (0.0, 600.0), "Y": (0.0, 400.0), "Z": (0.0, 300.0), "C": (-180.0, 180.0)}
@@ -208,5 +210,5 @@ def test_settings_are_checked():
 
 
 def test_taken_errors_are_tables():
-    exported = CASES[0].exported()
+    exported = EVERY[0].exported()
     assert all(isinstance(effect, ControlTable) for effect in exported.taken.effects)

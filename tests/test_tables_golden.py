@@ -18,6 +18,8 @@ from postproc.tables.formats import find_format
 from postproc.tables.readers import read_tables
 from postproc.tables.readers.source import Source
 
+pytestmark = pytest.mark.usefixtures("few_positions")
+
 MACHINE = machines.parse(
     """
 name = "mill"

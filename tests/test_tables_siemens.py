@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.programs import load, model_of
 from support.table_cases import motions
+from support.tiers import quick
 
 from kinematics.basis import Legendre
 from kinematics.effects import CrossAxis, ErrorMotion
@@ -113,7 +114,7 @@ def sagging(size=60.0):
     return gantry, model_of(gantry, sag, reach)
 
 
-@pytest.mark.parametrize("sign", ["error", "correction"])
+@pytest.mark.parametrize("sign", quick(["error", "correction"], ["error"]))
 def test_a_product_takes_the_sag_of_a_gantry_away(sign):
     """By what was predicted; tables of one axis alone leave a part that depends on both."""
     gantry, model = sagging()
@@ -173,6 +174,7 @@ def test_limits_broken_on_purpose_are_refused():
         check_terms([open_end], limits, "EEC", turning)
 
 
+@pytest.mark.usefixtures("few_positions")
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
@@ -191,6 +193,7 @@ def test_settings_that_cannot_be_are_refused(command, tmp_path, settings, said):
     assert not (tmp_path / "o").exists()
 
 
+@pytest.mark.usefixtures("few_positions")
 def test_pitch_by_one_format_and_the_rest_by_another(command, tmp_path):
     """EEC holds the pitch, CEC made from its rest holds the cross errors, programs do what is left: nothing twice."""
     write_model(model_of(CFRAME, *motions(CFRAME, "XX YX ZX AX")), tmp_path / "c.json")

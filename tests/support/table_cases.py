@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field, replace
+from unittest import mock
 
 import numpy as np
 
@@ -10,12 +13,20 @@ from kinematics.basis import Legendre
 from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, LocationError
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
+from postproc.tables import build
 from postproc.tables.export import Exported, export
 from postproc.tables.format import parse_settings
 from postproc.tables.formats import find_format
 from support.programs import load, model_of
 
 TOOL = (0.0, 0.0, -100.0)
+
+
+@contextmanager
+def few_positions() -> Iterator[None]:
+    """Tables are made from a quarter of the positions along each axis: as many tables, of the same kind."""
+    with mock.patch.multiple(build, FINE={3: 101}, COARSE={3: 21}, FEW=(51, 13)):
+        yield
 
 
 def motions(machine: Machine, names: str, size: float = 20.0, degree: int = 3) -> list[Effect]:
@@ -54,10 +65,16 @@ class Case:
     """um RMS at most, of errors of some tens."""
     exact: float = 1e-9
     """mm and rad: the difference of what is read back."""
+    few: bool = False
+    """True for tables from few positions."""
 
     @property
     def id(self) -> str:
-        return " ".join((self.format, self.machine, *self.settings, self.sign or ""))
+        return " ".join((self.format, self.machine, *self.settings, self.sign or "", *["few"] * self.few))
+
+    @property
+    def of_few_positions(self) -> Case:
+        return replace(self, few=True)
 
     def model(self) -> ErrorModel:
         machine = load(self.machine)
@@ -73,7 +90,8 @@ class Case:
         meaning = form.sign or self.sign
         assert meaning in ("error", "correction")
         settings = parse_settings(form.settings, self.settings)
-        return export(load(self.machine), self.model(), form, settings, meaning, TOOL)
+        with few_positions() if self.few else nullcontext():
+            return export(load(self.machine), self.model(), form, settings, meaning, TOOL)
 
 
 CASES = [
