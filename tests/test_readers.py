@@ -5,6 +5,7 @@ import re
 import textwrap
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,10 +16,12 @@ import machines
 from calibration.measurement.instruments import Interferometer, LaserTracker, Part
 from calibration.measurement.readers import FORMATS, read_any
 from calibration.measurement.readers.delimited import map_names, read_map
-from calibration.measurement.readers.etalon import Convention, read_etalon
 from kinematics.effects import ErrorMotion, LocationError
+from kinematics.error_model.model import no_errors
 from kinematics.state import State
 from kinematics.user_error import UserError
+from postproc.tables.readers import read_tables
+from postproc.tables.readers.source import Source
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 LASER = {"u_um": "0.3", "u_um_per_m": "0.5", "target.r": "0 0 -60"}
@@ -371,12 +374,13 @@ def test_header_overrules_the_file(write):
 
 # ---- Etalon
 
-MM_RAD = Convention("error", "mm", "rad")
+
+def read_etalon(text, value_is="error", **settings):
+    return read_tables("etalon", Source(DMU50, {"t.txt": text}, value_is, settings))
 
 
-def test_etalon(write):
-    model = read_etalon(write(ETALON, "t.txt"), DMU50, MM_RAD)
-    square, shift, motion, turn = model.effects
+def test_etalon():
+    square, shift, motion, turn = effects = read_etalon(ETALON)
     assert isinstance(square, LocationError)
     assert (square.name, square.value) == ("E_C0Y", pytest.approx(22.0))
     assert (shift.name, shift.value) == ("E_X0C", pytest.approx(-10.0))
@@ -384,46 +388,46 @@ def test_etalon(write):
     assert (motion.name, motion.basis.nodes, motion.basis.degree) == ("E_XX", (-250.0, 0.0, 250.0), 1)
     assert motion.parameters == pytest.approx((-1.0, 0.5, 2.0))
     assert (turn.name, turn.parameters) == ("E_CC", pytest.approx((10.0, 20.0)))
-    assert model.provenance.inputs.keys() == {"t.txt"}
+    model = msgspec.structs.replace(no_errors(DMU50), effects=tuple(effects))
     errors = model.errors(DMU50, State(np.array([[0, 0, 125.0, 0, 0]])))
     assert errors[0, 2, 0] == pytest.approx(0.00125)
-    opposite = read_etalon(write(ETALON), DMU50, Convention("correction", "um", "deg", "rad"))
-    assert opposite.effects[2].parameters == pytest.approx((0.001, -0.0005, -0.002))
-    assert opposite.effects[0].value == pytest.approx(-math.radians(0.000022) * 1e6)
-    assert opposite.effects[3].basis.nodes[1] == pytest.approx(math.degrees(360))
+    opposite = read_etalon(ETALON, "correction", length="um", angle="deg", rotary="rad")
+    assert opposite[2].parameters == pytest.approx((0.001, -0.0005, -0.002))
+    assert opposite[0].value == pytest.approx(-math.radians(0.000022) * 1e6)
+    assert opposite[3].basis.nodes[1] == pytest.approx(math.degrees(360))
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (("EXX", "EXA"), "t.txt:6 [EXA]: machine dmu50 (w C B b X Y Z t) has no axis A"),
-        (("EXX", "FOO"), "t.txt:6 [FOO]: no error motion (EXY) and no location error (C0B)"),
-        (("EXX", "X0B"), "t.txt:6 [X0B]: a location error needs one number, VALUE = ..."),
-        (("C0Y", "ECY"), "t.txt:2 [ECY]: an error motion needs at least two grid points"),
-        (("0.0  0.0005", "0.0"), "t.txt:9: '0.0' is not 'position value'"),
-        (("0.0  0.0005", "0.0  abc"), "t.txt:9: 'abc' is no number"),
-        (("250.0  0.002", "-50.0  0.002"), "the positions of the grid points must ascend"),
-        (("[ECC]", "[EXX]"), "E_XX is given twice"),
-        (("}  // end of EXX\n", ""), "is not 'position value'"),
-        (("360 0.00002\n}", "360 0.00002"), "the grid points of [ECC] have no end '}'"),
-        (("// made up", "VALUE = 1"), "t.txt:1: 'VALUE = 1' comes before the first block"),
-        (("VALUE = 0.000022", "WERT = 3"), "t.txt:3: 'WERT = 3' is neither VALUE ="),
+        (("EXX", "EXA"), "t.txt:6: '[EXA]': the machine dmu50 has no such axis"),
+        (("EXX", "FOO"), "t.txt:6: '[FOO]': expected [EXX], [C0Y], VALUE = or Gridpoints = {"),
+        (("EXX", "X0B"), "t.txt:6: '[X0B]': expected one VALUE for a location error"),
+        (("C0Y", "ECY"), "t.txt:2: '[ECY]': expected at least two grid points for an error motion"),
+        (("0.0  0.0005", "0.0"), "t.txt:9: '0.0   // in the middle': expected a grid point: position and value"),
+        (("0.0  0.0005", "0.0  abc"), "t.txt:9: '0.0  abc   // in the middle': could not convert"),
+        (("250.0  0.002", "-50.0  0.002"), "t.txt:10: '-50': positions must increase"),
+        (("[ECC]", "[EXX]"), "t.txt:12: '[EXX]': E_XX is given twice"),
+        (("}  // end of EXX\n", ""), "t.txt:11: '[ECC]': could not convert"),
+        (("360 0.00002\n}", "360 0.00002"), "the '}' after the last grid points is missing"),
+        (("// made up", "VALUE = 1"), "t.txt:1: 'VALUE = 1': expected [EXX]"),
+        (("VALUE = 0.000022", "WERT = 3"), "t.txt:3: 'WERT = 3': expected [EXX]"),
     ],
 )
-def test_etalon_refused(write, change, words):
+def test_etalon_refused(change, words):
     assert change[0] in ETALON
     with pytest.raises(UserError) as fault:
-        read_etalon(write(ETALON.replace(*change, 1), "t.txt"), DMU50, MM_RAD)
+        read_etalon(ETALON.replace(*change, 1))
     assert words in str(fault.value)
 
 
 def test_etalon_elsewhere(write):
-    with pytest.raises(UserError, match="an Etalon exchange file contains errors of the machine, not measurements"):
+    with pytest.raises(UserError, match="contains errors of the machine, not measurements of it; ncomp import"):
         read_any(write(ETALON), DMU50)
-    with pytest.raises(UserError, match="unit 'inch' is none of mm, um, m"):
-        read_etalon(write(ETALON), DMU50, Convention("error", "inch", "rad"))
-    with pytest.raises(UserError, match="no blocks"):
-        read_etalon(write("// empty\n"), DMU50, MM_RAD)
+    with pytest.raises(UserError, match="length=inch: expected one of mm, um, m"):
+        read_etalon(ETALON, length="inch")
+    with pytest.raises(UserError, match="no table of format etalon"):
+        read_etalon("// empty\n")
 
 
 # ---- any numbers

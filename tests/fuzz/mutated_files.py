@@ -244,9 +244,10 @@ def _read_study(path: Path, _: list[str]) -> None:
 
 def _read_etalon(path: Path, _: list[str]) -> None:
     import machines
-    from calibration.measurement.readers.etalon import Convention, read_etalon
+    from postproc.tables.readers import read_tables
+    from postproc.tables.readers.source import Source
 
-    read_etalon(path, machines.load("dmu50"), Convention("error", "mm", "rad"))
+    read_tables("etalon", Source(machines.load("dmu50"), {path.name: path.read_text(errors="replace")}, "error"))
 
 
 def _read_continuous(path: Path, _: list[str]) -> None:

@@ -7,6 +7,7 @@ measurement file.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import NamedTuple
 
 from calibration.measurement.file import measurement_of
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.readers import cmm, delimited, epics, etalon, iso230_table, renishaw
+from calibration.measurement.readers import cmm, delimited, epics, iso230_table, renishaw
 from calibration.measurement.readers.text import given_entries, old_text
 from calibration.measurement.text_table import Table, parse_table, refuse_empty
 from kinematics.files import read_input
@@ -139,8 +140,13 @@ def _recognised(data: bytes, path: Path) -> str:
     for name, reader in FOREIGN.items():
         if reader.recognises(head):
             return name
-    if etalon.recognises(head):
-        raise UserError(f"{path}: an Etalon exchange file contains errors of the machine, not measurements")
+    if re.search(r"^\s*(Gridpoints|VALUE)\s*=", head, re.MULTILINE) and re.search(
+        r"^\s*\[\s*\w+\s*\]", head, re.MULTILINE
+    ):
+        raise UserError(
+            f"{path}: an Etalon exchange file contains errors of the machine, not measurements of it; "
+            "ncomp import --format etalon reads it"
+        )
     if "# instrument" in head or (names and "," in names[0] and head.lstrip().startswith("#")):
         return "ncomp"
     raise UserError(f"{path}: the format of the file is unknown; known formats are {KNOWN}")
