@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.tiers import quick
 
 from kinematics.blas import LIMITS
 
@@ -27,17 +28,17 @@ def threads(code: str, **environment: str) -> list[int]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize(
-    "entry",
-    [
-        "import postproc.cli",
-        "import calibration.study.chunks",  # the module that a worker, of this machine or of Dask, unpickles
-        "import kinematics.effects",
-        "import machines",
-        "import numpy, scipy.linalg, calibration.fit.calibrate",  # a host that has loaded BLAS already
-        "import numpy, postproc.cli",
-    ],
-)
+ENTRIES = [
+    "import postproc.cli",
+    "import calibration.study.chunks",  # the module that a worker, of this machine or of Dask, unpickles
+    "import kinematics.effects",
+    "import machines",
+    "import numpy, scipy.linalg, calibration.fit.calibrate",  # a host that has loaded BLAS already
+    "import numpy, postproc.cli",
+]
+
+
+@pytest.mark.parametrize("entry", quick(ENTRIES, [ENTRIES[0], ENTRIES[4]]))
 def test_one_thread_whatever_comes_first(entry):
     assert set(threads(entry)) == {1}
 

@@ -6,9 +6,8 @@ import re
 import numpy as np
 import pytest
 from support.backlash_paths import play
-from support.klartext_programs import KLARTEXT, numbered_program
+from support.klartext_programs import FIVE_AXIS, KLARTEXT, MOVES, first_lines_of, numbered_program
 from support.programs import load, model_of
-from support.tiers import quick
 
 from kinematics.effects import Backlash
 from postproc.control.setup import make_setup
@@ -16,7 +15,7 @@ from postproc.correct.pipeline import Job, Pipeline
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind
 from postproc.motion.segments import like
-from postproc.text.source import Source, open_source
+from postproc.text.source import Source
 from postproc.verification.verify import read_motions, verify
 
 DMU50 = load("dmu50")
@@ -88,12 +87,12 @@ def test_the_machine_with_play_follows_the_nominal_path():
     assert verdict.path_after.largest < 1
 
 
-@pytest.mark.parametrize("name", quick(["xg_model3.h", "YL-01.h"], ["YL-01.h"]))
-def test_real_five_axis_programs(nc_data, name):
-    source = open_source(str(nc_data / "heidenhain" / "five_axis_bc" / name))
+@pytest.mark.parametrize(("name", "lines"), FIVE_AXIS)
+def test_real_five_axis_programs(nc_data, name, lines):
+    source = first_lines_of(nc_data / "heidenhain" / "five_axis_bc" / name, lines)
     result, report = corrected(source)
     verdict = verify(moves(source), moves(result), PLAYED)
-    assert verdict.moves == report.moves == 7854
+    assert verdict.moves == report.moves == MOVES[lines]
     assert report.added_blocks > 0
     assert verdict.before.largest > 10
     assert verdict.after.rms < 1

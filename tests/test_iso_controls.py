@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.programs import correct, load, random_model, read, shifted
+from support.tiers import quick
 
 import machines
 from kinematics.user_error import UserError
@@ -143,7 +144,10 @@ def test_family_decides_what_controls_read_differently(block, family, check):
     assert status == (2 if family in BLOCKS[block].split() else 0), text
 
 
-@pytest.mark.parametrize("block", [block for block, refusing in BLOCKS.items() if "linuxcnc" not in refusing])
+TAKEN = [block for block, refusing in BLOCKS.items() if "linuxcnc" not in refusing]
+
+
+@pytest.mark.parametrize("block", quick(TAKEN, TAKEN[::2]))
 def test_linuxcnc_ends_where_ncomp_says(block, linuxcnc):
     """Blocks that LinuxCNC refuses are no danger."""
     program = HEAD + block + "\nG1 Z-490.\nM30\n"

@@ -5,15 +5,15 @@ import re
 
 import pytest
 from hypothesis import strategies as st
-from support.klartext_programs import KLARTEXT, numbered_program
-from support.tiers import drawn, quick
+from support.klartext_programs import FIVE_AXIS, KLARTEXT, MOVES, first_lines_of, numbered_program
+from support.tiers import drawn
 
 import machines
 from kinematics.error_model.model import read_model
 from postproc.control.setup import make_setup
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.motion.motions import merged
-from postproc.text.source import Source, open_source
+from postproc.text.source import Source
 from postproc.verification.verify import read_motions, verify
 
 DMU50 = machines.load("dmu50")
@@ -44,18 +44,18 @@ def without_number(line):
     return re.sub(r"^\d+ ", "", line)
 
 
-@pytest.mark.parametrize("name", quick(["xg_model3.h", "YL-01.h"], ["xg_model3.h"]))
-def test_real_five_axis_programs(nc_data, name):
-    source = open_source(str(nc_data / "heidenhain" / "five_axis_bc" / name))
+@pytest.mark.parametrize(("name", "lines"), FIVE_AXIS)
+def test_real_five_axis_programs(nc_data, name, lines):
+    source = first_lines_of(nc_data / "heidenhain" / "five_axis_bc" / name, lines)
     verdict, text = judged(source)
-    assert verdict.moves == 7854
+    assert verdict.moves == MOVES[lines]
     assert verdict.before.largest > 40
     assert verdict.after.largest < 0.09  # four decimals: 0.05 um in each axis
     original = [without_number(line) for _, line in source.lines()]
     kept = [
         line for line in original if not (" " + line.split(";")[0]).partition("L ")[2].strip().startswith(tuple("XYZB"))
     ]
-    assert len(kept) < len(original) - 7800
+    assert len(kept) < len(original) - 0.99 * verdict.moves
     new = [without_number(line) for line in text.splitlines(keepends=True)]
     assert len(new) == len(original)
     unchanged = [a for a, b in zip(original, new, strict=True) if a == b]
@@ -91,7 +91,7 @@ def test_tcp_programs_are_corrected_in_the_workpiece_frame():
 
 
 @drawn(
-    few=15,
+    few=6,
     many=100,
     moves=st.lists(st.tuples(st.sampled_from("XYZ"), st.floats(-60, 60), st.booleans()), min_size=1, max_size=12),
 )

@@ -21,7 +21,7 @@ from support.programs import (
     source_of,
 )
 from support.real_programs import ACCEPTED, LINES_OF_REAL_PROGRAMS, first_lines, machine_for, real_programs, run
-from support.tiers import drawn
+from support.tiers import drawn, quick
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
@@ -49,7 +49,7 @@ def others(line):
 
 
 @pytest.mark.parametrize("name", MACHINES)
-@drawn(few=6, many=25, seed=seeds, tcp=st.booleans(), blocks=st.integers(3, 60))
+@drawn(few=2, many=25, seed=seeds, tcp=st.booleans(), blocks=st.integers(3, 60))
 def test_random_programs(name, seed, tcp, blocks):
     machine = load(name)
     tcp &= name in ("dmu50", "head_table")
@@ -87,7 +87,7 @@ def test_random_programs(name, seed, tcp, blocks):
 
 
 @pytest.mark.parametrize("name", ["gantry", pytest.param("dmu50", marks=pytest.mark.statistical)])
-@drawn(few=2, many=8, seed=seeds)
+@drawn(few=1, many=8, seed=seeds)
 def test_chunks_of_any_size_give_the_same_bytes(name, seed):
     machine = load(name)
     text = RandomProgram(machine, seed).text(25)
@@ -445,7 +445,7 @@ def test_lines_and_chunks_lose_no_byte(data, size):
     assert [number for number, _ in numbered] == list(range(1, len(numbered) + 1))
 
 
-@pytest.mark.parametrize("name", ["BOTTLE.NC", "CONTOUR_ABS.NC", "TEST2.NC"])
+@pytest.mark.parametrize("name", quick(["BOTTLE.NC", "CONTOUR_ABS.NC", "TEST2.NC"], ["CONTOUR_ABS.NC", "TEST2.NC"]))
 def test_real_programs_with_absolute_centres(nc_data, name):
     """As the refusal of these says: with the machine file set, they are read, and stay circles."""
     (path,) = (nc_data / "iso").rglob(name)

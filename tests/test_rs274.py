@@ -22,6 +22,7 @@ from support.programs import (
     source_of,
 )
 from support.real_data import FREECAD
+from support.real_programs import LINES_OF_REAL_PROGRAMS, first_lines, real_programs
 from support.tiers import quick
 
 from kinematics.effects import Backlash
@@ -142,10 +143,14 @@ REAL = [
 ]  # fmt: skip
 
 
-LONG = ("impeller-7bl-xyzac.ngc", "PARALLEL.NC")
+QUICK = [
+    "CONTOUR_R.NC", "G17_18_19_G91.NC", "PROGRAM.NC", "TEST3.NC", "TEST4.NC", "VINT_REV_360arc.NC", "box_grbl.nc",
+    "box_linuxcnc.nc",
+]  # fmt: skip
+"""One of each kind that is not long: contours, planes, drawings, helices, and the posts of a CAM system."""
 
 
-@pytest.mark.parametrize("name", quick(REAL, [name for name in REAL if name not in LONG]))
+@pytest.mark.parametrize("name", quick(REAL, QUICK))
 def test_real_programs(linuxcnc, nc_data, name):
     (path,) = [*(nc_data / "iso").rglob(name), *FREECAD.glob(name)]
     machine = load("trunnion_ac" if "xyzac" in name else "dmu50")
@@ -158,15 +163,17 @@ def test_real_programs(linuxcnc, nc_data, name):
     assert worst <= 0.5 * LAST_DECIMAL + SAME
 
 
-def test_every_real_program_that_both_take_is_compared(linuxcnc, nc_data):
+@LINES_OF_REAL_PROGRAMS
+def test_every_real_program_that_both_take_is_compared(linuxcnc, nc_data, lines, tmp_path):
     taken = set()
-    for path in [*(nc_data / "iso").rglob("*.*"), *FREECAD.glob("*.nc")]:
+    for path in first_lines(real_programs(nc_data), lines, tmp_path):
         text = path.read_bytes().decode(ENCODING)
         try:
             read_lines(text, load("trunnion_ac" if "xyzac" in path.name else "dmu50"))
         except UserError:
             continue
-        assert linuxcnc.run(wrapped(text)).exit_status == 0
+        cut_tape = len(re.findall(r"(?m)^%", text)) == 1
+        assert linuxcnc.run(wrapped(text + "\n%\n" * cut_tape)).exit_status == 0
         taken.add(path.name)
     assert taken == {*REAL, "G81.NC", "G82.NC", "G83.NC"}  # of cycles LinuxCNC shows every stroke: test_cycles.py
 
@@ -198,8 +205,13 @@ BY_HAND = {
 }
 
 
-@pytest.mark.parametrize("name", BY_HAND)
-@pytest.mark.parametrize("machine", ["gantry", "dmu50"])
+@pytest.mark.parametrize(
+    ("machine", "name"),
+    quick(
+        [(machine, name) for machine in ("gantry", "dmu50") for name in BY_HAND],
+        [*(("gantry", name) for name in BY_HAND), ("dmu50", "planes"), ("dmu50", "tool lengths")],
+    ),
+)
 def test_programs_by_hand(linuxcnc, name, machine):
     machine = load(machine)
     setup = random_setup(machine)
@@ -227,7 +239,7 @@ def test_programs_with_take_ups(linuxcnc, name):
 
 
 @pytest.mark.parametrize("machine", ["gantry", "head_table"])
-@pytest.mark.parametrize("seed", quick(range(120), range(4)))
+@pytest.mark.parametrize("seed", quick(range(120), range(2)))
 def test_random_programs(linuxcnc, machine, seed):
     machine = load(machine)
     setup = random_setup(machine)

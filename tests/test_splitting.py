@@ -314,7 +314,7 @@ def round_arcs(machine, seed, tcp, count=3):
     return head + f"G0 X0. Y0. Z0. {turned}\n" + "\n".join(lines) + "\nM30\n"
 
 
-@pytest.mark.parametrize(("name", "tcp"), FEW)
+@pytest.mark.parametrize(("name", "tcp"), quick(EVERY, [("gantry", False), ("head_head", True)]))
 def test_arcs_on_all_machines(name, tcp):
     machine = load(name)
     seed = EVERY.index((name, tcp))
@@ -413,7 +413,7 @@ def test_a_block_that_runs_twice_from_other_places_stays_whole():
     assert any("runs several times with different moves (lines 7)" in note for note in run.report.notes)
 
 
-@pytest.mark.parametrize("name", ["gantry", "dmu50"])
+@pytest.mark.parametrize("name", quick(["gantry", "dmu50"], ["dmu50"]))
 def test_with_play(name):
     """Backlash is taken up at reversals, also between and within pieces."""
     machine = load(name)

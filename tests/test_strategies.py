@@ -3,14 +3,14 @@
 import io
 import re
 import subprocess
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import strategies as st
 from support.programs import FIVE_AXES, THREE_AXES, correct
-from support.tiers import drawn
+from support.tiers import drawn, quick
 
 import machines
 from calibration.measurement.measurement import Target
@@ -37,9 +37,15 @@ def ranges_of(machine) -> dict:
 # ---- where
 
 
-@pytest.mark.parametrize("name", [*THREE_AXES, *FIVE_AXES])
-@pytest.mark.parametrize("strategy", STRATEGIES)
-@pytest.mark.parametrize("rotary", ["fixed", "swept", "random", "simultaneous"])
+ROTARY = ("fixed", "swept", "random", "simultaneous")
+EVERY = list(product([*THREE_AXES, *FIVE_AXES], STRATEGIES, ROTARY))
+"""Machine, strategy, and motion of its rotary axes."""
+
+
+@pytest.mark.parametrize(
+    ("name", "strategy", "rotary"),
+    quick(EVERY, [each for each in EVERY if each[0] == "dmu50" or each[1:] == ("space-diagonals", "swept")]),
+)
 def test_inside_travel_whole_um_and_as_many_as_said(name, strategy, rotary):
     machine = machines.load(name)
     made = plan(machine, strategy, points=80, choices=Choices(rotary=rotary, ranges=ranges_of(machine), margin_mm=2.5))
@@ -60,7 +66,7 @@ def test_inside_travel_whole_um_and_as_many_as_said(name, strategy, rotary):
 
 
 @pytest.mark.parametrize("strategy", patterns.SPACED)
-@drawn(few=20, many=100, points=st.integers(1, 3000), seed=st.integers(0, 5))
+@drawn(few=8, many=100, points=st.integers(1, 3000), seed=st.integers(0, 5))
 def test_a_spacing_is_found_for_a_number(strategy, points, seed):
     span = np.random.default_rng(seed).uniform(100.0, 5000.0, 3)
     found = patterns.spaced(strategy, patterns.Box(np.zeros(3), span), points)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from support.programs import WHOLE, load, model_of, random_model, source_of
 from support.three_dialects import (
     LEVEL,
@@ -81,17 +81,13 @@ PART = [
 DRILLED = [Go(True, {"X": 0.0, "Y": 0.0, "Z": LEVEL}), Hole((20.0, 30.0), -5.0), Hole((40.0, 30.0), -15.0), *PART]
 
 
-@settings(max_examples=4)
-@given(parts())
-@example(PART)
+@drawn(few=2, many=4, also={"part": PART}, part=parts())
 def test_three_axes(part):
     machine = load("gantry")
     check_same(part, machine, random_model(machine, 7))
 
 
-@settings(max_examples=3)
-@given(parts(drilled=True))
-@example(DRILLED)
+@drawn(few=1, many=3, also={"part": DRILLED}, part=parts(drilled=True))
 def test_holes(part):
     """By an error of X and Y that is the same at all heights: ISO corrects the bottom, the others where they start."""
     machine = load("gantry")
@@ -101,7 +97,7 @@ def test_holes(part):
 
 
 @pytest.mark.parametrize("machine", ["trunnion_bc", "head_table"])
-@drawn(few=2, many=4, part=tilted_parts(("B", "C")))
+@drawn(few=1, many=4, part=tilted_parts(("B", "C")))
 def test_the_tool_point_with_five_axes(machine, part):
     machine = load(machine)
     check_same(part, machine, random_model(machine, 7), tcp=True)

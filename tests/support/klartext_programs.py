@@ -10,6 +10,7 @@ from postproc.motion.motions import merged
 from postproc.text.source import ENCODING, Source
 from postproc.verification.verify import read_motions
 from support.programs import AT_MOST, WHOLE, load, setup_of, source_of
+from support.tiers import quick
 
 KLARTEXT = find_dialect("heidenhain", "", "")
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}
@@ -40,6 +41,18 @@ def correct(text, machine="gantry", model=None, tolerance_um=WHOLE["tolerance_um
 
 
 NUMBERED_HEAD = "0 BEGIN PGM A MM\r\n1 TOOL CALL 1 Z S1000\r\n2 L X+10 Y+20 Z+50 R0 FMAX M3\r\n"
+
+
+FIVE_AXIS = quick([("xg_model3.h", None), ("YL-01.h", None), ("xg_model3.h", 800)], [("xg_model3.h", 800)])
+"""Real five-axis programs: whole, and the first lines of one."""
+MOVES = {None: 7854, 800: 785}
+"""Moves of each of them, by the number of lines."""
+
+
+def first_lines_of(path, lines):
+    """A program, or its first lines; None: all."""
+    data = b"".join(path.read_bytes().splitlines(keepends=True)[:lines])
+    return Source(path.name, data.decode(ENCODING), data)
 
 
 def numbered_program(text):

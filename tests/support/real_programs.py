@@ -18,7 +18,7 @@ def real_programs(nc_data):
     return sorted((nc_data / "iso").rglob("*.*")) + sorted(FREECAD.glob("*.nc"))
 
 
-LINES_OF_REAL_PROGRAMS = pytest.mark.parametrize("lines", [600, pytest.param(None, marks=pytest.mark.statistical)])
+LINES_OF_REAL_PROGRAMS = pytest.mark.parametrize("lines", [150, pytest.param(None, marks=pytest.mark.statistical)])
 """Long programs are read to this line in the default tiers, and whole in the statistical tier."""
 
 
