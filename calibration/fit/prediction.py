@@ -89,7 +89,7 @@ class Prediction:
         """Standard uncertainties `(n, 3)` of the deviations, um, k = 1."""
         return self._whole[1]
 
-    def seen(self) -> RelativeDeviation:
+    def relative(self) -> RelativeDeviation:
         """Deviations relative to their mean, with their uncertainties, at no more than STATES of the states."""
         return relative_at_most(self.model, self.machine, self.state, self.tool)
 

@@ -22,8 +22,8 @@ class Sight(NamedTuple):
     """Rows with the same axes between instrument and target."""
 
     rows: np.ndarray
-    seen: NDArrayBool
-    """Mask `(axes + 1,)` of the axes, and of the tool behind them."""
+    between: NDArrayBool
+    """Mask `(axes + 1,)` of the axes between instrument and target, and of the tool behind them."""
     against: bool
     """True for a view from the bed to the table, against the direction of the chain."""
 
@@ -36,7 +36,7 @@ def target_points(measurement: Measurement, errors: Array | None, tool: Array) -
     """
     points = np.empty((len(measurement), 3))
     for sight in _sights(measurement):
-        mine = None if errors is None else np.where(sight.seen[:, None], errors[sight.rows], 0.0)
+        mine = None if errors is None else np.where(sight.between[:, None], errors[sight.rows], 0.0)
         pose = forward(measurement.machine, _positions(measurement, sight), mine)
         points[sight.rows] = pose.inverse().apply(tool[sight.rows]) if sight.against else pose.apply(tool[sight.rows])
     return points
@@ -53,7 +53,7 @@ def derivatives_by_errors(measurement: Measurement, tool: Array) -> Array:
             part = -back.rotation @ error_transform_with_tool(machine, positions, back.apply(target))[:, :3]
         else:
             part = error_transform_with_tool(machine, positions, target)[:, :3]
-        transform[sight.rows] = part * np.repeat(sight.seen, 6)
+        transform[sight.rows] = part * np.repeat(sight.between, 6)
     return transform
 
 
@@ -68,7 +68,7 @@ def derivatives_by_positions(measurement: Measurement, tool: Array) -> Array:
             part = -back.rotation @ pose_slopes(machine, positions, back.apply(target))[:, :3]
         else:
             part = pose_slopes(machine, positions, target)[:, :3]
-        slopes[sight.rows] = part * sight.seen[:-1]
+        slopes[sight.rows] = part * sight.between[:-1]
     return slopes
 
 
@@ -97,4 +97,4 @@ def _sights(measurement: Measurement) -> Iterator[Sight]:
 
 def _positions(measurement: Measurement, sight: Sight) -> Array:
     """Axis positions `(rows, axes)`, mm and rad; zero for axes that are not seen."""
-    return np.where(sight.seen[:-1], measurement.state.positions[sight.rows], 0.0)
+    return np.where(sight.between[:-1], measurement.state.positions[sight.rows], 0.0)

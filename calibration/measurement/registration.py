@@ -69,7 +69,7 @@ class Registration:
         positions = np.array([self.targets.get(name, np.array(t.position)) for name, t in measurement.targets.items()])
         return np.asarray(positions[measurement.target_number])
 
-    def seen(self, measurement: Measurement, points: Array) -> Array:
+    def apply(self, measurement: Measurement, points: Array) -> Array:
         """Points `(n, 3)`, mm, of the frame to which the instrument is fixed, in the instrument's frame."""
         result = np.empty_like(points)
         groups = measurement.groups

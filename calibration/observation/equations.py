@@ -69,7 +69,7 @@ def expected(measurement: Measurement, registration: Registration, effects: Obse
         slopes = np.array([registration.slopes.get(group, 0.0) for group in measurement.groups.tolist()])
         return np.asarray((np.sum(_lines(measurement) * along, axis=1) + zeros + slopes * _own(measurement))[:, None])
     points = target_points(measurement, effects.errors, registration.tool(measurement))
-    return _counted(measurement, registration.seen(measurement, points) + effects.shift)
+    return _counted(measurement, registration.apply(measurement, points) + effects.shift)
 
 
 def transform(measurement: Measurement, registration: Registration) -> Array:
@@ -95,7 +95,7 @@ def registration_design(measurement: Measurement, registration: Registration) ->
         zeros = [np.equal(groups, group).astype(float)[:, None] for group in registration.zeros]
         slopes = [np.where(groups == group, _own(measurement), 0.0)[:, None] for group in registration.slopes]
         return np.stack([*zeros, *slopes], axis=2)
-    points = registration.seen(measurement, target_points(measurement, None, registration.tool(measurement)))
+    points = registration.apply(measurement, target_points(measurement, None, registration.tool(measurement)))
     columns = []
     for group, centre in registration.centres.items():
         own = np.zeros((n, 3, 6))
@@ -210,7 +210,7 @@ def _first_targets(measurement: Measurement, registration: Registration) -> dict
     found = {name: np.array(measurement.targets[name].position) for name in unknown}
     if not found:
         return found
-    at_zero = registration.seen(measurement, target_points(measurement, None, np.zeros((len(measurement), 3))))
+    at_zero = registration.apply(measurement, target_points(measurement, None, np.zeros((len(measurement), 3))))
     there = registration.rotations(measurement) @ carried(measurement)
     positions = turn(np.swapaxes(there, 1, 2), measurement.observed - at_zero)
     for number, name in enumerate(measurement.targets):

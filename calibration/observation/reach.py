@@ -41,7 +41,7 @@ def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) 
     Each reflector is mounted so that its axis points to the tracker as well as possible over all its positions.
     """
     points = target_points(measurement, None, measurement.tool)
-    own = Registration(poses).seen(measurement, points)
+    own = Registration(poses).apply(measurement, points)
     length = np.linalg.norm(own, axis=1)
     reasons: dict[str, np.ndarray] = {}
     if reach.elevation is not None:

@@ -70,7 +70,7 @@ def observe(
     registration = _registration(blank, poses, rng)
     if isinstance(instrument, LaserTracker):
         # instrument effects use the beam to the nominal point: the influence of machine errors on it is negligible
-        points = [registration.seen(part, target_points(part, None, part.tool)) for part in _parts(blank, AT_A_TIME)]
+        points = [registration.apply(part, target_points(part, None, part.tool)) for part in _parts(blank, AT_A_TIME)]
         blank = replace(blank, state=replace(blank.state, observed=np.concatenate(points)))
     together = len(blank) if any(effect.HAS_MEMORY for effect in model.effects) else AT_A_TIME
     exact = np.empty((len(blank), instrument.components))

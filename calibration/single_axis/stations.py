@@ -176,7 +176,7 @@ def _adjust(bundle: _Bundle, weights: Array, positions: Array, poses: Registrati
 
 def _misfit(bundle: _Bundle, positions: Array, poses: Registration) -> Array:
     """Observed minus expected `(rows, 3)`, mm."""
-    return bundle.measurement.observed - poses.seen(bundle.measurement, positions[bundle.point])
+    return bundle.measurement.observed - poses.apply(bundle.measurement, positions[bundle.point])
 
 
 def _chi2(bundle: _Bundle, weights: Array, positions: Array, poses: Registration) -> float:
@@ -201,7 +201,7 @@ def _designs(bundle: _Bundle, positions: Array, poses: Registration) -> list[tup
     names = np.array(list(poses.poses))
     station = np.argsort(names)[np.searchsorted(np.sort(names), measurement.groups)]
     centres = np.array([poses.centres[name] for name in names.tolist()])
-    arms = poses.seen(measurement, positions[bundle.point]) - centres[station]
+    arms = poses.apply(measurement, positions[bundle.point]) - centres[station]
     by_pose = np.empty((len(measurement), 3, 6))
     by_pose[:, :, :3] = np.eye(3)
     by_pose[:, :, 3:] = by_turn(arms)

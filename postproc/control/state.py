@@ -34,7 +34,7 @@ class ControlState:
     assumed: dict[str, str] = field(default_factory=dict)
     """Work offsets and tools among them that the machine file assumes, with their values in words."""
     _origins: dict[tuple[str, str, tuple[float, ...], float], str] = field(default_factory=dict)
-    """Of the frames that moves were programmed in, by their names and values: origins in words."""
+    """Origins, in words, of the frames of the programmed moves, by the names and values of the frames."""
     _frame: Frame | None = None
     """The last frame that was looked at."""
 

@@ -27,11 +27,11 @@ class _Pole(NamedTuple):
     at: Point
     plane: Plane
     number: int
-    """Of all poles of the program."""
+    """Number of the pole in the program."""
     sure: bool
     """Both coordinates are programmed, and not as increments: the control has them as they are here."""
     frame: int
-    """Of all changes of the frame: a pole counts in its own."""
+    """Number of changes of the frame before the pole, which is valid in its own frame only."""
 
 
 class _PolarPosition(NamedTuple):
@@ -55,7 +55,7 @@ class Arcs:
     control: ModalState
     pole: _Pole | None = None
     block: int = -1
-    """Of the chunk: where the pole was put, -1 for an earlier chunk."""
+    """Index of the block of the pole in the chunk; -1 if an earlier chunk contains it."""
     words: tuple[int | None, int | None] = (None, None)
     """Indices of the coordinates of the pole in that block."""
     count: int = 0

@@ -65,7 +65,7 @@ class ModalState(Interpreter):
         """Number or name of the tool in the spindle; empty for none."""
         self.transformations = DatumTransformations()
         self.tilt: Placement | None = None
-        """Of a tilted working plane: how its axes lie in the workpiece frame."""
+        """Placement of the axes of a tilted working plane in the workpiece frame; None without one."""
         self.normal = (0.0, 0.0, 1.0)
         """Z of the tilted plane in the workpiece frame."""
         self.tilted_transformations = DatumTransformations()

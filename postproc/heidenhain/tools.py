@@ -75,7 +75,7 @@ class Tools:
         return text.strip('"').upper() if text.startswith('"') else f"{value_of(block, word):.10g}"
 
     def radius(self) -> float | NotKnown:
-        """Of the tool in the spindle, mm, with its oversize; or why it is not known."""
+        """Radius of the tool in the spindle, mm, with its oversize; or the reason why it is not known."""
         if self.key == "0":
             return self.more
         radius = self.control.control_state.tool_radius(self.key)

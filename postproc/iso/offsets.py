@@ -106,7 +106,7 @@ class Lengths:
     selected_tool: int = 0
     spindle_tool: int | None = None
     number: int | None = None
-    """Of the length offset, None for none."""
+    """Number of the length offset; None without one."""
     given: float | None = None
     """The length of G43.1, mm."""
     selected: bool = False

@@ -114,10 +114,10 @@ REFUSED_NAMES = {
     ),
 }
 HARMLESS_ADDRESSES = _all("N F S H FA FB FZ FD FRC FRCM SPOS SPOSA OVR OVRRAP ADIS ADISPOS SCC DISC")
-"""Of words that move no axis of the path."""
+"""Addresses of words that move no axis of the path."""
 VECTOR = ("A3", "B3", "C3")
 """The direction of the tool, from its tip."""
 VECTOR_WORDS = frozenset(VECTOR)
 CORNERS = frozenset(("RND", "RNDM", "CHF", "CHR"))
-"""Of corners that the control breaks between this block and the next."""
+"""Words of corners that the control breaks between this block and the next."""
 MOVE_ADDRESSES = frozenset((*CENTRES, *MIDDLES, "CR", "AR", "TURN", "AP", "RP")) | VECTOR_WORDS

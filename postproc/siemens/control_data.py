@@ -13,7 +13,7 @@ RADII = {"$TC_DP6": "radius", "$TC_DP15": "wear"}
 SIDEWAYS = frozenset(f"$TC_DP{n}" for n in (4, 5, 13, 14, 22, 23))
 """Lengths across the axis of a milling tool."""
 PARTS = frozenset(("TR", "RT", "FI", "SC", "MI"))
-"""Of a frame: translation, rotation, fine shift, scale, mirror."""
+"""Components of a frame: translation, rotation, fine shift, scale, mirror."""
 NEUTRAL = {"RT": 0.0, "SC": 1.0, "MI": 0.0}
 SETTABLE = {0: "G500", 1: "G54", 2: "G55", 3: "G56", 4: "G57", **{n: f"G{500 + n}" for n in range(5, 100)}}
 """Work offsets by the index of their frame."""
@@ -34,7 +34,7 @@ class ControlData:
     rounds: dict[tuple[int, int], dict[str, float]] = field(default_factory=dict)
     """Radius and its wear, mm."""
     names: dict[int, str] = field(default_factory=dict)
-    """Of tools."""
+    """Names of the tools, by number."""
 
     def set(self, name: str, indices: tuple[Value, ...], value: Value) -> None:
         """Take over a value that affects the position of the tool; NotKnown for one that is not followed."""

@@ -14,7 +14,7 @@ from postproc.text.block import Block, Word
 from postproc.text.expressions import NotKnown, Scope, number
 
 ARGUMENTS = ("FR", "TC", "ST", "MODE", "X0", "Y0", "Z0", "A", "B", "C", "X1", "Y1", "Z1", "DIR", "FR_I")
-"""Of CYCLE800, in their order; more follow for the display."""
+"""Parameters of CYCLE800 in their order; parameters for the display follow them."""
 STATES = {0: "new", 10: "new", 200000: "new", 200010: "new", 1: "added", 11: "added", 200001: "added", 200011: "added"}
 """ST: a new plane, or one within the last plane; the tool tip may be held during the turn."""
 
@@ -25,7 +25,7 @@ class TiltedPlane(NamedTuple):
     plane: Placement
     added: bool
     lower: bool
-    """Of two positions of the rotary axes, that with the lower angle of the axis that tilts."""
+    """The solution with the lower angle of the axis that tilts, of the two solutions for the rotary axes."""
 
 
 def read_tilted_plane(block: Block, word: Word, scope: Scope, unit: float) -> TiltedPlane | None:

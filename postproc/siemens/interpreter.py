@@ -52,7 +52,7 @@ LENGTH_STAYS = (
     "G18 or G19 with a tool length: the length is taken to stay along Z, which needs setting data SD42940 "
     "($SC_TOOL_LENGTH_CONST) other than 0"
 )
-STANDING = LIMITS | {DWELL}
+WITHOUT_MOTION = LIMITS | {DWELL}
 """The tool stays where it is, whatever the words of the block."""
 
 
@@ -112,7 +112,7 @@ class SiemensInterpreter(Interpreter):
             self._tilt(index, block, content)
         elif self.cycles.read(index, block, content):
             self.polar.clear()
-        elif content.moves and claimed not in STANDING:
+        elif content.moves and claimed not in WITHOUT_MOTION:
             drills, points = self.cycles.modal is not None, not VECTOR_WORDS.isdisjoint(content.other)
             block = self._move(index, block, content, divisible=not drills)
             self.no_insertion = corner or self.compensated or drills or points
@@ -178,7 +178,7 @@ class SiemensInterpreter(Interpreter):
         """Take over the modal codes; the G code that claims the block's axis words for itself, or None."""
         claimed = None
         for code in content.g:
-            if code in STANDING or code in MACHINE or code in REFERENCE or code in POLES:
+            if code in WITHOUT_MOTION or code in MACHINE or code in REFERENCE or code in POLES:
                 claimed = code
             elif code in WORK_OFFSETS:
                 self._set_work_offset(block, f"G{code:.0f}")

@@ -25,7 +25,7 @@ LEVELS = {
     **{"B_AND": 7, "B_XOR": 6, "B_OR": 5, "AND": 4, "XOR": 3, "OR": 2, "<<": 1},
     **dict.fromkeys(("==", "<>", "<", ">", "<=", ">="), 0),
 }
-"""Of the operators, those first that bind most: a comparison binds least of all."""
+"""Precedence of the operators: the first bind most, comparisons least."""
 COMPARING = frozenset(("==", "<>", "<", ">", "<=", ">="))
 LOGIC = frozenset(("AND", "OR", "XOR"))
 USUAL_LEVELS: dict[str, float] = {**LEVELS, **dict.fromkeys(COMPARING, 4.5)}
@@ -36,7 +36,7 @@ _ADDRESSES = (
     "DISC LEAD TILT THETA PHI PSI OFFN"
 )
 ADDRESSES = frozenset(_ADDRESSES.split())
-"""Of more than one letter, that take a value and are no variables."""
+"""Names of more than one letter that take a value and are not variables."""
 
 
 # ---- formulas

@@ -113,7 +113,7 @@ class _Level:
 
     values: dict[tuple[str, tuple[int, ...]], Value | NotKnown] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
-    """Of declared variables."""
+    """Types of the declared variables, by name."""
     arguments: dict[int, Value | NotKnown] = field(default_factory=dict)
     """By their position in the call, from 1."""
 

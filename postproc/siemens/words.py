@@ -29,7 +29,7 @@ ALLOWED = HARMLESS_ADDRESSES | MOVE_ADDRESSES | CORNERS | {"T", "D"}
 _SPINDLE_M = re.compile(r"M\d+")
 _SPINDLE_S = re.compile(r"[SH]\d+")
 _MACHINE_AXIS = re.compile(r"[A-Z]\d+|FP")
-"""Of G74 and G75, with the number of a fixed point."""
+"""Words of G74 and G75: a machine axis, or the number of a fixed point."""
 
 
 class Content(words.Content):

@@ -143,7 +143,7 @@ class Data:
             done = replace(measurement, observed=np.zeros((n, 1)))
         else:
             points = target_points(measurement, None, registration.tool(measurement))
-            observed = registration.seen(measurement, points)
+            observed = registration.apply(measurement, points)
             done = replace(measurement, observed=observed, state=replace(measurement.state, observed=observed))
         time = measurement.state.time
         seconds = n * self.step_s if time is None or not self.in_motion else float(np.ptp(time)) + self.step_s

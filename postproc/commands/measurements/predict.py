@@ -60,13 +60,13 @@ def predict(
         for block in prediction.blocks():
             summary.add(block)
             file.write("".join(_lines(read, block)).encode())
-        seen = prediction.seen()
-        write_json(summary.json() | {"u_um": seen.json(), "calibration": _identity(model), "notes": notes}, results)
+        relative = prediction.relative()
+        write_json(summary.json() | {"u_um": relative.json(), "calibration": _identity(model), "notes": notes}, results)
     if model.demonstration:
         say("demonstration calibration", "it describes no real machine")
     for note in notes:
         say("note", note)
-    show(summary.report(str(seen)), json, output)
+    show(summary.report(str(relative)), json, output)
 
 
 def _identity(model: ErrorModel) -> str:
