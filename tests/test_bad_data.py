@@ -198,7 +198,7 @@ def test_a_mistake_is_refused_in_a_sentence_and_nothing_written(good, tmp_path, 
     assert not output.exists()
 
 
-@pytest.mark.parametrize("data", quick(["cframe", "laser", "part"], ["cframe", "part"]))
+@pytest.mark.parametrize("data", quick(["cframe", "laser", "part"], ["laser", "part"]))
 def test_good_data_are_fitted_and_predicted_better_than_by_the_nominal_machine(good, tmp_path, data):
     output = tmp_path / "cal.json"
     done = succeed(*arguments("fit", good[data], MACHINE[data], output, "--json", tmp_path / "fit.json"))
@@ -320,7 +320,7 @@ def others(tmp_path_factory) -> dict[str, Path]:
             machine,
             *case,
             id=f"{machine}-{name}",
-            marks=[STATISTICAL] if machine == "trunnion_ac" and name not in TURNING else [],
+            marks=[STATISTICAL] if name in ANYWHERE and (machine == "trunnion_ac" or name in POINTS | TOOL) else [],
         )
         for machine in OTHERS
         for name, case in (ANYWHERE | (TURNING if machine == "trunnion_ac" else {})).items()
@@ -347,12 +347,12 @@ def some_off(head, names, rows):
 
 @pytest.mark.parametrize(
     ("spoil", "key", "number"),
-    [(some_off, "outliers", 36), (lambda head, names, rows: (head, names, [*rows, *rows]), "copies", 180)],
+    [(some_off, "outliers", 13), (lambda head, names, rows: (head, names, [*rows, *rows]), "copies", 64)],
     ids=["outliers", "rows twice"],
 )
-def test_outliers_and_copies_are_left_out_and_listed(others, tmp_path, spoil, key, number):
-    path = spoiled(others["gantry"], spoil, tmp_path / "bad.csv")
-    succeed(*arguments("fit", path, "gantry", tmp_path / "cal.json", "--json", tmp_path / "fit.json"))
+def test_outliers_and_copies_are_left_out_and_listed(good, tmp_path, spoil, key, number):
+    path = spoiled(good["part"], spoil, tmp_path / "bad.csv")
+    succeed(*arguments("fit", path, "cframe", tmp_path / "cal.json", "--json", tmp_path / "fit.json"))
     figures = json.loads((tmp_path / "fit.json").read_text())
     assert len(figures[key]) == number
     assert figures["after"]["heldout_rms_um"] < figures["before"]["rms_um"]
@@ -387,7 +387,7 @@ def flying(tmp_path_factory) -> tuple[Path, Path]:
     data, program = folder / "points.csv", folder / "path.nc"
     program.write_text(PATH)
     options = ("--machine", "cframe", "--path", str(program), "--target", "t=0,0,-100", "--feed", "6000")
-    succeed("simulate", *options, *TRACKER, "--rate", "100", "-o", data)
+    succeed("simulate", *options, *TRACKER, "--rate", "50", "-o", data)
     return data, program
 
 
@@ -455,7 +455,7 @@ def continuous(tmp_path_factory) -> tuple[Path, Path]:
         "--feed",
         "5000",
         "--rate",
-        "500",
+        "200",
         "--spacing",
         "45",
     ]

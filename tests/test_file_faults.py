@@ -2,7 +2,6 @@
 
 import os
 import random
-import resource
 import signal
 import subprocess
 import sys
@@ -10,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from support.forked import run_forked, start_forked
 from support.programs import load, shifted
 from support.tiers import quick
 
@@ -33,9 +33,9 @@ def folder(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-def shell(command: str, before: str = "") -> subprocess.CompletedProcess[bytes]:
-    """A shell command in which `ncomp` runs this code, after some Python of the test."""
-    ncomp = f"{sys.executable} -c '{before}{RUN}'"
+def shell(command: str) -> subprocess.CompletedProcess[bytes]:
+    """A shell command in which `ncomp` runs this code."""
+    ncomp = f"{sys.executable} -c '{RUN}'"
     return subprocess.run(["bash", "-c", command.replace("ncomp", ncomp)], capture_output=True, check=False, timeout=60)
 
 
@@ -73,7 +73,11 @@ OUTPUTS = {
     "where", quick(OUTPUTS, ["-o out.nc --json out.json --report /dev/full", "> /dev/full", ">&-"])
 )
 def test_a_device_without_space_leaves_no_result_at_all(where):
-    check_refused(shell(f"ncomp in.nc {' '.join(GANTRY)} {where}"), OUTPUTS[where])
+    if ">" in where:
+        done = shell(f"ncomp in.nc {' '.join(GANTRY)} {where}")
+    else:
+        done = run_forked("in.nc", *GANTRY, *where.split())
+    check_refused(done, OUTPUTS[where])
 
 
 @pytest.mark.statistical
@@ -106,7 +110,8 @@ def test_other_commands_on_a_full_disk(folder, command):
 
 def test_a_quota_in_the_midst_of_a_result():
     """A file may not grow beyond 4 kB: the program fits, and the page with its figures does not."""
-    done = shell(f"ulimit -f 4; ncomp in.nc {' '.join(GANTRY)} -o out.nc --report out.html")
+    quota = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))"
+    done = run_forked("in.nc", *GANTRY, "-o", "out.nc", "--report", "out.html", before=quota)
     check_refused(done, "cannot write out.html: File too large")
 
 
@@ -115,13 +120,13 @@ def test_a_small_disk_that_fills_up(folder):
     disk.mkdir()
     if (
         os.geteuid() != 0
-        or subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", disk], check=False).returncode
+        or subprocess.run(["mount", "-t", "tmpfs", "-o", "size=16k", "none", disk], check=False).returncode
     ):
         pytest.skip("no permission to mount a small disk")
     try:
-        (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 6_000 + "M30"))
+        (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 1_500 + "M30"))
         (disk / "out.nc").write_bytes(OLD)
-        done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o disk/out.nc")
+        done = run_forked("in.nc", *GANTRY, "-o", "disk/out.nc")
         assert (disk / "out.nc").read_bytes() == OLD
         assert [path.name for path in disk.iterdir()] == ["out.nc"]
         check_refused(done, "cannot write disk/out.nc: No space left on device")
@@ -131,14 +136,15 @@ def test_a_small_disk_that_fills_up(folder):
 
 def test_a_folder_that_vanishes_during_the_run(folder):
     (folder / "gone").mkdir()
-    vanish = 'import os, shutil; os.fsync = lambda _: shutil.rmtree("gone"); '
-    done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o gone/out.nc", vanish)
+    vanish = 'import os, shutil; os.fsync = lambda _: shutil.rmtree("gone")'
+    done = run_forked("in.nc", *GANTRY, "-o", "gone/out.nc", before=vanish)
     check_refused(done, "cannot write gone/out.nc: No such file or directory")
 
 
 # ---- killed
 
 
+DIE = "import os\ndef die(*_): os.kill(os.getpid(), 9)\n"
 MOMENTS = {
     "is written": "import kinematics.files; kinematics.files._NamedFile.write = die",
     "is safe on the disk": "os.fsync = die",
@@ -151,16 +157,12 @@ MOMENTS = {
 @pytest.mark.parametrize("moment", quick(MOMENTS, ["is written", "takes its place", "shows its summary"]))
 def test_killed_when_the_result(moment):
     """The file holds the old result or the new one, and remaining files do not disturb the next run."""
-    die = "import os\ndef die(*_): os.kill(os.getpid(), 9)\n"
-    done = subprocess.run(
-        [sys.executable, "-c", f"{die}{MOMENTS[moment]}\n{RUN}", "in.nc", *GANTRY, "-o", "out.nc"],
-        capture_output=True, check=False, timeout=60,
-    )  # fmt: skip
+    done = run_forked("in.nc", *GANTRY, "-o", "out.nc", before=DIE + MOMENTS[moment])
     assert done.returncode == -signal.SIGKILL, done.stderr
     written = moment == "shows its summary"
     assert (Path("out.nc").read_bytes() != OLD) == written
     left = {name for name in names() if name.startswith(".")}
-    assert shell(f"ncomp in.nc {' '.join(GANTRY)} -o out.nc").returncode == 0
+    assert run_forked("in.nc", *GANTRY, "-o", "out.nc").returncode == 0
     check_whole(Path("out.nc").read_text())
     assert {name for name in names() if name.startswith(".")} == left
 
@@ -168,11 +170,7 @@ def test_killed_when_the_result(moment):
 @pytest.mark.parametrize("moment", ["is safe on the disk", "takes its place", "shows its summary"])
 def test_killed_in_place_when_the_result(folder, moment):
     """The program exists, unchanged or corrected; if it is corrected, a backup of the input exists."""
-    die = "import os\ndef die(*_): os.kill(os.getpid(), 9)\n"
-    done = subprocess.run(
-        [sys.executable, "-c", f"{die}{MOMENTS[moment]}\n{RUN}", "in.nc", *GANTRY, "--in-place"],
-        capture_output=True, check=False, timeout=60,
-    )  # fmt: skip
+    done = run_forked("in.nc", *GANTRY, "--in-place", before=DIE + MOMENTS[moment])
     assert done.returncode == -signal.SIGKILL, done.stderr
     text = (folder / "in.nc").read_text()
     if text != PROGRAM:
@@ -215,11 +213,11 @@ def test_a_reader_that_goes(folder):
 
 
 def test_two_runs_at_once(folder):
-    (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 2_000 + "M30"))
-    processes = [started("in.nc", *GANTRY, "-o", "out.nc", "--json", "out.json", cwd=folder) for _ in range(2)]
+    (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 500 + "M30"))
+    processes = [start_forked("in.nc", *GANTRY, "-o", "out.nc", "--json", "out.json") for _ in range(2)]
     for process in processes:
-        with process:
-            assert process.wait(60) == 0
+        process.join(60)
+        assert process.exitcode == 0
     check_whole(Path("out.nc").read_text())
     assert not {name for name in names() if name.startswith(".")}
 
@@ -231,11 +229,11 @@ def test_a_link_stays_and_its_target_is_replaced(folder):
     (folder / "real").mkdir()
     (folder / "real" / "prog.nc").write_bytes(OLD)
     Path("link.nc").symlink_to("real/prog.nc")
-    assert shell(f"ncomp in.nc {' '.join(GANTRY)} -o link.nc").returncode == 0
+    assert run_forked("in.nc", *GANTRY, "-o", "link.nc").returncode == 0
     assert Path("link.nc").is_symlink()
     check_whole(Path("real/prog.nc").read_text())
     Path("dangling.nc").symlink_to("nowhere/prog.nc")
-    check_refused(shell(f"ncomp in.nc {' '.join(GANTRY)} -o dangling.nc"), "cannot write dangling.nc")
+    check_refused(run_forked("in.nc", *GANTRY, "-o", "dangling.nc"), "cannot write dangling.nc")
 
 
 def test_standard_output_by_its_name_is_not_replaced():
@@ -252,7 +250,7 @@ def run(self, *rest, old=p.Pipeline.run):
     return old(self, *rest)
 p.Pipeline.run = run
 """
-    done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o out.nc", change)
+    done = run_forked("in.nc", *GANTRY, "-o", "out.nc", before=change)
     check_refused(done, "program in.nc was changed while it was read")
 
 
@@ -264,7 +262,7 @@ def run(self, *rest, old=p.Pipeline.run):
     return old(self, *rest)
 p.Pipeline.run = run
 """
-    done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o out.nc", change)
+    done = run_forked("in.nc", *GANTRY, "-o", "out.nc", before=change)
     check_refused(done, "program in.nc: No such file or directory")
 
 
@@ -293,20 +291,16 @@ def test_inputs_that_are_no_program(folder, command, name):
     check_refused(subprocess.CompletedProcess([], done.status, done.out, done.err.encode()), words)
 
 
-def test_an_endless_input_is_refused(folder):
+def test_an_endless_input_is_refused():
     """Also by its size in memory."""
-
-    def limited() -> None:
-        resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
-
-    with started("/dev/zero", *GANTRY, "-o", "out.nc", cwd=folder, preexec_fn=limited) as process:
-        assert process.wait(30) == 2
-        assert process.stderr is not None
-        assert b"no NC text" in process.stderr.read()
+    limited = "import resource; resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))"
+    done = run_forked("/dev/zero", *GANTRY, "-o", "out.nc", before=limited)
+    check_refused(done, "no NC text")
 
 
 def test_an_input_from_a_pipe():
     os.mkfifo("pipe.nc")
-    done = shell(f"cat in.nc > pipe.nc & ncomp pipe.nc {' '.join(GANTRY)} -o made.nc")
+    with subprocess.Popen(["bash", "-c", "cat in.nc > pipe.nc"]):
+        done = run_forked("pipe.nc", *GANTRY, "-o", "made.nc")
     assert done.returncode == 0, done.stderr
     check_whole(Path("made.nc").read_text())

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.on_the_fly_cases import (
     AT,
@@ -19,6 +18,7 @@ from support.on_the_fly_cases import (
     polyline,
     program,
 )
+from support.tiers import drawn
 
 import machines
 from calibration.evaluation.volumetric import aligned, deviation_on
@@ -104,8 +104,7 @@ SYMMETRIC = {
 
 
 @pytest.mark.parametrize("vertices", SYMMETRIC.values(), ids=SYMMETRIC)
-@settings(max_examples=3)
-@given(st.tuples(*[st.floats(-3, 3)] * 3), st.tuples(*[st.floats(-2000, 2000)] * 3))
+@drawn(1, 3, turned=st.tuples(*[st.floats(-3, 3)] * 3), shift=st.tuples(*[st.floats(-2000, 2000)] * 3))
 def test_any_pose_is_found_also_for_symmetric_paths(vertices, turned, shift):
     path = target_path(path_of(FIXED, vertices), ONE["t"])
     ride = driven(path_of(FIXED, vertices), PathDynamics(4000.0, 800.0, 50.0))
@@ -128,7 +127,7 @@ def test_places_that_are_passed_twice_are_told_by_the_order():
 
 
 def test_another_program_and_half_a_recording_are_refused():
-    readings, _ = followed(polyline(1), NOTHING)
+    readings, _ = followed(polyline(1), NOTHING, rate=20.0)
     with pytest.raises(UserError, match="or is it another program"):
         on_path(readings, polyline(2, 40))
     half = slice(0, len(readings) // 2)
@@ -215,7 +214,7 @@ def test_directions_across_the_path_are_those_of_the_paper():
 
 
 def test_what_counts_lies_across_the_path():
-    readings, _ = followed(polyline(1), truth_of())
+    readings, _ = followed(polyline(1), truth_of(), rate=20.0)
     m = on_path(readings, polyline(1)).measurement
     registration = equations.start(m, np.ones(len(m), bool))
     path_direction = np.cross(m.across.directions[:, 0], m.across.directions[:, 1])
@@ -239,7 +238,7 @@ def test_what_counts_lies_across_the_path():
 
 def test_errors_are_found_within_their_uncertainties():
     truth = truth_of(5)
-    readings, _ = followed(polyline(3, 30), truth, seed=3)
+    readings, _ = followed(polyline(3, 30), truth, rate=25.0, seed=3)
     m = on_path(readings, polyline(3, 30)).measurement
     found = calibrate(m, basis="X=cubic:12,Y=cubic:8,Z=cubic:6", hold_out=False)
     assert found.fit.chi2_reduced == pytest.approx(1.0, abs=0.08)
@@ -267,7 +266,7 @@ def test_the_remedy_of_the_blind_mode_is_another_path_even_where_angles_are_not_
     ]
     low, high = FIXED.travel
     path = path_of(FIXED, low + np.array(corners) * (high - low))
-    readings, _ = followed(path, truth_of(4))
+    readings, _ = followed(path, truth_of(4), rate=20.0)
     found = calibrate(on_path(readings, path).measurement, basis="X=cubic:12,Y=cubic:4,Z=cubic:3", hold_out=False)
     along = [
         unidentifiable
@@ -306,7 +305,7 @@ def test_backlash_and_what_differs_forward_and_backward():
     truth = model_of(
         FIXED, [Backlash("X", 18.0), Backlash("Z", 6.0), Reversal("C", "Y", Legendre((0.0, 600.0), 0), (25.0,))]
     )
-    readings, _ = followed(polyline(4, 30), truth, seed=1)
+    readings, _ = followed(polyline(4, 30), truth, rate=20.0, seed=1)
     m = on_path(readings, polyline(4, 30)).measurement
     found = calibrate(m, basis="legendre:3", effects=reversals(m, "constant"), hold_out=False)
     assert found.fit.chi2_reduced == pytest.approx(1.0, abs=0.1)
@@ -354,8 +353,8 @@ def written(made, path):
 @pytest.fixture
 def set_up(tmp_path):
     """A machine, a program and readings along it, as files."""
-    path = polyline(8, 20)
-    _, made = followed(path, truth_of(8))
+    path = polyline(8, 16)
+    _, made = followed(path, truth_of(8), rate=20.0)
     (tmp_path / "fixed.toml").write_text(FIXED_TOML)
     (tmp_path / "path.nc").write_text(program(path))
     written(made, tmp_path / "points.csv")
@@ -370,7 +369,7 @@ def test_fit_on_the_fly(command, set_up):
         "--machine",
         "fixed.toml",
         "--basis",
-        "cubic:6",
+        "cubic:5",
         "-o",
         "cal.json",
         "--no-hold-out",

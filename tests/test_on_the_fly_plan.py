@@ -99,8 +99,6 @@ def test_a_planned_path_is_better_than_random_ones_and_keeps_its_length(monkeypa
     monkeypatch.setattr(planner, "TRIES", 60)
     told = []
     found = best_path(volume(), 12_000.0, np.random.default_rng(3), told.append)
-    again = best_path(volume(), 12_000.0, np.random.default_rng(3))
-    np.testing.assert_array_equal(found.corners, again.corners)
     assert sum(told) == 64
     length = sum(np.linalg.norm(b - a) for a, b in pairwise(found.corners))
     assert found.length_mm == pytest.approx(length)
@@ -116,6 +114,13 @@ def test_a_planned_path_is_better_than_random_ones_and_keeps_its_length(monkeypa
             volume().noise_gain(information(volume(), path)).noise * np.sqrt(path.feed_distance[-1] / 12_000.0)
         )
     assert found.noise_gain.noise < 0.9 * min(random)
+
+
+def test_a_seed_plans_one_path(monkeypatch):
+    monkeypatch.setattr(planner, "STARTS", 2)
+    monkeypatch.setattr(planner, "TRIES", 6)
+    one, again = (best_path(volume(), 6_000.0, np.random.default_rng(3)) for _ in range(2))
+    np.testing.assert_array_equal(one.corners, again.corners)
 
 
 def test_too_short_a_path_is_refused():
@@ -136,7 +141,7 @@ def test_the_fixed_set_up():
 
 
 def test_a_given_path_is_judged():
-    bad, good = evaluated_path(diagonals(), ONE), evaluated_path(polyline(3, 30), ONE)
+    bad, good = evaluated_path(diagonals(), ONE), evaluated_path(polyline(3, 20), ONE)
     assert bad.unidentifiable_mode is not None
     assert bad.noise_gain.hidden == 1
     assert {"E_XX", "E_YY", "E_ZZ"} in [set(blind.effects) for blind in bad.unidentifiable]
@@ -238,8 +243,8 @@ def machine_file(tmp_path):
 @pytest.mark.usefixtures("machine_file")
 def test_plan_simulate_fit(command, monkeypatch, tmp_path):
     """All the way: a path, its program, readings along it, a calibration that knows nothing of the truth."""
-    monkeypatch.setattr(planner, "STARTS", 3)
-    monkeypatch.setattr(planner, "TRIES", 60)
+    monkeypatch.setattr(planner, "STARTS", 2)
+    monkeypatch.setattr(planner, "TRIES", 10)
     fixed = ["--machine", "fixed.toml"]
     done = command(
         "plan",
@@ -266,7 +271,7 @@ def test_plan_simulate_fit(command, monkeypatch, tmp_path):
         "--feed",
         "9000",
         "--rate",
-        "60",
+        "30",
         "-u",
         "u_range_um=1",
         "-u",
