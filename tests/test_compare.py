@@ -110,8 +110,13 @@ def test_an_axis_against_its_letter_leans_the_same_way(command):
     assert "--machine" in refused.err
 
 
-@pytest.mark.parametrize("kind", ["end-point", "least-squares"])
-@pytest.mark.parametrize("name", quick(machines.names(), ["gantry", "dmu50", "head_head"]))
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    quick(
+        [(name, kind) for name in machines.names() for kind in ("end-point", "least-squares")],
+        [("gantry", "end-point"), ("dmu50", "least-squares"), ("head_head", "end-point")],
+    ),
+)
 def test_squareness_does_not_depend_on_which_axis_holds_a_constant_angle(command, name, kind):
     # the same machine described in another frame: no measurement on the workpiece shows a difference
     machine = machines.load(name)
@@ -128,7 +133,7 @@ def test_squareness_does_not_depend_on_which_axis_holds_a_constant_angle(command
     assert [each["b"] for each in square] == pytest.approx([each["a"] for each in square], abs=0.1)
 
 
-@pytest.mark.parametrize("name", quick(machines.names(), ["gantry", "dmu50", "head_head"]))
+@pytest.mark.parametrize("name", quick(machines.names(), ["gantry", "head_head"]))
 def test_one_machine_written_in_two_frames_is_equal(command, name):
     machine, rng = machines.load(name), np.random.default_rng(9)
     bases = [Harmonics((0.0, 360.0), 3) if axis.turns_fully else Legendre(axis.travel, 4) for axis in machine.axes]
@@ -231,24 +236,22 @@ def test_terminal_and_page(command):
     assert not any(text in page for text in ("<script", "<link", "src="))
 
 
-def test_equal_calibrations_of_every_shipped_machine_do_not_differ(command):
-    for name in machines.names():
-        machine = machines.load(name)
-        effects = [
-            motion(
-                f"{letter}{axis.name}", (max(axis.travel[0], -90.0), min(axis.travel[1], 90.0)), 1.0, 5.0, -3.0, u=1.0
-            )
-            for axis in machine.axes
-            for letter in "XYZABC"
-        ]
-        calibration("a.json", machine, *effects)
-        calibration("b.json", machine, *effects)
-        found, motions, figures = compared(command)
-        assert len(motions) == 6 * len(machine.axes)
-        assert not any(each["significant"] for each in motions.values())
-        assert all(each["difference"] == 0.0 for each in figures.values())
-        assert found["volume"]["difference_um"]["max"] == 0.0
-        assert found["volume"]["u_rms_um"] > 0.0
+@pytest.mark.parametrize("name", quick(machines.names(), ["cframe", "head_table"]))
+def test_equal_calibrations_of_every_shipped_machine_do_not_differ(command, name):
+    machine = machines.load(name)
+    effects = [
+        motion(f"{letter}{axis.name}", (max(axis.travel[0], -90.0), min(axis.travel[1], 90.0)), 1.0, 5.0, -3.0, u=1.0)
+        for axis in machine.axes
+        for letter in "XYZABC"
+    ]
+    calibration("a.json", machine, *effects)
+    calibration("b.json", machine, *effects)
+    found, motions, figures = compared(command)
+    assert len(motions) == 6 * len(machine.axes)
+    assert not any(each["significant"] for each in motions.values())
+    assert all(each["difference"] == 0.0 for each in figures.values())
+    assert found["volume"]["difference_um"]["max"] == 0.0
+    assert found["volume"]["u_rms_um"] > 0.0
 
 
 def test_what_can_not_be_compared(command):

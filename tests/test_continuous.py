@@ -1,6 +1,7 @@
 """Continuous runs fused with quasi-static readings: the paper's case, oracles of each step, and a real axis."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -47,12 +48,18 @@ def readings(targets, values, u=0.1, direction=1, run="1"):
 # ---- the paper's synthetic case
 
 
+@lru_cache(8)
+def estimated(seed, noise=0.15, noise_quasi=0.15, positions=None):
+    """The estimate of a draw, at positions (a tuple), which several tests look at."""
+    case = paper_case(seed, noise, noise_quasi)
+    return estimate([case.record], case.quasi, positions=None if positions is None else np.array(positions))
+
+
 def scored(seeds, noise=0.15, noise_quasi=0.15):
     """RMS of the three methods and ours, and coverage, per draw."""
     rows = []
     for seed in seeds:
-        case = paper_case(seed, noise, noise_quasi)
-        found = estimate([case.record], case.quasi)
+        case, found = paper_case(seed, noise, noise_quasi), estimated(seed, noise, noise_quasi)
         (compared,) = found.comparisons.values()
         table = found.table()
         inner = table.continuous
@@ -94,8 +101,7 @@ def test_the_papers_case_over_300_draws(noise_quasi):
 
 
 def test_ends_of_the_travel_are_the_readings():
-    case = paper_case(1)
-    table = estimate([case.record], case.quasi).table()
+    case, table = paper_case(1), estimated(1).table()
     outside = ~table.continuous
     assert table.position[outside].tolist() == [0.0, LENGTH]
     assert table.error[outside] == pytest.approx(case.quasi.deviation[[0, -1]], abs=1e-6)
@@ -110,7 +116,7 @@ def test_readings_outside_the_segment_do_not_move_the_table(more):
     moved[-1] += more
     quasi = replace(case.quasi, deviation=moved)
     at = np.linspace(50.0, 950.0, 19)
-    before = estimate([case.record], case.quasi, positions=at)
+    before = estimated(2, positions=tuple(at))
     after = estimate([case.record], quasi, positions=at)
     # the last reading also says where the axis rests: positions follow it, as far as the error changes there
     assert after.fused.values == pytest.approx(before.fused.values, abs=0.02)
@@ -125,15 +131,14 @@ def test_more_readings_mean_less_uncertainty():
 
 
 def test_uncertainty_is_largest_far_from_the_middle():
-    case = paper_case(0)
-    table = estimate([case.record], case.quasi).table()
+    table = estimated(0).table()
     inner = table.u[table.continuous]
     assert inner[0] > 1.3 * inner[len(inner) // 2] < inner[-1]
 
 
 def test_scale_of_the_instrument_is_in_the_uncertainty():
     case = paper_case(0)
-    plain = estimate([case.record], case.quasi).table()
+    plain = estimated(0).table()
     scaled = estimate([case.record], replace(case.quasi, u_per_m=3.0)).table()
     assert scaled.u**2 - plain.u**2 == pytest.approx((3.0e-3 * plain.position) ** 2, abs=1e-9)
 

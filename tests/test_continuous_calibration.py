@@ -30,15 +30,30 @@ PART = "G21 G90 G17 G54\nT1 M6\nG0 X10. Y0. Z30.\n" + "".join(
 def made(command, machine="cframe", *errors, targets=("--spacing", 25, "--runs", 2, "--u-um", 0.2)):
     """Runs, targets and truth of a virtual machine."""
     names = ("-o", "run.csv", "--quasistatic", "targets.csv", "--truth", "truth.json")
-    done = command(*SIMULATE, "--machine", machine, *errors, *targets, *names, "--seed", 4)
-    assert done.status == 0, done.err
+    options = ("--machine", machine, *errors, *targets, *names, "--seed", 4)
+    once(options, names[1::2], lambda: command(*SIMULATE, *options))
 
 
 def calibrated(command, machine, *options):
     """The calibration that the files make."""
-    to = ("-o", "table.csv", "--machine", machine, "--write-calibration", "cal.json")
-    done = command("continuous", "run.csv", "targets.csv", *to, *options)
-    assert done.status == 0, done.err
+    to = ("-o", "table.csv", "--machine", machine, "--write-calibration", "cal.json", *options)
+    data = tuple(Path(name).read_bytes() for name in ("run.csv", "targets.csv"))
+    return once((data, *to), ("cal.json",), lambda: command("continuous", "run.csv", "targets.csv", *to))
+
+
+MADE_ONCE = {}
+"""How commands ended and what they wrote, by their inputs."""
+
+
+def once(inputs, outputs, run):
+    """The end of a successful command, whose outputs are written again where it has run before."""
+    if inputs not in MADE_ONCE:
+        done = run()
+        assert done.status == 0, done.err
+        MADE_ONCE[inputs] = done, {name: Path(name).read_bytes() for name in outputs}
+    done, files = MADE_ONCE[inputs]
+    for name, content in files.items():
+        Path(name).write_bytes(content)
     return done
 
 
@@ -210,7 +225,7 @@ def test_one_direction_knows_no_reversal(command):
 
 
 def test_what_can_not_be_a_calibration(command):
-    made(command, "cframe", *ERRORS[2:4])
+    made(command, "cframe", *ERRORS)
     write_model(base_of(machines.load("gantry")), Path("gantry.json"))
     Path("short.toml").write_text('name = "cframe"\nchain = "w b Y Z t"\naxes.Y.travel=[0,9]\naxes.Z.travel=[0,9]\n')
     targets = Path("targets.csv").read_text()

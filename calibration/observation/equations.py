@@ -93,7 +93,8 @@ def registration_design(measurement: Measurement, registration: Registration) ->
     n, groups = len(measurement), measurement.groups
     if isinstance(measurement.instrument, Interferometer):
         zeros = [np.equal(groups, group).astype(float)[:, None] for group in registration.zeros]
-        slopes = [np.where(groups == group, _own(measurement), 0.0)[:, None] for group in registration.slopes]
+        position = _own(measurement)
+        slopes = [np.where(groups == group, position, 0.0)[:, None] for group in registration.slopes]
         return np.stack([*zeros, *slopes], axis=2)
     points = registration.apply(measurement, target_points(measurement, None, registration.tool(measurement)))
     columns = []
@@ -176,17 +177,20 @@ def _named_lines(measurement: Measurement, lines: Array, component: np.ndarray) 
 
 def _own(measurement: Measurement) -> Array:
     """Positions `(n,)` of the measured axis, mm or rad."""
+    return np.asarray(measurement.state.positions[np.arange(len(measurement)), _own_column(measurement)])
+
+
+def _own_column(measurement: Measurement) -> np.ndarray:
+    """Column `(n,)` of the measured axis."""
     assert measurement.axis is not None
-    columns = [measurement.machine.index(name) for name in measurement.axis.tolist()]
-    return np.asarray(measurement.state.positions[np.arange(len(measurement)), columns])
+    names = measurement.axis.tolist()
+    columns = {name: measurement.machine.index(name) for name in set(names)}
+    return np.array([columns[name] for name in names], int)
 
 
 def _along_axes(measurement: Measurement, instrument: Interferometer) -> Array:
     """Covariances `(n, 1, 1)` of an interferometer; mm2, of rotary axes rad2."""
-    machine, n = measurement.machine, len(measurement)
-    assert measurement.axis is not None
-    column = np.array([machine.index(name) for name in measurement.axis.tolist()], int)
-    position = measurement.state.positions[np.arange(n), column]
+    machine, column, position = measurement.machine, _own_column(measurement), _own(measurement)
     _, first, run = np.unique(measurement.groups, return_index=True, return_inverse=True)
     away = np.abs(position - position[first[run]])
     metres = np.where(machine.rotary[column], 0.0, away * 1e-3)

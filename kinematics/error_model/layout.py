@@ -16,12 +16,13 @@ def to_json(value: Any) -> str:
 
 def _layout(value: Any, indent: str, used: int) -> str:
     """`value` behind `used` columns of its first line, its further lines indented."""
-    flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
-    if used + len(flat) < WIDTH or not value or not isinstance(value, dict | list):
+    if not value or not isinstance(value, dict | list):
+        return _flat(value)
+    if used + 3 * _least_values(value) < WIDTH and used + len(flat := _flat(value)) < WIDTH:
         return flat
     inner = indent + "  "
     if isinstance(value, dict):
-        names = [f"{json.dumps(name, ensure_ascii=False)}: " for name in value]
+        names = [f"{_flat(name)}: " for name in value]
         members = [
             name + _layout(member, inner, len(inner + name)) for name, member in zip(names, value.values(), strict=True)
         ]
@@ -29,5 +30,18 @@ def _layout(value: Any, indent: str, used: int) -> str:
     if any(isinstance(member, dict | list | str) for member in value):
         lines = [_layout(member, inner, len(inner)) for member in value]
         return "[\n" + ",\n".join(inner + line for line in lines) + f"\n{indent}]"
-    numbers = textwrap.wrap(flat[1:-1], WIDTH - len(inner), break_long_words=False, break_on_hyphens=False)
+    numbers = textwrap.wrap(_flat(value)[1:-1], WIDTH - len(inner), break_long_words=False, break_on_hyphens=False)
     return "[\n" + "\n".join(inner + line for line in numbers) + f"\n{indent}]"
+
+
+def _flat(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def _least_values(value: Any) -> int:
+    """A lower bound of the number of values in `value`; each takes three characters of a list at least."""
+    if not value or not isinstance(value, dict | list):
+        return 1
+    if len(value) > WIDTH:
+        return len(value)
+    return sum(map(_least_values, value.values() if isinstance(value, dict) else value))
