@@ -20,6 +20,8 @@ STYLE: Any = {
     "svg.hashsalt": "ncomp",  # the same data give the same page
     "svg.fonttype": "none",
 }
+SVG_DPI = 72
+"""Units per inch of an SVG."""
 
 
 def page(report: Report) -> bytes:
@@ -35,11 +37,17 @@ def page(report: Report) -> bytes:
 def svg(draw: Callable[[Figure], None]) -> str:
     """A figure as SVG; `draw` sets its size."""
     import matplotlib as mpl
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
     out = io.StringIO()
     with mpl.rc_context(STYLE):
         canvas = Figure(layout="constrained")
+        FigureCanvasSVG(canvas)
         draw(canvas)
-        canvas.savefig(out, format="svg", metadata={"Date": None})
+        bitmaps, canvas.dpi = canvas.dpi, SVG_DPI
+        if layout := canvas.get_layout_engine():  # savefig would execute it twice, and draw twice
+            layout.execute(canvas)
+            canvas.set_layout_engine(None)
+        canvas.savefig(out, format="svg", dpi=bitmaps, metadata={"Date": None})
     return out.getvalue()[out.getvalue().index("<svg") :]
