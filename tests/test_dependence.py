@@ -79,7 +79,7 @@ def nothing(variables):
 
 
 def test_pure_noise_depends_on_nothing():
-    assert found_sets(3, 150, nothing)[None] >= 2
+    assert found_sets(2, 150, nothing)[None] == 2
 
 
 def test_what_acts_only_jointly_is_found():
@@ -94,7 +94,7 @@ def test_what_acts_only_jointly_is_found():
     assert np.sqrt(np.mean((found.shape - signal) ** 2)) < 0.25
 
 
-@pytest.mark.parametrize("names", [("Y",), ("B", "temperature")])
+@pytest.mark.parametrize("names", [("Y",), pytest.param(("B", "temperature"), marks=pytest.mark.statistical)])
 def test_fewer_variables_are_found_alone(names):
     rng = np.random.default_rng(7)
     variables = logged(rng, 300)

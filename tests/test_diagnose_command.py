@@ -64,7 +64,7 @@ class Sheet:
 def text():
     """A tracker's view of a machine with backlash of X, positions seen again on the way back."""
     rng = np.random.default_rng(5)
-    there = positions(CFRAME, 60, rng, edges=20)
+    there = positions(CFRAME, 40, rng, edges=14)
     model = msgspec.structs.replace(no_errors(CFRAME), effects=(Backlash("X", 30.0),))
     file = io.BytesIO()
     write_measurement(measured(CFRAME, np.concatenate([there, there[::-1]]), THREE, model, rng), file)
@@ -147,7 +147,7 @@ def test_a_diagnosis_its_calibration_and_what_it_is_good_for(diagnosed, sheet, c
     assert (effect["kind"], effect["axis"], effect["where"]) == ("backlash", "X", "machine")
     assert abs(effect["parameters"]["width_um"] - 30.0) < 3 * effect["u"]["width_um"]
     assert said["after"]["heldout_rms_um"] < said["before"]["heldout_rms_um"]
-    assert said["n_observations"] == 360
+    assert said["n_observations"] == 240
     (written,) = [each for each in new["effects"] if each["kind"] == "backlash"]
     assert written["width"] == pytest.approx(effect["parameters"]["width_um"])
     assert new["ncomp_calibration"] == 1
@@ -163,7 +163,8 @@ def test_a_diagnosis_its_calibration_and_what_it_is_good_for(diagnosed, sheet, c
     assert done.status == 0, done.err
 
 
-def test_json_on_standard_output_is_json_alone_and_several_files_are_one(command, sheet, tmp_path):
+def test_json_on_standard_output_is_json_alone_and_several_files_are_one(command, tmp_path):
+    sheet = readings(0.3, points=20)
     half = len(sheet.rows) // 2
     later = sheet.rows[half:]
     sheet.rows = sheet.rows[:half]
@@ -322,12 +323,8 @@ ODD = {
 }
 
 
-QUICK = ("no time",)
-
-
-@pytest.mark.parametrize(
-    "case", [pytest.param(case, marks=() if case in QUICK else pytest.mark.statistical) for case in ODD]
-)
+@pytest.mark.statistical
+@pytest.mark.parametrize("case", ODD)
 def test_odd_data_show_the_same_cause(diagnosed, sheet, case):
     done, said, _ = diagnosed(ODD[case](sheet))
     assert done.status == 0, done.err

@@ -90,8 +90,12 @@ def planned(linearised, name):
 
 def shares(linearised, effects, name=None):
     predicted = PredictedInformation(linearised, effects)
-    known = predicted.now if name is None else predicted.after(predicted.now, planned(linearised, name))
-    return np.array([known.share(i) for i in range(len(effects))])
+    return shares_of(predicted, None if name is None else planned(linearised, name))
+
+
+def shares_of(predicted, plan=None):
+    known = predicted.now if plan is None else predicted.after(predicted.now, plan)
+    return np.array([known.share(i) for i in range(len(predicted.effects))])
 
 
 def together(measurement, plan, *effects, seed=3):
@@ -176,11 +180,13 @@ def test_a_second_station_shows_encoders_and_the_order_of_the_chain():
 def test_only_a_length_standard_shows_range_offset_and_air_scale():
     for q in (swept(), shuffled()):
         linearised = frame_of(seen(q))
-        assert shares(linearised, LENGTHS).max() < SEEN
+        predicted = PredictedInformation(linearised, LENGTHS)
+        assert shares_of(predicted).max() < SEEN
         for plan in follow_up_designs(linearised.fit):
-            assert (shares(linearised, LENGTHS, plan.name).min() > SEEN) == (plan.name == "bar"), plan.name
+            then = shares_of(predicted, plan)
+            assert (then.min() > SEEN) == (plan.name == "bar"), plan.name
             if plan.name != "bar":
-                assert shares(linearised, LENGTHS, plan.name).max() < SEEN, plan.name
+                assert then.max() < SEEN, plan.name
 
 
 # ---- what is asked for
@@ -204,10 +210,17 @@ def test_fixed_references_and_nothing_else_tell_growth_from_a_drifting_tracker()
     assert not any("separates" in move.text for move in again.proposed_measurements)
 
 
-def test_moves_of_other_lengths_tell_backlash_from_settling():
-    backlash = Backlash("X", 12.0)
-    data = seen(to_and_fro(), backlash)
-    found = diagnose(data)
+BACKLASH = Backlash("X", 12.0)
+
+
+@pytest.fixture(scope="module")
+def backlash_or_settling():
+    """The diagnosis of backlash, measured with moves of one length only."""
+    return diagnose(seen(to_and_fro(), BACKLASH))
+
+
+def test_moves_of_other_lengths_tell_backlash_from_settling(backlash_or_settling):
+    found = backlash_or_settling
     tied = {cause.kind for cause in found.causes if cause.verdict == "tied"}
     assert tied & {"backlash", "settling"}
     separating = {
@@ -217,7 +230,8 @@ def test_moves_of_other_lengths_tell_backlash_from_settling():
     assert not separating & {"retrace", "bar", "fixed references", "finer Y", "finer Z"}
     assert found.proposed_measurements[0].name in separating
 
-    again = diagnose(together(data, planned(found.after.linearised, "move lengths"), backlash))
+    data = seen(to_and_fro(), BACKLASH)
+    again = diagnose(together(data, planned(found.after.linearised, "move lengths"), BACKLASH))
     assert ("backlash", "X", "strong") in [(cause.kind, cause.axis, cause.verdict) for cause in again.causes]
 
 
@@ -228,9 +242,10 @@ def test_where_nothing_is_in_doubt_what_is_not_visible_is_asked_for():
     assert "shows" in found.next_measurement
 
 
-def test_moves_are_ranked_by_what_they_tell_per_minute():
-    found = diagnose(seen(swept(), Backlash("X", 12.0)))
+def test_moves_are_ranked_by_what_they_tell_per_minute(backlash_or_settling):
+    found = backlash_or_settling
     gains = [move.gain_per_minute for move in found.proposed_measurements]
+    assert len(set(gains)) > 1
     assert gains == sorted(gains, reverse=True)
     assert all(
         move.minutes > 0.0 and f"({move.minutes:.0f} min)" in move.text

@@ -70,7 +70,7 @@ def listed(measurement: Measurement, what: str) -> list[str]:
     return [note for note in measurement.notes if note.startswith(what)]
 
 
-@pytest.mark.parametrize("seed", quick(range(6), [0, 1]))
+@pytest.mark.parametrize("seed", quick(range(6), [0]))
 def test_all_positions_are_found_and_none_is_false(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     strategies = ("random", "hexahedron", "grid", "space-diagonals", "random", "planes")
@@ -90,7 +90,7 @@ def test_all_positions_are_found_and_none_is_false(tmp_path: Path, seed: int) ->
             foreign += 1
             stops.append(replace(stop, position=np.array(stop.position) + 7.3, dwell=1.0))
         stops.append(replace(stop, **changes.get(kind, {})))  # type: ignore[arg-type]
-    measurement = read(tmp_path, plan, recorded(plan, stops))
+    measurement = read(tmp_path, plan, recorded(plan, stops, rate=1000.0))
     assert found_rows(measurement, plan.positions) == expected
     assert len(listed(measurement, "position without a standstill")) == len(whole) - len(expected)
     assert len(listed(measurement, "standstill that is not in the plan")) == foreign
@@ -98,10 +98,10 @@ def test_all_positions_are_found_and_none_is_false(tmp_path: Path, seed: int) ->
 
 
 def test_means_are_those_of_the_stands_and_their_scatter_covers_them(tmp_path: Path) -> None:
-    plan = planned(tmp_path, BZT, "--strategy", "random", "--points", "60", "--target", "t1=0,0,-60")
+    plan = planned(tmp_path, BZT, "--strategy", "random", "--points", "24", "--target", "t1=0,0,-60")
     stops = stops_of(plan, np.random.default_rng(1))
-    measurement = read(tmp_path, plan, recorded(plan, stops, reading_um=8.0, vibration_um=0.0))
-    true = read(tmp_path, plan, recorded(plan, stops, reading_um=1e-9, vibration_um=0.0))
+    measurement = read(tmp_path, plan, recorded(plan, stops, rate=1000.0, reading_um=8.0, vibration_um=0.0))
+    true = read(tmp_path, plan, recorded(plan, stops, rate=1000.0, reading_um=1e-9, vibration_um=0.0))
     assert measurement.scatter is not None
     away = (measurement.observed - true.observed) / measurement.scatter[:, None]
     assert 0.75 < np.sqrt(np.mean(away**2)) < 1.35
@@ -167,7 +167,7 @@ def test_a_line_that_may_begin_at_another_position_is_refused_with_both_names(tm
 
 def test_readings_without_a_beam_are_left_out(tmp_path: Path) -> None:
     plan = planned(tmp_path, BZT, "--strategy", "random", "--points", "12", "--target", "t1=0,0,-60")
-    log = recorded(plan, stops_of(plan, np.random.default_rng(1)))
+    log = recorded(plan, stops_of(plan, np.random.default_rng(1)), rate=1000.0)
     points = log.points.copy()
     points[4000:4400] = 0.0
     points[9000:9300] = points[8999]
@@ -181,7 +181,7 @@ def test_readings_without_a_beam_are_left_out(tmp_path: Path) -> None:
 
 
 def test_fit_takes_a_log_and_its_plan(tmp_path: Path) -> None:
-    options = ("--strategy", "space-filling", "--points", "30", "--target", "t1=0,0,-60", "--target", "t2=40,30,-90")
+    options = ("--strategy", "random", "--points", "24", "--target", "t1=0,0,-60", "--target", "t2=40,30,-90")
     plan = planned(tmp_path, BZT, *options)
     log = write(tmp_path / "log.csv", recorded(plan, stops_of(plan, np.random.default_rng(1), 0.4, 0.8)).text(
         header(BZT)
@@ -189,7 +189,7 @@ def test_fit_takes_a_log_and_its_plan(tmp_path: Path) -> None:
     command = ["fit", str(log), "--machine", "bzt_pfu", "--plan", str(tmp_path / "plan.csv"), "--basis", "legendre:2"]
     command += ["-o", str(tmp_path / "cal.json"), "--json", str(tmp_path / "fit.json"), "--no-hold-out"]
     done = succeed(*command)
-    assert "60 of 60 positions of the plan found" in " ".join(done.shown.split())
+    assert "48 of 48 positions of the plan found" in " ".join(done.shown.split())
     found = json.loads((tmp_path / "fit.json").read_text())
     assert found["after"]["rms_um"] < 0.5 * found["before"]["rms_um"]
 

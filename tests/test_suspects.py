@@ -21,12 +21,12 @@ from kinematics.effects import Backlash, ThermalDrift
 MACHINE = machines.load("cframe")
 
 
-def spoilt(*effects, seed=0):
+def spoilt(*effects, seed=0, n=300):
     """A measurement of a machine that has these effects besides smooth error motions; and its truth without them."""
     rng = np.random.default_rng(seed)
     base = truth(MACHINE, rng, 10.0)
     whole = msgspec.structs.replace(base, effects=(*base.effects, *effects))
-    clean = measured(MACHINE, positions(MACHINE, 300, rng), THREE, base, rng)
+    clean = measured(MACHINE, positions(MACHINE, n, rng), THREE, base, rng)
     exact = [
         equations.expected(clean, pose_of(["s1"]), model.observation(MACHINE, clean.state)) for model in (base, whole)
     ]
@@ -61,7 +61,7 @@ def test_a_missing_effect_is_suspected_first(effect, variable):
 
 
 def test_the_command_names_it_and_fits_it(command, tmp_path):
-    measurement, _ = spoilt(Backlash("X", 40.0))
+    measurement, _ = spoilt(Backlash("X", 40.0), n=150)
     file = io.BytesIO()
     write_measurement(measurement, file)
     (tmp_path / "data.csv").write_bytes(file.getvalue())
@@ -111,7 +111,7 @@ def test_no_axis_gets_more_parameters_than_it_has_positions():
 
 def test_rotary_axes_are_written_in_harmonics_where_nothing_is_said():
     machine, rng = machines.load("dmu50"), np.random.default_rng(4)
-    measurement = measured(machine, positions(machine, 250, rng), THREE, truth(machine, rng, 10.0), rng)
+    measurement = measured(machine, positions(machine, 120, rng), THREE, truth(machine, rng, 10.0), rng)
     from calibration.fit.calibrate import calibrate
 
     found = calibrate(measurement, hold_out=False)

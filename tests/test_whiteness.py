@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy import linalg, stats
+from support.tiers import quick
 
 from calibration.diagnosis.residual.whiteness import Columns, _along, _cells, _centred, combined, whiteness
 
@@ -80,8 +81,9 @@ def test_levels_hold_on_grids_and_with_heavy_tails(design, known, step, kind):
             assert np.mean(values < 0.01) < 0.02, what
 
 
-def test_an_unknown_design_only_makes_neighbours_look_more_alike_than_they_are():
-    for what, values in levels(100, smooth_design, known=False).items():
+@pytest.mark.parametrize("draws", quick([40, 100], [40]))
+def test_an_unknown_design_only_makes_neighbours_look_more_alike_than_they_are(draws):
+    for what, values in levels(draws, smooth_design, known=False).items():
         assert np.mean(values < 0.05) <= 0.12, what
         if what in ("along X", "along Y", "along Z"):
             assert np.mean(values < 0.05) <= 0.05, what
@@ -99,18 +101,19 @@ SIGNALS = {
 }
 
 
+@pytest.mark.parametrize("draws", quick([8, 20], [8]))
 @pytest.mark.parametrize("what", list(SIGNALS))
-def test_what_is_missing_is_seen(what):
+def test_what_is_missing_is_seen(what, draws):
     """A signal of less than a standard uncertainty in one of three components."""
     seen = 0
-    for seed in range(20):
+    for seed in range(draws):
         rng = np.random.default_rng(seed)
         columns = columns_of(rng)
         taken = design_of(columns)
         signal = np.outer(SIGNALS[what](columns, rng), [0.0, 1.0, 0.0]).ravel()
         white = noise(rng, taken) + (signal - taken @ (taken.T @ signal)).reshape(-1, SIDES)
         seen += what in [test.name for test in combined(whiteness(white, columns, absorbed=taken), 0.01)]
-    assert seen >= 18
+    assert seen >= 0.9 * draws
 
 
 def test_neighbours_against_the_definition():
@@ -132,7 +135,8 @@ def test_neighbours_against_the_definition():
         assert test.p_value == pytest.approx(np.mean(ratios >= ratios[row]), abs=0.015)
 
 
-def test_priors_of_unit_weight():
+@pytest.mark.parametrize("draws", quick([40, 100], [40]))
+def test_priors_of_unit_weight(draws):
     """Truth drawn from the prior: W = U s / sqrt(1 + s^2) makes the size a chi2 test of the right level."""
     rng = np.random.default_rng(2)
     columns = columns_of(rng)
@@ -140,7 +144,7 @@ def test_priors_of_unit_weight():
     sides, sizes, _ = np.linalg.svd(derivatives, full_matrices=False)
     absorbed = sides * (sizes / np.sqrt(1.0 + sizes**2))
     p_values = {}
-    for _ in range(100):
+    for _ in range(draws):
         truth = rng.normal(size=derivatives.shape[1])
         observed = derivatives @ truth + rng.normal(size=len(derivatives))
         white = (observed - sides @ (sizes**2 / (1.0 + sizes**2) * (sides.T @ observed))).reshape(-1, SIDES)

@@ -49,9 +49,10 @@ class Log:
 
     def text(self, header: Mapping[str, str], columns: Sequence[str] = ()) -> str:
         lines = [f"# {key}: {value}" for key, value in header.items()] + [",".join(["time_s", "x", "y", "z", *columns])]
-        for i, (t, point) in enumerate(zip(self.time.tolist(), self.points.tolist(), strict=True)):
-            own = {"target": str(self.target[i])}
-            lines.append(",".join([f"{t:.3f}", *(f"{v:.5f}" for v in point), *(own[name] for name in columns)]))
+        own = {"target": self.target.tolist()}
+        values = zip(self.time.tolist(), *self.points.T.tolist(), *(own[name] for name in columns), strict=True)
+        row = ",".join(["%.3f", "%.5f", "%.5f", "%.5f", *("%s" for _ in columns)])
+        lines += [row % each for each in values]
         return "\n".join(lines) + "\n"
 
 
@@ -71,7 +72,7 @@ def log_of(
     pose: Pose,
     rng: np.random.Generator,
     *,
-    rate: float = 1000.0,
+    rate: float = 250.0,
     speed: float = 200.0,
     reading_um: float = 2.0,
     vibration_um: float = 1.0,
