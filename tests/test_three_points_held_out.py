@@ -132,10 +132,7 @@ def sparse(monkeypatch) -> Measurement:
 
 @pytest.mark.parametrize(
     "kind",
-    [
-        "linear",
-        *(pytest.param(kind, marks=pytest.mark.statistical) for kind in ("sparse", "table", "five axes", "ruler")),
-    ],
+    quick(["linear", "sparse", "table", "five axes", "ruler"], ["sparse"]),
 )
 def test_good_data_pass_and_the_figures_say_how_well(command, tmp_path: Path, monkeypatch, kind: str):
     seen = (

@@ -74,15 +74,17 @@ def in_order(observed: Array, nominal: Array) -> np.ndarray:
     offsets = np.arange(-band, band + 1)
     best = np.where(np.abs(offsets) <= 5, 0.0, np.inf)
     came = np.zeros((n, len(offsets)), np.int8)
+    padded = np.pad(nominal, ((band, band), (0, 0)), constant_values=np.inf)
+    before = np.full(len(offsets) + 2, np.inf)
     for i in range(n):
-        column = i + offsets
-        inside = (column >= 0) & (column < n)
-        away = np.where(inside, np.sum((nominal[np.clip(column, 0, n - 1)] - observed[i]) ** 2, axis=1), np.inf)
+        away = np.sum((padded[i : i + len(offsets)] - observed[i]) ** 2, axis=1)
         if i:
             # offsets count from the diagonal, which advances by one per row
-            steps = np.stack([np.append(best[1:], np.inf), best, np.append(np.inf, best[:-1])])
-            came[i] = np.argmin(steps, axis=0)
-            best = steps[came[i], np.arange(len(offsets))]
+            before[1:-1] = best
+            by_two, by_one, by_none = before[:-2], before[1:-1], before[2:]
+            forward = np.minimum(by_one, by_two)
+            came[i] = np.where(by_none <= forward, 0, np.where(by_one <= by_two, 1, 2))
+            best = np.minimum(by_none, forward)
         best = best + away
     partner = np.empty(n, int)
     k = int(np.argmin(best))

@@ -40,7 +40,7 @@ def _flat(value: Any) -> str:
 
 def _least_values(value: Any) -> int:
     """A lower bound of the number of values in `value`; each takes three characters of a list at least."""
-    if not value or not isinstance(value, dict | list):
+    if not value or not isinstance(value, dict | list | tuple):
         return 1
     if len(value) > WIDTH:
         return len(value)

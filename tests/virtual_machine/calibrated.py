@@ -97,16 +97,14 @@ def _curve(basis: Mapping[str, Any], parameters: Sequence[float], x: Array) -> A
 
 
 def _spline(nodes: Sequence[float], degree: int, parameters: Sequence[float], x: Array) -> Array:
-    """By de Boor's algorithm, one position after the other."""
-    knots = [nodes[0]] * degree + list(nodes) + [nodes[-1]] * degree
-    values = []
-    for place in np.clip(x, nodes[0], nodes[-1]).tolist():
-        k = max(i for i in range(degree, len(knots) - degree - 1) if knots[i] <= place)
-        d = [parameters[j + k - degree] for j in range(degree + 1)]
-        for r in range(1, degree + 1):
-            for j in range(degree, r - 1, -1):
-                left, right = knots[j + k - degree], knots[j + 1 + k - r]
-                share = (place - left) / (right - left)
-                d[j] = (1.0 - share) * d[j - 1] + share * d[j]
-        values.append(d[degree])
-    return np.array(values)
+    """By de Boor's algorithm."""
+    knots = np.array([nodes[0]] * degree + list(nodes) + [nodes[-1]] * degree)
+    place, values = np.clip(x, nodes[0], nodes[-1]), np.array(parameters)
+    k = np.minimum(np.searchsorted(knots, place, side="right") - 1, len(knots) - degree - 2)
+    d = [values[j + k - degree] for j in range(degree + 1)]
+    for r in range(1, degree + 1):
+        for j in range(degree, r - 1, -1):
+            left, right = knots[j + k - degree], knots[j + 1 + k - r]
+            share = (place - left) / (right - left)
+            d[j] = (1.0 - share) * d[j - 1] + share * d[j]
+    return d[degree]
