@@ -13,11 +13,13 @@ the interval of its basis. `columns_of` makes its functions repeat with the turn
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from kinematics.basis import Basis, BSpline, Harmonics, Interval
 from kinematics.machine import TURN, Axis
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 
 CLOSED = 10.0
 """Degrees: a part of the turn that is no wider counts as measured with its neighbours."""
@@ -72,7 +74,7 @@ def columns_of(axis: Axis, basis: Basis, x: Array) -> Array:
     low, high = basis.interval
     along, gap = np.mod(x - low, TURN), TURN - (high - low)
     if gap > SEAM:
-        first, last = basis.columns(np.array([low, high]))
+        first, last = _at(basis, low, high)
         share = np.clip((along - (high - low)) / gap, 0.0, 1.0)
         return np.asarray(basis.columns(np.minimum(low + along, high)) + share[:, None] * (first - last))
     turns = max(round((high - low) / TURN), 1)
@@ -81,8 +83,14 @@ def columns_of(axis: Axis, basis: Basis, x: Array) -> Array:
     if isinstance(basis, BSpline) and abs(gap) <= SEAM:
         columns[:, [0, -1]] = columns[:, [0, -1]].mean(axis=1, keepdims=True)
         return columns
-    first, last = basis.columns(np.array([low, low + turns * TURN]))
+    first, last = _at(basis, low, low + turns * TURN)
     return np.asarray(columns - (along / TURN)[:, None] * (last - first) / turns)
+
+
+@lru_cache(maxsize=1024)
+def _at(basis: Basis, low: float, high: float) -> Array:
+    """Basis functions `(2, size)` at two positions, degrees: the same in every evaluation of an error."""
+    return read_only(np.asarray(basis.columns(np.array([low, high]))))
 
 
 def spread_beyond(arc: Interval, x: Array) -> Array:

@@ -468,7 +468,7 @@ def test_as_a_process(tmp_path):
     assert refused.stderr.decode().startswith(
         "ncomp: <stdin>:1: 'G31': G31 is a probing move, and its end position is not known from the program ("
     )
-    long = PROGRAM.replace("M30", "G1 X100.0\nX200.0\n" * 5_000 + "M30").encode()  # longer than a pipe holds
+    long = PROGRAM.replace("M30", f"G1 X100.0 ({'a' * 90})\nX200.0\n" * 1_500 + "M30").encode()  # a pipe holds less
     (tmp_path / "long.nc").write_bytes(long)
     with subprocess.Popen(
         [*command, "long.nc", *GANTRY], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path

@@ -74,7 +74,7 @@ MOVES = {"iso": "G1 X5. Y5. Z5. F500\n", "siemens": "G1 X5 Y5 Z5 F500\n", "heide
 UNKNOWN = {"iso": "G1 X#500\n", "siemens": "G1 X=R500\n", "heidenhain": "L X+Q99\n"}
 
 
-@drawn(few=2, many=5, first=programs(), second=programs(), seed=seeds)
+@drawn(few=1, many=5, first=programs(), second=programs(), seed=seeds)
 def test_a_run_leaves_nothing_to_the_next(first, second, seed):
     """After another program, after a refused one and after one that was stopped, on the same machine and set-up."""
     job = job_of(first, seed)
@@ -196,7 +196,7 @@ def writable(value, path, seen):
             yield from writable(entry, f"{path}.{name}", seen)
 
 
-@pytest.mark.parametrize("name", quick(machines.names(), ["gantry", "dmu50"]))
+@pytest.mark.parametrize("name", quick(machines.names(), ["dmu50"]))
 def test_runs_change_neither_modules_nor_what_they_are_given(name):
     """Every shipped machine, in every dialect: correct, check and verify."""
     jobs = [job_of(Program(name, dialect, BEGINS[dialect] + MOVES[dialect]), 1) for dialect in DIALECTS]

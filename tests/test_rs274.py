@@ -22,7 +22,7 @@ from support.programs import (
     source_of,
 )
 from support.real_data import FREECAD
-from support.real_programs import LINES_OF_REAL_PROGRAMS, first_lines, real_programs
+from support.real_programs import FEW, LINES_OF_REAL_PROGRAMS, first_lines, real_programs
 from support.tiers import quick
 
 from kinematics.effects import Backlash
@@ -143,14 +143,7 @@ REAL = [
 ]  # fmt: skip
 
 
-QUICK = [
-    "CONTOUR_R.NC", "G17_18_19_G91.NC", "PROGRAM.NC", "TEST3.NC", "TEST4.NC", "VINT_REV_360arc.NC", "box_grbl.nc",
-    "box_linuxcnc.nc",
-]  # fmt: skip
-"""One of each kind that is not long: contours, planes, drawings, helices, and the posts of a CAM system."""
-
-
-@pytest.mark.parametrize("name", quick(REAL, QUICK))
+@pytest.mark.parametrize("name", quick(REAL, sorted(FEW)))
 def test_real_programs(linuxcnc, nc_data, name):
     (path,) = [*(nc_data / "iso").rglob(name), *FREECAD.glob(name)]
     machine = load("trunnion_ac" if "xyzac" in name else "dmu50")

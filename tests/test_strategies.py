@@ -66,7 +66,7 @@ def test_inside_travel_whole_um_and_as_many_as_said(name, strategy, rotary):
 
 
 @pytest.mark.parametrize("strategy", patterns.SPACED)
-@drawn(few=8, many=100, points=st.integers(1, 3000), seed=st.integers(0, 5))
+@drawn(few=4, many=100, points=st.integers(1, 3000), seed=st.integers(0, 5))
 def test_a_spacing_is_found_for_a_number(strategy, points, seed):
     span = np.random.default_rng(seed).uniform(100.0, 5000.0, 3)
     found = patterns.spaced(strategy, patterns.Box(np.zeros(3), span), points)

@@ -32,7 +32,7 @@ every_case = pytest.mark.parametrize(
 )
 
 
-def dense(machine, n=4000, beyond=0.1):
+def dense(machine, n=1500, beyond=0.1):
     """Positions `(n, axes)`, mm and rad, in the volume and beyond its ends; directions."""
     rng = np.random.default_rng(5)
     low, high = np.array([(0.0, 360.0) if not np.isfinite(a.travel).all() else a.travel for a in machine.axes]).T
@@ -92,6 +92,7 @@ def test_the_reader_finds_what_was_written(case: Case):
 
 
 @every_case
+@pytest.mark.usefixtures("few_positions")
 def test_the_right_sign_leaves_what_was_predicted_and_the_wrong_one_doubles_it(case: Case):
     exported = case.exported()
     places = volume_points(exported.target)

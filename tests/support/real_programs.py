@@ -53,3 +53,8 @@ ACCEPTED = {
     "VINT_REV_360arc.NC", "impeller-7bl-xyzac.ngc", "box_grbl.nc", "box_linuxcnc.nc", "box_mach3_mach4.nc",
     "G81.NC", "G82.NC", "G83.NC",
 }  # fmt: skip
+FEW = {
+    "CONTOUR_R.NC", "G17_18_19_G91.NC", "PROGRAM.NC", "TEST3.NC", "TEST4.NC", "VINT_REV_360arc.NC", "box_grbl.nc",
+    "box_linuxcnc.nc",
+}  # fmt: skip
+"""One of each kind that is not long: contours, planes, drawings, helices, and the posts of a CAM system."""

@@ -13,7 +13,7 @@ from kinematics.basis import Legendre
 from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, LocationError
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
-from postproc.tables import build
+from postproc.tables import build, remaining_error
 from postproc.tables.export import Exported, export
 from postproc.tables.format import parse_settings
 from postproc.tables.formats import find_format
@@ -24,8 +24,9 @@ TOOL = (0.0, 0.0, -100.0)
 
 @contextmanager
 def few_positions() -> Iterator[None]:
-    """Tables are made from a quarter of the positions along each axis: as many tables, of the same kind."""
-    with mock.patch.multiple(build, FINE={3: 101}, COARSE={3: 21}, FEW=(51, 13)):
+    """Tables from a quarter of the positions along each axis and in the volume: as many tables, of the same kind."""
+    along = mock.patch.multiple(build, FINE={3: 101}, COARSE={3: 21}, FEW=(51, 13), BALANCE=512)
+    with along, mock.patch.object(remaining_error, "GRID", 1024):
         yield
 
 
