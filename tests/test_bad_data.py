@@ -170,17 +170,21 @@ MISTAKES = {
     "part": {name: POINTS[name] for name in ("two sessions in one", "not a number", "observations one row late")},
     "rounds": POINTS | RADIANS,
 }
+FEW = {"diagnose": ("two sessions in one", "dead instrument"), "three-points": ("axes exchanged", "not a number")}
+"""What the commands beside `fit` are asked in the default tiers."""
 DIAGNOSED = ("inch observed", "axes exchanged", "two sessions in one", "six rows", "dead instrument", "not a number")
 """What `diagnose` is asked too: it looks at the data by the same function."""
-FIRST = {name: data for data in reversed(MISTAKES) for name in MISTAKES[data]}
-"""The data of a mistake in the default tiers, beside what `diagnose` and `three-points` are asked."""
+FIRST = {case[1]: (data, name) for data in reversed(MISTAKES) for name, case in reversed(list(MISTAKES[data].items()))}
+"""By sentence: data and mistake that `fit` is asked in the default tiers."""
 CASES = [
     pytest.param(
         command,
         data,
         *case,
         id=f"{command}-{data}-{name}",
-        marks=[] if FIRST[name] == data or (data == "rounds" and name in DIAGNOSED) else [STATISTICAL],
+        marks=[]
+        if name in FEW.get(command, ()) or (command == "fit" and FIRST[case[1]] == (data, name))
+        else [STATISTICAL],
     )
     for command, files in COMMANDS.items()
     for data in files

@@ -20,7 +20,20 @@ ERRORS = (
     "--effect", 'error-motion:component=X,axis=X,basis={"kind":"polynomial","interval":[0,600],"degree":3},'
     "parameters=[0,40,-90,35],u=[0,0,0,0]",
 )  # fmt: skip
-SIMULATE = ("simulate-continuous", "--axis", "X", "--start-mm", 0, "--end-mm", 450, "--errors", "none", "--both")
+SIMULATE = (
+    "simulate-continuous",
+    "--axis",
+    "X",
+    "--start-mm",
+    0,
+    "--end-mm",
+    450,
+    "--errors",
+    "none",
+    "--both",
+    "--feed",
+    1000,
+)
 SET_UP = ("--work-offset", "G54=20,225,100", "--tool-length", "T1=100")
 PART = "G21 G90 G17 G54\nT1 M6\nG0 X10. Y0. Z30.\n" + "".join(
     f"G1 X{x}. Y{y}. F500\n" for x, y in ((57, 20), (401, 0), (123, -50), (188, 90), (40, 3), (333, 0), (211, 5))

@@ -31,8 +31,8 @@ from postproc.verification.verify import read_motions
 
 ROOT = Path(__file__).parents[1]
 BOX = (ROOT / "examples" / "box.nc").read_text()
-FLAT = BOX.split("(begin operation: FiveAxis)")[0] + "M2\n"
-"""Without the part of the program that turns the table."""
+FLAT = BOX.split("(begin operation: Pocket)")[0] + "M2\n"
+"""Without the pocket and the part of the program that turns the table."""
 DEMONSTRATION = machines.FOLDER / "calibrations" / "dmu50.json"
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from support.tiers import quick
 from support.virtual_measurements import MONTAVON, ONE, THREE, measured, pose_of, positions, truth
 
 import machines
@@ -58,7 +59,7 @@ def laser(name="gantry", axes="XYZ", runs=3, digits=1e-5, noise=0.3, constant=5.
 
 
 def test_a_failed_run_does_not_stop_the_calibration():
-    clean = laser()
+    clean = laser(axes="XY")
     bad = clean.groups == "X 2"
     noise = np.random.default_rng(1).normal(0.0, 0.05, clean.observed.shape)
     found = calibrate(replace(clean, observed=clean.observed + noise * bad[:, None]), basis="b-spline:6")
@@ -76,7 +77,7 @@ def test_few_positions_have_few_cells():
     assert len(np.unique(labels)) == 3
 
 
-@pytest.mark.parametrize("rows", [1, 2, 3])
+@pytest.mark.parametrize("rows", quick([1, 2, 3], [1, 3]))
 def test_a_station_of_few_rows_is_fitted_and_not_predicted(rows):
     model, measurement = tracked(n=180, stations=3)
     last = np.cumsum(measurement.state.station == "s3")
@@ -246,7 +247,7 @@ def test_a_period_is_found_from_half_a_percent_off(period):
 
 
 def test_residuals_of_rotary_axes_are_told_in_urad():
-    found = calibrate(laser("dmu50", "C"), basis="cubic:6")
+    found = calibrate(laser("dmu50", "C", runs=2), basis="cubic:6")
     assert found.fit.rms_um == pytest.approx(0.3, rel=0.2)
     assert 0.3 < found.cross_validation.rms_um < 1.0
     assert 0.3 < found.fit.max_um < 2.0

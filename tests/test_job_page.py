@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.programs import load, random_model, shifted
+from support.tiers import drawn
 
 from kinematics.error_model.model import write_model
 from postproc.correct import trace
@@ -219,7 +220,7 @@ def test_what_draws_is_loaded_on_demand():
 sizes = st.lists(st.integers(0, 60), min_size=1, max_size=8)
 
 
-@given(sizes, st.integers(1, 5), st.integers(0, 99))
+@drawn(25, 100, chunks=sizes, half=st.integers(1, 5), seed=st.integers(0, 99))
 def test_stretches_hold_the_extremes_and_rms_of_their_moves(chunks, half, seed):
     rng = np.random.default_rng(seed)
     count = sum(chunks)

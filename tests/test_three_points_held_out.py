@@ -102,8 +102,15 @@ def test_data_that_predict_nothing_are_refused(command, tmp_path: Path, spoil: C
     assert not (tmp_path / "out.json").exists()
 
 
-def test_a_table_through_errors_without_order_is_refused_by_what_is_held_out(command, tmp_path: Path):
+def few_positions(monkeypatch) -> None:
+    """Five positions of each axis."""
+    for axis in "XYZ":
+        monkeypatch.setitem(SERIES, axis, np.linspace(SERIES[axis].min(), SERIES[axis].max(), 5))
+
+
+def test_a_table_through_errors_without_order_is_refused_by_what_is_held_out(command, tmp_path: Path, monkeypatch):
     """A table holds every position to the noise, so that no uncertainty shows it."""
+    few_positions(monkeypatch)
     written(rough(3), tmp_path)
     done = command("three-points", "data.csv", "-m", "dmu50", "-o", "cal.json", "--basis", "table")
     assert done.status == 2
@@ -123,23 +130,14 @@ def guessed(measurement: Measurement) -> Measurement:
     )
 
 
-def sparse(monkeypatch) -> Measurement:
-    """Five positions of each axis."""
-    for axis, count in {"X": 5, "Y": 5, "Z": 5}.items():
-        monkeypatch.setitem(SERIES, axis, np.linspace(SERIES[axis].min(), SERIES[axis].max(), count))
-    return session(4)
-
-
 @pytest.mark.parametrize(
     "kind",
     quick(["linear", "sparse", "table", "five axes", "ruler"], ["sparse"]),
 )
 def test_good_data_pass_and_the_figures_say_how_well(command, tmp_path: Path, monkeypatch, kind: str):
-    seen = (
-        sparse(monkeypatch)
-        if kind == "sparse"
-        else session(4, axes="XYZBC" if kind in ("five axes", "ruler") else "XYZ")
-    )
+    if kind == "sparse":
+        few_positions(monkeypatch)
+    seen = session(4, axes="XYZBC" if kind in ("five axes", "ruler") else "XYZ")
     written(guessed(seen) if kind == "ruler" else seen, tmp_path)
     basis = ("--basis", "table") if kind == "table" else ()
     done = command("three-points", "data.csv", "-m", "dmu50", "-o", "cal.json", "--json", "out.json", *basis)
