@@ -147,7 +147,7 @@ def test_family_decides_what_controls_read_differently(block, family, check):
 TAKEN = [block for block, refusing in BLOCKS.items() if "linuxcnc" not in refusing]
 
 
-@pytest.mark.parametrize("block", quick(TAKEN, TAKEN[::2]))
+@pytest.mark.parametrize("block", quick(TAKEN, TAKEN[::3]))
 def test_linuxcnc_ends_where_ncomp_says(block, linuxcnc):
     """Blocks that LinuxCNC refuses are no danger."""
     program = HEAD + block + "\nG1 Z-490.\nM30\n"

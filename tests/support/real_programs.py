@@ -19,7 +19,7 @@ def real_programs(nc_data):
 
 
 LINES_OF_REAL_PROGRAMS = pytest.mark.parametrize("lines", [150, pytest.param(None, marks=pytest.mark.statistical)])
-"""Long programs are read to this line in the default tiers, and whole in the statistical tier."""
+"""Long programs are read to this line in the default tiers, and all are read whole in the statistical tier."""
 
 
 def first_lines(programs, lines, folder):
@@ -53,8 +53,10 @@ ACCEPTED = {
     "VINT_REV_360arc.NC", "impeller-7bl-xyzac.ngc", "box_grbl.nc", "box_linuxcnc.nc", "box_mach3_mach4.nc",
     "G81.NC", "G82.NC", "G83.NC",
 }  # fmt: skip
-FEW = {
+SHORT = {
     "CONTOUR_R.NC", "G17_18_19_G91.NC", "PROGRAM.NC", "TEST3.NC", "TEST4.NC", "VINT_REV_360arc.NC", "box_grbl.nc",
     "box_linuxcnc.nc",
 }  # fmt: skip
 """One of each kind that is not long: contours, planes, drawings, helices, and the posts of a CAM system."""
+FEW = {*SHORT, "G83.NC", "impeller-7bl-xyzac.ngc"}
+"""One of each kind of all: drilling cycles and five axes too."""
