@@ -141,7 +141,7 @@ def test_the_fixed_set_up():
 
 
 def test_a_given_path_is_judged():
-    bad, good = evaluated_path(diagonals(), ONE), evaluated_path(polyline(3, 20), ONE)
+    bad, good = evaluated_path(diagonals(), ONE), evaluated_path(polyline(3, 16), ONE)
     assert bad.unidentifiable_mode is not None
     assert bad.noise_gain.hidden == 1
     assert {"E_XX", "E_YY", "E_ZZ"} in [set(blind.effects) for blind in bad.unidentifiable]
@@ -254,7 +254,7 @@ def test_plan_simulate_fit(command, monkeypatch, tmp_path):
         "--target",
         "t=0,0,-100",
         "--length-m",
-        "12",
+        "10",
         "-o",
         "path.csv",
         "--nc",
