@@ -46,7 +46,7 @@ SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
 LINK = re.compile(r"""(?:src|href|xlink:href)\s*=\s*["'](?!#|data:)|@import|url\((?!#|["']?data:)""")
 
 
-def seen_with(effect, machine, n=200, seed=1):
+def seen_with(effect, machine, n=300, seed=1):
     """A fit of a machine without other errors to what a tracker sees of it in states that have every column."""
     state = with_moves(full_state(machine, n, seed))
     empty = Measurement(machine, TRACKER, state, np.ones((n, 3)), TARGETS, source="virtual")

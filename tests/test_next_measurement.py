@@ -230,7 +230,10 @@ def test_moves_of_other_lengths_tell_backlash_from_settling(backlash_or_settling
     assert not separating & {"retrace", "bar", "fixed references", "finer Y", "finer Z"}
     assert found.proposed_measurements[0].name in separating
 
-    data = seen(to_and_fro(), BACKLASH)
+
+@pytest.mark.statistical
+def test_moves_of_other_lengths_make_backlash_sure(backlash_or_settling):
+    found, data = backlash_or_settling, seen(to_and_fro(), BACKLASH)
     again = diagnose(together(data, planned(found.after.linearised, "move lengths"), BACKLASH))
     assert ("backlash", "X", "strong") in [(cause.kind, cause.axis, cause.verdict) for cause in again.causes]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import refusal, succeed
-from support.three_points_cases import TARGETS, locations, model, random_effects, rows, station
+from support.three_points_cases import SERIES, TARGETS, locations, model, random_effects, rows, station
 from support.tiers import quick
 from support.tracker_logs import Log, Stop, header, log_of, write
 
@@ -194,7 +194,9 @@ def test_fit_takes_a_log_and_its_plan(tmp_path: Path) -> None:
     assert found["after"]["rms_um"] < 0.5 * found["before"]["rms_um"]
 
 
-def test_three_points_takes_a_log_and_its_plan(tmp_path: Path) -> None:
+def test_three_points_takes_a_log_and_its_plan(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for axis in "XC":
+        monkeypatch.setitem(SERIES, axis, SERIES[axis][::2])
     truth = model(DMU50, random_effects(3, axes="XC") + locations({"C0Y": 12.0}))
     positions, names, runs = rows(DMU50, "XC", ["1"], TARGETS)
     positions = np.round(positions, 4)

@@ -111,7 +111,9 @@ def test_no_axis_gets_more_parameters_than_it_has_positions():
 
 def test_rotary_axes_are_written_in_harmonics_where_nothing_is_said():
     machine, rng = machines.load("dmu50"), np.random.default_rng(4)
-    measurement = measured(machine, positions(machine, 120, rng), THREE, truth(machine, rng, 10.0), rng)
+    q = positions(machine, 120, rng)
+    q[:, ~machine.rotary] = q[0, ~machine.rotary]
+    measurement = measured(machine, q, THREE, truth(machine, rng, 10.0), rng)
     from calibration.fit.calibrate import calibrate
 
     found = calibrate(measurement, hold_out=False)
