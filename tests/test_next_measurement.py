@@ -192,10 +192,11 @@ def test_only_a_length_standard_shows_range_offset_and_air_scale():
 # ---- what is asked for
 
 
+DRIFT = ThermalDrift(component="Z", rate=12.0)
+
+
 def test_fixed_references_and_nothing_else_tell_growth_from_a_drifting_tracker():
-    drift = ThermalDrift(component="Z", rate=12.0)
-    data = seen(shuffled(), drift, seed=1)
-    found = diagnose(data)
+    found = diagnose(seen(shuffled(), DRIFT, seed=1))
     (cause,) = found.causes
     assert (cause.kind, cause.verdict, cause.alternatives[0].kind) == ("thermal-drift", "tied", "tracker-drift")
     separating = [move for move in found.proposed_measurements if "separates" in move.text]
@@ -204,7 +205,12 @@ def test_fixed_references_and_nothing_else_tell_growth_from_a_drifting_tracker()
     assert "separates thermal-drift Z from tracker-drift (power " in found.next_measurement
     assert "fixed targets" in found.next_measurement
 
-    again = diagnose(together(data, planned(found.after.linearised, "many fixed references"), drift))
+
+@pytest.mark.statistical
+def test_fixed_references_make_a_drift_of_the_machine_sure():
+    data = seen(shuffled(), DRIFT, seed=1)
+    references = planned(diagnose(data).after.linearised, "many fixed references")
+    again = diagnose(together(data, references, DRIFT))
     (cause,) = again.causes
     assert (cause.kind, cause.axis, cause.verdict) == ("thermal-drift", "Z", "strong")
     assert not any("separates" in move.text for move in again.proposed_measurements)

@@ -202,7 +202,7 @@ ALIKE = {
     ),
 }  # fmt: skip
 SLOW_TO_CHOOSE = (
-    "hexahedron", "diagonals", "residuals above the sheet by chance, another", "three tools", "runs", "200 points", "four stations",
+    "hexahedron", "diagonals", "residuals above the sheet by chance", "residuals above the sheet by chance, another", "three tools", "runs", "200 points", "four stations",
     "five axes",
 )  # fmt: skip
 

@@ -179,7 +179,9 @@ def test_waves_that_the_positions_hardly_resolve_are_named(monkeypatch):
     assert "measure X at 21 positions" in note
     assert named[1] == []
     monkeypatch.undo()
-    smooth = measured(DMU50, model(DMU50, random_effects(8, degree=2)), AROUND, rng=np.random.default_rng(2))
+    smooth = measured(
+        DMU50, model(DMU50, random_effects(8, degree=2)), AROUND, axes="XYZ", rng=np.random.default_rng(2)
+    )
     assert not [note for note in identify(smooth).notes if "positions resolve" in note]
 
 
@@ -488,7 +490,11 @@ def test_results_do_not_go_where_the_calibration_goes(command, tmp_path: Path, p
     assert [path.name for path in tmp_path.iterdir()] == ["data.csv"]
 
 
-@pytest.mark.parametrize(("step", "last"), [(20.0, 340.0), (10.0, 340.0)], ids=["all round", "an arc"])
+@pytest.mark.parametrize(
+    ("step", "last"),
+    [(20.0, 340.0), (20.0, 300.0), pytest.param(10.0, 340.0, marks=pytest.mark.statistical)],
+    ids=["all round", "an arc", "a long arc"],
+)
 def test_a_turn_is_the_same_in_every_turn_and_does_not_grow_in_a_gap(monkeypatch, step, last):
     monkeypatch.setitem(SERIES, "C", np.arange(0.0, last + 1.0, step))
     truth = model(DMU50, random_effects(11, degree=2, axes="C", size=6.0))
