@@ -78,7 +78,7 @@ def test_squareness_displaces_the_tool_sideways_in_proportion_to_travel(name, le
 def test_squareness_equals_a_machine_whose_axis_line_is_tilted(name, letter, axis):
     machine, i = machines.load(name), machines.load(name).index(axis)
     tilt = Rotation.from_rotvec(ANGLE * np.eye(3)["ABC".index(letter)])
-    tilted = with_axis(machine, i, direction=tilt.apply(machine.axes[i].unit_direction))
+    tilted = with_axis(machine, i, direction=tilt.apply(machine.axes[i].direction))
     state = states(machine, 50)
     errors = with_location(machine, letter, axis, ANGLE).errors(machine, state)
     gap = tool_point(machine, state.positions, TOOL, errors) - tool_point(tilted, state.positions, TOOL)
@@ -93,7 +93,7 @@ def test_orientation_of_a_slanting_linear_axis_is_counted_in_its_error_frame(cha
     machine = machines.parse(f'name = "slanting"\nchain = "{chain}"\n{axes}{slanting}', "slanting")
     i = machine.index("Y")
     tilt = Rotation.from_rotvec(ANGLE * machine.axes[i].error_frame[:, "ABC".index(letter)])
-    tilted = with_axis(machine, i, direction=tilt.apply(machine.axes[i].unit_direction))
+    tilted = with_axis(machine, i, direction=tilt.apply(machine.axes[i].direction))
     state = states(machine, 20)
     errors = with_location(machine, letter, "Y", ANGLE).errors(machine, state)
     gap = tool_point(machine, state.positions, TOOL, errors) - tool_point(tilted, state.positions, TOOL)
