@@ -31,19 +31,20 @@ LINUXCNC = {"linuxcnc", "linuxcnc_sim"}
 INTEGRATION = {"command", "ncomp", "nc_data", "plates", "slit_log", *LINUXCNC}
 """A test with one of these fixtures is an integration test, unless it is marked as statistical."""
 INTEGRATION_MODULES = {
-    "test_bad_data", "test_blas", "test_chunks", "test_cli", "test_compensate", "test_continuous",
-    "test_control_state", "test_dependence", "test_diagnosis_exam", "test_diagnosis_frame", "test_diagnosis_left",
-    "test_diagnosis_page", "test_diagnosis_scans", "test_diagnosis_selection", "test_direction",
-    "test_distance_correlation", "test_encodings", "test_error_transform", "test_file_faults", "test_fit",
-    "test_fit_edges", "test_fuzz", "test_generated_programs", "test_held_out_lines", "test_in_place",
-    "test_iso_places", "test_iterations", "test_jumping_errors", "test_klartext_arcs", "test_klartext_generated",
-    "test_klartext_job", "test_klartext_polar", "test_model", "test_mutations", "test_never_worse",
-    "test_next_measurement", "test_nothing_shared", "test_on_the_fly", "test_on_the_fly_plan", "test_optimal",
-    "test_pipeline", "test_reported_corrections", "test_sanity", "test_siemens_mixed", "test_simulate",
-    "test_six_degrees", "test_splitting", "test_standstill", "test_stored_programs", "test_strange_ground",
-    "test_strategies", "test_study", "test_suspects", "test_swivel_to_zero", "test_tables", "test_tables_golden",
-    "test_tables_nodes", "test_tables_siemens", "test_tables_waves", "test_three_dialects", "test_three_points",
-    "test_tool_vectors", "test_tracker_tests", "test_unnamed", "test_virtual_machine", "test_whiteness",
+    "test_bad_data", "test_blas", "test_chunks", "test_cli", "test_compensate", "test_conditions",
+    "test_continuous", "test_control_state", "test_dependence", "test_diagnosis_exam", "test_diagnosis_frame",
+    "test_diagnosis_left", "test_diagnosis_page", "test_diagnosis_scans", "test_diagnosis_selection",
+    "test_direction", "test_distance_correlation", "test_encodings", "test_error_transform", "test_file_faults",
+    "test_fit", "test_fit_edges", "test_fuzz", "test_generated_programs", "test_held_out_lines", "test_in_place",
+    "test_iso_coordinates", "test_iterations", "test_jumping_errors", "test_klartext_arcs",
+    "test_klartext_generated", "test_klartext_job", "test_klartext_polar", "test_model", "test_mutations",
+    "test_never_worse", "test_next_measurement", "test_nothing_shared", "test_on_the_fly", "test_on_the_fly_plan",
+    "test_optimal", "test_pipeline", "test_public_interface", "test_reported_corrections", "test_sanity",
+    "test_siemens_mixed", "test_simulate", "test_six_degrees", "test_splitting", "test_standstill",
+    "test_stored_programs", "test_strange_ground", "test_strategies", "test_study", "test_suspects",
+    "test_swivel_to_zero", "test_tables", "test_tables_golden", "test_tables_nodes", "test_tables_siemens",
+    "test_tables_waves", "test_three_dialects", "test_three_points", "test_tool_vectors", "test_tracker_tests",
+    "test_turned_frames", "test_turns_of_arcs", "test_unnamed", "test_virtual_machine", "test_whiteness",
 }  # fmt: skip
 """So is every test of these modules: whole commands, processes, corrections, fits, diagnoses, plans and tables."""
 
