@@ -1,0 +1,261 @@
+"""Units of information of a measurement, from the order of its rows: stops, lines of stops, cycles.
+
+- Stop: rows in sequence at one position of all axes, in one set-up and run. They share the machine's error there.
+- Line: successive stops on one straight line, along an axis or across several; out and back, and a later pass over the
+  same positions, are the same line.
+- Cycle: a pass over the targets of one axis and its return (ISO 230-2).
+
+Rows of one unit predict each other, so that only whole units can be held out of a fit.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.measurement.measurement import Measurement
+from kinematics.transforms import Array
+
+SAME_MM, SAME_DEG = 1e-3, 1e-4
+"""Differences within which axis positions are the same."""
+STILL = 1e-9
+"""Difference, mm or rad, below which an axis has not moved."""
+IN_LINE = 1e-3
+"""Distance from a line, as a share of the range of each axis, within which positions lie on it."""
+LEAST_OF_LINE = 4
+"""Smallest number of positions of a line; one fewer where such lines hold half of the positions (small grids)."""
+REGIONS, MOST_LINES = 8, 16
+"""Number of regions of positions off the lines, and most blocks of lines beside them."""
+LEAST_OF_REGION = 4
+"""Smallest number of positions of a region beside lines; fewer positions are never held out."""
+LEAST_BLOCKS, MOST_BLOCKS = 3, 24
+"""Fewer lines, or cycles, do not predict each other; more are grouped."""
+STRETCHES = 64
+"""Stretches into which the positions of a continuous record along one axis are divided."""
+
+
+def stops(measurement: Measurement) -> np.ndarray:
+    """Numbers `(n,)` of the stops, from 0, in the order of the rows.
+
+    A stop ends where a position, a direction of approach, the set-up or the run changes; the target may change.
+    """
+    state = measurement.state
+    new = _changed(_positions(measurement))
+    if state.approach is not None:  # a stated one: a move of a fraction of SAME_MM has a direction too
+        still = np.append(False, np.abs(np.diff(state.positions, axis=0)).max(axis=1, initial=0.0) < STILL)
+        new |= still[: len(state)] & _changed(2.0 * state.approach)
+    for names in (state.station, measurement.run, measurement.axis, measurement.file):
+        if names is not None:
+            new |= np.append(True, names[1:] != names[:-1])
+    return np.asarray(np.cumsum(new) - 1)
+
+
+def lines(measurement: Measurement) -> np.ndarray:
+    """Numbers `(n,)` of the lines, from 0 in the order of their first rows; -1 for rows on no line."""
+    visit = np.cumsum(_changed(_positions(measurement))) - 1
+    first = np.unique(visit, return_index=True)[1]
+    return np.asarray(_lines_of(_in_tolerances(measurement)[first])[visit])
+
+
+def cycles(measurement: Measurement) -> np.ndarray:
+    """Numbers `(n,)` of the cycles, from 0 for each axis of an interferometer.
+
+    These are its runs; where an axis has one run, a cycle ends before a position recurs in the same direction.
+    Of other instruments all rows are on one axis.
+    """
+    axis = np.zeros(len(measurement), int) if measurement.axis is None else _numbered(measurement.axis)
+    found = np.zeros(len(measurement), int)
+    for number in range(axis.max(initial=-1) + 1):
+        rows = np.flatnonzero(axis == number)
+        run = np.zeros(len(rows), int) if measurement.run is None else _numbered(measurement.run[rows])
+        found[rows] = run if run.max() else _recurring(measurement.rows(rows))
+    return found
+
+
+def held_out_blocks(measurement: Measurement) -> tuple[np.ndarray, str]:
+    """Labels `(n,)` of the blocks of rows to be held out of a fit, -1 for rows of none; and their name, plural.
+
+    Cycles for an interferometer with three or more, else sets of positions. For other instruments lines, where the
+    others cover their axes, and regions of the other positions, each with all visits. Lines are grouped where there are
+    more than MOST_BLOCKS.
+    """
+    if measurement.axis is not None:
+        cycle, axis = cycles(measurement), _numbered(measurement.axis)
+        fewest = min(cycle[axis == number].max() + 1 for number in range(axis.max() + 1))
+        if fewest >= LEAST_BLOCKS:
+            return cycle % MOST_BLOCKS, "cycles"
+        return _sets_of_positions(measurement), "sets of positions"
+    line, positions = lines(measurement), _in_tolerances(measurement)
+    line = np.where(np.isin(line, _predictable(line, positions)), line, -1)
+    known = np.unique(line[line >= 0])
+    loose = np.flatnonzero(line < 0)
+    if len(known) < LEAST_BLOCKS:
+        return _regions(positions, REGIONS), "regions of stops"
+    regions = min(REGIONS, len(np.unique(positions[loose], axis=0)) // LEAST_OF_REGION)
+    labels = np.full(len(line), -1)
+    labels[line >= 0] = np.searchsorted(known, line[line >= 0]) % (MOST_LINES if regions else MOST_BLOCKS)
+    if not regions:
+        return labels, "lines"
+    labels[loose] = _regions(positions[loose], regions) + labels.max() + 1
+    return labels, "lines and regions of stops"
+
+
+def _positions(measurement: Measurement) -> Array:
+    """Axis positions `(n, axes)` in units of the differences within which they are the same."""
+    same = np.where(measurement.machine.rotary, np.radians(SAME_DEG), SAME_MM)
+    return np.asarray(measurement.state.positions / same)
+
+
+def _in_tolerances(measurement: Measurement) -> Array:
+    """Positions `(n, moving)` of the axes that move, in tolerances of a line, rounded to equal ones where the same."""
+    positions = np.round(_positions(measurement))
+    ranges = np.ptp(positions, axis=0) if len(positions) else np.zeros(positions.shape[1])
+    return np.asarray(positions[:, ranges > 1.0] / (IN_LINE * ranges[ranges > 1.0]))
+
+
+def _changed(values: Array) -> np.ndarray:
+    """True `(n,)` for rows in which a value differs from the row before by more than 1, or that are the first."""
+    differs = np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0) > 1.0
+    return np.append(np.ones(min(len(values), 1), bool), differs)
+
+
+def _numbered(names: np.ndarray) -> np.ndarray:
+    """Numbers `(n,)` of names, from 0 in the order of their first rows."""
+    _, first, number = np.unique(names, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(first))[number.reshape(-1)])
+
+
+class _Line(NamedTuple):
+    """A straight line through positions, in tolerances."""
+
+    centre: Array
+    direction: Array
+
+    @classmethod
+    def through(cls, points: Array) -> _Line:
+        centre = points.mean(axis=0)
+        return cls(centre, np.linalg.svd(points - centre, full_matrices=False)[2][0])
+
+    def along(self, points: Array) -> Array:
+        return np.asarray((points - self.centre) @ self.direction)
+
+    def distances(self, points: Array) -> Array:
+        off = points - self.centre - np.outer(self.along(points), self.direction)
+        return np.asarray(np.linalg.norm(off, axis=1))
+
+
+def _lines_of(points: Array) -> np.ndarray:
+    """Numbers `(v,)` of the lines through successive points `(v, d)`; -1 for points on none."""
+    found = np.full(len(points), -1)
+    segments = _segments(points)
+    most = sum(len(part) for part in segments)
+    least = LEAST_OF_LINE - 1 if 2 * most >= len(points) else LEAST_OF_LINE
+    known: list[_Line] = []
+    for part in segments:
+        line = _Line.through(points[part])
+        along = np.unique(np.round(line.along(points[part])))
+        if len(along) < least or line.distances(points[part]).max() > 1.0:
+            continue
+        ends = points[part][[0, -1, int(np.argmax(line.along(points[part]))), int(np.argmin(line.along(points[part])))]]
+        same = [number for number, other in enumerate(known) if other.distances(ends).max() <= 2.0]
+        if not same:
+            known.append(line)
+        found[part] = same[0] if same else len(known) - 1
+    for number, line in enumerate(known):  # single visits of a position of the line
+        own, loose = line.along(points[found == number]), np.flatnonzero(found < 0)
+        along = line.along(points[loose])
+        on_it = (line.distances(points[loose]) <= 1.0) & (along >= own.min() - 1.0) & (along <= own.max() + 1.0)
+        found[loose[on_it]] = number
+    return found
+
+
+def _segments(points: Array) -> list[np.ndarray]:
+    """Indices of runs of three or more successive points `(v, d)`, each in line with its neighbours."""
+    steps = np.diff(points, axis=0)
+    first, second = steps[:-1], steps[1:]
+    squares = np.sum(first**2, axis=1), np.sum(second**2, axis=1)
+    area = np.maximum(squares[0] * squares[1] - np.sum(first * second, axis=1) ** 2, 0.0)
+    straight = np.append(False, np.append(np.sqrt(area) <= np.sqrt(np.maximum(*squares)), False))[: len(points)]
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], straight.astype(int), [0]])))
+    return [np.arange(start - 1, end + 1) for start, end in edges.reshape(-1, 2).tolist()]
+
+
+def _predictable(line: np.ndarray, positions: Array) -> list[int]:
+    """Numbers of the lines along which the rows off the line have positions of every axis that moves in it."""
+    found = []
+    for number in np.unique(line[line >= 0]).tolist():
+        own, others = positions[line == number], positions[line != number]
+        moving = np.flatnonzero(np.ptp(own, axis=0) > 2.0)
+        if all(_covered(own[:, axis], others[:, axis]) for axis in moving.tolist()):
+            found.append(number)
+    return found
+
+
+def _covered(own: Array, others: Array) -> bool:
+    """True where the others have at least half as many positions of an axis as the line, within its ends."""
+    inside = others[(others >= own.min() - 1.0) & (others <= own.max() + 1.0)]
+    return 2 * len(np.unique(np.round(inside))) >= len(np.unique(np.round(own)))
+
+
+def _regions(positions: Array, most: int) -> np.ndarray:
+    """Labels `(n,)` of at most so many regions of the positions `(n, d)`, halved again and again."""
+    labels = np.zeros(len(positions), int)
+    shares = positions / np.maximum(np.ptp(positions, axis=0), 1e-9) if positions.size else positions
+    while shares.size and 2 * (before := labels.max() + 1) <= most:
+        for label in range(before):
+            rows = np.flatnonzero(labels == label)
+            widest = int(np.argmax(np.ptp(shares[rows], axis=0)))
+            upper = rows[shares[rows, widest] > np.median(np.unique(shares[rows, widest]))]
+            if len(upper):
+                labels[upper] = labels.max() + 1
+        if labels.max() + 1 == before:  # fewer positions than regions
+            break
+    return labels
+
+
+def _recurring(measurement: Measurement) -> np.ndarray:
+    """Cycle `(n,)` of rows along one axis: a new one begins where a position recurs in the same direction."""
+    along = _in_tolerances(measurement)
+    found, number = np.zeros(len(along), int), 0
+    if not along.size:
+        return found
+    seen: set[tuple[float, float]] = set()
+    before: tuple[float, float] | None = None
+    keys = zip(along[:, 0].tolist(), _directions(measurement, along[:, 0]).tolist(), strict=True)
+    for row, key in enumerate(keys):
+        if key != before and key in seen:
+            number, seen = number + 1, set()
+        seen.add(key)
+        before = key
+        found[row] = number
+    return found
+
+
+def _directions(measurement: Measurement, along: Array) -> Array:
+    """Direction `(n,)` of the pass of each row: of the move to its stop, or from it for the later rows of a stop."""
+    stop = stops(measurement)
+    _, first, count = np.unique(stop, return_index=True, return_counts=True)
+    moves = np.sign(np.diff(along[first]))
+    came, goes = np.append(0.0, moves), np.append(moves, 0.0)
+    came = np.where(came == 0.0, goes, came)
+    if measurement.state.approach is not None:
+        axis = int(np.argmax(np.ptp(measurement.state.positions, axis=0)))
+        stated = measurement.state.approach[first, axis]
+        came = np.where(stated == 0.0, came, stated)
+    goes = np.where(goes == 0.0, came, goes)
+    later = np.arange(len(along)) - first[stop] >= count[stop] / 2.0 - 0.5 * (count[stop] == 1)
+    return np.asarray(np.where(later, goes[stop], came[stop]))
+
+
+def _sets_of_positions(measurement: Measurement) -> np.ndarray:
+    """Labels `(n,)` along each measured axis: every eighth position, or every eighth stretch of many positions."""
+    assert measurement.axis is not None
+    labels = np.zeros(len(measurement), int)
+    for name in np.unique(measurement.axis).tolist():
+        rows = np.flatnonzero(measurement.axis == name)
+        position = np.round(_positions(measurement)[rows, measurement.machine.index(name)])
+        number = np.unique(position, return_inverse=True)[1].reshape(-1)
+        distinct = number.max() + 1
+        labels[rows] = (number * STRETCHES // distinct if distinct > 2 * STRETCHES else number) % REGIONS
+    return labels
