@@ -15,7 +15,7 @@ from calibration.diagnosis.search.sawtooth import saw_uncertainty
 from calibration.diagnosis.search.selection import SEEN, WORTH, Accepted, Evaluated, Sibling, Stage
 from calibration.diagnosis.search.spectra import aliases
 from calibration.fit.fit import Fit
-from kinematics.effects import Cyclic, Effect, Outliers, QuantisedCompensation, Unnamed
+from kinematics.effects import Backlash, Cyclic, Effect, Outliers, QuantisedCompensation, Settling, Unnamed
 
 Verdict = Literal["strong", "tied", "weak"]
 ALIKE = 0.9
@@ -136,10 +136,10 @@ def named(stage: Stage, before: LinearisedFit) -> list[Named]:
                 each.score.delta_bic,
                 without.cross_validation.rms_um - stage.held_out_um,
                 min(share, 1.0),
-                _verdict(each),
+                verdict_of(each),
                 each.visible,
                 alternatives,
-                tuple(_notes(stage.linearised, effect)),
+                tuple(notes(stage.linearised, effect)),
             )
         )
     return sorted(found, key=lambda cause: (isinstance(cause.effect, Unnamed), cause.delta_bic))
@@ -200,15 +200,8 @@ def smallest_sizes(evaluated: Sequence[Evaluated], scalars: int) -> Iterator[tup
 
 
 def tied_with(accepted: Accepted) -> list[Sibling]:
-    """Siblings that these data cannot distinguish from a cause."""
-    own = accepted.candidate.kind, accepted.candidate.axis
-    return [
-        sibling
-        for sibling in accepted.siblings
-        if sibling.cosine >= ALIKE
-        and sibling.log_odds < EVEN
-        and (sibling.evaluated.candidate.kind, sibling.evaluated.candidate.axis) != own
-    ]
+    """Siblings that these data cannot distinguish from a cause, also of its own kind and axis."""
+    return [sibling for sibling in accepted.siblings if sibling.cosine >= ALIKE and sibling.log_odds < EVEN]
 
 
 def _alternatives(accepted: Accepted) -> Iterator[Alternative]:
@@ -218,7 +211,8 @@ def _alternatives(accepted: Accepted) -> Iterator[Alternative]:
         yield Alternative(candidate.kind, candidate.axis, candidate.effect.name, sibling.cosine, odds)
 
 
-def _verdict(accepted: Accepted) -> Verdict:
+def verdict_of(accepted: Accepted) -> Verdict:
+    """Verdict of an accepted cause."""
     if tied_with(accepted):
         return "tied"
     sure = accepted.sureness > CLEAR and accepted.score.delta_bic < CLEAR * WORTH
@@ -232,13 +226,31 @@ def _with_uncertainty(effect: Effect, without: LinearisedFit) -> Effect:
     return effect.with_parameters(effect.parameters, (effect.uncertainties[0], *saw_uncertainty(without, effect)))
 
 
-def _notes(linearised: LinearisedFit, effect: Effect) -> Iterator[str]:
+def notes(linearised: LinearisedFit, effect: Effect) -> Iterator[str]:
+    """Notes on a cause: other periods that fit as well, and the meaning of a size with an unusual sign."""
+    if isinstance(effect, Backlash) and effect.width < 0.0:
+        yield (
+            "a negative width: the axis runs beyond its command after a reversal; the control's own backlash value is "
+            f"probably larger than the real backlash by {-effect.width:.2g} {_unit(effect)}: check it, and measure "
+            "a reversal while it is set to 0"
+        )
+    if isinstance(effect, Settling) and effect.share_ppm < 0.0:
+        yield (
+            f"a negative share: the axis is beyond its command by {-effect.share_ppm:.2g} ppm of its last move; the "
+            "position loop overshoots, or the reading came early, while the axis still swung back: check the dwell "
+            "time before a reading, and the gain of the position loop"
+        )
     if isinstance(effect, Cyclic):
         others = aliases(linearised.positions(effect.axis), effect.period)
         if others:
             unit = "deg" if effect.axis[0] in "ABC" else "mm"
             listed = ", ".join(f"{p:.4g}" for p in others)
             yield f"positions on a lattice do not distinguish its period from {listed} {unit}"
+
+
+def _unit(effect: Effect) -> str:
+    """Unit of the first parameter of an effect."""
+    return effect.parameter_table[0].unit
 
 
 def _covariances(fit: Fit, rows: np.ndarray) -> np.ndarray:
@@ -254,7 +266,9 @@ __all__ = [
     "contract_kind",
     "named",
     "not_visible",
+    "notes",
     "outliers",
     "smallest_sizes",
     "tied_with",
+    "verdict_of",
 ]

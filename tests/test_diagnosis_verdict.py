@@ -1,0 +1,64 @@
+"""Verdicts of causes: ties, and notes on sizes with an unusual sign."""
+
+import numpy as np
+import pytest
+from support.diagnosis_cases import framed
+
+from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.linearised_fit import Projected, Score
+from calibration.diagnosis.search.selection import Accepted, Evaluated, Sibling
+from calibration.diagnosis.verdict import notes, tied_with, verdict_of
+from kinematics.effects import Backlash, CrossAxis, Cyclic, Settling
+
+SCORE = Score(500.0, 1.0, -480.0, 1e-9, np.ones(1))
+PROJECTED = Projected(np.ones((3, 1)), np.zeros((2, 1)), np.ones((1, 1)))
+
+
+def bent(component, other):
+    return CrossAxis(component, "X", other, (0.0, 500.0), (0.0, 400.0), 0, 1, (0.0,))
+
+
+def wave(component):
+    return Cyclic("X", component, 20.0, (0.0,), (0.0,))
+
+
+def accepted(effect, *others):
+    """A cause that predicts every held-out block better, with siblings `(effect, cosine, log odds)`."""
+    siblings = tuple(Sibling(Evaluated(Candidate(other), PROJECTED, SCORE), *figures) for other, *figures in others)
+    gains = np.array([9.0, 10.0, 11.0, 10.0])
+    return Accepted(Candidate(effect), np.ones(1), SCORE, 0.9, gains, siblings)
+
+
+@pytest.mark.parametrize(
+    ("own", "other"),
+    [
+        (wave("Y"), wave("Z")),
+        (bent("Y", "Z"), bent("Y", "Y")),
+        (bent("Y", "Z"), bent("C", "Z")),
+        (Backlash("X", 1.0), Settling(axis="X", share_ppm=1.0)),
+    ],
+)
+def test_a_tie_counts_also_within_one_axis_and_kind(own, other):
+    cause = accepted(own, (other, 1.0, 0.3))
+    assert [sibling.evaluated.candidate.effect for sibling in tied_with(cause)] == [other]
+    assert verdict_of(cause) == "tied"
+
+
+@pytest.mark.parametrize(("cosine", "log_odds"), [(0.85, 0.3), (1.0, 5.5)])
+def test_what_is_less_alike_or_less_likely_is_no_tie(cosine, log_odds):
+    cause = accepted(wave("Y"), (wave("Z"), cosine, log_odds))
+    assert not tied_with(cause)
+    assert verdict_of(cause) == "strong"
+
+
+def test_a_negative_size_is_explained():
+    linearised = framed(n=60)
+    (over,) = notes(linearised, Backlash("X", -12.3))
+    assert "probably larger than the real backlash by 12 um" in over
+    assert "check" in over
+    (early,) = notes(linearised, Settling(axis="X", share_ppm=-31.0))
+    assert "31 ppm" in early
+    assert "overshoots" in early
+    assert "reading came early" in early
+    assert not list(notes(linearised, Backlash("X", 12.3)))
+    assert not list(notes(linearised, Settling(axis="X", share_ppm=31.0)))
