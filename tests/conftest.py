@@ -28,7 +28,7 @@ hypothesis.settings.load_profile("default")  # or --hypothesis-profile=ci
 
 TIERS = {"unit", "integration", "statistical"}
 LINUXCNC = {"linuxcnc", "linuxcnc_sim"}
-INTEGRATION = {"command", "ncomp", "nc_data", "plates", "slit_log", *LINUXCNC}
+INTEGRATION = {"command", "ncomp", "nc_data", "plates", "slit_log", "ecmc_report", "scope_log", *LINUXCNC}
 """A test with one of these fixtures is an integration test, unless it is marked as statistical."""
 INTEGRATION_MODULES = {
     "test_bad_data", "test_blas", "test_chunks", "test_cli", "test_compensate", "test_conditions",
@@ -109,6 +109,25 @@ def slit_log() -> Path:
     path = REAL_DATA / "slit_axis" / "axis1_resolver_openloop.log"
     if not path.is_file():
         pytest.skip("the real slit axis (../shared/data/slit_axis) is not beside this repository")
+    return path.resolve()
+
+
+@pytest.fixture(scope="session")
+def ecmc_report() -> Path:
+    """The real report of an ISO 230-2 test: 9 targets, 5 cycles, both directions."""
+    return _real_file("iso230/x_iso230_2_report.md")
+
+
+@pytest.fixture(scope="session")
+def scope_log() -> Path:
+    """The real log of TwinCAT Scope: a turn out and back, its count and a resolver."""
+    return _real_file("resolver/ResolverCiclicError2.csv")
+
+
+def _real_file(name: str) -> Path:
+    path = REAL_DATA / name
+    if not path.is_file():
+        pytest.skip(f"real data (../shared/data/{name}) are not beside this repository")
     return path.resolve()
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from calibration.measurement.file import measurement_of
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.readers import cmm, delimited, epics, iso230_table, renishaw
+from calibration.measurement.readers import cmm, delimited, ecmc_report, epics, iso230_table, renishaw, twincat_scope
 from calibration.measurement.readers.text import given_entries, old_text
 from calibration.measurement.text_table import Table, parse_table, refuse_empty
 from kinematics.files import read_input
@@ -33,14 +33,16 @@ class Reader(NamedTuple):
 FOREIGN: Mapping[str, Reader] = {
     "rtl": Reader(renishaw.recognises, renishaw.to_table),
     "iso230-table": Reader(iso230_table.recognises, iso230_table.to_table),
+    "ecmc-report": Reader(ecmc_report.recognises, ecmc_report.to_table),
     "cmm": Reader(cmm.recognises, cmm.to_table),
     "epics": Reader(epics.recognises, epics.to_table),
+    "twincat-scope": Reader(twincat_scope.recognises, twincat_scope.to_table),
 }
 FORMATS = ("auto", "ncomp", *FOREIGN, "delimited")
 KNOWN = (
     "ncomp (measurement file, '# instrument: ...'), rtl (Renishaw), iso230-table (targets by runs, 'target_mm, 1 up, "
-    "1 down, ...'), cmm ('Meas X Meas Y Nom X Nom Y ...'), epics ('NAME date time value'), delimited (any columns, "
-    "with a column map)"
+    "1 down, ...'), ecmc-report (Markdown, 'ISO 230-2 motion test'), cmm ('Meas X Meas Y Nom X Nom Y ...'), epics "
+    "('NAME date time value'), twincat-scope (CSV, 'Starttime of export'), delimited (any columns, with a column map)"
 )
 HEAD = 20_000
 """Number of bytes from which a format is recognised."""

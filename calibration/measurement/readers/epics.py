@@ -5,7 +5,7 @@
 
 One line per value: name, date, time, value, in mm, or degrees for a rotary axis. The log does not contain the meaning
 of a variable, nor its axis: `command` and `observed` name the two variables, `axis` the axis. Values are paired with
-the nearest time stamp within half a sample. The speed is that of the commands, over SPAN samples.
+the nearest time stamp within half a sample.
 """
 
 from __future__ import annotations
@@ -16,21 +16,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.measurement.readers.text import given_entries, number_at, numbered_lines
-from calibration.measurement.text_table import Table, table_of
-from kinematics.files import fingerprint
+from calibration.measurement.readers.axis_motion import SPAN, AxisMotion, motion_table
+from calibration.measurement.readers.text import number_at, numbered_lines
+from calibration.measurement.text_table import Table
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 _LINE = re.compile(r"(\S+)\s+(\d{4}-\d\d-\d\d)\s+(\d\d:\d\d:\d\d(?:\.\d+)?)\s+(\S+)\s*")
 _GIVEN = ("command", "observed", "axis")
-SPAN = 10
-"""Number of samples for a speed."""
-STANDSTILL = 0.01
-"""Share of the largest speed below which the axis is at standstill."""
-STEADY = 0.02
-"""Largest relative difference of a constant speed from the median speed in motion."""
 
 
 @dataclass(frozen=True)
@@ -61,25 +55,17 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
     _check_given(given, lines, source, machine)
     command, observed = (_variable(lines, given[key], source) for key in ("command", "observed"))
     first, second, notes = _paired(command, observed, given, source)
-    time, target = command.time[first], command.value[first]
-    speed = _speeds(time, target)
-    moving, steady, usual = _regimes(speed)
-    directions = _directions(speed, moving)
-    notes += _motion_notes(given["axis"], machine, time, moving, steady, usual, command.lines[first])
-    turns = machine.axes[machine.index(given["axis"])].rotary
-    deviation = (observed.value[second] - target) * (1e6 * np.pi / 180.0 if turns else 1e3)
-    columns = {
-        "time_s": _texts(np.round(time - time[0], 6)),
-        "axis": [given["axis"]] * len(time),
-        "run": [str(run) for run in _runs(directions).tolist()],
-        "direction": ["+" if direction > 0 else "-" for direction in directions.tolist()],
-        "target_deg" if turns else "target_mm": _texts(target),
-        "deviation_urad" if turns else "deviation_um": _texts(np.round(deviation, 6)),
-        "feed": _texts(np.where(moving, np.round(np.abs(speed) * 60.0, 4), 0.0)),
-    }
+    motion = AxisMotion(
+        given["axis"],
+        command.time[first],
+        command.value[first],
+        observed.value[second],
+        observed.lines[second],
+        command.lines[first],
+    )
     others = {key: value for key, value in header.items() if key not in _GIVEN}
-    entries = given_entries(others, {"instrument": "interferometer"})
-    return table_of(source, fingerprint(data), entries, columns, observed.lines[second].tolist()), notes
+    table, more = motion_table(source, data, others, machine, motion)
+    return table, [*notes, *more]
 
 
 def _check_given(given: Mapping[str, str], lines: list[tuple[int, str]], source: str, machine: Machine) -> None:
@@ -151,58 +137,3 @@ def _nearest(times: Array, among: Array) -> np.ndarray:
     """Index `(n,)` of the nearest of ascending times."""
     after = np.clip(np.searchsorted(among, times), 1, len(among) - 1)
     return np.asarray(np.where(times - among[after - 1] <= among[after] - times, after - 1, after))
-
-
-def _speeds(time: Array, position: Array) -> Array:
-    """Signed speeds `(n,)`, mm/s or deg/s, over SPAN samples about each, fewer at the ends."""
-    low = np.maximum(np.arange(len(time)) - SPAN // 2, 0)
-    high = np.minimum(np.arange(len(time)) + SPAN // 2, len(time) - 1)
-    return np.asarray((position[high] - position[low]) / (time[high] - time[low]))
-
-
-def _regimes(speed: Array) -> tuple[np.ndarray, np.ndarray, float]:
-    """Masks `(n,)` of motion and of constant speed, and this speed, the median in motion."""
-    sizes = np.abs(speed)
-    moving = sizes > STANDSTILL * sizes.max()
-    usual = float(np.median(sizes[moving])) if moving.any() else 0.0
-    return moving, moving & (np.abs(sizes - usual) <= STEADY * usual), usual
-
-
-def _directions(speed: Array, moving: np.ndarray) -> Array:
-    """Directions `(n,)`, 1 or -1; at standstill that of the last motion, or before it that of the first."""
-    if not moving.any():
-        return np.ones(len(speed))
-    last = np.maximum.accumulate(np.where(moving, np.arange(len(speed)), 0))
-    return np.sign(speed[np.where(moving[last], last, np.argmax(moving))])
-
-
-def _runs(directions: Array) -> np.ndarray:
-    """Numbers `(n,)` of runs from 1: a motion in the first direction, and its return."""
-    return 1 + np.cumsum(np.append(False, (directions[1:] == directions[0]) & (directions[:-1] != directions[0])))
-
-
-def _motion_notes(
-    axis: str, machine: Machine, time: Array, moving: np.ndarray, steady: np.ndarray, usual: float, lines: np.ndarray
-) -> list[str]:
-    """Notes on the units, the speed and the rows at standstill or changing speed."""
-    turns = machine.axes[machine.index(axis)].rotary
-    unit, small = ("deg", "urad") if turns else ("mm", "um")
-    notes = [f"values taken in {unit} of {axis}, deviation observed minus command in {small}"]
-    if not moving.any():
-        return [*notes, f"{axis} does not move"]
-    notes.append(f"{axis} moves at {usual * 60.0:.4g} {unit}/min: {np.count_nonzero(steady)} of {len(time)} rows")
-    for rows, fault in (
-        (~moving, f"{axis} is at standstill"),
-        (moving & ~steady, f"{axis} accelerates, brakes or moves at another speed"),
-    ):
-        if rows.any():
-            first = int(np.argmax(rows))
-            notes.append(
-                f"{fault} in {np.count_nonzero(rows)} rows, the first on line {lines[first]} "
-                f"({time[first] - time[0]:.2f} s): they are used like the others"
-            )
-    return notes
-
-
-def _texts(column: Array) -> list[str]:
-    return [repr(value) for value in column.tolist()]

@@ -15,7 +15,7 @@ mrad or deg. An empty cell is a missing reading.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import chain
 
 from calibration.measurement.readers.text import (
@@ -81,24 +81,39 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
             if cell:
                 name = f"{column[0]} {'up' if column[1] else 'down'}"
                 readings[column].append((position, size * _number(cell, f"{where} column {name}", decimal), number))
+    return cycles_table(source, data, header, (axis, turns), readings), []
+
+
+def cycles_table(
+    source: str,
+    data: bytes,
+    header: Mapping[str, str],
+    axis: tuple[str, bool],
+    readings: Mapping[tuple[int, bool], Sequence[tuple[float, float, int]]],
+) -> Table:
+    """Readings of an axis in the contract's columns, run by run: forward by ascending targets, then backward.
+
+    axis: its name, and True for a rotary one. readings: target (mm, deg), deviation (um, urad) and line number, by
+    number of the run and True for forward.
+    """
+    name, turns = axis
     ordered = list(chain.from_iterable(
         ((run, forward, *reading) for reading in sorted(readings[run, forward], reverse=not forward))
         for run, forward in sorted(readings, key=lambda column: (column[0], not column[1]))
     ))  # fmt: skip
-    table = table_of(
+    return table_of(
         source,
         fingerprint(data),
         given_entries(header, {"instrument": "interferometer"}),
         {
-            "axis": [axis] * len(ordered),
+            "axis": [name] * len(ordered),
             "run": [str(run) for run, *_ in ordered],
             "direction": ["+" if forward else "-" for _, forward, *_ in ordered],
-            target: [repr(position) for _, _, position, *_ in ordered],
+            "target_deg" if turns else "target_mm": [repr(position) for _, _, position, *_ in ordered],
             "deviation_urad" if turns else "deviation_um": [repr(value) for _, _, _, value, _ in ordered],
         },
         [line for *_, line in ordered],
     )
-    return table, []
 
 
 def _delimiter(names: str) -> str:

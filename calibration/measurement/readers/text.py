@@ -6,6 +6,7 @@ import codecs
 from collections.abc import Mapping
 
 from calibration.measurement.text_table import Entry, number_of
+from kinematics.machine import Machine
 from kinematics.user_error import UserError
 
 LENGTHS: Mapping[str, float] = {"mm": 1.0, "m": 1e3, "inch": 25.4, "um": 1e-3}
@@ -56,6 +57,16 @@ def unit_size(units: Mapping[str, float], unit: str, where: str) -> float:
     if unit not in units:
         raise UserError(f"{where}: unit {unit!r} is none of {', '.join(units)}")
     return units[unit]
+
+
+def axis_of(name: str, machine: Machine, source: str) -> str:
+    """The axis given for a file that names none, or the only axis of the machine; UserError for another."""
+    if not name and len(machine.names) == 1:
+        return machine.names[0]
+    if name not in machine.names:
+        fault = f"axis {name!r} is none of machine {machine.name} ({machine.chain})" if name else "the axis is missing"
+        raise UserError(f"{source}: {fault}: state --header axis=NAME, one of {', '.join(machine.names)}")
+    return name
 
 
 def given_entries(header: Mapping[str, str], own: Mapping[str, str]) -> dict[str, Entry]:

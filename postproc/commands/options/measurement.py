@@ -47,7 +47,7 @@ class DataOptions:
     """The form of files with measured data."""
 
     format: str = option(
-        "Format of the data: auto, ncomp, rtl, iso230-table, cmm, epics or delimited.",
+        "Format of the data: auto, ncomp, rtl, iso230-table, ecmc-report, cmm, epics, twincat-scope or delimited.",
         default="auto",
         complete=_formats,
     )
