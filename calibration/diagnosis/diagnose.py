@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 
+from calibration.diagnosis.conclusion import Conclusion
 from calibration.diagnosis.improvement import Volume, by_direction, closure, volume
 from calibration.diagnosis.next.ranking import ProposedMeasurement, proposed_measurements
 from calibration.diagnosis.repeatability import Repeats, repeats
@@ -134,12 +135,28 @@ class Diagnosis:
     @property
     def next_measurement(self) -> str:
         """Recommended next measurement, as text for the workshop."""
-        if self.proposed_measurements:
+        if self.proposed_measurements and self.conclusion.condition != "not noise":
             return self.proposed_measurements[0].text
-        if self.unexplained is not None:
-            listed = ", ".join(self.unexplained.variables)
-            return f"Measure the same positions again: a dependence on {listed} that recurs belongs to the machine."
-        return "No further measurement is needed: no ambiguous causes, no unexplained dependence."
+        return self.conclusion.advice
+
+    @cached_property
+    def conclusion(self) -> Conclusion:
+        """The figures that decide on success, and the sentences that they permit."""
+        fit, left = self.after.fit, self.unexplained
+        return Conclusion(
+            tuple(cause.verdict for cause in self.causes),
+            tuple(combined(self.tests_after, LEFT)),
+            bool(self.tests_after),
+            ""
+            if left is None
+            else f"{self.unexplained_um:.2f} um depend on {', '.join(left.variables)} (p = {left.p_value:.2g})",
+            self.with_unnamed,
+            self.reason,
+            fit.failed,
+            fit.chi2_reduced,
+            fit.variance_factor == 1.0,
+            fit.degrees_of_freedom,
+        )
 
     @property
     def noise_um(self) -> float:

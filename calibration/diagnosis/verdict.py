@@ -58,6 +58,11 @@ class Alternative:
     odds: float
     """Odds of the named cause against this one."""
 
+    @property
+    def tied(self) -> bool:
+        """True where these data do not distinguish it from the named cause."""
+        return self.cosine >= ALIKE and self.odds < math.exp(EVEN)
+
 
 @dataclass(frozen=True)
 class Named:

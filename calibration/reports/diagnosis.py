@@ -32,17 +32,13 @@ LISTED = 8
 """Most outliers that are listed, and most tests; the JSON has all."""
 SIMILAR = 3
 """Most similar causes that are listed for one cause."""
-FAR = 4.0
-"""Ratio of the residual variance to the specified variance, or its inverse, above which a note is printed."""
-FEW = 20.0
-"""Degrees of freedom below which a note is printed: a result without causes then means little."""
 SIGNS = (
     "Errors are actual minus nominal, tool relative to workpiece (ISO 841, ISO 230-1), in um and urad; of the "
     "instrument observed minus true; a correction has the opposite sign. U is the expanded uncertainty, k = 2."
 )
 LEGEND = (
     "dBIC below -10: odds above 150 to 1. Held out: change of the RMS of residuals of held-out rows by the cause. "
-    "TIED: these data do not distinguish it from the first similar cause."
+    "TIED: these data do not distinguish it from the similar causes marked so."
 )
 READINGS = "residuals plus the fitted cause"
 HOW_DRAWN = {
@@ -141,45 +137,22 @@ def diagnosis_report(found: Diagnosis, command: str) -> Report:
 def _verdict(found: Diagnosis) -> str:
     """The result in a few sentences."""
     before, after = found.before, found.after
-    brought = (
+    improvement = (
         f"residual {before.fit.rms_um:.2f} -> {after.fit.rms_um:.2f} um RMS, "
         f"held out {before.held_out_um:.2f} -> {after.held_out_um:.2f} um"
     )
-    if found.causes:
-        names = "; ".join(map(_named, found.causes))
-        text = f"Missing in the present model: {names}. With {'it' if len(found.causes) == 1 else 'them'}: {brought}."
-        if found.with_unnamed:
-            text += " An unnamed effect is not a cause: no cause of the library explains the dependence."
-        elif found.unexplained is not None:
-            text += " Something else is missing that no cause of the library explains."
-    elif found.unexplained is not None:
-        text = f"Something is missing that no cause of the library explains; {brought}."
-    elif after.fit.failed:
-        text = f"The present model explains the data that were used down to their noise; {brought}."
-    else:
-        text = f"Nothing is missing: the present model explains the data down to their noise; {brought}."
-    if after.fit.failed:
-        text += f" NOT USED: {', '.join(after.fit.failed)}; this diagnosis does not apply to them."
-    return f"{text} Unexplained residual: {_residual(found)}."
-
-
-def _residual(found: Diagnosis) -> str:
-    """Remaining residual, also in units of the noise, and the variables that it depends on."""
-    rms, left = found.after.fit.rms_um, found.unexplained
+    rms = after.fit.rms_um
     size = f"{rms:.2f} um RMS, {rms / max(found.noise_um, 1e-12):.2f} times the noise"
-    if left is None:
-        return f"{size}; it depends on no recorded variable"
-    added = "; this dependence was added as an unnamed effect" if found.with_unnamed else ""
-    return (
-        f"{size}; {found.unexplained_um:.2f} um depend on {', '.join(left.variables)} (p = {left.p_value:.2g}){added}"
-    )
+    missing = found.conclusion.missing("; ".join(map(_named, found.causes)), improvement)
+    return f"{missing} Unexplained residual: {size}; {found.conclusion.residual}."
 
 
 def _named(cause: Named) -> str:
     """A cause, its size where that is one number, and its verdict."""
     one = len(cause.effect.parameters) == 1 or cause.kind == "outliers"
     size = f" ({', '.join(words.sizes(cause))})" if one else ""
-    tie = f" with {words.in_full(cause.alternatives[0].name)}" if cause.verdict == "tied" and cause.alternatives else ""
+    tied = [words.in_full(other.name) for other in cause.alternatives if other.tied] if cause.verdict == "tied" else []
+    tie = f" with {', '.join(shortened(tied, SIMILAR, 'causes'))}" if tied else ""
     return f"{words.title(cause)}{size}, {words.verdict(cause)}{tie}"
 
 
@@ -252,13 +225,13 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
     head = ("", "cause", f"size ± U (k={words.COVERAGE})", "dBIC", "held out, um", "share", "verdict")
     yield Section("Causes", f"{SIGNS}\n{LEGEND}", Table(head, rows))
     similar = [
-        (number, title, words.in_full(other.name), f"{other.cosine:.2f}", words.odds(other.odds))
+        (number, title, words.in_full(other.name), f"{other.cosine:.2f}", words.odds(other.odds), "TIED" * other.tied)
         for number, title, cause in numbered
-        for other in cause.alternatives[:SIMILAR]
+        for other in sorted(cause.alternatives, key=lambda other: not other.tied)[:SIMILAR]
     ]
     if similar:
         text = "Their effect on these data is nearly the same; odds: of the cause against the similar one."
-        yield Section("Similar causes", text, Table(("", "cause", "similar cause", "cosine", "odds"), similar))
+        yield Section("Similar causes", text, Table(("", "cause", "similar cause", "cosine", "odds", ""), similar))
     for number, title, cause in numbered:
         drawn = partial(cause_figure, views(found.after.linearised, cause.effect))
         yield Section(f"{number}  {title}", "\n".join(_about(cause)), figure=drawn)
@@ -328,7 +301,7 @@ def _tested(test: Test | None, marked: set[str]) -> tuple[str, str]:
 def _unexplained(found: Diagnosis) -> Section:
     left = found.unexplained
     if left is None:
-        return Section("Unexplained", "The remaining residuals show no dependence on any recorded variable.")
+        return Section("Unexplained", found.conclusion.unexplained)
     text = (
         f"{found.unexplained_um:.2f} um RMS depend on {', '.join(left.variables)} (p = {left.p_value:.2g}), and no "
         "cause of the library explains them."
@@ -383,21 +356,7 @@ def _left_out(found: Diagnosis) -> Iterator[str]:
 
 def _notes(found: Diagnosis) -> Iterator[str]:
     """Weaknesses of the result, and notes on unnamed effects, on the causes and on effects of the instrument."""
-    fit = found.after.fit
-    if fit.degrees_of_freedom < FEW:
-        yield (
-            f"{fit.observations} observations leave {fit.degrees_of_freedom:.0f} degrees of freedom: too few for "
-            "reliable verdicts."
-        )
-    elif fit.variance_factor == 1.0:
-        estimate = "--noise estimate takes the noise from the residuals."
-        if fit.chi2_reduced < 1 / FAR:
-            yield f"chi2/dof {fit.chi2_reduced:.2g}: the specified noise is too large; {estimate}"
-        elif fit.chi2_reduced > FAR and found.unexplained is None:
-            yield (
-                f"chi2/dof {fit.chi2_reduced:.2g} without any dependence on a recorded variable: the specified noise "
-                f"is too small; {estimate}"
-            )
+    yield from found.conclusion.notes
     if found.unnamed:
         yield found.unnamed
     for cause in found.causes:

@@ -30,6 +30,8 @@ FEWEST = 10
 """Number of rows below which nothing is tested."""
 ABSORBED = 0.05
 """Share of a test's variance below which the fit has absorbed its signal; its p-value is then 1."""
+SIZE = "size (chi2)"
+"""Name of the test of the residuals' size against the instrument specification."""
 STRAIGHT = 1e-5
 """Skewness below which a distribution counts as normal."""
 
@@ -227,4 +229,4 @@ def _regression(noise: _Noise, columns: Array, name: str, hint: str) -> Test:
 def _size(white: Array, effective_parameters: float) -> Test:
     total, degrees_of_freedom = float(np.sum(white**2)), max(white.size - effective_parameters, 1.0)
     hint = "an effect of many small parts, or noise above the instrument's specification (--noise estimate)"
-    return Test("size (chi2)", float(special.chdtrc(degrees_of_freedom, total)), total / degrees_of_freedom, hint)
+    return Test(SIZE, float(special.chdtrc(degrees_of_freedom, total)), total / degrees_of_freedom, hint)
