@@ -10,10 +10,10 @@ from support.diagnosis_cases import LEGENDRE, data_with, fitted
 from calibration.diagnosis.search.candidates import at_zero
 from calibration.diagnosis.search.linearised_fit import GENEROUS, LIKELY, LinearisedFit
 from calibration.diagnosis.search.proposed_shapes import waves
-from calibration.fit.cross_validation import cells
 from calibration.fit.fit import fit
 from calibration.observation.full_model import priors, rigid_model
 from calibration.observation.normal_equations import residuals
+from calibration.observation.stops_and_lines import held_out_blocks
 from kinematics.effects import (
     AirScale,
     Backlash,
@@ -88,7 +88,7 @@ def test_held_out_residuals_are_those_of_fits_by_blocks():
     found = fitted(data_with())
     linearised = LinearisedFit.of(found)
     assert linearised.weights.min() == pytest.approx(1.0, abs=0.6)
-    labels, _ = cells(found.measurement)
+    labels, _ = held_out_blocks(found.measurement)
     told = linearised.cross_validation
     for label in np.unique(labels):
         inside = labels == label
@@ -102,7 +102,7 @@ def test_held_gains_are_those_of_fits_by_blocks():
     data = data_with(Backlash("X", 4.0), ThermalDrift(component="Z", rate=6.0))
     data = replace(data, instrument=msgspec.structs.replace(data.instrument, u_range_um_per_m=2.0, u_angle_um=12.0))
     linearised = LinearisedFit.of(fitted(data))
-    labels, _ = cells(data)
+    labels, _ = held_out_blocks(data)
     base = rigid_model(data, LEGENDRE)
 
     def missed(effects, largest=0.0):

@@ -11,7 +11,7 @@ from support.virtual_measurements import COLLINEAR, EXACT, MONTAVON, ONE, THREE,
 import machines
 from calibration.fit.basis_selection import choose
 from calibration.fit.calibrate import calibrate
-from calibration.fit.cross_validation import blocks_of, cross_validate
+from calibration.fit.cross_validation import cross_validate
 from calibration.fit.datum import gauge, null_space, to_datum
 from calibration.fit.fit import fit
 from calibration.fit.identifiability import identifiability
@@ -21,6 +21,7 @@ from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from calibration.observation.full_model import BasisChoice, moving_axes, parse_basis, priors, rigid_model
+from calibration.observation.stops_and_lines import held_out_blocks
 from kinematics.basis import Fourier
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, ErrorMotion, GrowthWithSensor, LocationError, ThermalDrift
@@ -291,8 +292,8 @@ def test_held_out_blocks_are_predicted_worse_than_fitted_ones():
     held = cross_validate(measurement, zeroed(model), found.prior, found.kept)
     assert held.blocks == 8
     assert found.rms_um < held.rms_um < 1.5 * found.rms_um
-    labels, what = blocks_of(measurement)
-    assert what == "cells of space"
+    labels, what = held_out_blocks(measurement)
+    assert what == "regions of stops"
     assert np.bincount(labels).min() >= 30
 
 

@@ -10,13 +10,14 @@ from support.virtual_measurements import MONTAVON, ONE, THREE, measured, pose_of
 
 import machines
 from calibration.fit.calibrate import calibrate
-from calibration.fit.cross_validation import blocks_of, cross_validate
+from calibration.fit.cross_validation import cross_validate
 from calibration.fit.fit import fit
 from calibration.measurement.instruments import Interferometer, LaserTracker, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation import equations
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.observation.outliers import duplicates
+from calibration.observation.stops_and_lines import held_out_blocks
 from kinematics.effects import Cyclic, ErrorMotion, GrowthWithSensor
 from kinematics.error_model.model import decode_model, encode_model, no_errors
 from kinematics.state import State
@@ -70,10 +71,10 @@ def test_a_failed_run_does_not_stop_the_calibration():
 def test_few_positions_have_few_cells():
     _, measurement = tracked()
     for rows in ([0, 5, 9] * 20, [3] * 50, [0] * 70 + list(range(30))):
-        labels, what = blocks_of(measurement.rows(np.array(rows)))
-        assert what == "cells of space"
+        labels, what = held_out_blocks(measurement.rows(np.array(rows)))
+        assert what == "regions of stops"
         assert labels.max() < 8
-    labels, _ = blocks_of(measurement.rows(np.array([0, 5, 9] * 20)))
+    labels, _ = held_out_blocks(measurement.rows(np.array([0, 5, 9] * 20)))
     assert len(np.unique(labels)) == 3
 
 

@@ -6,7 +6,7 @@ import pytest
 import machines
 from calibration.evaluation.volumetric import aligned, deviation_on
 from calibration.fit.calibrate import calibrate
-from calibration.fit.cross_validation import lines
+from calibration.fit.cross_validation import diagonals
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.measurement.plan import Choices
@@ -39,7 +39,7 @@ def measured(strategy, points, seed=0, **choices):
     ],
 )
 def test_lines_of_diagonals_are_found(strategy, choices, number):
-    found = lines(measured(strategy, 120, **choices)[1])
+    found = diagonals(measured(strategy, 120, **choices)[1])
     assert (None if found is None else found.max() + 1) == number
 
 

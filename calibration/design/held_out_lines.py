@@ -10,9 +10,10 @@ import numpy as np
 
 from calibration.design.equations import IDENTIFIABLE
 from calibration.design.solver import Fits
-from calibration.fit.cross_validation import blocks_of, lines, registered
+from calibration.fit.cross_validation import diagonals, registered
 from calibration.fit.linear import Part, Posterior, column_space
 from calibration.observation.outliers import refuse_lines
+from calibration.observation.stops_and_lines import held_out_blocks
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -46,11 +47,11 @@ class HeldOutLines:
 
     @classmethod
     def of(cls, fits: Fits) -> HeldOutLines | None:
-        """The blocks of `calibration.fit.cross_validation`; None without such blocks, or off a few diagonals."""
+        """The blocks of `held_out_blocks`; None without such blocks, or off a few diagonals."""
         measurement, registration = fits.columns.measurement, fits.columns.registration
-        if lines(measurement) is None:
+        if diagonals(measurement) is None:
             return None
-        labels, _ = blocks_of(measurement)
+        labels, _ = held_out_blocks(measurement)
         lines_held_out, number = [], 0
         for label in np.unique(labels):
             others, predicted = labels != label, (labels == label) & registered(measurement, labels != label)

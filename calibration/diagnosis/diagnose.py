@@ -259,7 +259,7 @@ def _no_gain(stage: Stage) -> str:
     if not counted.any():
         return reason_against(found, before, None)
     predicted = np.stack([held.residual_um / micro, everywhere[linearised.rows]])[:, counted]
-    figures = summed_up(predicted, linearised.white[counted], micro[counted], held.blocks, "cells of space")
+    figures = summed_up(predicted, linearised.white[counted], micro[counted], held.blocks, held.name)
     return reason_against(found, before, figures)
 
 

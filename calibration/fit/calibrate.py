@@ -20,7 +20,7 @@ from calibration.fit.acceptance import (
 )
 from calibration.fit.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.basis_selection import choose, finer
-from calibration.fit.cross_validation import CrossValidation, cross_validate, lines
+from calibration.fit.cross_validation import CrossValidation, cross_validate, diagonals
 from calibration.fit.datum import to_datum
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability, identifiability
@@ -123,7 +123,7 @@ def _choice(
     if basis == AUTO or basis.startswith(f"{AUTO}:"):
         kinds = AUTOMATIC_KINDS if basis == AUTO else (basis.removeprefix(f"{AUTO}:"),)
         rotary_kind = ROTARY_KIND if basis == AUTO else None
-        unexplained = None if lines(measurement) is None else partial(_unexplained, measurement, effects)
+        unexplained = None if diagonals(measurement) is None else partial(_unexplained, measurement, effects)
         return choose(
             measurement,
             kinds,

@@ -1,12 +1,13 @@
 """Cross-validation: a fit of all other rows predicts each block of rows.
 
-Blocks are runs, lines, cells of space, or positions with all their rows: never single rows, because the neighbours of a
-single row determine it.
+Blocks are lines and regions of stops, cycles, or positions with all their rows: never single rows, because the rows of
+the same stop, and its neighbours, determine a single row.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -14,26 +15,22 @@ import numpy as np
 
 from calibration.fit.fit import Fit, fit
 from calibration.measurement.measurement import Measurement
+from calibration.observation import equations
 from calibration.observation.normal_equations import residuals, whitened, whiteners
 from calibration.observation.outliers import Variance
+from calibration.observation.stops_and_lines import held_out_blocks, lines
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-CELLS = 8
-"""Number of cells of space, or of sets of positions."""
 POSE = 6
 """Smallest number of rows that locates a set-up, or a target on table or bed, well enough to predict other rows."""
-
-
-LINE_MM = 1.0
-"""Distance from a line within which positions lie on it."""
-LEAST_OF_LINE = 4
-"""Smallest number of rows of a line."""
+OWN_ZERO = 4
+"""Smallest number of rows of a run of an interferometer that show its zero and predict one another beside it."""
 LEAST_LINES, MOST_LINES = 3, 24
-"""Fewer lines do not predict each other; more of them fill the volume."""
-FINE = 1e3
-"""Directions that differ by less than 1 / FINE count as one."""
+"""Fewer diagonals do not predict each other; more of them fill the volume."""
+MOVING = 0.01
+"""Least range of an axis that moves in a line, as a share of the largest one."""
 
 
 class CrossValidation(NamedTuple):
@@ -46,7 +43,7 @@ class CrossValidation(NamedTuple):
     blocks: int
     """Number of blocks."""
     name: str
-    """Name of the blocks, plural: runs, lines, cells of space, ..."""
+    """Name of the blocks, plural: lines, regions of stops, cycles, ..."""
     nominal_rms_um: float
     """RMS residual of the same rows on the nominal machine, registered by the others, um."""
     improvement: float
@@ -62,7 +59,7 @@ def cross_validate(
     kept: mask `(n,)` of the rows to be used, outliers left out.
     """
     good = measurement.rows(np.flatnonzero(kept))
-    return predicted_by_others(good, *blocks_of(good), partial(fit, model=model, prior=prior, variance=variance))
+    return predicted_by_others(good, *held_out_blocks(good), partial(fit, model=model, prior=prior, variance=variance))
 
 
 def predicted_by_others(
@@ -71,7 +68,8 @@ def predicted_by_others(
     """Residuals of each block of rows under `refit`, and under the nominal machine, of the other rows.
 
     labels `(n,)`: numbers of the blocks; negative for rows of no block. Rows whose set-up or target hardly occurs in
-    the others depend on the registration, not on the machine, and do not count. None if too few rows count.
+    the others depend on the registration, not on the machine, and do not count; a run of an interferometer that the
+    others lack has a zero of its own. None if too few rows count.
     """
     unexplained = np.full((2, len(good), good.components), np.nan)
     for label in np.unique(labels[labels >= 0]):
@@ -85,7 +83,7 @@ def predicted_by_others(
             except UserError:  # the other rows alone cannot be fitted
                 return None
             # effects with memory need the rows in between
-            unexplained[i, predicted] = residuals(good, found.model, found.registration)[predicted]
+            unexplained[i, predicted] = _with_own_zeros(good, labels == label, found)[predicted]
     predicted = ~np.isnan(unexplained[0, :, 0])
     if 2 * predicted.sum() < len(good):
         return None
@@ -108,90 +106,58 @@ def summed_up(unexplained: Array, whitener: Array, per_micro: Array, blocks: int
     return CrossValidation(rms[0], largest, blocks, name, rms[1], squares[1] - squares[0])
 
 
-def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:
-    """Labels `(n,)` of blocks, and the name of the blocks.
+def _with_own_zeros(measurement: Measurement, block: np.ndarray, found: Fit) -> Array:
+    """Residuals `(n, d)` of all rows; runs of the block that the fit lacks have zeros and slopes of their own."""
+    if measurement.components > 1:
+        return residuals(measurement, found.model, found.registration)
+    missing = np.flatnonzero(block & ~np.isin(measurement.groups, list(found.registration.zeros)))
+    if not len(missing):
+        return residuals(measurement, found.model, found.registration)
+    some = measurement.rows(missing)
+    own = equations.start(some, np.ones(len(some), bool))
+    zeros = {**found.registration.zeros, **dict.fromkeys(own.zeros, 0.0)}
+    residual = residuals(measurement, found.model, replace(found.registration, zeros=zeros))
+    residual[missing] = less_columns(residual[missing], equations.registration_design(some, own)[:, 0])
+    return residual
 
-    Runs where there are three or more; for an interferometer every eighth position, so that the neighbours of a gap
-    are known; lines for a measurement on diagonals; else cells of space.
-    """
-    if measurement.run is not None and measurement.instrument.components > 1 and len(np.unique(measurement.run)) > 2:
-        return np.unique(measurement.run, return_inverse=True)[1], "runs"
-    diagonals = lines(measurement)
-    return cells(measurement) if diagonals is None else (diagonals, "lines")
+
+def less_columns(values: Array, columns: Array) -> Array:
+    """Values `(n, k)` without their part along columns `(n, p)`, enlarged to the variance that noise had before."""
+    if not columns.shape[1]:
+        return values
+    along = np.linalg.qr(columns)[0]
+    return np.asarray(
+        (values - along @ (along.T @ values)) * np.sqrt(len(values) / max(len(values) - along.shape[1], 1))
+    )
 
 
-def lines(measurement: Measurement) -> np.ndarray | None:
-    """Numbers `(n,)` of the lines on which successive positions lie; None unless these are a few diagonals.
+def diagonals(measurement: Measurement) -> np.ndarray | None:
+    """Numbers `(n,)` of the lines on which the positions lie; None unless these are a few diagonals.
 
     On a diagonal two or more linear axes move. A few (LEAST_LINES to MOST_LINES) diagonals determine the errors between
     them poorly.
     """
-    linear = np.flatnonzero(~measurement.machine.rotary)
-    positions = measurement.state.positions[:, linear]
-    if measurement.axis is not None or measurement.across is not None or len(positions) < LEAST_OF_LINE:
+    if measurement.axis is not None or measurement.across is not None:
         return None
-    keys = np.empty((len(positions), 2 * len(linear)))
-    start = 0
-    while start < len(positions):
-        end, key = _line(positions, start)
-        if end - start < LEAST_OF_LINE or np.count_nonzero(np.abs(key[: len(linear)]) > 0.01 * FINE) < 2:
-            return None
-        keys[start:end], start = key, end
-    numbers = np.unique(np.round(keys / LINE_MM), axis=0, return_inverse=True)[1].reshape(-1)
-    return np.asarray(numbers) if LEAST_LINES <= numbers.max() + 1 <= MOST_LINES else None
-
-
-def _line(positions: Array, start: int) -> tuple[int, Array]:
-    """End of the line of positions `(n, d)` that begins at `start`; its direction, times FINE, and foot `(2 d,)`."""
-    away = np.linalg.norm(positions[start:] - positions[start], axis=1)
-    second = start + int(np.argmax(away > LINE_MM))
-    along = positions[second] - positions[start]
-    direction = along / max(float(np.linalg.norm(along)), LINE_MM)
-    direction = direction * (1.0 if direction[np.argmax(np.abs(direction))] > 0 else -1.0)
-    apart = positions[start:] - positions[start]
-    off = np.linalg.norm(apart - np.outer(apart @ direction, direction), axis=1) > LINE_MM
-    end = start + int(np.argmax(off)) if off.any() else len(positions)
-    foot = positions[start] - (positions[start] @ direction) * direction
-    return end, np.concatenate([direction * FINE, foot])
-
-
-def cells(measurement: Measurement) -> tuple[np.ndarray, str]:
-    """Labels `(n,)` of cells of space, or of sets of positions for an interferometer, and their name."""
-    if measurement.axis is not None:
-        return _every_eighth(measurement), "sets of positions"
-    labels = np.zeros(len(measurement), int)
-    positions = measurement.state.positions / np.maximum(np.ptp(measurement.state.positions, axis=0), 1e-9)
-    while labels.max() + 1 < CELLS:
-        before = labels.max() + 1
-        for label in range(before):
-            rows = np.flatnonzero(labels == label)
-            widest = int(np.argmax(np.ptp(positions[rows], axis=0)))
-            middle = np.median(np.unique(positions[rows, widest]))
-            upper = rows[positions[rows, widest] > middle]
-            if len(upper):
-                labels[upper] = labels.max() + 1
-        if labels.max() + 1 == before:  # fewer positions than cells
-            break
-    return labels, "cells of space"
-
-
-def _every_eighth(measurement: Measurement) -> np.ndarray:
-    """Labels `(n,)`: numbers of the positions along the measured axis, modulo CELLS."""
-    assert measurement.axis is not None
-    labels = np.zeros(len(measurement), int)
-    for name in np.unique(measurement.axis).tolist():
-        rows = np.flatnonzero(measurement.axis == name)
-        position = np.round(measurement.state.positions[rows, measurement.machine.index(name)], 6)
-        labels[rows] = np.unique(position, return_inverse=True)[1] % CELLS
-    return labels
+    found, positions = lines(measurement), measurement.state.positions[:, ~measurement.machine.rotary]
+    if (found < 0).any() or not LEAST_LINES <= found.max() + 1 <= MOST_LINES:
+        return None
+    ranges = np.array([np.ptp(positions[found == line], axis=0) for line in range(found.max() + 1)])
+    moving = ranges > MOVING * ranges.max(axis=1, keepdims=True)
+    return found if (np.count_nonzero(moving, axis=1) > 1).all() else None
 
 
 def registered(measurement: Measurement, others: np.ndarray) -> np.ndarray:
-    """True `(n,)` for rows whose set-up, and target on table or bed, have enough rows among the `others`."""
-    few = POSE if measurement.instrument.components > 1 else 1
+    """True `(n,)` for rows whose set-up, and target on table or bed, have enough rows among the `others`.
+
+    The zero of a run of an interferometer may also come from its own rows, where it has OWN_ZERO or more.
+    """
     predicted = np.ones(len(measurement), bool)
+    if measurement.components == 1:
+        _, number = np.unique(measurement.groups, return_inverse=True)
+        return np.asarray((np.bincount(number, others)[number] >= 1) | (np.bincount(number)[number] >= OWN_ZERO))
     known = np.array([target.known for target in measurement.targets.values()])
     for labels, needed in ((measurement.groups, True), (measurement.target_number, ~known[measurement.target_number])):
         _, number = np.unique(labels, return_inverse=True)
-        predicted &= (np.bincount(number, others)[number] >= few) | ~np.asarray(needed)
+        predicted &= (np.bincount(number, others)[number] >= POSE) | ~np.asarray(needed)
     return predicted

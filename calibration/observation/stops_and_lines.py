@@ -126,23 +126,32 @@ def _numbered(names: np.ndarray) -> np.ndarray:
     return np.asarray(np.argsort(np.argsort(first))[number.reshape(-1)])
 
 
-class _Line(NamedTuple):
-    """A straight line through positions, in tolerances."""
+class _Lines(NamedTuple):
+    """Straight lines through positions, in tolerances."""
 
     centre: Array
+    """`(k, d)`"""
     direction: Array
+    """`(k, d)`"""
 
     @classmethod
-    def through(cls, points: Array) -> _Line:
+    def through(cls, points: Array) -> _Lines:
+        """One line, through points `(m, d)`."""
         centre = points.mean(axis=0)
-        return cls(centre, np.linalg.svd(points - centre, full_matrices=False)[2][0])
+        return cls(centre[None], np.linalg.svd(points - centre, full_matrices=False)[2][:1])
 
     def along(self, points: Array) -> Array:
-        return np.asarray((points - self.centre) @ self.direction)
+        """Distances `(k, m)` of points from the centres along the lines."""
+        return np.asarray(self.direction @ points.T - np.sum(self.direction * self.centre, axis=1)[:, None])
 
     def distances(self, points: Array) -> Array:
-        off = points - self.centre - np.outer(self.along(points), self.direction)
-        return np.asarray(np.linalg.norm(off, axis=1))
+        """Distances `(k, m)` of points from the lines."""
+        squares = np.sum((points[None] - self.centre[:, None]) ** 2, axis=2) - self.along(points) ** 2
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+
+    def joined(self, other: _Lines) -> _Lines:
+        """These lines and other ones."""
+        return _Lines(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
 
 
 def _lines_of(points: Array) -> np.ndarray:
@@ -151,22 +160,23 @@ def _lines_of(points: Array) -> np.ndarray:
     segments = _segments(points)
     most = sum(len(part) for part in segments)
     least = LEAST_OF_LINE - 1 if 2 * most >= len(points) else LEAST_OF_LINE
-    known: list[_Line] = []
+    known = _Lines(*np.zeros((2, 0, points.shape[1])))
     for part in segments:
-        line = _Line.through(points[part])
-        along = np.unique(np.round(line.along(points[part])))
-        if len(along) < least or line.distances(points[part]).max() > 1.0:
+        line = _Lines.through(points[part])
+        along = line.along(points[part])[0]
+        if len(np.unique(np.round(along))) < least or line.distances(points[part]).max() > 1.0:
             continue
-        ends = points[part][[0, -1, int(np.argmax(line.along(points[part]))), int(np.argmin(line.along(points[part])))]]
-        same = [number for number, other in enumerate(known) if other.distances(ends).max() <= 2.0]
-        if not same:
-            known.append(line)
-        found[part] = same[0] if same else len(known) - 1
-    for number, line in enumerate(known):  # single visits of a position of the line
-        own, loose = line.along(points[found == number]), np.flatnonzero(found < 0)
-        along = line.along(points[loose])
-        on_it = (line.distances(points[loose]) <= 1.0) & (along >= own.min() - 1.0) & (along <= own.max() + 1.0)
-        found[loose[on_it]] = number
+        ends = points[part][[int(np.argmin(along)), int(np.argmax(along))]]
+        same = np.flatnonzero(known.distances(ends).max(axis=1) <= 2.0)
+        if not len(same):
+            known = known.joined(line)
+        found[part] = same[0] if len(same) else len(known.centre) - 1
+    loose = np.flatnonzero(found < 0)  # single visits of a position of a line
+    if len(loose) and len(known.centre):
+        along, own = known.along(points[loose]), known.along(points)
+        ends = np.array([[own[k, found == k].min(), own[k, found == k].max()] for k in range(len(own))])
+        on_it = (known.distances(points[loose]) <= 1.0) & (along >= ends[:, :1] - 1.0) & (along <= ends[:, 1:] + 1.0)
+        found[loose] = np.where(on_it.any(axis=0), np.argmax(on_it, axis=0), -1)
     return found
 
 
@@ -182,20 +192,23 @@ def _segments(points: Array) -> list[np.ndarray]:
 
 
 def _predictable(line: np.ndarray, positions: Array) -> list[int]:
-    """Numbers of the lines along which the rows off the line have positions of every axis that moves in it."""
-    found = []
-    for number in np.unique(line[line >= 0]).tolist():
-        own, others = positions[line == number], positions[line != number]
-        moving = np.flatnonzero(np.ptp(own, axis=0) > 2.0)
-        if all(_covered(own[:, axis], others[:, axis]) for axis in moving.tolist()):
-            found.append(number)
-    return found
+    """Numbers of the lines along which the rows off the line have positions of every axis that moves in it.
 
-
-def _covered(own: Array, others: Array) -> bool:
-    """True where the others have at least half as many positions of an axis as the line, within its ends."""
-    inside = others[(others >= own.min() - 1.0) & (others <= own.max() + 1.0)]
-    return 2 * len(np.unique(np.round(inside))) >= len(np.unique(np.round(own)))
+    That is at least half as many positions as the line has, within its ends.
+    """
+    covered = np.ones(line.max(initial=-1) + 1, bool)
+    order = np.argsort(line, kind="stable")
+    parts = np.split(order, np.searchsorted(line[order], np.arange(len(covered) + 1)))[1:-1]
+    for values in np.round(positions).T:
+        levels, level = np.unique(values, return_inverse=True)
+        rows = np.bincount(level)
+        for number, part in enumerate(parts):
+            own = np.bincount(level[part], minlength=len(levels))
+            inside = slice(level[part].min(), level[part].max() + 1)
+            if levels[inside][-1] - levels[inside][0] > 2.0:
+                others = np.count_nonzero(rows[inside] > own[inside])
+                covered[number] &= 2 * others >= np.count_nonzero(own)
+    return np.flatnonzero(covered).tolist()
 
 
 def _regions(positions: Array, most: int) -> np.ndarray:

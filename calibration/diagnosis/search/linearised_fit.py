@@ -19,7 +19,7 @@ import numpy as np
 from scipy import special
 
 from calibration.cores import each
-from calibration.fit.cross_validation import cells, registered
+from calibration.fit.cross_validation import less_columns, registered
 from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
 from calibration.measurement.measurement import Measurement
@@ -27,6 +27,7 @@ from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import huber_weights, robust_factor
+from calibration.observation.stops_and_lines import held_out_blocks
 from kinematics.effects import Effect
 from kinematics.error_model.model import Design, no_errors
 from kinematics.state import State
@@ -328,20 +329,32 @@ class LinearisedFit:
         )
 
     @cached_property
+    def held_out(self) -> tuple[np.ndarray, str]:
+        """Labels of the blocks of all rows of the measurement, and the name of the blocks."""
+        return held_out_blocks(self.measurement)
+
+    @cached_property
     def blocks(self) -> list[HeldBlock]:
-        """Cells of space (interferometer: sets of positions), each predicted by a fit of all the others."""
-        some = self.measurement.rows(self.rows)
-        labels, _ = cells(some)
+        """The blocks of `held_out_blocks`, each predicted by a fit of all the others."""
+        some, labels = self.measurement.rows(self.rows), self.held_out[0][self.rows]
         found = []
-        for label in np.unique(labels):
+        for label in np.unique(labels[labels >= 0]):
             inside = labels == label
             mine = np.repeat(inside, some.components)
             design, residual = self.design[mine], self.residual[mine]
             posterior = Posterior(self.information - design.T @ design, self.limited + RIDGE)
             moved = posterior.solve(design.T @ residual)
             counted = np.repeat(registered(some, ~inside)[inside], some.components)
-            found.append(HeldBlock(mine, posterior, moved, residual + design @ moved, counted))
+            zeros = self._own_zeros(mine)
+            held_residual = less_columns((residual + design @ moved)[:, None], zeros)[:, 0]
+            found.append(HeldBlock(mine, posterior, moved, held_residual, counted, zeros))
         return found
+
+    def _own_zeros(self, block: np.ndarray) -> Array:
+        """Columns `(m, p)` of the zeros of an interferometer's runs that only rows of the block `(N,)` have."""
+        own = self.design[:, : len(self.fit.registration.names) if self.measurement.components == 1 else 0]
+        only = own[block].any(axis=0) & ~own[~block].any(axis=0)
+        return np.asarray(own[block][:, only])
 
     def held_out_gains(self, candidate: Projected) -> Array:
         """Reduction of the squares of each block's counted residuals by the candidate in the fit of the other blocks.
@@ -359,7 +372,8 @@ class LinearisedFit:
             step = block.posterior.solve(others)
             schur = squares - own.T @ own - others.T @ step
             slope = right - own.T @ self.residual[block.rows] + others.T @ block.moved
-            after = block.held_residual - (own - design @ step) @ np.linalg.solve(schur + softened, slope)
+            seen = less_columns(own - design @ step, block.zeros)
+            after = block.held_residual - seen @ np.linalg.solve(schur + softened, slope)
             gains.append(float(np.sum(block.held_residual[block.counted] ** 2) - np.sum(after[block.counted] ** 2)))
         return np.array(gains)
 
@@ -367,12 +381,14 @@ class LinearisedFit:
     def cross_validation(self) -> HeldResiduals:
         """Residuals of every block under a fit of all the others, to first order."""
         components = self.measurement.components
-        held_residual, counted = np.empty(self.scalars), np.zeros(self.scalars, bool)
+        held_residual, counted = np.zeros(self.scalars), np.zeros(self.scalars, bool)
         for block in self.blocks:
             held_residual[block.rows], counted[block.rows] = block.held_residual, block.counted
         whole = held_residual.reshape(-1, components)[:, :, None]
         in_mm = np.linalg.solve(self.white, whole)[:, :, 0] * self.measurement.per_micro[self.rows]
-        return HeldResiduals(in_mm, counted.reshape(-1, components)[:, 0] & self.good, len(self.blocks))
+        return HeldResiduals(
+            in_mm, counted.reshape(-1, components)[:, 0] & self.good, len(self.blocks), self.held_out[1]
+        )
 
 
 class Derivatives(NamedTuple):
@@ -441,6 +457,8 @@ class HeldBlock(NamedTuple):
     """Whitened residuals of these rows under the fit of all the others."""
     counted: np.ndarray
     """False where the other rows do not determine the set-up or the target."""
+    zeros: Array
+    """Whitened columns `(m, p)` of the zeros of an interferometer's runs that the other rows lack."""
 
 
 class HeldResiduals(NamedTuple):
@@ -451,6 +469,8 @@ class HeldResiduals(NamedTuple):
     counted: np.ndarray
     """`(n,)`"""
     blocks: int
+    name: str
+    """Name of the blocks, plural."""
 
     @property
     def rms_um(self) -> float:

@@ -43,7 +43,7 @@ class FitOptions:
         "Expected size of the errors, as a multiple of 30 um and urad; default: selected by the evidence of the data.",
         min=1e-3,
     )
-    hold_out: bool = option("Predict each run, or cell of space, from all others as a check.", default=True)
+    hold_out: bool = option("Predict each line, region of stops or cycle from all others as a check.", default=True)
     valid_days: float | None = option("Validity of the calibration, days; default: 365.", "days", min=1.0, max=36500.0)
 
 
