@@ -1,0 +1,225 @@
+"""Questions put to the command line of ncomp; each answer is a record, a line of a JSON-lines file."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from shop_floor.chain import Array
+from shop_floor.hidden import Answer
+from shop_floor.question import Question, ask, earlier
+from shop_floor.scoring import score, title
+
+ROOT = Path(__file__).parents[2]
+NCOMP = "from postproc.cli import run; run()"
+K_95 = 1.959964
+Record = dict[str, Any]
+
+
+class Key(NamedTuple):
+    """What identifies a question."""
+
+    design: str
+    cause: str
+    machine: str
+    draw: int
+    seed: int
+
+
+class Ended(NamedTuple):
+    """How a command ended."""
+
+    status: int
+    seconds: float
+    """Time on the processor, user and system."""
+    words: str
+
+
+class Failure(RuntimeError):
+    """A command that ended with a fault, or not in time."""
+
+
+def key_of(record: Mapping[str, Any]) -> Key:
+    """The key of a record."""
+    return Key(*(record[name] for name in Key._fields))
+
+
+def answer(key: Key, *, timeout: float, options: Sequence[str] = (), keep: Path | None = None) -> Record:
+    """The record of a question; a failure is one too. `options` are passed on to `ncomp diagnose`."""
+    record: Record = key._asdict()
+    try:
+        question = ask(key.design, key.cause, key.machine, key.draw, key.seed)
+    except RuntimeError as invisible:
+        return record | {"not_asked": str(invisible)}
+    record |= {
+        "rows": len(question.run),
+        "hidden": [{"effect": type(one).__name__, **_plain(asdict(one))} for one in question.hidden],
+        "times_noise": [round(size.times_noise, 2) for size in question.sizes],
+        "left": [round(size.left) for size in question.sizes],
+    }
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        try:
+            record |= _asked(key, question, folder, timeout, options)
+        except Failure as fault:
+            record["failure"] = str(fault)
+        if keep is not None:
+            _keep(folder, keep / "-".join(map(str, key)))
+    return record
+
+
+def _asked(key: Key, question: Question, folder: Path, timeout: float, options: Sequence[str]) -> Record:
+    data, new, out = folder / "data.csv", folder / "new.json", folder / "diagnosis.json"
+    data.write_text(question.sheet(), encoding="utf-8")
+    given = _calibrated(key, folder, timeout) if key.design == "again" else None
+    against = [] if given is None else ["--calibration", given]
+    ended = ncomp(timeout, "diagnose", data, "--machine", key.machine, *against, "-o", new, "--json", out, *options)
+    refused = ended.status == 2 and out.exists()
+    if ended.status != 0 and not refused:
+        raise Failure(f"diagnose: status {ended.status}: {ended.words[-1500:]}")
+    diagnosis = json.loads(out.read_text(encoding="utf-8"))
+    calibration = json.loads(new.read_text(encoding="utf-8")) if new.exists() else None
+    logged = question.logged
+    answers = [effect.answer(logged) for effect in question.hidden]
+    scored = score(diagnosis, answers, question.run.machine, calibration, _allowed(question))
+    before, _ = _unseen(question, given, folder, timeout)
+    after, covered = _unseen(question, new if calibration else given, folder, timeout)
+    heldout = [diagnosis[when]["heldout_rms_um"] for when in ("before", "after")]
+    return {
+        "named": scored.named,
+        "tied": scored.tied,
+        "missed": scored.missed,
+        "false": list(scored.false),
+        "inside": scored.inside,
+        "sizes": scored.sizes,
+        "found": [title(effect) for effect in diagnosis["effects"]],
+        "unexplained": (diagnosis.get("unexplained") or {}).get("variables"),
+        "accepted": bool(diagnosis.get("accepted", True)),
+        "written": calibration is not None,
+        "reason": diagnosis.get("reason", ""),
+        "rms_um": [diagnosis[when]["rms_um"] for when in ("before", "after")],
+        "heldout_um": heldout,
+        "noise_um": diagnosis["noise_um"],
+        "unseen_um": [before, after],
+        "covered": covered,
+        "seconds": ended.seconds,
+    }
+
+
+def _allowed(question: Question) -> list[Answer]:
+    """Fine waves of positioning errors may be named, as what they are."""
+    answers = []
+    for axis, (_, periods, _) in question.motions.ripple.items():
+        found = question.run.machine.axis(axis)
+        period = (found.high - found.low) / periods
+        answers += [
+            Answer(("cyclic",), frozenset(axis), sizes={"period_mm": period}),
+            Answer(("higher-frequency",), frozenset(axis)),
+        ]
+    return answers
+
+
+def _calibrated(key: Key, folder: Path, timeout: float) -> Path:
+    """The calibration of the machine before: by `fit` in even draws, by `diagnose` in odd ones."""
+    data, given = folder / "earlier.csv", folder / "given.json"
+    data.write_text(earlier(key.machine, key.draw, key.seed).sheet(), encoding="utf-8")
+    verb = "diagnose" if key.draw % 2 else "fit"
+    ended = ncomp(timeout, verb, data, "--machine", key.machine, "-o", given)
+    if ended.status != 0:
+        raise Failure(f"{verb} of the earlier data: status {ended.status}: {ended.words[-1500:]}")
+    return given
+
+
+def _unseen(question: Question, calibration: Path | None, folder: Path, timeout: float) -> tuple[float, float | None]:
+    """RMS length of the errors, um, at unseen poses, and the share of components within their 95 % interval."""
+    run = question.unseen
+    if calibration is None:
+        return _rms(question.unseen_errors(np.zeros((len(run), 3)))), None
+    points, predicted = folder / "unseen.csv", folder / "predicted.csv"
+    points.write_text(question.unseen_sheet(), encoding="utf-8")
+    ended = ncomp(timeout, "predict", points, "--machine", run.machine.name, "-c", calibration, "-o", predicted)
+    if ended.status != 0:
+        raise Failure(f"predict: status {ended.status}: {ended.words[-1500:]}")
+    deviation, u = _prediction(predicted)
+    errors = question.unseen_errors(deviation)
+    return _rms(errors), float(np.mean(np.abs(errors) <= K_95 * u))
+
+
+def _prediction(file: Path) -> tuple[Array, Array]:
+    """Deviations and standard uncertainties `(n, 3)`, um."""
+    lines = [line for line in file.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    columns = lines[0].split(",")
+    wanted = [columns.index(f"{part}d{xyz}_um") for part in ("", "u_") for xyz in "xyz"]
+    numbers = np.array([[float(line.split(",")[i]) for i in wanted] for line in lines[1:]])
+    return numbers[:, :3], numbers[:, 3:]
+
+
+def _rms(errors: Array) -> float:
+    return math.sqrt(float(np.mean(np.sum(errors**2, axis=1))))
+
+
+def ncomp(timeout: float, *arguments: object) -> Ended:
+    """Run a command in a process of its own, on one thread; Failure if it does not end in time."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    process = subprocess.Popen(
+        [sys.executable, "-c", NCOMP, *map(str, arguments)],
+        cwd=ROOT,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    late = threading.Event()
+
+    def stop() -> None:
+        late.set()
+        process.kill()
+
+    timer = threading.Timer(timeout, stop)
+    timer.start()
+    start = time.perf_counter()
+    with process:
+        assert process.stdout is not None
+        words = process.stdout.read()
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    timer.cancel()
+    if late.is_set():
+        raise Failure(f"{arguments[0]}: not ended after {time.perf_counter() - start:.0f} s")
+    return Ended(process.returncode, usage.ru_utime + usage.ru_stime, words)
+
+
+def _keep(folder: Path, target: Path) -> None:
+    """Keep the files of a question."""
+    target.mkdir(parents=True, exist_ok=True)
+    for file in folder.iterdir():
+        (target / file.name).write_bytes(file.read_bytes())
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a hidden effect; long ones (a random walk) are left out."""
+    return {key: value for key, value in values.items() if not isinstance(value, tuple) or len(value) <= 12}
+
+
+def read_records(file: Path) -> list[Record]:
+    """The records of a file; an interrupted last line is left out."""
+    records = []
+    for line in file.read_text(encoding="utf-8").splitlines():
+        try:
+            records.append(json.loads(line))
+        except json.JSONDecodeError:
+            continue
+    return records
