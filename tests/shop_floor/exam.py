@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -20,6 +21,7 @@ import numpy as np
 from shop_floor.chain import Array
 from shop_floor.hidden import Answer
 from shop_floor.question import Question, ask, earlier
+from shop_floor.sampling import PREDICT, STUDENT_95, write_samples
 from shop_floor.scoring import score, title
 
 ROOT = Path(__file__).parents[2]
@@ -94,8 +96,9 @@ def _asked(key: Key, question: Question, folder: Path, timeout: float, options: 
     logged = question.logged
     answers = [effect.answer(logged) for effect in question.hidden]
     scored = score(diagnosis, answers, question.run.machine, calibration, _allowed(question))
-    before, _ = _unseen(question, given, folder, timeout)
-    after, covered = _unseen(question, new if calibration else given, folder, timeout)
+    before = _unseen(question, given, folder, timeout).error_um
+    after = _unseen(question, new if calibration else given, folder, timeout)
+    covered = None if calibration is None else _covered(question, calibration, after, folder, timeout)
     heldout = [diagnosis[when]["heldout_rms_um"] for when in ("before", "after")]
     return {
         "named": scored.named,
@@ -112,8 +115,9 @@ def _asked(key: Key, question: Question, folder: Path, timeout: float, options: 
         "rms_um": [diagnosis[when]["rms_um"] for when in ("before", "after")],
         "heldout_um": heldout,
         "noise_um": diagnosis["noise_um"],
-        "unseen_um": [before, after],
+        "unseen_um": [before, after.error_um],
         "covered": covered,
+        "covered_in_datum": after.within(after.u),
         "seconds": ended.seconds,
     }
 
@@ -142,19 +146,51 @@ def _calibrated(key: Key, folder: Path, timeout: float) -> Path:
     return given
 
 
-def _unseen(question: Question, calibration: Path | None, folder: Path, timeout: float) -> tuple[float, float | None]:
-    """RMS length of the errors, um, at unseen poses, and the share of components within their 95 % interval."""
+class Unseen(NamedTuple):
+    """Errors `(n, 3)` of predictions at unseen poses, um, and the standard uncertainties `(n, 3)` of `ncomp predict`."""
+
+    errors: Array
+    u: Array | None = None
+
+    @property
+    def error_um(self) -> float:
+        """RMS length of the errors, um."""
+        return math.sqrt(float(np.mean(np.sum(self.errors**2, axis=1))))
+
+    def within(self, u: Array | None, k: float = K_95) -> float | None:
+        """Share of the errors within k standard uncertainties."""
+        return None if u is None else float(np.mean(np.abs(self.errors) <= k * u))
+
+
+def _unseen(question: Question, calibration: Path | None, folder: Path, timeout: float) -> Unseen:
+    """What a calibration, or none, predicts at the unseen poses."""
     run = question.unseen
     if calibration is None:
-        return _rms(question.unseen_errors(np.zeros((len(run), 3)))), None
+        return Unseen(question.unseen_errors(np.zeros((len(run), 3))))
     points, predicted = folder / "unseen.csv", folder / "predicted.csv"
     points.write_text(question.unseen_sheet(), encoding="utf-8")
     ended = ncomp(timeout, "predict", points, "--machine", run.machine.name, "-c", calibration, "-o", predicted)
     if ended.status != 0:
         raise Failure(f"predict: status {ended.status}: {ended.words[-1500:]}")
     deviation, u = _prediction(predicted)
-    errors = question.unseen_errors(deviation)
-    return _rms(errors), float(np.mean(np.abs(errors) <= K_95 * u))
+    return Unseen(question.unseen_errors(deviation), u)
+
+
+def _covered(
+    question: Question, calibration: Mapping[str, Any], after: Unseen, folder: Path, timeout: float
+) -> float | None:
+    """Share of the errors at unseen poses within their 95 % interval, a rigid motion apart; None without covariance."""
+    samples = folder / "samples"
+    samples.mkdir()
+    if not write_samples(calibration, samples):
+        return None
+    ended = run_python(timeout, PREDICT, folder / "unseen.csv", question.run.machine.name, samples)
+    if ended.status != 0:
+        raise Failure(f"predictions of samples: status {ended.status}: {ended.words[-1500:]}")
+    deviations = np.load(samples / "deviations.npy")
+    shutil.rmtree(samples)
+    u = np.std([question.without_rigid_motion(deviation) for deviation in deviations], axis=0, ddof=1)
+    return after.within(u, STUDENT_95)
 
 
 def _prediction(file: Path) -> tuple[Array, Array]:
@@ -166,15 +202,16 @@ def _prediction(file: Path) -> tuple[Array, Array]:
     return numbers[:, :3], numbers[:, 3:]
 
 
-def _rms(errors: Array) -> float:
-    return math.sqrt(float(np.mean(np.sum(errors**2, axis=1))))
-
-
 def ncomp(timeout: float, *arguments: object) -> Ended:
-    """Run a command in a process of its own, on one thread; Failure if it does not end in time."""
+    """Run a command of ncomp."""
+    return run_python(timeout, NCOMP, *arguments)
+
+
+def run_python(timeout: float, program: str, *arguments: object) -> Ended:
+    """Run a program in a process of its own, on one thread; Failure if it does not end in time."""
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     process = subprocess.Popen(
-        [sys.executable, "-c", NCOMP, *map(str, arguments)],
+        [sys.executable, "-c", program, *map(str, arguments)],
         cwd=ROOT,
         env=environment,
         stdin=subprocess.DEVNULL,

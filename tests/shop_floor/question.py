@@ -145,6 +145,11 @@ class Question:
         true = self.true_points(run) - nominal
         return without_rigid_motion(nominal, predicted * UM - true) / UM
 
+    def without_rigid_motion(self, predicted: Array) -> Array:
+        """Predicted deviations `(n, 3)` at the unseen poses less the best rigid motion, in their unit."""
+        run = self.unseen
+        return without_rigid_motion(nominal_points(run.machine, run.positions, run.tools), predicted)
+
     def having(self, *hidden: Hidden) -> Question:
         """The same data with other hidden effects."""
         return replace(self, hidden=hidden)

@@ -11,13 +11,13 @@ from shop_floor.exam import Record
 
 HEAD = (
     f"{'design':<14}{'cause':<11}{'draws':>6}{'named':>7}{'tied':>6}{'missed':>7}{'false':>7}{'worse':>7}{'accept':>8}"
-    f"{'unseen um':>15}{'ratio':>7}{'max':>6}{'95 %':>7}{'sizes':>9}{'s':>6}"
+    f"{'unseen um':>15}{'ratio':>7}{'max':>6}{'95 %':>7}{'datum':>7}{'sizes':>9}{'s':>6}"
 )
 LEGEND = """\
 named, tied, missed: hidden effects. false: diagnoses with an effect that is not there. worse: calibrations that were
 written and predict held-out rows worse than before. unseen: RMS error of unseen poses without and with the new
-calibration. ratio: its median, and max, relative to the same data with nothing hidden. 95 %: share of the errors at
-unseen poses within their 95 % interval. sizes: parameters within U (k = 2). s: mean time on the processor.\
+calibration. ratio: its median, and max, relative to the same data with nothing hidden. 95 %: share of these errors, a
+rigid motion apart, within their 95 % interval; datum: within that of `ncomp predict`, whose datum is another. sizes: parameters within U (k = 2). s: mean time on the processor.\
 """
 WORSE = 1.005
 """Ratio of held-out residuals from which a calibration is worse than the former one."""
@@ -50,12 +50,9 @@ def row(design: str, cause: str, records: Sequence[Record], twins: Mapping[Twin,
     before, after = (_rms(record["unseen_um"][i] for record in done) for i in (0, 1))
     ratios = [ratio for record in done if (ratio := relative(record, twins)) is not None]
     middle, largest = (f"{np.median(ratios):.2f}", f"{max(ratios):.2f}") if ratios else ("-", "-")
-    covered = [record["covered"] for record in done if record["covered"] is not None]
-    within = f"{100 * np.mean(covered):.1f}" if covered else "-"
+    within = "".join(f"{_percent(record[key] for record in done):>7}" for key in ("covered", "covered_in_datum"))
     seconds = f"{np.mean([record['seconds'] for record in done]):.0f}" if done else "-"
-    cells += (
-        f"{f'{before:.1f} -> {after:.1f}':>15}{middle:>7}{largest:>6}{within:>7}{f'{inside}/{sizes}':>9}{seconds:>6}"
-    )
+    cells += f"{f'{before:.1f} -> {after:.1f}':>15}{middle:>7}{largest:>6}{within}{f'{inside}/{sizes}':>9}{seconds:>6}"
     failed, left_out = len(asked) - len(done), len(records) - len(asked)
     return cells + (f"  {failed} failed" if failed else "") + (f"  {left_out} not asked" if left_out else "")
 
@@ -116,6 +113,11 @@ def _twin(record: Record) -> Twin:
 
 def _count(records: Iterable[Record], key: str) -> int:
     return sum(bool(record[key]) for record in records)
+
+
+def _percent(shares: Iterable[float | None]) -> str:
+    known = [share for share in shares if share is not None]
+    return f"{100 * np.mean(known):.1f}" if known else "-"
 
 
 def _rms(values: Iterable[float]) -> float:
