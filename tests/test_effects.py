@@ -18,7 +18,9 @@ from kinematics.effects import COMPONENTS, EFFECTS, INSTRUMENT, TOOL, CrossAxis,
 from kinematics.effects.base import Remedy
 from kinematics.effects.control import ControlTable
 from kinematics.effects.describe import describe, markdown
+from kinematics.effects.distortion import DistortionWithTime
 from kinematics.effects.drive import Backlash, Cyclic
+from kinematics.effects.friction import LateralPlay
 from kinematics.effects.geometric import Racking, Wobble
 from kinematics.effects.instrument import Outliers
 from kinematics.effects.thermal import GrowthWithTime, ThermalDrift
@@ -33,7 +35,7 @@ ROOT = Path(__file__).parents[1]
 COLUMNS = {field.name for field in fields(State) if field.init}
 UNITS = {
     "um", "urad", "um/m", "um/K", "um/m/K", "um/h", "um/m/h", "urad/rad", "urad/K", "urad/h", "mm", "deg", "s", "ms",
-    "ms2", "ppm",
+    "ms2", "ppm", "urad/m", "um/m3", "um/m/K2", "um/m/m",
 }  # fmt: skip
 
 every_class = pytest.mark.parametrize("effect_class", EFFECTS, ids=[effect.__name__ for effect in EFFECTS])
@@ -162,6 +164,9 @@ REFUSED = {
     "thermal-drift Z: time_constants_s must be > 0, got 0":
         lambda: ThermalDrift(component="Z", amplitudes=(1.0,), time_constants_s=(0.0,)),
     "thermal-scale C: C has no length that could grow": lambda: GrowthWithTime(axis="C", rate=1.0),
+    "lateral-play E_XX: along its own line the play of an axis is its backlash": lambda: LateralPlay("X", "X", 1.0),
+    "interval [1.0, 0.0] must go from a lower to a higher position":
+        lambda: DistortionWithTime(component="Y", axis="X", interval=(1.0, 0.0), degree=1, rate=1.0),
     "outliers: three numbers for each of its 2 rows": lambda: Outliers((1, 2), (0.0, 0.0, 0.0)),
     "control-table X(): a function of one axis or two, with nodes of each": lambda: ControlTable("X", (), (), ()),
     "control-table X(Y): nodes must be finite and ascending, at least one":
@@ -183,6 +188,8 @@ REFUSED = {
 
 
 BOUNDS = {
+    "length": "> 0",
+    "time_constant_s": "> 0",
     "period": "> 0",
     "pitch": "> 0",
     "time_constants_s": "> 0",

@@ -7,7 +7,7 @@ from support.effect_examples import BACKWARD, deviation_of
 
 import machines
 from kinematics.basis import BSpline, Polynomial
-from kinematics.effects import CrossAxis, Racking, Wobble
+from kinematics.effects import CrossAxis, LocationError, LocationJump, Racking, Wobble
 from kinematics.forward import forward
 from kinematics.state import State
 from kinematics.transforms import turn
@@ -110,3 +110,15 @@ def test_a_cross_term_is_the_product_of_legendre_polynomials_and_holds_its_end_v
     assert found == pytest.approx(1e-3 * legendre.legval2d(y / 1500 - 1, x / 2500 - 1, coefficients), abs=1e-15)
     ((_, _, beyond),) = effect.contributions(gantry, State(np.array([[6000.0, 3500.0, 0.0]])))
     assert beyond == pytest.approx(found[3:], abs=1e-15)
+
+
+@pytest.mark.parametrize(("component", "axis"), [("X", "X"), ("C", "Y"), ("Y", "C"), ("A", "C")])
+def test_a_jump_is_a_location_error_from_its_moment_on_and_ever_after_in_a_calibration(component, axis):
+    q = np.random.default_rng(3).uniform(-1.0, 1.0, (6, 5)) * [1.0, 200.0, 200.0, 20.0, 200.0]
+    state = State(q, time=np.arange(6) * 100.0)
+    always = deviation_of(LocationError(component, axis, 40.0), BACKWARD, state).position
+    assert np.abs(always).max() > 1e-3
+    late = deviation_of(LocationJump(component, axis, 40.0, 300.0), BACKWARD, state).position
+    assert late == pytest.approx(np.where((state.time >= 300.0)[:, None], always, 0.0))
+    permanent = deviation_of(LocationJump(component, axis, 40.0), BACKWARD, State(q)).position
+    assert permanent == pytest.approx(always)

@@ -7,10 +7,14 @@ from scipy.spatial.transform import Rotation
 from support.effect_examples import DMU50
 
 from kinematics.effects import (
+    AirDrift,
     AirScale,
     AngleHarmonic,
     Effect,
+    MeasuringMachineScale,
+    MeasuringMachineSquareness,
     Outliers,
+    RangeDrift,
     RangeOffset,
     StationShift,
     TargetOffset,
@@ -102,3 +106,35 @@ def test_outliers_are_rows():
     assert found == pytest.approx(expected, abs=1e-15)
     with pytest.raises(UserError, match=r"^outliers: there is no row 40 in 40 rows$"):
         seen(Outliers((40,), (1.0, 1.0, 1.0)))
+
+
+def test_range_and_air_drift_from_zero():
+    time = np.linspace(0.0, 7200.0, len(POINTS))
+    length, *angles = read(POINTS)
+    hours = time / 3600.0
+    assert seen(RangeDrift(12.0), time=time) == pytest.approx(
+        placed(length + 12e-3 * hours, *angles) - POINTS, abs=1e-9
+    )
+    expected = placed(length * (1 + 3e-6 * hours), *angles) - POINTS
+    assert seen(AirDrift(3.0), time=time) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_measuring_machine_reads_a_square_part_askew():
+    """A machine whose y axis leans by 8 urad to x, away from it, and whose z scale is 5 um/m short of a metre."""
+    angle, scale = 8e-6, 5e-6
+    leaning = np.column_stack([[1, 0, 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1 / (1 + scale)]])
+    told = np.linalg.solve(leaning, POINTS.T).T
+    found = seen(MeasuringMachineSquareness("xy", 8.0)) + seen(MeasuringMachineScale("z", 5.0))
+    assert found == pytest.approx(told - POINTS, abs=1e-6)
+
+
+def test_a_knock_and_a_new_seat_begin_at_their_moment():
+    time = np.arange(len(POINTS)) * 10.0
+    station = np.full(len(POINTS), "s1")
+    late = seen(StationShift("s1", (30.0, -20.0, 10.0), since_s=200.0), station=station, time=time)
+    always = seen(StationShift("s1", (30.0, -20.0, 10.0)), station=station)
+    assert late == pytest.approx(np.where((time >= 200.0)[:, None], always, 0.0))
+    state = State(np.zeros((40, 5)), target=np.full(40, "t1"), time=time)
+    model = msgspec.structs.replace(no_errors(DMU50), effects=(TargetOffset("t1", (40.0, -25.0, 60.0), 200.0),))
+    moved = model.observation(DMU50, state).errors[:, -1, :3]
+    assert moved == pytest.approx(np.where((time >= 200.0)[:, None], (40e-3, -25e-3, 60e-3), 0.0))

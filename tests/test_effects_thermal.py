@@ -8,7 +8,16 @@ from scipy.integrate import solve_ivp
 from support.effect_examples import deviation_of
 
 import machines
-from kinematics.effects import DriftWithSensor, GrowthWithSensor, GrowthWithTime, ThermalDrift
+from kinematics.effects import (
+    DistortionWithSensor,
+    DistortionWithTime,
+    DriftWithSensor,
+    GrowthWithDuty,
+    GrowthWithSensor,
+    GrowthWithTime,
+    QuadraticGrowth,
+    ThermalDrift,
+)
 from kinematics.effects.thermal import lagged
 from kinematics.state import State
 
@@ -64,6 +73,48 @@ def test_growth_with_a_temperature_counts_from_20_degrees():
     assert deviation_of(steel, GANTRY, state).position[:, 0] == pytest.approx([0.0, 69e-3], abs=1e-12)
     spindle = DriftWithSensor(component="Z", sensor="column", coefficient=-6.0)
     assert deviation_of(spindle, GANTRY, state).position[:, 2] == pytest.approx([0.0, -18e-3], abs=1e-12)
+
+
+def test_growth_with_the_square_of_a_temperature():
+    state = standing(3, 2000.0, temperatures={"column": np.array([0.0, 2.0, -2.0])})
+    growth = QuadraticGrowth(axis="X", sensor="column", coefficient=10.0, quadratic=1.5, fixed_point=1000.0)
+    found = deviation_of(growth, GANTRY, state).position[:, 0] * 1e3
+    assert found == pytest.approx([0.0, 20.0 + 6.0, -20.0 + 6.0])
+
+
+def test_duty_warms_a_screw_that_cools_at_rest():
+    """d growth/dt = coefficient x speed - growth / tau, integrated in small steps."""
+    tau, growth = 900.0, 0.5
+    time = np.array([0.0, 60.0, 120.0, 300.0, 900.0, 905.0, 2000.0])
+    x = np.array([500.0, 4500.0, 500.0, 500.0, 4000.0, 1000.0, 1000.0])
+    state = State(np.column_stack([x, 0 * x, 0 * x]), time=time)
+    found = deviation_of(GrowthWithDuty("X", growth, tau), GANTRY, state).position[:, 0]
+    speed = np.abs(np.diff(x)) * 1e-3 / np.diff(time)
+    scale, expected = 0.0, [0.0]
+    for v, start, end in zip(speed, time[:-1], time[1:], strict=True):
+        steps = 20_000
+        for _ in range(steps):
+            scale += (end - start) / steps * (growth * v - scale / tau)
+        expected.append(scale)
+    assert found == pytest.approx(np.array(expected) * x * 1e-6, rel=1e-4, abs=1e-9)
+
+
+def test_rows_of_one_moment_add_no_duty():
+    state = State(np.array([[0.0, 0, 0], [900.0, 0, 0]]), time=np.zeros(2))
+    assert not deviation_of(GrowthWithDuty("X", 0.5, 900.0), GANTRY, state).position.any()
+
+
+def test_a_squareness_that_changes_is_a_turn_of_the_line_about_the_middle_of_the_axis():
+    x = np.array([0.0, 2500.0, 5000.0])
+    state = State(np.column_stack([x, 0 * x, 0 * x]), time=np.full(3, HOUR), temperatures={"hall": np.full(3, 2.0)})
+    lean = DistortionWithTime(component="Y", axis="X", interval=(0.0, 5000.0), degree=1, rate=25.0)
+    found = deviation_of(lean, GANTRY, state)
+    assert found.position[:, 1] == pytest.approx([-25e-3, 0.0, 25e-3])
+    assert found.orientation == pytest.approx(np.zeros((3, 3)), abs=1e-15)
+    bow = DistortionWithSensor(
+        component="Z", axis="X", interval=(0.0, 5000.0), degree=2, sensor="hall", coefficient=5.0
+    )
+    assert deviation_of(bow, GANTRY, state).position[:, 2] == pytest.approx([10e-3, -5e-3, 10e-3])
 
 
 # --- the lag

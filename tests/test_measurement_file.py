@@ -14,7 +14,7 @@ from support.tiers import drawn
 import machines
 from calibration.measurement.file import read_measurement, write_measurement
 from calibration.measurement.instruments import Interferometer, LaserTracker, Part
-from calibration.measurement.measurement import Measurement, Target, with_moves
+from calibration.measurement.measurement import Measurement, Target, in_space, with_moves
 from kinematics.forward import tool_point
 from kinematics.state import State
 from kinematics.user_error import UserError
@@ -381,7 +381,7 @@ def measurements(draw, exact: bool = True):
         cycle=cycle,
         station=maybe(lambda: column(names)),
         target=column(st.sampled_from(list(targets))),
-        observed=observed if kind == "tracker" else None,
+        observed=in_space(observed),
     )
     signs = np.array(
         draw(st.lists(st.sampled_from([-1.0, 1.0]), min_size=n * len(machine.axes), max_size=n * len(machine.axes)))
@@ -391,7 +391,7 @@ def measurements(draw, exact: bool = True):
         state = with_moves(state, approach)
     elif approach is not None:
         state = State(state.positions, approach=approach, **{
-            name: getattr(state, name) for name in ("time", "temperatures", "cycle", "station", "target")
+            name: getattr(state, name) for name in ("time", "temperatures", "cycle", "station", "target", "observed")
         })  # fmt: skip
     zero = draw(vectors) if kind == "part" else (0.0, 0.0, 0.0)
     return Measurement(

@@ -14,7 +14,7 @@ from calibration.diagnosis.search.start_model import Base
 from calibration.fit.calibrate import in_datum
 from calibration.fit.fit import Fit
 from calibration.fit.location_errors import transformed
-from kinematics.effects import Effect
+from kinematics.effects import Effect, LocationJump
 from kinematics.error_model.model import ErrorModel, Provenance
 
 
@@ -32,7 +32,12 @@ def new_calibration(base: Base, fit: Fit, causes: Sequence[str], present: ErrorM
         temperatures_degC=_temperatures(fit, present) or msgspec.UNSET,
     )
     machine = model.part(lambda effect: effect.ACTS_ON != "instrument")
-    return msgspec.structs.replace(machine, provenance=provenance, demonstration=False)
+    # after its moment a jump is permanent, whenever the clock of later data begins
+    jumped = (
+        msgspec.structs.replace(effect, since_s=None) if isinstance(effect, LocationJump) else effect
+        for effect in machine.effects
+    )
+    return msgspec.structs.replace(machine, effects=tuple(jumped), provenance=provenance, demonstration=False)
 
 
 def _temperatures(fit: Fit, present: ErrorModel | None) -> dict[str, tuple[float, float]]:

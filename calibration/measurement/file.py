@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration.measurement.error_columns import spread
 from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, Part
-from calibration.measurement.measurement import Measurement, with_moves
+from calibration.measurement.measurement import Measurement, in_space, with_moves
 from calibration.measurement.states import (
     CARRIERS,
     PLAIN_NAME,
@@ -82,7 +82,7 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     return Measurement(
         machine,
         instrument,
-        replace(states.state, observed=observed if kind == "laser-tracker" else None),
+        replace(states.state, observed=in_space(observed)),
         observed,
         states.targets,
         states.stands_on,

@@ -68,7 +68,7 @@ class Measurement:
     machine: Machine
     instrument: Instrument
     state: State
-    """State with approach, last move, run as cycle, station and target; for a tracker also `observed`."""
+    """State with approach, last move, run as cycle, station and target; for a tracker and a part also `observed`."""
     observed: Array
     """Observations `(n, components)`: points in the instrument's or the part's frame, mm; deviations of an
     interferometer, mm, or rad for angles."""
@@ -212,3 +212,13 @@ def with_moves(state: State, approach: Array | None = None) -> State:
     moved = np.where(moves != 0.0, np.arange(len(state))[:, None], 0)
     last = np.take_along_axis(moves, np.maximum.accumulate(moved, axis=0), axis=0)
     return replace(state, last_move=last, approach=np.sign(last) if approach is None else approach)
+
+
+def in_space(observed: Array) -> Array | None:
+    """Observed points `(n, 3)`, mm, of observations `(n, components)`; z = 0 where a part is measured in x and y.
+
+    None for an interferometer, which observes no points.
+    """
+    if observed.shape[1] == 1:
+        return None
+    return np.concatenate([observed, np.zeros((len(observed), 3 - observed.shape[1]))], axis=1)

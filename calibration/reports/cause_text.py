@@ -6,7 +6,18 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from kinematics.effects import Effect, GrowthWithSensor, GrowthWithTime, Parameter, StationShift, Unnamed
+from kinematics.effects import (
+    Effect,
+    GrowthWithDuty,
+    GrowthWithSensor,
+    GrowthWithTime,
+    LocationJump,
+    Parameter,
+    QuadraticGrowth,
+    StationShift,
+    TargetOffset,
+    Unnamed,
+)
 from kinematics.effects.base import HOUR
 from rendering.report import shortened
 
@@ -57,10 +68,10 @@ def sizes(cause: Named) -> list[str]:
 
 
 def _given(effect: Effect) -> Iterator[str]:
-    """Conditions of a size: the moment of a station shift, the fixed point of a growth."""
-    if isinstance(effect, StationShift) and effect.since_s is not None:
+    """Conditions of a size: the moment of a jump, the fixed point of a growth."""
+    if isinstance(effect, (StationShift, TargetOffset, LocationJump)) and effect.since_s is not None:
         yield f"from {effect.since_s / HOUR:.4g} h on"
-    if isinstance(effect, (GrowthWithSensor, GrowthWithTime)):
+    if isinstance(effect, (GrowthWithSensor, GrowthWithTime, QuadraticGrowth, GrowthWithDuty)):
         yield f"from {effect.axis} {effect.fixed_point:.5g} mm"
 
 

@@ -20,26 +20,41 @@ from kinematics.effects import (
     INSTRUMENT,
     UM,
     URAD,
+    AirDrift,
     AirScale,
     AngleHarmonic,
     Backlash,
     ControlTable,
     CrossAxis,
     Cyclic,
+    DistortionWithSensor,
+    DistortionWithTime,
     DriftWithSensor,
     Effect,
     ErrorMotion,
     FirstCycle,
     FollowingError,
+    GrowthWithDuty,
     GrowthWithSensor,
     GrowthWithTime,
+    Hysteresis,
+    JointCompliance,
+    LateralPlay,
     LateReadBack,
     LocationError,
+    LocationJump,
+    MeasuringMachineScale,
+    MeasuringMachineSquareness,
     Outliers,
+    QuadraticGrowth,
     QuantisedCompensation,
     Racking,
+    RamSag,
+    RangeDrift,
     RangeOffset,
     Reversal,
+    ReversalSpike,
+    ServoMismatch,
     Settling,
     StationShift,
     TargetOffset,
@@ -50,6 +65,7 @@ from kinematics.effects import (
     unit_of,
 )
 from kinematics.effects.base import own_motion
+from kinematics.effects.friction import way_since_reversal
 from kinematics.state import REFERENCE, TIME, State
 from kinematics.transforms import Array
 from rendering.figures import clock
@@ -89,7 +105,7 @@ class View:
     """Second variable `(n,)` of a map."""
     over_label: str = ""
     moment: float | None = None
-    """Moment of a station shift, on the x axis."""
+    """Moment of a jump, on the x axis."""
     ticks: tuple[str, ...] = ()
     """Names of x = 0, 1, ...; empty: x is a number."""
     means: bool = True
@@ -185,10 +201,23 @@ def _by_row(cause: _Cause) -> Iterator[View]:
 
 
 def _by_direction(cause: _Cause) -> Iterator[View]:
-    axis = cause.effect.axis
-    way = cause.of_axis("approach")
-    groups = (("forward", way > 0), ("backward", way < 0))
-    for view in cause.over(cause.position(axis), cause.label(axis)):
+    yield from _in_both_directions(cause, cause.position(cause.effect.axis), cause.label(cause.effect.axis))
+
+
+def _by_way(cause: _Cause) -> Iterator[View]:
+    """Over the way since the last reversal; rows before the first reversal count as behind the longest."""
+    measurement, effect = cause.linearised.measurement, cause.effect
+    way = way_since_reversal(measurement.machine, measurement.state, effect.axis, effect.name)[cause.linearised.rows]
+    way = np.minimum(way, way[np.isfinite(way)].max(initial=0.0))
+    unit = measurement.machine.axes[measurement.machine.index(effect.axis)].unit
+    yield from _in_both_directions(cause, way, f"way of {effect.axis} since its last reversal, {unit}")
+
+
+def _in_both_directions(cause: _Cause, x: Array, label: str) -> Iterator[View]:
+    """Rows forward and backward in colours of their own, each with the line of the fitted cause."""
+    side = cause.of_axis("approach")
+    groups = (("forward", side > 0), ("backward", side < 0))
+    for view in cause.over(x, label):
         curves = []
         for number, (_, group) in enumerate(groups):
             order = np.argsort(view.x[group])
@@ -250,7 +279,7 @@ def _by_cycle(cause: _Cause) -> Iterator[View]:
 def _drive_of_heat(cause: _Cause) -> tuple[Array, str]:
     """Time, or the temperature where the cause follows it without lag."""
     sensor = getattr(cause.effect, "sensor", None)
-    if sensor is None or cause.effect.lag_s:
+    if sensor is None or getattr(cause.effect, "lag_s", None):
         return cause.time()
     return cause.state.temperature(sensor, cause.effect.name) + REFERENCE, f"temperature {sensor}, degC"
 
@@ -272,6 +301,25 @@ def _growth(cause: _Cause) -> Iterator[View]:
         marked = np.flatnonzero(far)
         order = marked[np.argsort(view.x[marked], kind="stable")]
         yield replace(grown, y_label=f"scale of {axis}, um/m", curves=(Curve(view.x[order], grown.fitted[order]),))
+
+
+def _distortion(cause: _Cause) -> Iterator[View]:
+    """A map over time or temperature and the position."""
+    axis = cause.effect.axis
+    for view in cause.over(*_drive_of_heat(cause)):
+        yield replace(view, over=cause.position(axis), over_label=cause.label(axis))
+
+
+def _over_position(cause: _Cause) -> Iterator[View]:
+    """Row by row over the position of its axis, since other variables count too."""
+    yield from cause.over(cause.position(cause.effect.axis), cause.label(cause.effect.axis))
+
+
+def _over_coordinate(cause: _Cause) -> Iterator[View]:
+    """Over the coordinate of the measuring machine that the error grows with."""
+    letter = getattr(cause.effect, "direction", "") or cause.effect.plane[1]
+    column = cause.state.need("observed", cause.effect.name)[:, "xyz".index(letter)]
+    yield from map(_lined, cause.over(column, f"measured {letter}, mm"))
 
 
 def _map(cause: _Cause) -> Iterator[View]:
@@ -312,6 +360,9 @@ def _by_time(cause: _Cause) -> Iterator[View]:
 
 
 def _by_target(cause: _Cause) -> Iterator[View]:
+    if cause.effect.since_s is not None:
+        yield from _by_time(cause)
+        return
     names, number = np.unique(cause.state.need("target", cause.effect.name), return_inverse=True)
     for view in cause.over(number.astype(float), "target"):
         yield replace(_lined(view), ticks=tuple(map(str, names.tolist())))
@@ -389,5 +440,20 @@ VIEWS: Mapping[type, Callable[[_Cause], Iterator[View]]] = {
     RangeOffset: _by_range,
     AirScale: _by_range,
     Outliers: _outliers,
+    LocationJump: _by_time,
+    LateralPlay: _by_direction,
+    Hysteresis: _by_way,
+    ReversalSpike: _by_way,
+    ServoMismatch: _by_velocity,
+    QuadraticGrowth: _growth,
+    GrowthWithDuty: _by_time,
+    DistortionWithTime: _distortion,
+    DistortionWithSensor: _distortion,
+    JointCompliance: _over_position,
+    RamSag: _over_position,
+    RangeDrift: _by_time,
+    AirDrift: _by_time,
+    MeasuringMachineScale: _over_coordinate,
+    MeasuringMachineSquareness: _over_coordinate,
 }
 """Views by class of effect; any other effect is drawn over the rows."""

@@ -68,7 +68,7 @@ def observe(
     """
     blank = replace(_blank(machine, instrument, state, poses, targets, stands_on, axis, run), component=component)
     registration = _registration(blank, poses, rng)
-    if isinstance(instrument, LaserTracker):
+    if not isinstance(instrument, Interferometer):
         # instrument effects use the beam to the nominal point: the influence of machine errors on it is negligible
         points = [registration.apply(part, target_points(part, None, part.tool)) for part in _parts(blank, AT_A_TIME)]
         blank = replace(blank, state=replace(blank.state, observed=np.concatenate(points)))

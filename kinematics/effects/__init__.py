@@ -20,6 +20,7 @@ from kinematics.effects.base import (
     unit_of,
 )
 from kinematics.effects.control import ControlTable
+from kinematics.effects.distortion import DistortionWithSensor, DistortionWithTime
 from kinematics.effects.drive import (
     Backlash,
     Cyclic,
@@ -29,46 +30,74 @@ from kinematics.effects.drive import (
     Reversal,
     Settling,
 )
-from kinematics.effects.geometric import CrossAxis, ErrorMotion, LocationError, Racking, Wobble
+from kinematics.effects.friction import Hysteresis, LateralPlay, ReversalSpike, ServoMismatch
+from kinematics.effects.geometric import CrossAxis, ErrorMotion, LocationError, LocationJump, Racking, Wobble
 from kinematics.effects.instrument import (
+    AirDrift,
     AirScale,
     AngleHarmonic,
     LateReadBack,
+    MeasuringMachineScale,
+    MeasuringMachineSquareness,
     Outliers,
+    RangeDrift,
     RangeOffset,
     StationShift,
     TargetOffset,
     TrackerDrift,
 )
-from kinematics.effects.thermal import DriftWithSensor, GrowthWithSensor, GrowthWithTime, ThermalDrift
+from kinematics.effects.load import JointCompliance, RamSag
+from kinematics.effects.thermal import (
+    DriftWithSensor,
+    GrowthWithDuty,
+    GrowthWithSensor,
+    GrowthWithTime,
+    QuadraticGrowth,
+    ThermalDrift,
+)
 from kinematics.effects.unnamed import Unnamed
 
 Effect = (
     ErrorMotion
     | LocationError
+    | LocationJump
     | CrossAxis
     | Racking
     | Wobble
+    | JointCompliance
+    | RamSag
     | Backlash
     | Reversal
+    | LateralPlay
+    | Hysteresis
+    | ReversalSpike
     | Cyclic
     | QuantisedCompensation
     | ControlTable
     | FollowingError
+    | ServoMismatch
     | Settling
     | FirstCycle
     | ThermalDrift
     | DriftWithSensor
     | GrowthWithTime
     | GrowthWithSensor
+    | QuadraticGrowth
+    | GrowthWithDuty
+    | DistortionWithTime
+    | DistortionWithSensor
     | Unnamed
     | StationShift
     | TrackerDrift
     | RangeOffset
+    | RangeDrift
     | AirScale
+    | AirDrift
     | AngleHarmonic
     | TargetOffset
     | LateReadBack
+    | MeasuringMachineScale
+    | MeasuringMachineSquareness
     | Outliers
 )
 EFFECTS: tuple[type[EffectBase], ...] = Effect.__args__
@@ -81,6 +110,7 @@ __all__ = [
     "TOOL",
     "UM",
     "URAD",
+    "AirDrift",
     "AirScale",
     "AngleHarmonic",
     "Backlash",
@@ -89,23 +119,37 @@ __all__ = [
     "ControlTable",
     "CrossAxis",
     "Cyclic",
+    "DistortionWithSensor",
+    "DistortionWithTime",
     "DriftWithSensor",
     "Effect",
     "EffectBase",
     "ErrorMotion",
     "FirstCycle",
     "FollowingError",
+    "GrowthWithDuty",
     "GrowthWithSensor",
     "GrowthWithTime",
+    "Hysteresis",
+    "JointCompliance",
     "LateReadBack",
+    "LateralPlay",
     "LocationError",
+    "LocationJump",
+    "MeasuringMachineScale",
+    "MeasuringMachineSquareness",
     "Outliers",
     "Parameter",
+    "QuadraticGrowth",
     "QuantisedCompensation",
     "Racking",
+    "RamSag",
+    "RangeDrift",
     "RangeOffset",
     "Remedy",
     "Reversal",
+    "ReversalSpike",
+    "ServoMismatch",
     "Settling",
     "StationShift",
     "TargetOffset",

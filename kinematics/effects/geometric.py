@@ -90,15 +90,41 @@ class LocationError(EffectBase, frozen=True, tag="location"):
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
-        i, j, size = machine.index(self.axis), COMPONENTS.index(self.component), unit_of(self.component)[1]
-        axis = machine.axes[i]
-        if axis.rotary or j < 3:
-            yield Columns(i, j, np.full((len(state), 1), size))
-            return
-        tilt = axis.error_frame[:, j - 3]
-        sideways = axis.error_frame.T @ np.cross(tilt, axis.unit_direction) * size
-        for k in np.flatnonzero(sideways):
-            yield Columns(i, int(k), sideways[k] * state.positions[:, [i]])
+        yield from _of_line(machine, state, self.component, self.axis)
+
+
+class LocationJump(EffectBase, frozen=True, tag="location-jump"):
+    """A location error (see `location`) that appears at a moment: the reference of an axis is lost, its zero jumps
+    (E_X0X); squareness changes in a collision (E_C0Y); a table is shifted (E_X0C).
+
+    Zero before `since_s`; without it the jump has happened before the data and is permanent, as in a calibration.
+    ISO 230-1:2012 (location errors); Schwenke et al., CIRP Annals 57/2 (2008): drift and sudden changes of geometry.
+    """
+
+    TITLE: ClassVar[str] = "jump of a location error at a moment (zero of an axis, squareness after a collision)"
+    NEEDS: ClassVar[tuple[str, ...]] = ("time",)
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("value", BY_DIRECTION, 50.0),)
+
+    component: Component
+    axis: str
+    value: float
+    since_s: float | None = None
+
+    @property
+    def name(self) -> str:
+        """`location-jump E_C0Y`."""
+        return f"{self.kind} E_{self.component}0{self.axis}"
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Time only with `since_s`."""
+        return () if self.since_s is None else self.NEEDS
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `EffectBase.columns`."""
+        after = 1.0 if self.since_s is None else (state.need("time", self.name) >= self.since_s)[:, None]
+        for column in _of_line(machine, state, self.component, self.axis):
+            yield column._replace(values=column.values * after)
 
 
 class CrossAxis(EffectBase, frozen=True, tag="cross-axis"):
@@ -251,3 +277,16 @@ class Wobble(EffectBase, frozen=True, tag="wobble"):
         cos, sin = np.cos(angle) * size, np.sin(angle) * size
         yield Columns(i, first + (own + 1) % 3, np.stack([cos, sin], axis=1))
         yield Columns(i, first + (own + 2) % 3, self.sense * np.stack([sin, -cos], axis=1))
+
+
+def _of_line(machine: Machine, state: State, component: Component, axis_name: str) -> Iterator[Columns]:
+    """Errors of a location error of 1 um or 1 urad of an axis line."""
+    i, j, size = machine.index(axis_name), COMPONENTS.index(component), unit_of(component)[1]
+    axis = machine.axes[i]
+    if axis.rotary or j < 3:
+        yield Columns(i, j, np.full((len(state), 1), size))
+        return
+    tilt = axis.error_frame[:, j - 3]
+    sideways = axis.error_frame.T @ np.cross(tilt, axis.unit_direction) * size
+    for k in np.flatnonzero(sideways):
+        yield Columns(i, int(k), sideways[k] * state.positions[:, [i]])

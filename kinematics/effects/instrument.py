@@ -36,7 +36,7 @@ class StationShift(_Instrument, frozen=True, tag="station-shift"):
     """
 
     TITLE: ClassVar[str] = "shift of an instrument station"
-    NEEDS: ClassVar[tuple[str, ...]] = ("observed", "station")
+    NEEDS: ClassVar[tuple[str, ...]] = ("observed", "station", "time")
     LABEL: ClassVar[tuple[str, ...]] = ("station",)
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
         Parameter("shift_um", "um", 20.0),
@@ -51,14 +51,12 @@ class StationShift(_Instrument, frozen=True, tag="station-shift"):
     @property
     def needs(self) -> tuple[str, ...]:
         """Time only with `since_s`."""
-        return self.NEEDS if self.since_s is None else (*self.NEEDS, "time")
+        return self.NEEDS[:2] if self.since_s is None else self.NEEDS
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
         """See `EffectBase.columns`."""
-        here = (state.need("station", self.name) == self.station).astype(float)
-        if self.since_s is not None:
-            here *= state.need("time", self.name) >= self.since_s
-        yield from _moved(state.need("observed", self.name), here)
+        here = (state.need("station", self.name) == self.station) & _since(state, self.since_s, self.name)
+        yield from _moved(state.need("observed", self.name), here.astype(float))
 
 
 class TrackerDrift(_Instrument, frozen=True, tag="tracker-drift"):
@@ -79,7 +77,7 @@ class TrackerDrift(_Instrument, frozen=True, tag="tracker-drift"):
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
         """See `EffectBase.columns`."""
-        yield from _moved(state.need("observed", self.name), state.need("time", self.name) / HOUR)
+        yield from _moved(state.need("observed", self.name), _hours(state, self.name)[:, 0])
 
 
 class RangeOffset(_Instrument, frozen=True, tag="tracker-range"):
@@ -109,6 +107,85 @@ class AirScale(_Instrument, frozen=True, tag="air-scale"):
         yield from _observed(state.need("observed", self.name)[:, :, None] * 1e-3 * UM)
 
 
+class RangeDrift(_Instrument, frozen=True, tag="tracker-range-drift"):
+    """The range offset grows with time, from time 0, at a constant rate: the tracker's head or its ADM warms up.
+
+    Muralikrishnan, Phillips, Sawyer: Laser trackers for large-scale dimensional metrology, a review. Precision
+    Engineering 44 (2016).
+    """
+
+    TITLE: ClassVar[str] = "drift of the tracker's range offset with time"
+    NEEDS: ClassVar[tuple[str, ...]] = ("observed", "time")
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("rate_um_per_h", "um/h", 10.0),)
+
+    rate_um_per_h: float
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `EffectBase.columns`."""
+        beam, _, _, _ = _beam(state.need("observed", self.name))
+        yield from _observed((beam * _hours(state, self.name))[:, :, None] * UM)
+
+
+class AirDrift(_Instrument, frozen=True, tag="air-scale-drift"):
+    """The scale of the instrument grows with time, from time 0, at a constant rate: the air warms, or its pressure
+    falls, and the instrument does not know it.
+
+    Ranges are read too short by 1 um/m for each K that the air is warmer than the instrument assumes, and by 0.27 um/m
+    for each hPa less (Edlen's formula, in Muralikrishnan et al., Precision Engineering 44 (2016)).
+    """
+
+    TITLE: ClassVar[str] = "drift of the instrument's scale with time (temperature and pressure of the air)"
+    NEEDS: ClassVar[tuple[str, ...]] = ("observed", "time")
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("rate_um_per_m_per_h", "um/m/h", 2.0),)
+
+    rate_um_per_m_per_h: float
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `EffectBase.columns`."""
+        points = state.need("observed", self.name)
+        yield from _observed((points * _hours(state, self.name))[:, :, None] * 1e-3 * UM)
+
+
+class MeasuringMachineScale(_Instrument, frozen=True, tag="cmm-scale"):
+    """The measuring machine that measures a part reads one of its coordinates too long in proportion.
+
+    Also the temperature of the part, if the measuring machine does not correct it. ISO 10360-2; Schwenke et al., CIRP
+    Annals 57/2 (2008).
+    """
+
+    TITLE: ClassVar[str] = "scale of the coordinate measuring machine, or temperature of the part on it"
+    LABEL: ClassVar[tuple[str, ...]] = ("direction",)
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("scale_um_per_m", "um/m", 5.0),)
+
+    direction: Literal["x", "y", "z"]
+    scale_um_per_m: float
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `EffectBase.columns`."""
+        k = "xyz".index(self.direction)
+        yield Columns(INSTRUMENT, k, state.need("observed", self.name)[:, [k]] * 1e-3 * UM)
+
+
+class MeasuringMachineSquareness(_Instrument, frozen=True, tag="cmm-squareness"):
+    """Two axes of the measuring machine that measures a part are not square to each other.
+
+    The first coordinate of the plane is read too long by angle x the second: the angle between the two axes, as the
+    measuring machine takes them for square, exceeds 90 degrees by it. ISO 10360-2; ISO 230-1:2012.
+    """
+
+    TITLE: ClassVar[str] = "squareness of the coordinate measuring machine"
+    LABEL: ClassVar[tuple[str, ...]] = ("plane",)
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("angle_urad", "urad", 5.0),)
+
+    plane: Literal["xy", "xz", "yz"]
+    angle_urad: float
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `EffectBase.columns`."""
+        first, second = ("xyz".index(letter) for letter in self.plane)
+        yield Columns(INSTRUMENT, first, state.need("observed", self.name)[:, [second]] * URAD)
+
+
 class AngleHarmonic(_Instrument, frozen=True, tag="tracker-angle"):
     """One harmonic of an angle encoder's error (eccentricity: 1 or 2 per turn).
 
@@ -136,21 +213,30 @@ class AngleHarmonic(_Instrument, frozen=True, tag="tracker-angle"):
 
 
 class TargetOffset(_Instrument, frozen=True, tag="target-offset"):
-    """The position of a target on the tool differs from its stated vector, in the tool's own directions."""
+    """The position of a target on the tool differs from its stated vector, in the tool's own directions.
+
+    With `since_s` it holds from this time on: the target was taken out and seated again, or the tool has slipped.
+    """
 
     TITLE: ClassVar[str] = "offset of a target in its nest"
-    NEEDS: ClassVar[tuple[str, ...]] = ("target",)
+    NEEDS: ClassVar[tuple[str, ...]] = ("target", "time")
     LABEL: ClassVar[tuple[str, ...]] = ("target",)
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("offset_um", "um", 50.0),)
 
     target: str
     offset_um: Vector
+    since_s: float | None = None
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Time only with `since_s`."""
+        return self.NEEDS[:1] if self.since_s is None else self.NEEDS
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
         """See `EffectBase.columns`."""
-        here = (state.need("target", self.name) == self.target)[:, None] * UM
+        here = (state.need("target", self.name) == self.target) & _since(state, self.since_s, self.name)
         for k in range(3):
-            yield Columns(TOOL, k, here * np.eye(3)[k])
+            yield Columns(TOOL, k, here[:, None] * UM * np.eye(3)[k])
 
 
 class LateReadBack(_Instrument, frozen=True, tag="late-read-back"):
@@ -198,6 +284,16 @@ class Outliers(_Instrument, frozen=True, tag="outliers"):
         for i, row in enumerate(self.rows):
             values[row, :, 3 * i : 3 * i + 3] = np.eye(3) * UM
         yield from _observed(values)
+
+
+def _since(state: State, moment: float | None, by: str) -> np.ndarray:
+    """Mask `(n,)` of the rows from a moment, s, on; all rows without one."""
+    return np.ones(len(state), bool) if moment is None else np.asarray(state.need("time", by) >= moment)
+
+
+def _hours(state: State, by: str) -> Array:
+    """Time `(n, 1)`, h."""
+    return np.asarray(state.need("time", by)[:, None] / HOUR)
 
 
 def _observed(values: Array) -> Iterator[Columns]:

@@ -21,6 +21,7 @@ from kinematics.effects.base import (
     Component,
     EffectBase,
     Parameter,
+    Remedy,
     own_motion,
     unit_of,
 )
@@ -44,7 +45,7 @@ class Filtered(NamedTuple):
     """The derivative of the output with respect to the lag, K/s."""
 
 
-class _OverTime(EffectBase, frozen=True, kw_only=True):
+class Course(EffectBase, frozen=True, kw_only=True):
     """rate t + sum of amplitude (1 - exp(-t / time constant))."""
 
     NEEDS: ClassVar[tuple[str, ...]] = ("time",)
@@ -69,7 +70,7 @@ class _OverTime(EffectBase, frozen=True, kw_only=True):
         return np.concatenate([*linear, -np.expm1(-share), slopes], axis=1)
 
 
-class _WithSensor(EffectBase, frozen=True, kw_only=True):
+class CourseOfSensor(EffectBase, frozen=True, kw_only=True):
     """coefficient x temperature; with a lag, the temperature behind a first-order filter, so that warming and cooling
     differ (hysteresis). The filter has settled at the first row, of the state or of its past, and is exact for a
     temperature that runs straight from one row to the next; a jump is two rows of the same time.
@@ -105,7 +106,7 @@ class _WithSensor(EffectBase, frozen=True, kw_only=True):
         return Filtered(float(time[-1]), float(temperature[-1]), float(late[-1]), float(slope[-1]))
 
 
-class ThermalDrift(_OverTime, frozen=True, tag="thermal-drift"):
+class ThermalDrift(Course, frozen=True, tag="thermal-drift"):
     """The tool point drifts with time: spindle growth, a column that bends. In the tool's own directions.
 
     rate t + sum of amplitude (1 - exp(-t / time constant)). A spindle that grows brings the tool to -Z. Rotations are
@@ -127,7 +128,7 @@ class ThermalDrift(_OverTime, frozen=True, tag="thermal-drift"):
         yield Columns(TOOL, COMPONENTS.index(self.component), self._course(state) * unit_of(self.component)[1])
 
 
-class DriftWithSensor(_WithSensor, frozen=True, tag="thermal-drift-sensor"):
+class DriftWithSensor(CourseOfSensor, frozen=True, tag="thermal-drift-sensor"):
     """The tool point follows a temperature, with or without lag. In the tool's own directions.
 
     A first-order lag makes warming and cooling differ. A spindle that grows brings the tool to -Z. Rotations are about
@@ -148,7 +149,7 @@ class DriftWithSensor(_WithSensor, frozen=True, tag="thermal-drift-sensor"):
         yield Columns(TOOL, COMPONENTS.index(self.component), self._course(state) * unit_of(self.component)[1])
 
 
-class GrowthWithTime(_OverTime, frozen=True, tag="thermal-scale"):
+class GrowthWithTime(Course, frozen=True, tag="thermal-scale"):
     """The scale of a linear axis grows with time: forward of its fixed point the tool is too far forward.
 
     Per m from the fixed point: rate t + sum of amplitude (1 - exp(-t / time constant)).
@@ -173,7 +174,7 @@ class GrowthWithTime(_OverTime, frozen=True, tag="thermal-scale"):
         yield _growth(machine, state, self.axis, self.fixed_point, self._course(state))
 
 
-class GrowthWithSensor(_WithSensor, frozen=True, tag="thermal-scale-sensor"):
+class GrowthWithSensor(CourseOfSensor, frozen=True, tag="thermal-scale-sensor"):
     """The scale of a linear axis follows a temperature, with or without lag, from a fixed point.
 
     The coefficient is that of the axis minus that of the instrument or of the workpiece with which it is compared.
@@ -195,6 +196,77 @@ class GrowthWithSensor(_WithSensor, frozen=True, tag="thermal-scale-sensor"):
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
         yield _growth(machine, state, self.axis, self.fixed_point, self._course(state))
+
+
+class QuadraticGrowth(EffectBase, frozen=True, tag="thermal-scale-quadratic"):
+    """The scale of a linear axis follows a temperature along a curve, from a fixed point: its growth is not linear.
+
+    Per m from the fixed point: coefficient T + quadratic T^2. A screw that is stretched between its bearings grows only
+    when its pretension is used up; the expansion coefficient of steel itself rises with the temperature. ISO 230-3;
+    Slocum, Precision Machine Design (1992).
+    """
+
+    TITLE: ClassVar[str] = "thermal growth of an axis with a temperature and its square"
+    NEEDS: ClassVar[tuple[str, ...]] = ("temperatures",)
+    LABEL: ClassVar[tuple[str, ...]] = ("sensor",)
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("coefficient", "um/m/K", 12.0),
+        Parameter("quadratic", "um/m/K2", 1.0),
+    )
+
+    axis: str
+    sensor: str
+    coefficient: float
+    quadratic: float
+    fixed_point: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_linear(self.axis, self.name)
+        super().__post_init__()
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `EffectBase.columns`."""
+        kelvin = state.temperature(self.sensor, self.name)
+        yield _growth(machine, state, self.axis, self.fixed_point, np.stack([kelvin, kelvin**2], axis=1))
+
+
+class GrowthWithDuty(EffectBase, frozen=True, tag="thermal-scale-duty"):
+    """The scale of a linear axis grows with its own duty: the screw is warmed by each metre that it travels, and cools.
+
+    Each metre of travel adds the growth, per m from the fixed point, which fades by a first-order lag:
+    d growth/dt = coefficient x speed - growth / time constant, from zero at the first row. The speed is the mean one
+    between two rows. ISO 230-3 (distortion caused by the motion of linear axes); Mayr et al., CIRP Annals 61/2 (2012).
+    """
+
+    TITLE: ClassVar[str] = "thermal growth of an axis with the way that it has travelled (duty)"
+    NEEDS: ClassVar[tuple[str, ...]] = ("time",)
+    REMEDY: ClassVar[Remedy] = "none"
+    HAS_MEMORY: ClassVar[bool] = True
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("growth", "um/m/m", 0.2),
+        Parameter("time_constant_s", "s", MINUTES_30, linear=False, lower=0.0),
+    )
+
+    axis: str
+    growth: float
+    time_constant_s: float
+    fixed_point: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_linear(self.axis, self.name)
+        super().__post_init__()
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `EffectBase.columns`."""
+        time, position = state.need("time", self.name), state.positions[:, machine.index(self.axis)] * 1e-3
+        step, way = np.diff(time), np.abs(np.diff(position))
+        speed = np.divide(way, step, out=np.zeros_like(way), where=step > 0)
+        # a speed that jumps is two rows of the same time
+        twice, at = np.repeat(time, 2)[: 2 * len(time) - 1], np.arange(0, 2 * len(time) - 1, 2)
+        late, slope = lagged(np.append(0.0, np.repeat(speed, 2))[: len(twice)], twice, self.time_constant_s)
+        faded = self.time_constant_s * late[at]
+        changed = self.growth * (late[at] + self.time_constant_s * slope[at])
+        yield _growth(machine, state, self.axis, self.fixed_point, np.stack([faded, changed], axis=1))
 
 
 def _check_linear(axis: str, name: str) -> None:

@@ -20,8 +20,8 @@ INNER = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 
 
 def needs_direction(effect: Effect) -> bool:
-    """True for effects that depend on the approach direction of an axis."""
-    return effect.ACTS_ON != "instrument" and "approach" in effect.needs
+    """True for correctable effects that depend on the approach direction of an axis."""
+    return effect.ACTS_ON != "instrument" and effect.REMEDY != "none" and "approach" in effect.needs
 
 
 def axes_with_backlash(model: ErrorModel, machine: Machine) -> tuple[int, ...]:

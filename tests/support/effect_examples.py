@@ -10,26 +10,41 @@ import machines
 from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
 from kinematics.deviation import Deviation, exact_deviation
 from kinematics.effects import (
+    AirDrift,
     AirScale,
     AngleHarmonic,
     Backlash,
     ControlTable,
     CrossAxis,
     Cyclic,
+    DistortionWithSensor,
+    DistortionWithTime,
     DriftWithSensor,
     Effect,
     ErrorMotion,
     FirstCycle,
     FollowingError,
+    GrowthWithDuty,
     GrowthWithSensor,
     GrowthWithTime,
+    Hysteresis,
+    JointCompliance,
+    LateralPlay,
     LateReadBack,
     LocationError,
+    LocationJump,
+    MeasuringMachineScale,
+    MeasuringMachineSquareness,
     Outliers,
+    QuadraticGrowth,
     QuantisedCompensation,
     Racking,
+    RamSag,
+    RangeDrift,
     RangeOffset,
     Reversal,
+    ReversalSpike,
+    ServoMismatch,
     Settling,
     StationShift,
     TargetOffset,
@@ -56,6 +71,7 @@ axes.Z = { travel = [0, 300] }
     "backward",
 )
 """C, Y and X run against their letters; Y and C carry the workpiece; U is a second axis along x."""
+HEAD_HEAD = machines.load("head_head")
 
 
 @dataclass(frozen=True)
@@ -173,6 +189,41 @@ EXAMPLES = [
     Example(AngleHarmonic("elevation", 2, 6.0, -3.0), "tracker-angle elevation 2", "urad urad", "sine_urad cosine_urad", XYZ),
     Example(TargetOffset("t1", (30.0, -20.0, 10.0)), "target-offset t1", "um um um", "offset_um", "tool X, tool Y, tool Z"),
     Example(LateReadBack(2.0), "late-read-back", "ms", "lag_ms", OWN),
+    Example(LocationJump("C", "Y", 12.0, 9000.0, u=(2.0,)), "location-jump E_C0Y", "urad", "value_urad", "E_XY"),
+    Example(LocationJump("X", "X", -30.0, 9000.0), "location-jump E_X0X", "um", "value_um", "E_XX"),
+    Example(LocationJump("Y", "C", 6.0), "location-jump E_Y0C", "um", "value_um", "E_YC"),
+    Example(JointCompliance("B", 40.0, u=(1.0,)), "joint-compliance B", "urad/m", "compliance_urad_per_m", "E_BB", HEAD_HEAD),
+    Example(RamSag("X", 30.0, -300.0), "ram-sag X", "um/m3", "sag_um_per_m3", "E_ZX, E_BX"),
+    Example(RamSag("U", 30.0, 60.0, -1, "X"), "ram-sag U", "um/m3", "sag_um_per_m3", "E_ZU, E_BU", BACKWARD),
+    Example(LateralPlay("Z", "X", 6.0, u=(0.5,)), "lateral-play E_ZX", "um", "play_um", "E_ZX"),
+    Example(LateralPlay("A", "X", 6.0), "lateral-play E_AX", "urad", "play_urad", "E_AX"),
+    Example(Hysteresis("X", 300.0, 12.0, u=(0.5, 1.0)), "hysteresis X", "um mm", "width_um length_mm", "E_XX"),
+    Example(Hysteresis("C", 200.0, 12.0), "hysteresis C", "urad deg", "width_urad length_deg", "E_CC", BACKWARD),
+    Example(ReversalSpike("Y", 200.0, 8.0), "reversal-spike Y", "um mm", "height_um length_mm", "E_YY"),
+    Example(ServoMismatch("X", "Y", 1.5), "servo-mismatch X Y", "ms", "lag_ms", "E_XX, E_YY"),
+    Example(
+        QuadraticGrowth("Y", "column", 10.0, -0.8, 50.0),
+        "thermal-scale-quadratic Y column", "um/m/K um/m/K2", "coefficient_um_per_m_per_k quadratic_um_per_m_per_k2", "E_YY",
+    ),
+    Example(GrowthWithDuty("X", 0.8, 1500.0), "thermal-scale-duty X", "um/m/m s", "growth_um_per_m_per_m time_constant_s", "E_XX"),
+    Example(
+        DistortionWithTime(component="Y", axis="X", interval=(-250.0, 250.0), degree=1, rate=8.0),
+        "thermal-distortion E_YX 1", "um/h", "rate_um_per_h", "E_YX",
+    ),
+    Example(
+        DistortionWithTime(component="A", axis="C", interval=(-180.0, 180.0), degree=0, **TWO),
+        "thermal-distortion E_AC 0", "urad/h urad urad s s", "rate_urad_per_h amplitudes_urad time_constants_s", "E_AC", BACKWARD,
+    ),
+    Example(
+        DistortionWithSensor(component="Z", axis="Y", interval=(-225.0, 225.0), degree=2, sensor="column", coefficient=3.0, lag_s=700.0),
+        "thermal-distortion-sensor E_ZY 2 column", "um/K s", "coefficient_um_per_k lag_s", "E_ZY",
+    ),
+    Example(TargetOffset("t2", (30.0, -20.0, 10.0), 9000.0), "target-offset t2", "um um um", "offset_um", "tool X, tool Y, tool Z"),
+    Example(StationShift("s2", (5.0, -3.0, 8.0), (2.0, 1.0, -4.0), 9000.0), "station-shift s2", SIX, "shift_um turn_urad", XYZ),
+    Example(RangeDrift(7.0), "tracker-range-drift", "um/h", "rate_um_per_h", XYZ),
+    Example(AirDrift(-1.5), "air-scale-drift", "um/m/h", "rate_um_per_m_per_h", XYZ),
+    Example(MeasuringMachineScale("y", 4.0), "cmm-scale y", "um/m", "scale_um_per_m", "seen Y"),
+    Example(MeasuringMachineSquareness("xz", 4.0), "cmm-squareness xz", "urad", "angle_urad", "seen X"),
     Example(Outliers((3, 0), (100.0, 0.0, 50.0, -70.0, 5.0, 5.0)), "outliers", "um " * 6, "shift_um", XYZ),
 ]  # fmt: skip
 
