@@ -93,11 +93,6 @@ def _build(entries: _MachineFile) -> Machine:
             )
         point = entry.point or (0.0, 0.0, 0.0)
         axes.append(make_axis(name, side, **(msgspec.structs.asdict(entry) | {"point": point})))
-    if len(axes) > 1 and all(axis.rotary for axis in axes):
-        raise UserError(
-            f"the chain {entries.chain!r} has rotary axes only: ncomp needs linear axes that position the tool point; "
-            "it can neither measure nor correct an arm of revolute axes (a robot)"
-        )
     control = _control(entries.control, chained)
     offsets, offsets_assumed = _assumed(entries.work_offsets, "work_offsets")
     tools, tools_assumed = _assumed(entries.tools, "tools")

@@ -191,7 +191,7 @@ def _ideal(machine: Machine, model: ErrorModel, prior: Array) -> Solved:
     ends = _ends(machine, model.effects)
     n = 4 * len(prior) + 200
     positions = rng.uniform(ends[0], ends[1], (n, len(machine.axes)))
-    size = 0.3 * max(float(np.ptp(ends[:, ~machine.rotary], axis=0).max()), 100.0)
+    size = 0.3 * max(_reach(machine, ends), 100.0)
     targets = {"o": (0.0, 0.0, 0.0), "x": (size, 0.0, 0.0), "y": (0.0, size, 0.0), "z": (0.0, 0.0, size)}
     state = State(positions, target=rng.choice(list(targets), n))
     seen = np.zeros((n, 3))
@@ -205,6 +205,13 @@ def _ideal(machine: Machine, model: ErrorModel, prior: Array) -> Solved:
     registration = Registration({"1": IDENTITY}, {"1": np.zeros(3)})
     problem = Problem(ideal, model, np.broadcast_to(1e3 * np.eye(3), (n, 3, 3)), prior)
     return problem.solve(problem.point(np.array(model.parameters), registration), np.ones(n), 1.0)
+
+
+def _reach(machine: Machine, ends: Array) -> float:
+    """Longest travel of a linear axis, mm; without linear axes the longest distance of an axis line's point."""
+    if machine.rotary.all():
+        return max(float(np.linalg.norm(axis.point)) for axis in machine.axes)
+    return float(np.ptp(ends[:, ~machine.rotary], axis=0).max())
 
 
 def _ends(machine: Machine, effects: tuple[Effect, ...]) -> Array:
