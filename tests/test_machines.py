@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support import robot
 
 import machines
 from kinematics.forward import forward
@@ -329,13 +330,14 @@ def test_linear_axes_that_do_not_span_space_are_refused(machine):
     assert str(refusal.value) == "machine test: its linear axes do not span space, so it cannot position a tool point"
 
 
-def test_an_arm_of_revolute_axes_is_refused_in_one_sentence(command, tmp_path):
-    names = ("C1", "B1", "B2", "A1", "B3", "A2")
-    axes = "".join(
-        f"axes.{name} = {{ travel = [-90, 90], point = [{100 * i}, 0, 400] }}\n" for i, name in enumerate(names)
-    )
-    (tmp_path / "robot.toml").write_text(f'name = "robot"\nchain = "w b {" ".join(names)} t"\n{axes}')
+def test_an_arm_of_revolute_axes_is_shown_and_its_programs_are_refused(command, tmp_path):
+    (tmp_path / "robot.toml").write_text(robot.toml())
     done = command("machines", "robot.toml")
+    assert done.status == 0
+    assert b"w b A1 A2 A3 A4 A5 A6 t" in done.out
+    (tmp_path / "move.nc").write_text("G90 G1 A1=10 F100\n")
+    done = command("move.nc", "--machine", "robot.toml", "--calibration", "none", "--set-up-zero", "-o", "out.nc")
     assert done.status == 2
-    assert "rotary axes only" in done.err
+    assert "has rotary axes only: NC programs need linear axes X, Y and Z" in done.err
     assert "Traceback" not in done.err
+    assert not (tmp_path / "out.nc").exists()

@@ -349,17 +349,8 @@ def test_formats_are_recognised(write):
         assert len(auto) > 0
         with pytest.raises(UserError):
             read_any(write(text[: len(text) // 9]), GANTRY, header=header)
-    assert FORMATS == (
-        "auto",
-        "ncomp",
-        "rtl",
-        "iso230-table",
-        "ecmc-report",
-        "cmm",
-        "epics",
-        "twincat-scope",
-        "delimited",
-    )
+    foreign = ("rtl", "iso230-table", "ecmc-report", "cmm", "epics", "twincat-scope", "robot")
+    assert ("auto", "ncomp", *foreign, "delimited") == FORMATS
 
 
 @pytest.mark.parametrize("text", ["1 2 3\n4 5 6\n", "a,b\n1,2\n", b"\x89PNG\r\n\x1a\n\0\0", "G0 X1\n"])

@@ -12,6 +12,7 @@ from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.touch_off import TouchOff
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 NORMALS = {"X": "YZX", "Y": "ZXY", "Z": "XYZ"}
 """Plane of a rotation about each axis, by three letters: the last is the axis itself."""
@@ -76,6 +77,11 @@ class Frame:
 
 def cartesian(machine: Machine) -> tuple[int, int, int]:
     """Columns of the axes X, Y and Z; UserError if the machine lacks one."""
+    if machine.rotary.all():
+        raise UserError(
+            f"machine {machine.name} ({machine.chain}) has rotary axes only: NC programs need linear axes X, Y and Z; "
+            "measurements of it can be fitted and diagnosed"
+        )
     return machine.index("X"), machine.index("Y"), machine.index("Z")
 
 

@@ -120,5 +120,3 @@ def shift(*vector):
     pose = np.eye(4)
     pose[:3, 3] = vector
     return pose
-
-

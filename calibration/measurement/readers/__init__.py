@@ -15,7 +15,16 @@ from typing import NamedTuple
 
 from calibration.measurement.file import measurement_of
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.readers import cmm, delimited, ecmc_report, epics, iso230_table, renishaw, twincat_scope
+from calibration.measurement.readers import (
+    cmm,
+    delimited,
+    ecmc_report,
+    epics,
+    iso230_table,
+    renishaw,
+    robot_tables,
+    twincat_scope,
+)
 from calibration.measurement.readers.text import given_entries, old_text
 from calibration.measurement.text_table import Table, parse_table, refuse_empty
 from kinematics.files import read_input
@@ -38,11 +47,12 @@ FOREIGN: Mapping[str, Reader] = {
     "epics": Reader(epics.recognises, epics.to_table),
     "twincat-scope": Reader(twincat_scope.recognises, twincat_scope.to_table),
 }
-FORMATS = ("auto", "ncomp", *FOREIGN, "delimited")
+FORMATS = ("auto", "ncomp", *FOREIGN, "robot", "delimited")
 KNOWN = (
     "ncomp (measurement file, '# instrument: ...'), rtl (Renishaw), iso230-table (targets by runs, 'target_mm, 1 up, "
     "1 down, ...'), ecmc-report (Markdown, 'ISO 230-2 motion test'), cmm ('Meas X Meas Y Nom X Nom Y ...'), epics "
-    "('NAME date time value'), twincat-scope (CSV, 'Starttime of export'), delimited (any columns, with a column map)"
+    "('NAME date time value'), twincat-scope (CSV, 'Starttime of export'), robot (points 'x y z', and "
+    "joints 'J1 J2 ...' in the same file or as the plan), delimited (any columns, with a column map)"
 )
 HEAD = 20_000
 """Number of bytes from which a format is recognised."""
@@ -117,6 +127,8 @@ def _table(
         table = parse_table(data, source)
         table = replace(table, entries={**table.entries, **given_entries(header, {})})
         return _at_standstills(table, machine, plan)
+    if format == "robot":
+        return robot_tables.to_table(data, source, machine, header, plan)
     if plan is not None:
         raise UserError(f"{source}: a plan is for a tracker's log and for delimited exports, not for format {format}")
     return FOREIGN[format].to_table(data, source, machine, header)
@@ -142,6 +154,8 @@ def _recognised(data: bytes, path: Path) -> str:
     for name, reader in FOREIGN.items():
         if reader.recognises(head):
             return name
+    if robot_tables.recognises(head):
+        return "robot"
     if re.search(r"^\s*(Gridpoints|VALUE)\s*=", head, re.MULTILINE) and re.search(
         r"^\s*\[\s*\w+\s*\]", head, re.MULTILINE
     ):

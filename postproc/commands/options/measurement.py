@@ -47,7 +47,7 @@ class DataOptions:
     """The form of files with measured data."""
 
     format: str = option(
-        "Format of the data: auto, ncomp, rtl, iso230-table, ecmc-report, cmm, epics, twincat-scope or delimited.",
+        "Format of the data: auto, ncomp, rtl, iso230-table, ecmc-report, cmm, epics, twincat-scope, robot, delimited.",
         default="auto",
         complete=_formats,
     )
@@ -56,7 +56,8 @@ class DataOptions:
         "Column map of a delimited export: spatialanalyzer, polyworks, leica, or a file.", "MAP.toml", complete=_maps
     )
     plan: Path | None = option(
-        "Axis positions of the data, by the names of the points or by the standstills in a tracker's log.", "PLAN.csv"
+        "Axis positions of the data: by the names of points, by the standstills in a log, or a robot's joints.",
+        "PLAN.csv",
     )
 
     def read(self, paths: Sequence[Path], machine: Machine) -> Measurement:
