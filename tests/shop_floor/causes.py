@@ -37,6 +37,7 @@ class Backlash(Hidden):
 class Drift(Hidden):
     """The spindle warms up: the tool point runs towards an end."""
 
+    LARGEST: ClassVar[float] = 120.0
     towards: tuple[float, float, float] = (0.0, 0.0, 1.0)
     time_constant_s: float = 1800.0
 
@@ -63,7 +64,7 @@ class Scale(Hidden):
     In a drifting hall the size is the growth in um/m/K; else it is the temperature rise in K of a steel scale.
     """
 
-    LARGEST: ClassVar[float] = 20.0
+    LARGEST: ClassVar[float] = 15.0
     axis: str = "X"
     time_constant_s: float = 2400.0
 
@@ -80,7 +81,7 @@ class Scale(Hidden):
 
     def answer(self, run: Run) -> Answer:
         growth = self.size if run.hall else STEEL_UM_PER_M_K
-        kinds = ("thermal-scale", "thermal-scale-sensor")
+        kinds = ("thermal-scale", "thermal-scale-sensor", "thermal-scale-quadratic")
         return Answer(kinds, frozenset(self.axis), sizes={"coefficient_um_per_m_per_k": growth})
 
 
@@ -88,6 +89,7 @@ class Scale(Hidden):
 class Cross(Hidden):
     """An error motion that also depends on another axis: a beam that sags under a carriage, a twisted bed."""
 
+    LARGEST: ClassVar[float] = 150.0
     axis: str = "Y"
     component: str = "Z"
     other: str = "X"
@@ -108,6 +110,7 @@ class Cross(Hidden):
 class Knock(Hidden):
     """Somebody knocks against the stand: from a moment on the tracker reads all points elsewhere."""
 
+    LARGEST: ClassVar[float] = 200.0
     since_s: float = 0.0
     towards: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
@@ -183,18 +186,25 @@ class Pitch(Hidden):
 class Crash(Hidden):
     """A collision turns a guide: from a moment on an axis runs out of square, by the size over its travel."""
 
+    LARGEST: ClassVar[float] = 200.0
     axis: str = "Y"
     component: str = "X"
     since_s: float = 0.0
 
     def errors(self, run: Run) -> Array:
-        after = run.clock >= self.since_s
-        return of_axis(run, self.axis, self.component, self.size * after * run.share(self.axis))
+        """See `Hidden.errors`."""
+        axis, after = run.machine.axis(self.axis), run.clock >= self.since_s
+        slope = self.size / (axis.high - axis.low)
+        return of_axis(run, self.axis, self.component, slope * after * run.place(self.axis))
 
     def answer(self, run: Run) -> Answer:
-        del run
-        kinds = ("location", "location-jump", "squareness-jump", "jump", "crash")
-        return Answer(kinds, frozenset({self.axis, self.component}), relatives=("zero-jump",))
+        """See `Hidden.answer`; the line of the axis turns by the right-handed angle about the third direction."""
+        axis = run.machine.axis(self.axis)
+        about = ({0, 1, 2} - {"XYZ".index(self.axis), "XYZ".index(self.component)}).pop()
+        sideways = np.cross(np.eye(3)[about], axis.line)["XYZ".index(self.component)]
+        angle_urad = float(sideways) * self.size / (axis.high - axis.low) * 1e3
+        sizes = {"value_urad": angle_urad}
+        return Answer(("location-jump",), frozenset({self.axis}), component="ABC"[about], sizes=sizes)
 
 
 def _unit(rng: np.random.Generator) -> tuple[float, float, float]:

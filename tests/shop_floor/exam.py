@@ -123,8 +123,8 @@ def _asked(key: Key, question: Question, folder: Path, timeout: float, options: 
 
 
 def _allowed(question: Question) -> list[Answer]:
-    """Fine waves of positioning errors may be named, as what they are."""
-    answers = []
+    """Non-repeatability of the axes, and fine waves of positioning errors, may be named as what they are."""
+    answers = [Answer(("repeatability", "non-repeatability"))] if question.run.repeatability_um else []
     for axis, (_, periods, _) in question.motions.ripple.items():
         found = question.run.machine.axis(axis)
         period = (found.high - found.low) / periods

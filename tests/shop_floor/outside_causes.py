@@ -1,13 +1,17 @@
 """Six hidden effects that no library of causes holds, one for each kind of knowledge that a library lacks.
 
-| | effect | why no library holds it |
-|---|---|---|
-| `swing` | Y of the tool: tanh(6(u - 1/2)) exp(-2w) cos(2 pi t / T), u and w the shares of X and Z | three variables, a different form in each: a draught on one side of a hot column |
-| `product` | Z of the tool: (2u - 1)(2v - 1)(2w - 1) | a product of three positions: cross-axis effects have two |
-| `walk` | one direction of the tool: a random walk, a step each 45 s | no time constant and no rate: a loose spindle nose, a door that opens |
-| `stick-slip` | positioning of an axis: a sawtooth whose phase depends on another axis | steps of tables and cyclic errors have a phase that is constant |
-| `beam` | elevation of the tracker: proportional to azimuth times elevation | the effects of angle encoders depend on their own angle |
-| `floor` | Z of the tool: (2u - 1)^2 t / T of the heaviest axis | a foundation that gives way under a mass, the more the longer it is there; growth is linear in the position |
+- `swing`: Y of the tool: tanh(6(u - 1/2)) exp(-2w) cos(2 pi t / T), u and w the shares of X and Z. Three variables, a
+  different form in each: a draught on one side of a hot column.
+- `product`: Z of the tool: (2u - 1)(2v - 1)(2w - 1). A product of three positions: cross-axis effects have two.
+- `walk`: one direction of the tool: a random walk, a step each 45 s. No time constant and no rate: a loose spindle
+  nose, a door that opens.
+- `stick-slip`: positioning of an axis: a sawtooth whose phase depends on another axis. Steps of tables and cyclic
+  errors have a phase that is constant.
+- `beam`: elevation of the tracker: proportional to azimuth times elevation. The effects of angle encoders depend on
+  their own angle.
+- `floor`: Z of the tool: -exp(-((u - 0.3) / 0.15)^2) (t / 1 h)^2, u the share of the heaviest axis. One pad of the
+  foundation gives way under a mass, faster and faster: distortion by heat is a polynomial of degree 3 or less, with a
+  rate or a time constant.
 """
 
 from __future__ import annotations
@@ -117,11 +121,11 @@ class Beam(Hidden):
 
 @dataclass(frozen=True)
 class Floor(Hidden):
-    """A foundation that gives way at the ends of the heaviest axis, more and more."""
+    """A pad of the foundation that gives way under the heaviest axis, faster and faster."""
 
     def tool(self, run: Run) -> Array:
-        ends = (2.0 * run.share(HEAVIEST[run.machine.name]) - 1.0) ** 2
-        return _along("Z", self.size * ends * run.clock / 3600.0)
+        dip = np.exp(-(((run.share(HEAVIEST[run.machine.name]) - 0.3) / 0.15) ** 2))
+        return _along("Z", -self.size * dip * (run.clock / 3600.0) ** 2)
 
     def answer(self, run: Run) -> Answer:
         return Answer(variables=frozenset({HEAVIEST[run.machine.name], "time"}))
