@@ -90,7 +90,7 @@ class Diagnosis:
     """Share of the residual beyond the noise that no rigid chain can explain; None where the data are too few."""
     volume: Volume
     proposed_measurements: tuple[ProposedMeasurement, ...]
-    """Proposed measurements, the largest predicted information per minute first."""
+    """Proposed measurements: first for an unexplained dependence, then by predicted information per minute."""
     reason: str
     """Reason why the new calibration must not be used; empty if it may."""
 
@@ -243,7 +243,7 @@ def diagnose(
         evaluated,
         closure(after.linearised),
         volume(before, after),
-        tuple(proposed_measurements(found.stage, causes, evaluated)),
+        tuple(proposed_measurements(found.stage, causes, dependence)),
         _no_gain(after) if calibration is None else "",
     )
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.diagnosis.next.fixed_standards import BAR_MM, bar, references
-from calibration.diagnosis.next.follow_up import NEW, Data, FollowUpDesign
+from calibration.diagnosis.next.follow_up import Data, FollowUpDesign, unused
 from calibration.measurement.measurement import Target
 from calibration.measurement.observed_points import target_points
 from kinematics.machine import Vector
@@ -27,9 +27,8 @@ BAR_READINGS = 10
 def from_elsewhere(data: Data) -> Iterator[FollowUpDesign]:
     """The tracker at the same distance, on the other side of the volume or a quarter round it."""
     m, registration = data.measurement, data.registration
-    index = data.index
-    name = _unused(list(registration.poses))
-    there = data.following(index, STATION_MIN, station=np.full(len(index), name))
+    there, name = data.following(data.index, STATION_MIN), data.set_up
+    assert name is not None
     pose = registration.poses[str(m.groups[-1])]
     centre = target_points(there, None, registration.tool(there)).mean(axis=0)
     for where, angle in (("across the volume", np.pi), ("a quarter round the volume", np.pi / 2)):
@@ -52,7 +51,7 @@ def with_other_tools(data: Data) -> Iterator[FollowUpDesign]:
         return
     last = numbers[rows][-1]
     index = data.index[numbers == last]
-    own, name = list(m.targets.values())[last].position, _unused(list(m.targets))
+    own, name = list(m.targets.values())[last].position, unused(list(m.targets))
     for words, shift in (("to the side", (TOOL_MM, 0.0, 0.0)), ("below", (0.0, 0.0, -TOOL_MM))):
         x, y, z = (a + b for a, b in zip(own, shift, strict=True))
         position: Vector = (x, y, z)
@@ -83,7 +82,7 @@ def _interleaved(data: Data, name: str, does: str, fixed: dict[str, Target], bef
     turns = np.resize(np.array(list(fixed), object), len(before))
     targets = np.insert(m.state.target[index].astype(object), before, turns).astype(str)
     there = replace(data.following(rows, target=targets), targets={**m.targets, **fixed})
-    both = replace(data.registration, targets={**data.registration.targets, **_positions(fixed)})
+    both = replace(data.registered_again, targets={**data.registration.targets, **_positions(fixed)})
     return data.plan(name, does, there, both)
 
 
@@ -93,7 +92,7 @@ def with_bar(data: Data) -> FollowUpDesign:
     ends, lengths = bar(m, data.registration)
     names = np.repeat(list(ends), BAR_READINGS)
     there = data.following(np.full(len(names), len(m) - 1), 2.0 * TOOL_MIN, target=names)
-    both = replace(data.registration, targets={**data.registration.targets, **_positions(ends)})
+    both = replace(data.registered_again, targets={**data.registration.targets, **_positions(ends)})
     does = (
         f"measure a calibrated bar of {BAR_MM / 1e3:g} m, in line with the beam and with the tracker between its ends"
     )
@@ -103,7 +102,3 @@ def with_bar(data: Data) -> FollowUpDesign:
 
 def _positions(targets: dict[str, Target]) -> dict[str, Array]:
     return {name: np.array(target.position) for name, target in targets.items()}
-
-
-def _unused(names: list[str]) -> str:
-    return next(name for name in (NEW, *(f"{NEW}{i}" for i in range(len(names) + 1))) if name not in names)

@@ -1,6 +1,7 @@
 """A follow-up design, a measurement that could follow the data, and the data that it continues.
 
-It uses the same machine and instrument; its observations are those of the machine without errors.
+It uses the same machine and instrument; its observations are those of the machine without errors. It is another file:
+a set-up of the instrument with a registration of its own (`calibration/measurement/joining.py`).
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ class FollowUpDesign(NamedTuple):
     """Known distances between its targets."""
     unknown: tuple[Effect, ...] = ()
     """Effects that are unknown in it and are estimated with the registration."""
+    again: np.ndarray | None = None
+    """Rows `(n,)` of the data that it repeats, in its own order; None where it measures other points."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,23 @@ class Data:
             last &= m.state.cycle == m.state.cycle[last][-1]
         rows = np.flatnonzero(last)
         return rows[np.linspace(0, len(rows) - 1, min(len(rows), self.most)).astype(int)] if len(rows) else rows
+
+    @cached_property
+    def set_up(self) -> str | None:
+        """Name of the tracker's next set-up; None for other instruments."""
+        return unused(list(self.registration.poses)) if self.measurement.instrument.components == 3 else None
+
+    @cached_property
+    def registered_again(self) -> Registration:
+        """The registration of the data and of the next set-up, where the tracker stands as it did."""
+        if self.set_up is None:
+            return self.registration
+        poses, centres, last = self.registration.poses, self.registration.centres, str(self.measurement.groups[-1])
+        return replace(
+            self.registration,
+            poses={**poses, self.set_up: poses[last]},
+            centres={**centres, self.set_up: centres[last]},
+        )
 
     @cached_property
     def in_motion(self) -> bool:
@@ -106,16 +126,20 @@ class Data:
     def following(self, index: np.ndarray, pause_min: float = 0.0, **changes: Any) -> Measurement:
         """Rows of the data again, in this order, after their end; `changes` replace columns of the state.
 
-        The machine continues from its last position, at its last temperatures.
+        The machine continues from its last position; temperatures go on as in the last half of the data.
         """
         m = self.measurement
         before, state = m.state, m.state.rows(index)
         n, clock = len(index), self.clock(index)
+        late = 60.0 * pause_min + clock
         columns: dict[str, Any] = {
             "past": before,
-            "time": None if before.time is None else before.time.max() + 60.0 * pause_min + clock,
-            "temperatures": {name: np.full(n, kelvin[-1]) for name, kelvin in before.temperatures.items()},
+            "time": None if before.time is None else before.time.max() + late,
+            "temperatures": {
+                name: _continued(before.time, kelvin, late) for name, kelvin in before.temperatures.items()
+            },
             "cycle": None if before.cycle is None else np.full(n, before.cycle.max() + 1.0),
+            "station": None if self.set_up is None else np.full(n, self.set_up),
         }
         state = replace(state, **(columns | changes))
         if before.last_move is not None:
@@ -133,7 +157,7 @@ class Data:
         pause_min: float = 0.0,
     ) -> FollowUpDesign:
         """The design with the observations of the machine without errors, and its duration."""
-        registration = registration or self.registration
+        registration = registration or self.registered_again
         n = len(measurement)
         if measurement.axis is not None:
             zeros = dict(registration.zeros) | dict.fromkeys(np.unique(measurement.groups).tolist(), 0.0)
@@ -148,6 +172,19 @@ class Data:
         time = measurement.state.time
         seconds = n * self.step_s if time is None or not self.in_motion else float(np.ptp(time)) + self.step_s
         return FollowUpDesign(name, does, pause_min + seconds / 60.0, done, registration)
+
+
+def _continued(time: Array | None, kelvin: Array, late: Array) -> Array:
+    """Temperatures at times `late` after the end of the data, along the line through those of the last half."""
+    half = slice(len(kelvin) // 2, None)
+    if time is None or np.ptp(time[half]) == 0.0:
+        return np.full(len(late), kelvin[-1])
+    return np.asarray(kelvin[-1] + np.polyfit(time[half] - time.max(), kelvin[half], 1)[0] * late)
+
+
+def unused(names: list[str]) -> str:
+    """A name for a new station, target or run that is not among these."""
+    return next(name for name in (NEW, *(f"{NEW}{i}" for i in range(len(names) + 1))) if name not in names)
 
 
 def _moves_after(before: State, positions: Array) -> tuple[Array, Array]:

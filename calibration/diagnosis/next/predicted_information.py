@@ -1,25 +1,35 @@
 """Information on causes in the data, and with one more measurement before it is made: to first order.
 
 K has the whitened columns of the model, of the causes in question and of the registration; K'K of the data and of a
-planned measurement add up. The information on a cause with columns G is S = G'G - G'B (B'B + priors)^-1 B'G, with any
-others B fitted too. A signal of size a has the non-centrality a' S a.
+planned measurement add up. The information on causes with columns G is S = G'G - G'B (B'B + priors)^-1 B'G, with model
+and registration B fitted too. A signal of size a has the non-centrality a' S a. Beside another cause j, whose size is
+free, S_ii - S_ij S_jj^+ S_ji is left of it: nothing where both have parallel columns.
+
+A planned measurement brings unknowns of its own: its registration, the drift of an instrument that was set up again,
+and the state in which each cause that changes with time begins, since the pause before it is unknown.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from calibration.diagnosis.next.follow_up import FollowUpDesign
-from calibration.diagnosis.search.linearised_fit import GENEROUS, RIDGE, LinearisedFit, derivatives, signals
-from calibration.fit.linear import Posterior
+from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
+from calibration.diagnosis.search.linearised_fit import RIDGE, LinearisedFit, derivatives, signals
+from calibration.fit.linear import Posterior, pseudo_inverse
+from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.normal_equations import whiteners
 from kinematics.effects import Effect
 from kinematics.transforms import Array
+
+PARALLEL = 1e-9
+"""Share of the largest eigenvalue of the information below which a combination of columns counts as parallel."""
 
 
 @dataclass(frozen=True)
@@ -32,24 +42,43 @@ class Information:
     """Diagonal `(w,)` of the priors' part."""
     causes: tuple[slice, ...]
     """Columns of each cause."""
+    begun: tuple[slice, ...]
+    """Columns of the unknown state of each cause at the beginning of a planned measurement; they follow the causes."""
     scalars: int
-    _schur: dict[tuple[object, ...], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _schur: dict[tuple[int, int] | None, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def schur(self, cause: int, beside: int | None = None, without: slice | None = None) -> Array:
         """Schur complement `(k, k)` of a cause, with another fitted `beside` it, the model `without` some columns."""
-        key = (beside, None if without is None else (without.start, without.stop))
-        first, last = self.causes[0].start, self.causes[-1].stop
+        whole, own = self._of_causes(without), self._own(self.causes[cause])
+        fitted = [self._own(self.begun[cause])]
+        if beside is not None:
+            fitted += [self._own(self.causes[beside]), self._own(self.begun[beside])]
+        others = np.concatenate([np.arange(part.start, part.stop) for part in fitted])
+        root = pseudo_inverse(whole[np.ix_(others, others)], PARALLEL).root
+        shared = root.T @ whole[others, own]
+        return np.asarray(whole[own, own] - shared.T @ shared)
+
+    def _of_causes(self, without: slice | None) -> Array:
+        """Schur complement of the columns of all causes and of their beginnings."""
+        key = None if without is None else (without.start, without.stop)
         if key not in self._schur:
+            chosen = slice(self.causes[0].start, self.begun[-1].stop)
             fitted = np.ones(len(self.limited), bool)
-            fitted[first:last] = False
+            fitted[chosen] = False
             if without is not None:
                 fitted[without] = False
-            if beside is not None:
-                fitted[self.causes[beside]] = True
-            posterior, chosen = Posterior(self.matrix[np.ix_(fitted, fitted)], self.limited[fitted]), slice(first, last)
+            posterior = Posterior(self.matrix[np.ix_(fitted, fitted)], self.limited[fitted])
             self._schur[key] = posterior.complement(self.matrix[chosen, chosen], self.matrix[fitted, chosen])
-        own = slice(self.causes[cause].start - first, self.causes[cause].stop - first)
-        return np.asarray(self._schur[key][own, own])
+        return self._schur[key]
+
+    def _own(self, columns: slice) -> slice:
+        first = self.causes[0].start
+        return slice(columns.start - first, columns.stop - first)
+
+    def squares(self, cause: int, size: Array) -> float:
+        """Sum of squares of a signal of a given size; 0 for one that changes with time, whose origin is arbitrary."""
+        own, begun = self.causes[cause], self.begun[cause]
+        return float(size @ self.matrix[own, own] @ size) if begun.start == begun.stop else 0.0
 
     def share(self, cause: int) -> float:
         """Share of a cause's signal that model and registration cannot imitate."""
@@ -64,6 +93,8 @@ class PredictedInformation:
 
     linearised: LinearisedFit
     effects: Sequence[Effect]
+    unexplained: UnexplainedShape | None = None
+    """A shape that no cause explains, as two more causes: recurring with the position, and with the time."""
 
     @property
     def now(self) -> Information:
@@ -71,7 +102,9 @@ class PredictedInformation:
         linearised, registered = self.linearised, len(self._lengths)
         own, by_model = linearised.design[:, :registered], linearised.design[:, registered:]
         columns = signals(linearised.measurement, linearised.rows, self.effects, linearised.transform)
-        whole = np.concatenate([by_model, columns, own], axis=1)
+        shapes = [] if self.unexplained is None else [self.unexplained.now(linearised)]
+        begun = np.zeros((len(columns), sum(self._widths[1])))
+        whole = np.concatenate([by_model, columns, *shapes, begun, own], axis=1)
         return self._known(whole.T @ whole, linearised.scalars)
 
     def after(self, now: Information, follow_up: FollowUpDesign) -> Information:
@@ -83,13 +116,17 @@ class PredictedInformation:
         known, names = fit.registration.names, follow_up.registration.names
         order = [names.index(name) for name in known] + [i for i, name in enumerate(names) if name not in set(known)]
         own = np.concatenate([parts.own, _lengths_known(follow_up, names)])[:, order]
-        if follow_up.unknown:
-            drift = signals(more, rows, follow_up.unknown, parts.transform)
-            own = np.concatenate([own, _padded(drift, len(follow_up.lengths))], axis=1)
+        steady, model = _at_mean_time(more), fit.model.effects
+        begun = signals(steady, rows, [effect for effect in model if _in_time(effect)], parts.transform)
+        drift = signals(more, rows, follow_up.unknown, parts.transform)
+        own = np.concatenate([own, _padded(np.concatenate([begun, drift], axis=1), len(follow_up.lengths))], axis=1)
         length = np.linalg.norm(own, axis=0)
         length[: len(known)] = self._lengths
         own = own / np.where(length > 0.0, length, 1.0)
-        columns = np.concatenate([parts.by_model, signals(more, rows, self.effects, parts.transform)], axis=1)
+        parted = [parts.by_model, signals(more, rows, self.effects, parts.transform)]
+        parted += [] if self.unexplained is None else [self.unexplained.after(follow_up, white)]
+        parted += [signals(steady, rows, [effect for effect in self.effects if _in_time(effect)], parts.transform)]
+        columns = np.concatenate(parted, axis=1)
         whole = np.concatenate([_padded(columns, len(follow_up.lengths)), own], axis=1)
         matrix = whole.T @ whole
         matrix[: len(now.matrix), : len(now.matrix)] += now.matrix
@@ -98,12 +135,20 @@ class PredictedInformation:
     def _known(self, matrix: Array, scalars: int) -> Information:
         registered = len(self._lengths)
         model = self.linearised.limited[registered:]
-        ends = len(model) + np.cumsum([0, *(sum(q.linear for q in e.parameter_table) for e in self.effects)])
-        causes = tuple(slice(low, high) for low, high in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
+        own, begun = self._widths
+        ends = (len(model) + np.cumsum([0, *own, *begun])).tolist()
+        parts = tuple(slice(low, high) for low, high in pairwise(ends))
         limited = np.full(len(matrix), RIDGE)
         limited[: len(model)] = model
-        limited[len(model) : ends[-1]] = GENEROUS**-2
-        return Information(matrix, limited, causes, scalars)
+        return Information(matrix, limited, parts[: len(own)], parts[len(own) :], scalars)
+
+    @cached_property
+    def _widths(self) -> tuple[list[int], list[int]]:
+        """Numbers of columns of each cause, and of its unknown state at the beginning of a planned measurement."""
+        own = [sum(quantity.linear for quantity in effect.parameter_table) for effect in self.effects]
+        begun = [width * _in_time(effect) for width, effect in zip(own, self.effects, strict=True)]
+        shapes = 0 if self.unexplained is None else 2
+        return own + [1] * shapes, begun + [0] * shapes
 
     @cached_property
     def _lengths(self) -> Array:
@@ -111,6 +156,19 @@ class PredictedInformation:
         some = self.linearised.measurement.rows(self.linearised.rows)
         own = self.linearised.white @ equations.registration_design(some, self.linearised.fit.registration)
         return np.asarray(np.linalg.norm(own.reshape(self.linearised.scalars, -1), axis=0))
+
+
+def _in_time(effect: Effect) -> bool:
+    """True for a cause that changes with time."""
+    return "time" in effect.needs
+
+
+def _at_mean_time(measurement: Measurement) -> Measurement:
+    """The measurement with all its rows at one time."""
+    state = measurement.state
+    if state.time is None:
+        return measurement
+    return replace(measurement, state=replace(state, time=np.full_like(state.time, state.time.mean())))
 
 
 def _padded(columns: Array, rows: int) -> Array:

@@ -22,6 +22,8 @@ FEWER = 60
 """Positions of a quick measurement."""
 FINER = 60
 """Positions along one axis."""
+OFF_LINE = 8
+"""Positions off this line, for the pose of a tracker."""
 STOPS = 8
 """Positions that are approached by moves of different lengths."""
 SHORT_MM, SHORT_RAD = 5.0, np.deg2rad(1.0)
@@ -59,19 +61,21 @@ def _once_more(data: Data) -> Iterator[FollowUpDesign]:
     back = index[::-1]
     turned = {} if state.velocity is None else {"velocity": -state.velocity[back]}
     verb = "run" if data.in_motion else "measure"
-    yield data.plan("retrace", f"{verb} {positions} once more backwards", data.following(back, **turned))
+    retrace = data.plan("retrace", f"{verb} {positions} once more backwards", data.following(back, **turned))
+    yield retrace._replace(again=back)
     shuffled = np.random.default_rng(0).permutation(index)
     if data.in_motion:
         yield _at_another_feed(data)
     else:
         order = "in shuffled order"
-        yield data.plan("shuffled", f"measure {positions} once more {order}", data.following(shuffled))
+        plan = data.plan("shuffled", f"measure {positions} once more {order}", data.following(shuffled))
+        yield plan._replace(again=shuffled)
     if state.time is not None and not data.in_motion:
         clock = data.clock(index)
         again = {name: _course(clock, state.time, kelvin) for name, kelvin in state.temperatures.items()}
         cold = data.following(shuffled, time=state.time.min() + clock, temperatures=again, past=None)
         does = f"let the machine cool down, start it as before, and measure {positions} in shuffled order"
-        yield data.plan("cold start", does, cold)._replace(unknown=data.own_drift)
+        yield data.plan("cold start", does, cold)._replace(unknown=data.own_drift, again=shuffled)
 
 
 def _course(clock: Array, time: Array, kelvin: Array) -> Array:
@@ -89,7 +93,8 @@ def _at_another_feed(data: Data) -> FollowUpDesign:
     if state.time is not None:
         changes["time"] = state.time.max() + data.clock(index) / OTHER_FEED
     slower = data.following(index, **changes)
-    return data.plan("second feed", "run the same path once more at half the feed", slower)
+    plan = data.plan("second feed", "run the same path once more at half the feed", slower)
+    return plan._replace(again=index)
 
 
 def _otherwise_approached(data: Data) -> Iterator[FollowUpDesign]:
@@ -144,24 +149,35 @@ def _lengths_text(data: Data) -> str:
 
 
 def _finer(data: Data) -> Iterator[FollowUpDesign]:
-    """Positions at irregular distances along each axis that moves, the others in the middle."""
+    """Positions at irregular distances along each axis that moves, the others in the middle.
+
+    A tracker also measures some positions of the data again: points on one line do not determine its pose.
+    """
     m = data.measurement
     middle = np.median(m.state.positions[data.index], axis=0)
     rng = np.random.default_rng(1)
+    off = data.index[np.linspace(0, len(data.index) - 1, min(OFF_LINE, len(data.index))).astype(int)]
+    off, again = (off, f", and {len(off)} of the positions again") if data.set_up else (off[:0], "")
     for axis in moving_axes(m):
         i = m.machine.index(axis)
         line = np.tile(middle, (FINER, 1))
         line[:, i] = np.sort(rng.uniform(m.state.positions[:, i].min(), m.state.positions[:, i].max(), FINER))
         own = data.index if m.axis is None else data.index[m.axis[data.index] == axis]
         if len(own):
-            there = _only_moving(data.following(np.full(FINER, own[-1]), positions=line), i, m.state.rows(own[-1:]))
-            does = f"measure {FINER} positions at irregular, finer spacing along {axis}"
+            rows = np.concatenate([np.full(FINER, own[-1]), off])
+            there = data.following(rows, positions=np.concatenate([line, m.state.positions[off]]))
+            there = _only_moving(there, i, m.state.rows(own[-1:]))
+            does = f"measure {FINER} positions at irregular, finer spacing along {axis}{again}"
             yield data.plan(f"finer {axis}", does, there)
 
 
 def _only_moving(measurement: Measurement, axis: int, start: State) -> Measurement:
-    """The measurement with one moving axis; the others keep the last move and approach of the state `start`."""
-    own, state = np.arange(measurement.state.positions.shape[1]) == axis, measurement.state
+    """The measurement with one axis that moves in its first rows, the finer ones.
+
+    The others keep the last move and approach of the state `start`.
+    """
+    state = measurement.state
+    own = (np.arange(state.positions.shape[1]) == axis) | (np.arange(len(state))[:, None] >= FINER)
     columns = {
         name: np.where(own, column, getattr(start, name))
         for name in ("last_move", "approach")

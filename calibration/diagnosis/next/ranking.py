@@ -1,34 +1,38 @@
 """Proposed measurements: follow-up designs, ranked by predicted information per minute.
 
-A design is evaluated before it is made. A tie counts as separated when each of the two causes, at its fitted size,
-would be found with the other one fitted too. A cause that the data do not show has a small weight, and its
-information counts only up to the amount that finds it at its typical size.
+A design is evaluated before it is made, with the unknowns that it brings. A dependence that no cause explains ranks
+before all others: a design must part a residual that recurs with the position from one that recurs with the time. A
+tie counts as separated when each of the two causes, at its fitted size, would be found with the other one fitted too.
+Causes whose columns stay parallel have a power of 0. A weak cause is confirmed by its evidence and on held-out blocks.
+Causes that the data do not show are listed elsewhere: no measurement is proposed for them alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy import special
 
 from calibration.diagnosis.next.predicted_information import Information, PredictedInformation
 from calibration.diagnosis.next.proposals import follow_up_designs
+from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
+from calibration.diagnosis.residual.dependence import Unexplained
+from calibration.diagnosis.residual.unexplained import shared_rms
 from calibration.diagnosis.search.candidates import contract_kind
-from calibration.diagnosis.search.selection import SEEN, WORTH, Evaluated, Stage
+from calibration.diagnosis.search.selection import SEEN, WORTH, Stage
 from calibration.diagnosis.verdict import CLEAR, REMEDIES, Named, tied_with
 from kinematics.effects import Effect
 from kinematics.transforms import Array
 
 SURE = 0.8
-"""Power from which a design separates a tie or shows a cause."""
+"""Power from which a design separates a tie or confirms a cause."""
 MARGIN = 2.33
 """Standard deviations above the threshold for a power of 0.99; more information is not counted."""
-WEIGHTS = {"tied": 1.0, "weak": 0.5, "hidden": 0.05}
-LISTED = 3
-"""Most causes that a sentence lists."""
+WEIGHTS = {"unexplained": 1.0, "tied": 1.0, "weak": 0.5}
+Kind = Literal["unexplained", "tied", "weak"]
 
 
 class ProposedMeasurement(NamedTuple):
@@ -46,23 +50,38 @@ class Signal(NamedTuple):
     """A cause of some size, by its index in the predicted information."""
 
     cause: int
-    size: Array | None
-    """Parameters in units of typical sizes; None: every parameter at its typical size."""
-    shapes: int
+    size: Array
+    """Parameters in units of typical sizes."""
+    shapes: int = 0
     beside: int | None = None
     """The other cause that is fitted along."""
     without: slice | None = None
     """Columns of the model that belong to the cause itself."""
+
+    def noncentrality(self, known: Information) -> float:
+        """Squares of the part of the signal that nothing else imitates.
+
+        0 where model and registration imitate nearly all of it, or where the other cause is parallel to it.
+        """
+        alone = float(self.size @ known.schur(self.cause, without=self.without) @ self.size)
+        if alone <= SEEN**2 * known.squares(self.cause, self.size):
+            return 0.0
+        if self.beside is None:
+            return alone
+        left = float(self.size @ known.schur(self.cause, self.beside, self.without) @ self.size)
+        return left if left > SEEN**2 * alone else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
     """An open question, answered when all its signals would be found."""
 
-    kind: str
+    kind: Kind
     name: str
     other: str
     signals: tuple[Signal, ...]
+    sureness: float = np.inf
+    """Standard errors of a weak cause's gain on held-out blocks: they grow with the root of the information."""
 
     def needed(self, signal: Signal, known: Information) -> tuple[int, float]:
         """Degrees of freedom of a signal, and the gain from which its cause is named."""
@@ -71,66 +90,75 @@ class Question:
         worth = CLEAR * WORTH if self.kind == "weak" else WORTH
         return degrees_of_freedom, -worth + degrees_of_freedom * float(np.log(known.scalars))
 
-    def information(self, known: Information) -> float:
+    def information(self, known: Information, now: Information) -> float:
         """Non-centrality of the weakest signal, at most the amount that is needed."""
-        return min(self._one(signal, known) for signal in self.signals)
+        found = []
+        for signal in self.signals:
+            enough = float(self.needed(signal, known)[1] ** 0.5 + MARGIN) ** 2
+            if 0.0 < self.sureness < np.inf:
+                enough = max(enough, signal.noncentrality(now) * ((CLEAR + MARGIN) / self.sureness) ** 2)
+            found.append(min(signal.noncentrality(known), enough))
+        return min(found)
 
-    def power(self, known: Information) -> float:
-        """Least of the chances that each signal by itself would be found."""
+    def power(self, known: Information, now: Information) -> float:
+        """Least of the chances that each signal by itself would be found; 0 where one of them cannot be."""
         chances = []
         for signal in self.signals:
-            if self.kind == "hidden" and known.share(signal.cause) < SEEN:
+            noncentrality = signal.noncentrality(known)
+            if noncentrality == 0.0:
                 return 0.0
             degrees_of_freedom, threshold = self.needed(signal, known)
-            chances.append(
-                1.0 - float(special.chndtr(threshold, degrees_of_freedom, max(_noncentrality(signal, known), 1e-9)))
-            )
+            chances.append(1.0 - float(special.chndtr(threshold, degrees_of_freedom, noncentrality)))
+            if self.sureness < np.inf:
+                growth = (noncentrality / max(signal.noncentrality(now), 1e-300)) ** 0.5
+                chances.append(float(special.ndtr(self.sureness * growth - CLEAR)))
         return min(chances)
-
-    def _one(self, signal: Signal, known: Information) -> float:
-        if self.kind == "hidden" and known.share(signal.cause) < SEEN:
-            return 0.0
-        _, threshold = self.needed(signal, known)
-        return min(_noncentrality(signal, known), float(threshold**0.5 + MARGIN) ** 2)
 
 
 def proposed_measurements(
-    stage: Stage, causes: Sequence[Named], evaluated: Sequence[Evaluated]
+    stage: Stage, causes: Sequence[Named], dependence: Unexplained | None
 ) -> Iterator[ProposedMeasurement]:
-    """Designs that answer a question, the best first; then the ties that none of them separates.
+    """Designs that answer a question, the best first; then the questions that none of them answers.
 
-    evaluated: all candidates.
+    dependence: that no cause explains; what it leaves open comes first.
     """
-    effects, questions = _questions(stage, causes, evaluated)
+    effects, questions = _questions(stage, causes, dependence)
     if not questions:
         return
-    predicted = PredictedInformation(stage.linearised, effects)
+    shape = None if dependence is None else UnexplainedShape(stage.linearised, dependence)
+    predicted = PredictedInformation(stage.linearised, effects, shape)
     now = predicted.now
-    found, answered = [], set()
+    first: list[ProposedMeasurement] = []
+    others: list[ProposedMeasurement] = []
+    best: dict[Question, tuple[float, str] | None] = dict.fromkeys(questions)
     for follow_up in follow_up_designs(stage.fit):
         after = predicted.after(now, follow_up)
-        gains = {q: WEIGHTS[q.kind] * max(q.information(after) - q.information(now), 0.0) for q in questions}
-        answers = [(q, q.power(after)) for q in questions if gains[q] > 0.0]
-        answers = [(q, power) for q, power in answers if power >= SURE]
+        gains = {q: WEIGHTS[q.kind] * max(q.information(after, now) - q.information(now, now), 0.0) for q in questions}
+        powers = {q: q.power(after, now) if gains[q] > 0.0 else 0.0 for q in questions}
+        for question, power in powers.items():
+            best[question] = max(best[question] or (0.0, ""), (power, follow_up.name))
+        answers = [(q, power) for q, power in powers.items() if power >= SURE]
         if answers:
-            answered |= {q for q, _ in answers}
             does = f"{follow_up.does[0].upper()}{follow_up.does[1:]}"
-            text = f"{does} ({follow_up.minutes:.0f} min): this {_expected(answers)}."
-            found.append(
-                ProposedMeasurement(follow_up.name, follow_up.minutes, sum(gains.values()) / follow_up.minutes, text)
-            )
-    yield from sorted(found, key=lambda proposed: -proposed.gain_per_minute)
-    for question in questions:
-        if question.kind == "tied" and question not in answered:
-            remedy = REMEDIES.get(contract_kind(effects[question.signals[-1].cause]), "other positions")
-            text = f"No proposed measurement separates {question.name} from {question.other}. It may need {remedy}."
-            yield ProposedMeasurement("remedy", 0.0, 0.0, text)
+            text = f"{does} ({follow_up.minutes:.0f} min): this {_expected(answers, stage, dependence)}."
+            gain = sum(gains.values()) / follow_up.minutes
+            found = ProposedMeasurement(follow_up.name, follow_up.minutes, gain, text)
+            (first if any(q.kind == "unexplained" for q, _ in answers) else others).append(found)
+    without = [
+        (question.kind, ProposedMeasurement("remedy", 0.0, 0.0, _unanswered(question, effects, most)))
+        for question, most in best.items()
+        if most is None or most[0] < SURE
+    ]
+    yield from sorted(first, key=lambda proposed: -proposed.gain_per_minute)
+    yield from (text for kind, text in without if kind == "unexplained")
+    yield from sorted(others, key=lambda proposed: -proposed.gain_per_minute)
+    yield from (text for kind, text in without if kind != "unexplained")
 
 
 def _questions(
-    stage: Stage, causes: Sequence[Named], evaluated: Sequence[Evaluated]
+    stage: Stage, causes: Sequence[Named], dependence: Unexplained | None
 ) -> tuple[list[Effect], list[Question]]:
-    """Effects in question, and the questions: ties, weak causes, and causes that the data do not show."""
+    """Effects in question, and the questions: an unexplained dependence, ties and weak causes."""
     effects: list[Effect] = []
     found: list[Question] = []
 
@@ -145,43 +173,57 @@ def _questions(
         if verdict in ("tied", "weak"):
             i = number(own.effect)
         if verdict == "weak":
-            found.append(Question("weak", effect.name, "", (Signal(i, accepted.size, own.shapes, without=part),)))
+            alone = (Signal(i, accepted.size, own.shapes, without=part),)
+            found.append(Question("weak", effect.name, "", alone, accepted.sureness))
         for sibling in tied_with(accepted) if verdict == "tied" else []:
             other = sibling.evaluated.candidate
             j = number(other.effect)
             one = Signal(i, accepted.size, own.shapes, j, part)
             two = Signal(j, sibling.evaluated.score.size, other.shapes, i, part)
             found.append(Question("tied", effect.name, other.effect.name, (one, two)))
-    for each in _hidden(evaluated):
-        own = each.candidate
-        found.append(Question("hidden", own.effect.name, "", (Signal(number(own.effect), None, own.shapes),)))
+    if dependence is not None:
+        i, whole = len(effects), np.ones(1)
+        both = (Signal(i, whole, beside=i + 1), Signal(i + 1, whole, beside=i))
+        found.append(Question("unexplained", f"the dependence on {', '.join(dependence.variables)}", "", both))
     return effects, found
 
 
-def _hidden(evaluated: Sequence[Evaluated]) -> list[Evaluated]:
-    """The most visible variant of each cause that the data do not show."""
-    best: dict[str, Evaluated] = {}
-    for each in evaluated:
-        name = each.candidate.effect.name
-        if name not in best or each.projected.visible > best[name].projected.visible:
-            best[name] = each
-    return [each for each in best.values() if each.projected.visible < SEEN]
-
-
-def _noncentrality(signal: Signal, known: Information) -> float:
-    schur = known.schur(signal.cause, signal.beside, signal.without)
-    return float(np.trace(schur)) if signal.size is None else float(signal.size @ schur @ signal.size)
-
-
-def _expected(answers: Sequence[tuple[Question, float]]) -> str:
+def _expected(answers: Sequence[tuple[Question, float]], stage: Stage, dependence: Unexplained | None) -> str:
     """Expected result of a design, as text."""
-    parts = [f"separates {q.name} from {q.other} (power {_chance(power)})" for q, power in answers if q.kind == "tied"]
+    parts = []
+    for question, power in answers:
+        if question.kind == "unexplained" and dependence is not None:
+            rms = stage.fit.rms_um
+            left = max(rms**2 - shared_rms(stage.linearised, dependence) ** 2, 0.0) ** 0.5
+            parts.append(
+                f"shows whether {question.name}, which no cause explains, recurs with the position or with the time "
+                f"(power {_chance(power)}): what recurs can be predicted, and the residual falls from {rms:.2f} to "
+                f"{left:.2f} um RMS"
+            )
+    parts += [f"separates {q.name} from {q.other} (power {_chance(power)})" for q, power in answers if q.kind == "tied"]
     parts += [f"confirms {q.name} (power {_chance(power)})" for q, power in answers if q.kind == "weak"]
-    hidden = [q.name for q, _ in answers if q.kind == "hidden"]
-    if hidden:
-        more = f" and {len(hidden) - LISTED} more" if len(hidden) > LISTED else ""
-        parts.append(f"shows {', '.join(hidden[:LISTED])}{more}")
     return "; ".join(parts)
+
+
+def _unanswered(question: Question, effects: Sequence[Effect], best: tuple[float, str] | None) -> str:
+    """The result for a question that no design answers, as text.
+
+    best: largest power of a design, and its name; None without designs.
+    """
+    does = {
+        "unexplained": f"shows whether {question.name} recurs with the position or with the time",
+        "tied": f"separates {question.name} from {question.other}",
+        "weak": f"confirms {question.name}",
+    }[question.kind]
+    text = f"No proposed measurement {does}"
+    if best is not None and best[0] > 0.0:
+        return f"{text}: the best one, '{best[1]}', would do so with a power of {best[0]:.2f} only."
+    if question.kind == "unexplained":
+        return f"{text}. Measure the same positions again in another order."
+    if best is not None and question.kind == "tied":
+        return f"{text}: in each of them both have the same signal."
+    remedy = REMEDIES.get(contract_kind(effects[question.signals[-1].cause]), "other positions")
+    return f"{text}. It may need {remedy}."
 
 
 def _chance(power: float) -> str:

@@ -425,7 +425,7 @@ def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect
     machine, state = measurement.machine, measurement.state
     alone = msgspec.structs.replace(no_errors(machine), effects=tuple(effects))
     made = Design(alone, machine, state, with_instrument=True).of(rows, transform)
-    columns = made.reshape(-1, made.shape[2])[:, linear]
+    columns = made.reshape(made.shape[0] * made.shape[1], made.shape[2])[:, linear]
     return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
 
 
