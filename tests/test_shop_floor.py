@@ -9,7 +9,7 @@ from shop_floor import causes, exam, outside_causes, sampling, summary
 from shop_floor.chain import MACHINES, no_errors, nominal_points, rotation, tool_points, without_rigid_motion
 from shop_floor.designs import BREAK_S, DESIGNS
 from shop_floor.hidden import Answer
-from shop_floor.question import CAUSES, TIMES_NOISE, VISIBLE, ask, earlier, kinds_of, signal_of
+from shop_floor.question import CAUSES, TIMES_NOISE, VISIBLE, VISIBLE_SHARE, ask, earlier, kinds_of, signal_of
 from shop_floor.scoring import score
 from shop_floor.tracker import Noise, cartesian, noisy, polar
 from support.tiers import quick
@@ -183,11 +183,12 @@ def test_hidden_effects_have_the_size_that_they_say(cause):
     question = ask("random3", cause, "cframe", 2)
     assert len(question.hidden) == len(kinds_of(cause, 2)) == len(question.sizes)
     for effect, size in zip(question.hidden, question.sizes, strict=True):
-        times, left = signal_of(question, effect)
-        assert (times, left) == pytest.approx(tuple(size), rel=0.02)
+        times, left, share = signal_of(question, effect)
+        assert (times, left, share) == pytest.approx(tuple(size), rel=0.02)
         if not isinstance(effect, causes.Outliers):
             assert 0.99 * TIMES_NOISE[0] <= times <= 1.01 * TIMES_NOISE[1]
             assert left > 0.98 * VISIBLE
+            assert share > 0.98 * VISIBLE_SHARE
     plain = ask("random3", "none", "cframe", 2)
     np.testing.assert_allclose(question.having().seen, plain.seen)
     np.testing.assert_array_equal(question.normal, plain.normal)

@@ -15,9 +15,10 @@ imports, and the chains of its machines are written down again. Data go one way:
 
 **Size of a hidden effect**: the RMS of what it adds to the observed points, a rigid motion apart, is 0.7 to 6 times the
 RMS of the noise, drawn log-uniformly. It is enlarged within these limits until smooth error motions (Legendre
-polynomials of degree 8) and the pose of the tracker leave a non-centrality of `question.VISIBLE`; where even the largest
-that occurs in a shop leaves less, the effect is drawn again. After 30 draws the question is not asked: such a design does
-not show the effect. Sizes, and what is left of them, are in the record. Outliers are always off by 0.4 mm.
+polynomials of degree 8) and the pose of the tracker leave a non-centrality of 100. Where even the largest size that
+occurs in a shop leaves less, or where they imitate all but 15 % of the signal, the effect is drawn again; after 30 draws
+the question is not asked, because the design does not show the effect. Outliers are always off by 0.4 mm. Sizes, and
+the visible share, are in the record.
 
 **The same draw** of a design and a machine has the same error motions, poses and noise for every cause. So the question
 with the cause `none` is the same data with nothing hidden.

@@ -126,7 +126,7 @@ class Knock(Hidden):
 class Encoder(Hidden):
     """A circle of the tracker whose disc is off centre (one wave a turn) or elliptic (two)."""
 
-    LARGEST: ClassVar[float] = 120.0
+    LARGEST: ClassVar[float] = 60.0
     circle: Literal["azimuth", "elevation"] = "azimuth"
     harmonic: int = 2
     phase: float = 0.0

@@ -70,6 +70,7 @@ def answer(key: Key, *, timeout: float, options: Sequence[str] = (), keep: Path 
         "hidden": [{"effect": type(one).__name__, **_plain(asdict(one))} for one in question.hidden],
         "times_noise": [round(size.times_noise, 2) for size in question.sizes],
         "left": [round(size.left) for size in question.sizes],
+        "visible": [round(size.share, 2) for size in question.sizes],
     }
     with TemporaryDirectory() as name:
         folder = Path(name)

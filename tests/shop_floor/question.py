@@ -22,8 +22,8 @@ from shop_floor.tracker import Noise, Pose, draw_pose, noisy, whitened
 CAUSES = ("none", *KNOWN, "strange", *OUTSIDE, "two", "three")
 """`strange`: one of the effects outside every library, in turn; `two` and `three`: so many at once."""
 TIMES_NOISE = (0.7, 6.0)
-VISIBLE = 100.0
-"""Least non-centrality that smooth error motions and the pose of the tracker leave of a hidden effect."""
+VISIBLE, VISIBLE_SHARE = 100.0, 0.15
+"""Least non-centrality, and share of the whitened signal, that smooth error motions and poses leave of an effect."""
 TRIES = 30
 DEGREE, WAVES = 8, 4
 """Of the smooth error motions of linear axes, and of rotary ones."""
@@ -40,6 +40,8 @@ class Size(NamedTuple):
     """RMS of its signal, a rigid motion apart, relative to that of the noise."""
     left: float
     """Non-centrality that smooth error motions and the pose leave of it."""
+    share: float
+    """Root of its share in that of the whole signal, a rigid motion apart."""
 
 
 @dataclass(frozen=True)
@@ -217,23 +219,23 @@ def _with_effect(question: Question, name: str, rng: np.random.Generator) -> Que
     for _ in range(TRIES):
         effect = kind(question.run, rng)
         if name in FIXED_SIZES:
-            signal, left = signal_of(question, effect, absorbed)
+            size = signal_of(question, effect, absorbed)
             break
-        unit, left = signal_of(question, effect.sized(10.0), absorbed)
-        least = max(TIMES_NOISE[0], unit * np.sqrt(VISIBLE / max(left, 1e-12)))
-        most = min(TIMES_NOISE[1], unit * effect.LARGEST / 10.0)
-        if least <= most:
-            signal = float(np.exp(rng.uniform(np.log(least), np.log(most))))
-            effect, left = effect.sized(10.0 * signal / unit), left * (signal / unit) ** 2
+        unit = signal_of(question, effect.sized(10.0), absorbed)
+        least = max(TIMES_NOISE[0], unit.times_noise * np.sqrt(VISIBLE / max(unit.left, 1e-12)))
+        most = min(TIMES_NOISE[1], unit.times_noise * effect.LARGEST / 10.0)
+        if least <= most and unit.share >= VISIBLE_SHARE:
+            times = float(np.exp(rng.uniform(np.log(least), np.log(most))))
+            ratio = times / unit.times_noise
+            effect, size = effect.sized(10.0 * ratio), Size(times, unit.left * ratio**2, unit.share)
             break
     else:
         raise RuntimeError(f"{question.design}: no {name} of {TRIES} could be seen")
-    size = Size(float(signal), float(left))
     return replace(question, hidden=(*question.hidden, effect), sizes=(*question.sizes, size))
 
 
-def signal_of(question: Question, effect: Hidden, absorbed: Array | None = None) -> tuple[float, float]:
-    """RMS of the signal of an effect, in units of the noise, and the non-centrality that remains of it.
+def signal_of(question: Question, effect: Hidden, absorbed: Array | None = None) -> Size:
+    """How large an effect is in the data of a question.
 
     absorbed: orthonormal columns of all that error motions and poses can imitate; worked out when it is missing.
     """
@@ -247,7 +249,9 @@ def signal_of(question: Question, effect: Hidden, absorbed: Array | None = None)
     white = _white(question, plain.seen, moved)
     columns = _absorbed(question) if absorbed is None else absorbed
     left = white - columns @ (columns.T @ white)
-    return float(np.sqrt(np.mean(np.sum(rigid**2, axis=1))) / noise), float(left @ left)
+    whole = float(np.linalg.norm(_white(question, plain.seen, rigid)))
+    share = float(np.linalg.norm(left)) / max(whole, 1e-12)
+    return Size(float(np.sqrt(np.mean(np.sum(rigid**2, axis=1))) / noise), float(left @ left), share)
 
 
 def _white(question: Question, points: Array, moved: Array) -> Array:

@@ -50,7 +50,7 @@ def row(design: str, cause: str, records: Sequence[Record], twins: Mapping[Twin,
     before, after = (_rms(record["unseen_um"][i] for record in done) for i in (0, 1))
     ratios = [ratio for record in done if (ratio := relative(record, twins)) is not None]
     middle, largest = (f"{np.median(ratios):.2f}", f"{max(ratios):.2f}") if ratios else ("-", "-")
-    within = "".join(f"{_percent(record[key] for record in done):>7}" for key in ("covered", "covered_in_datum"))
+    within = "".join(f"{_percent(record.get(key) for record in done):>7}" for key in ("covered", "covered_in_datum"))
     seconds = f"{np.mean([record['seconds'] for record in done]):.0f}" if done else "-"
     cells += f"{f'{before:.1f} -> {after:.1f}':>15}{middle:>7}{largest:>6}{within}{f'{inside}/{sizes}':>9}{seconds:>6}"
     failed, left_out = len(asked) - len(done), len(records) - len(asked)
