@@ -338,6 +338,7 @@ def fit(
     reversal: str = "none",
     hold_out: bool = True,
     valid_days: float | None = None,
+    force: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
     """Fit the errors of a machine to measured points, with uncertainties; `model` of the result is the calibration.
@@ -345,9 +346,11 @@ def fit(
     basis: that of the error motions (`auto`, `legendre:5`, `X=b-spline:12,...`); effects: others of docs/effects.md
     (`backlash:axis=X,width=0`); noise: standard uncertainty of the instrument, as stated or estimated from the
     residuals; prior_scale: size of the errors, times the typical 30 um and urad; reversal: for data taken on the fly,
-    `constant` or `curves` that depend on the direction of motion.
+    `constant` or `curves` that depend on the direction of motion; force: accept the result although there is a
+    reason against it.
 
-    UserError for too few data, and for a fit that predicts points worse than the nominal machine does.
+    UserError for too few data; `calibration.fit.calibrate.NotAccepted`, a UserError with the result in `found`, where
+    too many rows disagree, and where the fit does not predict held-out lines better than the nominal machine does.
     """
     from calibration.fit.calibrate import calibrate
     from calibration.on_the_fly.along_path import MARGIN, OnTheFly
@@ -367,6 +370,7 @@ def fit(
         prior_scale=prior_scale,
         hold_out=hold_out,
         valid_days=valid_days,
+        force=force,
         progress=progress,
     )
 
@@ -377,17 +381,19 @@ def diagnose(
     *,
     noise: Literal["sheet", "estimate"] = "sheet",
     unexplained: Literal["report", "add"] = "report",
+    force: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Find the causes of the errors that a model of the machine lacks; `model` of the result has them added.
 
     model: the present calibration; None begins with error motions of all axes. unexplained: residuals without a known
-    cause are reported, or added to the model as a smooth function.
+    cause are reported, or added to the model as a smooth function. force: accept the new model although there is a
+    reason against it.
     """
     from calibration.diagnosis.diagnose import diagnose
 
     present = None if model is None else load_calibration(measurement.machine, model)
-    return diagnose(measurement, present, variance=noise, left_over=unexplained, progress=progress)
+    return diagnose(measurement, present, variance=noise, left_over=unexplained, force=force, progress=progress)
 
 
 def predict(

@@ -127,7 +127,7 @@ def test_the_report_is_one_page_with_its_figures(command, data, tmp_path):
         "Error motions",
         "U (k=2)",
         "Unexplained residual",
-        "Left out",
+        "Rows that disagree, or repeat",
         "chi2/dof",
     ):
         assert part in page

@@ -59,11 +59,12 @@ def laser(name="gantry", axes="XYZ", runs=3, digits=1e-5, noise=0.3, constant=5.
     return replace(empty, observed=rounded[:, None], axis=np.array(names), run=np.array(run))
 
 
-def test_a_failed_run_does_not_stop_the_calibration():
+def test_a_failed_run_is_left_out_by_name():
+    """It holds more than 5 % of the rows: nothing is written without --force."""
     clean = laser(axes="XY")
     bad = clean.groups == "X 2"
     noise = np.random.default_rng(1).normal(0.0, 0.05, clean.observed.shape)
-    found = calibrate(replace(clean, observed=clean.observed + noise * bad[:, None]), basis="b-spline:6")
+    found = calibrate(replace(clean, observed=clean.observed + noise * bad[:, None]), basis="b-spline:6", force=True)
     assert found.fit.failed == ("X 2",)
     assert found.before_rms_um == pytest.approx(6.4, abs=0.5)
 
@@ -212,7 +213,7 @@ def test_evidence_charges_for_the_way_from_the_start():
 def test_outliers_are_found_whatever_the_sheet_says_where_the_noise_is_estimated(sheet):
     model, measurement = tracked(machines.load("cframe"), seed=50)
     rng = np.random.default_rng(2)
-    gross = rng.random(320) < 0.1
+    gross = rng.random(320) < 0.04
     observed = measurement.observed + np.where(gross[:, None], rng.normal(0.0, 0.2, (320, 3)), 0.0)
     tracker = measurement.instrument
     sizes = {name: sheet * getattr(tracker, name) for name in tracker.__struct_fields__ if name.startswith("u_")}

@@ -10,8 +10,9 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 
+from calibration.diagnosis.acceptance import Acceptance
 from calibration.diagnosis.conclusion import Conclusion
-from calibration.diagnosis.improvement import Volume, by_direction, closure, volume
+from calibration.diagnosis.improvement import Figures, Volume, by_direction, closure, figures, volume
 from calibration.diagnosis.next.ranking import ProposedMeasurement, proposed_measurements
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual import unexplained as unexplained_residual
@@ -25,14 +26,7 @@ from calibration.diagnosis.search.selection import Accepted, Evaluated, Selector
 from calibration.diagnosis.search.start_model import Base, base_of
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, NotVisible, in_terms_of, named, not_visible, outliers, smallest_sizes
-from calibration.fit.acceptance import (
-    nominal_residuals,
-    reason_against,
-    refuse_few,
-    relative_deviations,
-    significant_share,
-)
-from calibration.fit.cross_validation import summed_up
+from calibration.fit.acceptance import disagreement, refuse_few, relative_deviations, significant_share
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
@@ -67,7 +61,7 @@ class Diagnosis:
     after: Stage
     """Fit with unnamed effects too, where these were requested and predict better; otherwise `named`."""
     model: ErrorModel
-    """The new calibration: the machine's effects, without the instrument's."""
+    """The new calibration: the machine's effects, without the instrument's; the present one where it is confirmed."""
     findings: tuple[Finding, ...]
     repeats: Repeats | None
     tests: tuple[Test, ...]
@@ -91,8 +85,13 @@ class Diagnosis:
     volume: Volume
     proposed_measurements: tuple[ProposedMeasurement, ...]
     """Proposed measurements: first for an unexplained dependence, then by predicted information per minute."""
-    reason: str
-    """Reason why the new calibration must not be used; empty if it may."""
+    acceptance: Acceptance
+    """Comparison with no correction and with the present model on held-out blocks."""
+
+    @property
+    def reason(self) -> str:
+        """Reason why the new calibration must not be used; empty if it may."""
+        return self.acceptance.reason
 
     @property
     def accepted(self) -> bool:
@@ -122,10 +121,26 @@ class Diagnosis:
         """Dependence of the residuals on each variable alone; empty where `unexplained` is None."""
         return [] if self.unexplained is None else unexplained_residual.one_by_one(self.named.linearised)
 
+    @cached_property
+    def figures(self) -> tuple[Figures, Figures]:
+        """Residuals before and after, of the same rows."""
+        return figures(self.before, self._same_rows), figures(self.after, self._same_rows)
+
     @property
     def by_direction(self) -> dict[str, dict[str, float]]:
-        """RMS residual, um, before and after, by direction (interferometer: by axis)."""
-        return {"before": by_direction(self.before), "after": by_direction(self.after)}
+        """RMS residual, um, before and after, of the same rows, by direction (interferometer: by axis)."""
+        rows = self._same_rows
+        return {"before": by_direction(self.before, rows), "after": by_direction(self.after, rows)}
+
+    @property
+    def held_out_name(self) -> str:
+        """Name of the held-out blocks, plural."""
+        return self.after.linearised.held_out[1]
+
+    @property
+    def _same_rows(self) -> np.ndarray:
+        """Mask `(n,)` of the rows that both fits kept."""
+        return np.asarray(self.before.fit.kept & self.after.fit.kept)
 
     @property
     def smallest(self) -> list[tuple[str, float, str]]:
@@ -178,11 +193,13 @@ def diagnose(
     *,
     variance: Variance = "sheet",
     left_over: LeftOver = "report",
+    force: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnosis of the present calibration, or without one of a model of all error motions, against the data.
 
-    left_over: "report" only lists the dependence that no cause explains; "add" adds unnamed effects for it.
+    left_over: "report" only lists the dependence that no cause explains; "add" adds unnamed effects for it. force: the
+    new calibration is accepted although there is a reason against it.
 
     UserError when the data are not plausible or cannot be fitted.
     """
@@ -222,13 +239,19 @@ def diagnose(
     causes += [] if lost is None else [lost]
     evaluated = found.evaluated or tuple(evaluate(after.linearised, candidates))
     added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
+    acceptance = Acceptance.of(before, after, calibration, force=force)
+    if too_many := disagreement(after.fit):
+        findings.append(Finding("outliers", too_many, False))
+    model = new_calibration(selector.base, after.fit, added, calibration)
+    if acceptance.confirmed and calibration is not None:
+        model = calibration
     return Diagnosis(
         selector.measurement,
         selector.base,
         before,
         found.stage,
         after,
-        new_calibration(selector.base, after.fit, added, calibration),
+        model,
         tuple(findings),
         noise,
         tuple(tests),
@@ -244,23 +267,8 @@ def diagnose(
         closure(after.linearised),
         volume(before, after),
         tuple(proposed_measurements(found.stage, causes, dependence)),
-        _no_gain(after) if calibration is None else "",
+        acceptance,
     )
-
-
-def _no_gain(stage: Stage) -> str:
-    """Reason why the fitted model is no improvement over the nominal machine; empty if it is."""
-    found, linearised = stage.fit, stage.linearised
-    before, held = nominal_residuals(found), linearised.cross_validation
-    everywhere = np.full_like(found.residual, np.nan)
-    everywhere[found.kept] = before
-    micro = found.measurement.per_micro[linearised.rows]
-    counted = held.counted & found.kept[linearised.rows]
-    if not counted.any():
-        return reason_against(found, before, None)
-    predicted = np.stack([held.residual_um / micro, everywhere[linearised.rows]])[:, counted]
-    figures = summed_up(predicted, linearised.white[counted], micro[counted], held.blocks, held.name)
-    return reason_against(found, before, figures)
 
 
 def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding]]:

@@ -13,6 +13,7 @@ from calibration.fit.fit import Fit
 from calibration.fit.linear import pseudo_inverse
 from calibration.measurement.instruments import LaserTracker
 from calibration.observation.full_model import distinct_positions, moving_axes
+from calibration.observation.normal_equations import whitened, whiteners
 from kinematics.basis import BSpline
 from kinematics.deviation import exact_deviation
 from kinematics.effects import ErrorMotion
@@ -37,10 +38,41 @@ class Volume(NamedTuple):
     left_max: float
 
 
-def by_direction(stage: Stage) -> dict[str, float]:
-    """RMS residual, um, in x, y, z of the part that carries the tracker; of an interferometer by axis."""
+class Figures(NamedTuple):
+    """Residuals of a model at some rows; um, urad on rotary axes of an interferometer."""
+
+    rms_um: float
+    """RMS per scalar."""
+    max_um: float
+    """Largest length of the residual of a row."""
+    chi2_reduced: float
+    """chi2 by the instrument specification, per degree of freedom."""
+    heldout_rms_um: float
+    """RMS per scalar in fits of the other blocks; NaN where too few rows can be held out."""
+
+
+def figures(stage: Stage, kept: np.ndarray) -> Figures:
+    """Residuals of a stage at the rows of a mask `(n,)`."""
+    fit, held, rows = stage.fit, stage.linearised.cross_validation, stage.linearised.rows
+    some = fit.measurement.rows(np.flatnonzero(kept))
+    micro = fit.residual[kept] * some.per_micro
+    chi2 = float(np.sum(whitened(whiteners(some), fit.residual[kept]) ** 2))
+    predicted = held.residual_um[held.counted & kept[rows]]
+    return Figures(
+        float(np.sqrt(np.mean(micro**2))),
+        float(np.linalg.norm(micro, axis=1).max()),
+        chi2 / max(micro.size - fit.effective_parameters, 1.0),
+        float(np.sqrt(np.mean(predicted**2))) if predicted.size else float("nan"),
+    )
+
+
+def by_direction(stage: Stage, kept: np.ndarray) -> dict[str, float]:
+    """RMS residual, um, in x, y, z of the part that carries the tracker; of an interferometer by axis.
+
+    kept: mask `(n,)` of the rows that count.
+    """
     fit = stage.fit
-    measurement, kept = fit.measurement, fit.kept
+    measurement = fit.measurement
     micro = in_micro(fit, fit.residual)[kept]
     if measurement.axis is None:
         return dict(zip("xyz", np.sqrt(np.mean(micro**2, axis=0)).tolist(), strict=False))

@@ -9,16 +9,17 @@ import math
 
 import numpy as np
 
-from calibration.fit.cross_validation import CrossValidation
+from calibration.fit.cross_validation import CrossValidation, uncorrected
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability
 from calibration.fit.prediction import RelativeDeviation, relative_at_most
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes
 from calibration.observation.normal_equations import whitened, whiteners
+from calibration.observation.outliers import MOST, too_many
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS
-from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import forward
 from kinematics.state import State
@@ -71,10 +72,32 @@ def _information(measurement: Measurement) -> int:
     return int(np.minimum(np.bincount(targets[:, 0]) * measurement.components, 6).sum())
 
 
+def disagreement(found: Fit) -> str:
+    """Statement, without a full stop, that too many rows disagree with the fit for a calibration; else empty.
+
+    Rows of failed stations count: only a user can say that their failure is not the machine's.
+    """
+    number, rows = int(np.count_nonzero(found.disagreeing)), int(np.count_nonzero(~found.copies))
+    if not too_many(number, rows):
+        return ""
+    kind = "runs" if found.measurement.instrument.components == 1 else "stations"
+    fate = [f"all rows of {kind} {', '.join(found.failed)} are left out"] if found.failed else []
+    stay = int(np.count_nonzero(found.suspected))
+    fate += [f"{stay} of them stay in the fit and in every figure"] if stay else []
+    return (
+        f"{number} of {rows} rows ({100 * number / rows:.0f} %) disagree with the others by more than noise allows, "
+        f"more than the {100 * MOST:g} % that may be outliers: {'; '.join(fate)}. The model lacks an effect, or "
+        "something happened during the measurement: find it, or remove these rows from the file; --force writes the "
+        "calibration nevertheless"
+    )
+
+
 def nominal_residuals(found: Fit) -> Array:
-    """Residuals `(kept, d)`, mm and rad, of the nominal machine in the kept rows, with a registration of its own."""
-    kept = found.measurement.rows(np.flatnonzero(found.kept))
-    return fit(kept, no_errors(kept.machine), prior=np.zeros(0)).residual
+    """Residuals `(kept, d)`, mm and rad, of the nominal machine in the kept rows, with a registration of its own.
+
+    Effects of the instrument are fitted as in the model found.
+    """
+    return fit(found.measurement.rows(np.flatnonzero(found.kept)), uncorrected(found.model)).residual
 
 
 def refuse_worse(found: Fit, before: Array, held_out: CrossValidation | None) -> None:
@@ -85,10 +108,10 @@ def refuse_worse(found: Fit, before: Array, held_out: CrossValidation | None) ->
 
 
 def reason_against(found: Fit, before: Array, held_out: CrossValidation | None) -> str:
-    """Reason why a fit is no improvement (larger residuals, or predictions, than the nominal machine); else empty.
+    """Reason why a fit is no improvement over the nominal machine, without a full stop; else empty.
 
-    A reason needs larger values both in um and in units of the instrument's uncertainty. before: as
-    `nominal_residuals`.
+    It is none where its residuals are larger, in um and in units of the instrument's uncertainty, and where it does not
+    predict the held-out blocks better (`Gains.better`). before: as `nominal_residuals`.
     """
     advice = "No calibration is written: check the data and the model (ncomp diagnose), or measure more"
     if found.chi2_reduced < QUIET:
@@ -100,12 +123,20 @@ def reason_against(found: Fit, before: Array, held_out: CrossValidation | None) 
     rms_um = float(np.sqrt(np.mean((before * kept.per_micro) ** 2)))
     if found.rms_um > rms_um and found.chi2 > float(np.sum(whitened(whiteners(kept), before) ** 2)):
         return f"the fit leaves {found.rms_um:.3g} um RMS, more than the nominal machine ({rms_um:.3g} um). {advice}"
-    if held_out is not None and held_out.improvement < 0.0 and held_out.rms_um > held_out.nominal_rms_um:
-        return (
-            f"the fit of the others predicts held-out {held_out.name} worse ({held_out.rms_um:.3g} um RMS) than the "
-            f"nominal machine does ({held_out.nominal_rms_um:.3g} um). {advice}"
-        )
+    if held_out is not None and not held_out.gains.better:
+        return f"{not_better('the fit of the others', held_out, 'the nominal machine')}. {advice}"
     return ""
+
+
+def not_better(model: str, held_out: CrossValidation, other: str) -> str:
+    """Clause that a model does not predict the held-out blocks better than another one, with both figures."""
+    own, others, name = f"{held_out.rms_um:.3g} um RMS", f"{held_out.other_rms_um:.3g} um", held_out.name
+    if held_out.gains.worse:
+        return f"{model} predicts held-out {name} worse ({own}) than {other} does ({others})"
+    return (
+        f"{model} predicts held-out {name} no better ({own}) than {other} does ({others}): the difference is within "
+        f"its spread over {held_out.blocks} blocks"
+    )
 
 
 def relative_deviations(model: ErrorModel, measurement: Measurement) -> RelativeDeviation:

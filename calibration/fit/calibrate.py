@@ -12,9 +12,10 @@ import msgspec
 import numpy as np
 
 from calibration.fit.acceptance import (
+    disagreement,
     nominal_residuals,
+    reason_against,
     refuse_few,
-    refuse_worse,
     relative_deviations,
     significant_share,
 )
@@ -29,11 +30,13 @@ from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes, stated_bases, with_effects
+from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import Variance, duplicates
 from calibration.plausibility.checks import Finding, usable
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, Provenance
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,8 @@ class Calibration:
     """RMS residual per scalar, um, of the nominal machine with a registration of its own."""
     before_max_um: float
     """Largest length of these residuals in a row, um."""
+    before_chi2_reduced: float
+    """chi2 of these residuals per degree of freedom."""
     dependences: tuple[DependenceTest, ...]
     """Variables on which the residuals depend."""
     cross_validation: CrossValidation | None
@@ -56,11 +61,33 @@ class Calibration:
     """Anomalies of the data."""
     relative_deviation: RelativeDeviation
     """Predicted deviations at the measured states relative to their mean, with uncertainties."""
+    objection: str
+    """Reason against the calibration: too many rows disagree, or it is no improvement; empty without one."""
+    forced: bool
+    """True where it is accepted nevertheless."""
+
+    @property
+    def reason(self) -> str:
+        """Reason why the calibration must not be used; empty if it may."""
+        return "" if self.forced else self.objection
+
+    @property
+    def accepted(self) -> bool:
+        """True where the calibration may be used."""
+        return not self.reason
 
     @property
     def significant_share(self) -> float:
         """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
         return significant_share(self.relative_deviation)
+
+
+class NotAccepted(UserError):
+    """A calibration that must not be used: the message is the reason, `found` has its figures."""
+
+    def __init__(self, found: Calibration) -> None:
+        super().__init__(f"{found.fit.measurement.source}: {found.reason}")
+        self.found = found
 
 
 def calibrate(
@@ -73,6 +100,7 @@ def calibrate(
     variance: Variance = "sheet",
     hold_out: bool = True,
     valid_days: float | None = None,
+    force: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
     """Error motions of every axis that moves, and additional `effects`, from measured points.
@@ -80,7 +108,9 @@ def calibrate(
     basis: `auto`, `auto:KIND`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. margin: number of sizes by which
     automatic bases are finer than the choice of the evidence. prior_scale: size of the error motions as a multiple of
     the typical one; None leaves it to the evidence where the basis is automatic, else it is 1. valid_days: period of
-    validity, days, in the calibration; None for no statement.
+    validity, days, in the calibration; None for no statement. force: accept it nevertheless.
+
+    NotAccepted for a calibration that is no improvement, or with which too many rows disagree, without `force`.
     """
     findings = usable(measurement)
     choice = _choice(measurement, basis, effects, prior_scale, progress)
@@ -94,22 +124,31 @@ def calibrate(
     refuse_few(found, identified)
     progress("held-out residuals")
     held_out = cross_validate(measurement, model, prior, found.kept, variance) if hold_out else None
-    refuse_worse(found, before, held_out)
+    too_many = disagreement(found)
+    if too_many:
+        findings.append(Finding("outliers", too_many, False))
     written = _written(found, valid_days)
     kept = measurement.rows(np.flatnonzero(found.kept))
     before_um = before * kept.per_micro
-    return Calibration(
+    freedom = max(found.observations - len(found.registration.names), 1)
+    result = Calibration(
         found,
         written,
         choice,
         identified,
         float(np.sqrt(np.mean(before_um**2))),
         float(np.linalg.norm(before_um, axis=1).max()),
+        float(np.sum(whitened(whiteners(kept), before) ** 2)) / freedom,
         tuple(dependences(found)),
         held_out,
         tuple(findings),
         relative_deviations(written, kept),
+        too_many or reason_against(found, before, held_out),
+        force,
     )
+    if not result.accepted:
+        raise NotAccepted(result)
+    return result
 
 
 def _choice(

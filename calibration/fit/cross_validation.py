@@ -27,10 +27,49 @@ POSE = 6
 """Smallest number of rows that locates a set-up, or a target on table or bed, well enough to predict other rows."""
 OWN_ZERO = 4
 """Smallest number of rows of a run of an interferometer that show its zero and predict one another beside it."""
+MOSTLY = 0.75
+"""Share of blocks that agree in sign from which a difference counts although it is within its standard error: a few
+blocks may hold most of the squares."""
 LEAST_LINES, MOST_LINES = 3, 24
 """Fewer diagonals do not predict each other; more of them fill the volume."""
 MOVING = 0.01
 """Least range of an axis that moves in a line, as a share of the largest one."""
+
+
+class Gains(NamedTuple):
+    """Sums of squares of the held-out residuals of another model minus those of this one, by block `(blocks,)`."""
+
+    um: Array
+    """um2 (rotary axes of an interferometer: urad2)."""
+    noise: Array
+    """In units of the instrument's variance."""
+
+    @property
+    def better(self) -> bool:
+        """True where this model predicts better beyond the spread of the blocks, in one unit or both, in none worse."""
+        return {1} <= self._signs <= {0, 1}
+
+    @property
+    def worse(self) -> bool:
+        """True where it predicts worse beyond the spread of the blocks, in one unit or both, in none better."""
+        return {-1} <= self._signs <= {0, -1}
+
+    @property
+    def _signs(self) -> set[int]:
+        return {_sign(self.um), _sign(self.noise)}
+
+
+def _sign(gains: Array) -> int:
+    """1 for a gain beyond the spread of the blocks, -1 for such a loss, 0 for a difference within it.
+
+    Beyond it: the sum exceeds its standard error, or a share of MOSTLY of the blocks has its sign.
+    """
+    n, total = len(gains), float(gains.sum())
+    if n < 2 or total == 0.0:
+        return 0
+    alike = np.count_nonzero(gains * total > 0.0)
+    sure = abs(total) > np.sqrt(n * gains.var(ddof=1)) or alike >= MOSTLY * n
+    return int(np.sign(total)) if sure else 0
 
 
 class CrossValidation(NamedTuple):
@@ -44,11 +83,12 @@ class CrossValidation(NamedTuple):
     """Number of blocks."""
     name: str
     """Name of the blocks, plural: lines, regions of stops, cycles, ..."""
-    nominal_rms_um: float
-    """RMS residual of the same rows on the nominal machine, registered by the others, um."""
+    other_rms_um: float
+    """RMS residual of the same rows under the other model, the nominal machine, registered by the others, um."""
     improvement: float
-    """Mean square residual of the nominal machine minus that of the fit, in units of the instrument's variance; below
-    zero if the fit predicts worse."""
+    """Mean square residual of the other model minus that of the fit, in units of the instrument's variance."""
+    gains: Gains
+    """Gains of the fit over the other model, by block."""
 
 
 def cross_validate(
@@ -59,25 +99,32 @@ def cross_validate(
     kept: mask `(n,)` of the rows to be used, outliers left out.
     """
     good = measurement.rows(np.flatnonzero(kept))
-    return predicted_by_others(good, *held_out_blocks(good), partial(fit, model=model, prior=prior, variance=variance))
+    refit = partial(fit, model=model, prior=prior, variance=variance)
+    return predicted_by_others(good, *held_out_blocks(good), refit, uncorrected(model))
 
 
 def predicted_by_others(
-    good: Measurement, labels: np.ndarray, name: str, refit: Callable[[Measurement], Fit]
+    good: Measurement,
+    labels: np.ndarray,
+    name: str,
+    refit: Callable[[Measurement], Fit],
+    other: ErrorModel | None = None,
 ) -> CrossValidation | None:
-    """Residuals of each block of rows under `refit`, and under the nominal machine, of the other rows.
+    """Residuals of each block of rows under `refit`, and under another model, of the other rows.
 
-    labels `(n,)`: numbers of the blocks; negative for rows of no block. Rows whose set-up or target hardly occurs in
-    the others depend on the registration, not on the machine, and do not count; a run of an interferometer that the
-    others lack has a zero of its own. None if too few rows count.
+    other: by default the nominal machine. labels `(n,)`: numbers of the blocks; negative for rows of no block. Rows
+    whose set-up or target hardly occurs in the others depend on the registration, not on the machine, and do not count;
+    a run of an interferometer that the others lack has a zero of its own. None if too few rows count.
     """
     unexplained = np.full((2, len(good), good.components), np.nan)
+    other = no_errors(good.machine) if other is None else other
+    refits: tuple[Callable[[Measurement], Fit], ...] = (refit, partial(fit, model=other))
     for label in np.unique(labels[labels >= 0]):
         predicted = (labels == label) & registered(good, labels != label)
         if not predicted.any():
             continue
         others = good.rows(np.flatnonzero(labels != label))
-        for i, each in enumerate((refit, _nominal)):
+        for i, each in enumerate(refits):
             try:
                 found = each(others)
             except UserError:  # the other rows alone cannot be fitted
@@ -88,22 +135,24 @@ def predicted_by_others(
     if 2 * predicted.sum() < len(good):
         return None
     part = good.rows(predicted)
-    return summed_up(
-        unexplained[:, predicted], whiteners(part), part.per_micro, len(np.unique(labels[labels >= 0])), name
-    )
+    return summed_up(unexplained[:, predicted], whiteners(part), part.per_micro, labels[predicted], name)
 
 
-def _nominal(measurement: Measurement) -> Fit:
-    """The fit of the registration alone, with the nominal machine."""
-    return fit(measurement, no_errors(measurement.machine), prior=np.zeros(0))
+def uncorrected(model: ErrorModel) -> ErrorModel:
+    """The nominal machine, measured by an instrument with the effects of the model."""
+    return model.part(lambda effect: effect.ACTS_ON == "instrument")
 
 
-def summed_up(unexplained: Array, whitener: Array, per_micro: Array, blocks: int, name: str) -> CrossValidation:
-    """Statistics of the residuals `(2, n, d)`, mm and rad, of the fit and of the nominal machine."""
-    squares = [float(np.mean(whitened(whitener, residual) ** 2)) for residual in unexplained]
-    rms = [float(np.sqrt(np.mean((part * per_micro) ** 2))) for part in unexplained]
-    largest = float(np.linalg.norm(unexplained[0] * per_micro, axis=1).max())
-    return CrossValidation(rms[0], largest, blocks, name, rms[1], squares[1] - squares[0])
+def summed_up(unexplained: Array, whitener: Array, per_micro: Array, labels: np.ndarray, name: str) -> CrossValidation:
+    """Statistics of the residuals `(2, n, d)`, mm and rad, of the fit and of the other model; labels: `(n,)`."""
+    noise = [np.sum(whitened(whitener, residual) ** 2, axis=1) for residual in unexplained]
+    um = [np.sum((residual * per_micro) ** 2, axis=1) for residual in unexplained]
+    block = np.unique(labels, return_inverse=True)[1].reshape(-1)
+    by_block = [np.asarray(np.bincount(block, other - own), float) for own, other in (um, noise)]
+    gains = Gains(by_block[0], by_block[1])
+    rms = [float(np.sqrt(squares.sum() / unexplained[0].size)) for squares in um]
+    improvement = float((noise[1] - noise[0]).sum() / unexplained[0].size)
+    return CrossValidation(rms[0], float(np.sqrt(um[0].max())), len(gains.um), name, rms[1], improvement, gains)
 
 
 def _with_own_zeros(measurement: Measurement, block: np.ndarray, found: Fit) -> Array:

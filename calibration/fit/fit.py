@@ -20,9 +20,9 @@ from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation.full_model import priors
 from calibration.observation.outliers import (
+    LeftOut,
     Variance,
     duplicates,
-    failed_stations,
     first_registration,
     huber_weights,
     outlying,
@@ -64,6 +64,8 @@ class Fit:
     """False `(n,)` for outliers, failed stations and copies of rows."""
     copies: np.ndarray
     """True `(n,)` for rows that repeat an earlier one to the last digit."""
+    suspected: np.ndarray
+    """True `(n,)` for rows that disagree with the others but are kept, because they are too many for outliers."""
     failed: tuple[str, ...]
     """Stations left out as a whole."""
     away: Array
@@ -128,6 +130,11 @@ class Fit:
         return np.flatnonzero(~self.kept & ~self.copies & ~lost)
 
     @property
+    def disagreeing(self) -> np.ndarray:
+        """True `(n,)` for rows that disagree with the others, whether they were left out or had to stay."""
+        return np.asarray((~self.kept & ~self.copies) | self.suspected)
+
+    @property
     def log_evidence(self) -> float:
         """Log marginal likelihood, up to a constant of the data: misfit, distance from the priors, log determinant."""
         own = float(np.sum(self.away**2))
@@ -160,16 +167,20 @@ def fit(
     progress("solving")
     point = problem.point(converged.parameters, converged.registration)
     least = _least(solved, len(some) * measurement.components, variance)
-    bad, failed = _left_out(problem, point, copies, solved.effective_parameters, least)
+    left_out = _left_out(problem, point, copies, solved.effective_parameters, least)
     for _ in range(10):
-        kept = ~bad
+        kept = ~left_out.rows
         _refuse_too_few(measurement, kept, point)
-        solved = problem.solve(point, kept.astype(float), factor)
+        weights = kept * _weights(problem, point, solved.effective_parameters, least, left_out)
+        solved = problem.solve(point, weights, factor)
         point = problem.moved(point, solved.step)
         if variance == "estimate":
             factor = max(_estimated(problem, point, kept, solved), least)
-        bad, failed = _left_out(problem, point, copies, solved.effective_parameters, least)
-        if np.array_equal(bad, ~kept):
+        stay = bool(left_out.suspected.any())
+        again = _left_out(problem, point, copies, solved.effective_parameters, least, stay=stay)
+        # a fit of all rows hides some of those that disagree
+        left_out = again._replace(suspected=left_out.suspected) if stay else again
+        if np.array_equal(left_out.rows, ~kept):
             break
     chi2 = float(np.sum(problem.distances(point)[kept]))
     found = Fit(
@@ -179,7 +190,8 @@ def fit(
         point.residual,
         kept,
         copies,
-        tuple(failed),
+        left_out.suspected,
+        left_out.failed,
         problem.away(point.parameters),
         problem.prior,
         solved,
@@ -223,17 +235,22 @@ def _least(solved: Solved, scalars: int, variance: Variance) -> float:
 
 
 def _left_out(
-    problem: Problem, point: Point, copies: np.ndarray, effective_parameters: float, least: float
-) -> tuple[np.ndarray, list[str]]:
-    """Mask `(n,)` of the rows to leave out, and the stations that failed as a whole."""
+    problem: Problem, point: Point, copies: np.ndarray, effective_parameters: float, least: float, *, stay: bool = False
+) -> LeftOut:
+    """The rows to leave out, and the stations that failed as a whole; stay: no single rows."""
     components = problem.measurement.components
     distances = problem.distances(point)
-    bad = (
-        outlying(distances, components, robust_factor(distances[~copies], components, effective_parameters, least))
-        & ~copies
-    )
-    failed = failed_stations(problem.measurement, bad)
-    return bad | copies | np.isin(problem.measurement.groups, failed), failed
+    factor = robust_factor(distances[~copies], components, effective_parameters, least)
+    return LeftOut.of(problem.measurement, outlying(distances, components, factor) & ~copies, copies, stay=stay)
+
+
+def _weights(problem: Problem, point: Point, effective_parameters: float, least: float, left_out: LeftOut) -> Array:
+    """Weights `(n,)` of the rows in the last steps: 1, or Huber's where too many rows disagree to leave them out."""
+    components, distances = problem.measurement.components, problem.distances(point)
+    if not left_out.suspected.any():
+        return np.ones(len(distances))
+    some = distances[~left_out.rows]
+    return huber_weights(distances, components, robust_factor(some, components, effective_parameters, least))
 
 
 def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved) -> float:

@@ -4,12 +4,16 @@ The rule: d2 is the squared Mahalanobis distance of a row's residual by the inst
 variance factor of the whole (from the median of all d2; at least 1 where the specification holds). A row is an outlier
 when so large a d2 occurs in fewer than one of a hundred such measurements with noise alone (Bonferroni, chi2 with the
 row's components). During the iterations of the fit, rows have Huber's weights instead. A station most of whose rows are
-outliers has failed as a whole and is left out.
+outliers has failed as a whole and is left out, unless such stations hold more than half of the rows.
+
+At most MOST of the other rows are left out. If more rows disagree, the model is at fault and not single rows: a fit
+without them would have small residuals because it leaves out the rows that it cannot explain. Then all rows stay, and
+count fully in every figure; the fit keeps Huber's weights.
 """
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy import special
@@ -32,7 +36,37 @@ ASTRAY = 10.0
 """Multiple of the median deviation from the nominal machine, and at least 1 mm, above which a row is left out of the
 first registration."""
 FAILED = 0.5
-"""Share of outliers among the rows of a station above which it has failed."""
+"""Share of outliers among the rows of a station above which it has failed; largest share of rows of such stations."""
+MOST = 0.05
+"""Largest share of rows that are left out as outliers; a single row may always be."""
+
+
+class LeftOut(NamedTuple):
+    """Rows that the fit leaves out, and rows that it would leave out if they were fewer."""
+
+    rows: np.ndarray
+    """True `(n,)` for outliers, rows of failed stations and copies."""
+    failed: tuple[str, ...]
+    """Stations that failed as a whole."""
+    suspected: np.ndarray
+    """True `(n,)` for rows that disagree with the others but stay, because they are more than MOST of all."""
+
+    @classmethod
+    def of(cls, measurement: Measurement, outlying: np.ndarray, copies: np.ndarray, *, stay: bool = False) -> LeftOut:
+        """Rows to leave out, of those `outlying` `(n,)`; stay: all rows but copies and failed stations stay."""
+        failed = failed_stations(measurement, outlying)
+        lost = np.isin(measurement.groups, failed)
+        if lost.mean() > FAILED:
+            failed, lost = [], np.zeros(len(lost), bool)
+        single = outlying & ~lost
+        if stay or too_many(int(single.sum()), int(np.count_nonzero(~copies & ~lost))):
+            return cls(copies | lost, tuple(failed), single)
+        return cls(copies | lost | single, tuple(failed), np.zeros(len(lost), bool))
+
+
+def too_many(lost: int, rows: int) -> bool:
+    """True where more of the rows are lost than may be left out."""
+    return lost > max(1.0, MOST * rows)
 
 
 def robust_factor(distances: Array, components: int, effective_parameters: float, least: float) -> float:

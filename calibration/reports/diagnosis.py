@@ -9,13 +9,13 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from calibration.diagnosis.diagnose import LEFT, Diagnosis
+from calibration.diagnosis.improvement import Figures
 from calibration.diagnosis.residual.whiteness import Test, combined
-from calibration.diagnosis.search.selection import Stage
 from calibration.diagnosis.verdict import Named
 from calibration.reports import cause_text as words
 from calibration.reports.cause_figures import cause_figure
 from calibration.reports.cause_views import views
-from calibration.reports.fit import insignificant
+from calibration.reports.fit import acceptance, held_out_json, insignificant
 from calibration.reports.residual_figures import against_noise, before_and_after, share_chart, unexplained_shape
 from kinematics.effects import CrossAxis
 from rendering.report import Report, Section, Table, facts, shortened
@@ -53,8 +53,8 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
     fit, left, seen = found.after.fit, found.unexplained, found.identifiability
     hidden = [entry.name for entry in found.not_visible]
     return {
-        "before": figures(found.before),
-        "after": figures(found.after),
+        "before": figures_json(found.figures[0]),
+        "after": figures_json(found.figures[1]),
         "noise_um": found.noise_um,
         "n_observations": fit.observations,
         "n_parameters": len(fit.model.parameters),
@@ -62,6 +62,9 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "not_visible": [*(seen.not_visible if seen else ()), *hidden],
         "accepted": found.accepted,
         "reason": found.reason,
+        "forced": found.acceptance.objection if found.acceptance.forced else "",
+        "confirmed": found.acceptance.confirmed,
+        "held_out": _held_out_json(found),
         "effects": [_cause_json(cause) for cause in found.causes],
         "unexplained": None
         if left is None
@@ -84,19 +87,43 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "would_show_from": [{"name": name, "size": size, "unit": unit} for name, size, unit in found.smallest],
         "not_tested": [{"name": entry.name, "lacks": entry.lacks} for entry in found.untested],
         "outliers": [found.measurement.where(int(row)) for row in fit.outliers],
+        "disagreeing_share": float(fit.disagreeing[~fit.copies].mean()),
         "significant_share": found.significant_share,
         "calibration": found.model.id,
     }
 
 
-def figures(stage: Stage) -> dict[str, float | None]:
+def figures_json(figures: Figures) -> dict[str, float | None]:
     """Residuals of a model; the held-out residual is None where there are too few rows to hold any out."""
-    return {
-        "rms_um": stage.fit.rms_um,
-        "max_um": stage.fit.max_um,
-        "chi2_reduced": stage.fit.chi2_reduced,
-        "heldout_rms_um": None if math.isnan(stage.held_out_um) else stage.held_out_um,
-    }
+    return {name: None if math.isnan(value) else value for name, value in figures._asdict().items()}
+
+
+def _held_out_json(found: Diagnosis) -> dict[str, Any] | None:
+    """Kind and number of the held-out blocks, and their RMS residual by the models compared."""
+    none, present = found.acceptance.none, found.acceptance.present
+    if none is None:
+        return None
+    return held_out_json(none) | {"present_rms_um": None if present is None else present.other_rms_um}
+
+
+def _others(found: Diagnosis) -> Iterator[tuple[str, float]]:
+    """Models with which the new one is compared on the held-out blocks, and their RMS residual, um."""
+    none, present = found.acceptance.none, found.acceptance.present
+    if none is not None:
+        yield "no correction", none.other_rms_um
+    if present is not None and found.base.origin == "updated":
+        yield "the present calibration as it is", present.other_rms_um
+
+
+def _confirmed(found: Diagnosis) -> Iterator[str]:
+    """The first sentence where the data confirm the present calibration."""
+    present = found.acceptance.present
+    if found.acceptance.confirmed and present is not None:
+        yield (
+            f"CONFIRMED: the present calibration predicts held-out {present.name} as well "
+            f"({present.other_rms_um:.2f} um RMS) as one that these data update ({present.rms_um:.2f} um). It stays: "
+            "the new file holds it unchanged."
+        )
 
 
 def _cause_json(cause: Named) -> dict[str, Any]:
@@ -129,19 +156,23 @@ def diagnosis_report(found: Diagnosis, command: str) -> Report:
     """The diagnosis for people; `command`: the command that made it."""
     title = f"Diagnosis of {found.measurement.machine.name}"
     lead = f"{found.measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
-    refused = [] if found.accepted else [f"NOT WRITTEN: {found.reason}."]
-    verdict = [*refused, *insignificant(found.significant_share), _verdict(found)]
+    verdict = [
+        *acceptance(found.acceptance),
+        *_confirmed(found),
+        *insignificant(found.significant_share),
+        _verdict(found),
+    ]
     return Report(title, lead, list(_sections(found)), "\n".join(verdict))
 
 
 def _verdict(found: Diagnosis) -> str:
     """The result in a few sentences."""
-    before, after = found.before, found.after
+    before, after = found.figures
     improvement = (
-        f"residual {before.fit.rms_um:.2f} -> {after.fit.rms_um:.2f} um RMS, "
-        f"held out {before.held_out_um:.2f} -> {after.held_out_um:.2f} um"
+        f"residual {before.rms_um:.2f} -> {after.rms_um:.2f} um RMS, held-out {found.held_out_name} "
+        f"{before.heldout_rms_um:.2f} -> {after.heldout_rms_um:.2f} um"
     )
-    rms = after.fit.rms_um
+    rms = after.rms_um
     size = f"{rms:.2f} um RMS, {rms / max(found.noise_um, 1e-12):.2f} times the noise"
     missing = found.conclusion.missing("; ".join(map(_named, found.causes)), improvement)
     return f"{missing} Unexplained residual: {size}; {found.conclusion.residual}."
@@ -251,12 +282,16 @@ def _about(cause: Named) -> Iterator[str]:
 
 def _residuals(found: Diagnosis) -> Iterator[Section]:
     rows = [
-        (name, f"{s.fit.rms_um:.2f}", f"{s.fit.max_um:.1f}", f"{s.fit.chi2_reduced:.2f}", f"{s.held_out_um:.2f}")
-        for name, s in (("before", found.before), ("after", found.after))
+        (name, f"{f.rms_um:.2f}", f"{f.max_um:.1f}", f"{f.chi2_reduced:.2f}", f"{f.heldout_rms_um:.2f}")
+        for name, f in zip(("before", "after"), found.figures, strict=True)
     ]
+    rows += [(f"the same rows, {name}", "", "", "", f"{rms:.2f}") for name, rms in _others(found)]
     rows.append(("noise alone", f"{found.noise_um:.2f}", "", "1", ""))
     table = Table(("residual, um", "RMS", "max", "chi2/dof", "held out, RMS"), rows)
-    text = f"{OBSERVED} Max: the largest length."
+    text = (
+        f"{OBSERVED} Max: the largest length. Before and after are of the same rows. Held out: {found.held_out_name}, "
+        "each predicted by a fit of all others."
+    )
     yield Section("Residual before and after", text, table, partial(before_and_after, found))
     before, after = found.by_direction["before"], found.by_direction["after"]
     directions = [(name, f"{before[name]:.2f}", f"{after.get(name, float('nan')):.2f}") for name in before]

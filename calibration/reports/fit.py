@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DOUBTFUL = 0.05
-"""Share of outliers above which they are evidence of an effect missing from the model."""
 LISTED = 20
 """Most rows that are listed with the reason for which they were left out; the JSON has all."""
 RIGHT_HANDED = "Tool relative to workpiece, right-handed; of a table the line lies at minus the value."
@@ -39,7 +37,12 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
     fitted, identified, held = found.fit, found.identifiability, found.cross_validation
     measurement = fitted.measurement
     return {
-        "before": {"rms_um": found.before_rms_um, "max_um": found.before_max_um},
+        "before": {
+            "rms_um": found.before_rms_um,
+            "max_um": found.before_max_um,
+            "chi2_reduced": found.before_chi2_reduced,
+            "heldout_rms_um": None if held is None else held.other_rms_um,
+        },
         "after": {
             "rms_um": fitted.rms_um,
             "max_um": fitted.max_um,
@@ -47,6 +50,10 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
             "p_value": fitted.p_value,
             "heldout_rms_um": None if held is None else held.rms_um,
         },
+        "accepted": found.accepted,
+        "reason": found.reason,
+        "forced": found.objection if found.forced else "",
+        "held_out": None if held is None else held_out_json(held),
         "noise_factor": fitted.variance_factor**0.5,
         "n_observations": fitted.observations,
         "n_parameters": identified.parameters,
@@ -64,6 +71,7 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         "log_evidence": fitted.log_evidence,
         "depends_on": [{"what": s.variable, "p_value": s.p_value, "hint": s.hint} for s in found.dependences],
         "outliers": [measurement.where(int(row)) for row in fitted.outliers],
+        "disagreeing_share": float(fitted.disagreeing[~fitted.copies].mean()),
         "copies": [measurement.where(int(row)) for row in fitted.copies.nonzero()[0]],
         "failed_stations": list(fitted.failed),
         "significant_share": found.significant_share,
@@ -79,6 +87,11 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         ],
         "calibration": found.model.id,
     } | ({} if taken is None else {"on_the_fly": _moving_json(found, taken)})
+
+
+def held_out_json(held: CrossValidation) -> dict[str, Any]:
+    """Kind and number of the held-out blocks, and their RMS residual without a correction and with the new model."""
+    return {"blocks": held.blocks, "of": held.name, "none_rms_um": held.other_rms_um, "new_rms_um": held.rms_um}
 
 
 def _moving_json(found: Calibration, taken: OnTheFly) -> dict[str, Any]:
@@ -101,11 +114,38 @@ def fit_report(found: Calibration, taken: OnTheFly | None, command: str) -> Repo
     """The result for people; `taken`: data taken on the fly; `command`: the command that made it."""
     measurement = found.fit.measurement
     lead = f"{measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
-    held = "" if found.cross_validation is None else f", held out {found.cross_validation.rms_um:.2f} um"
-    residual = f"Residual {found.before_rms_um:.2f} -> {found.fit.rms_um:.2f} um RMS{held}."
-    verdict = [*insignificant(found.significant_share), residual, *_verdict(found.fit)]
+    residual = (
+        f"Residual {found.before_rms_um:.2f} -> {found.fit.rms_um:.2f} um RMS{_held_out(found.cross_validation)}."
+    )
+    verdict = [*acceptance(found), *insignificant(found.significant_share), residual, *_verdict(found.fit)]
     title = f"Calibration of {measurement.machine.name}"
     return Report(title, lead, list(_sections(found, taken)), "\n".join(verdict))
+
+
+class Judged(Protocol):
+    """A result that may be refused."""
+
+    @property
+    def objection(self) -> str:
+        """Reason against the calibration; empty without one."""
+
+    @property
+    def forced(self) -> bool:
+        """True where it is written nevertheless."""
+
+
+def acceptance(found: Judged) -> list[str]:
+    """The first sentence of a report on a calibration against which there is a reason."""
+    if not found.objection:
+        return []
+    return [f"{'WRITTEN BY --force' if found.forced else 'NOT WRITTEN'}: {found.objection}."]
+
+
+def _held_out(held: CrossValidation | None) -> str:
+    """Clause on the prediction of held-out blocks."""
+    if held is None:
+        return ""
+    return f"; held-out {held.name} {held.other_rms_um:.2f} um without a correction, {held.rms_um:.2f} um with it"
 
 
 def insignificant(share: float) -> list[str]:
@@ -122,10 +162,12 @@ def insignificant(share: float) -> list[str]:
 def residuals(before: tuple[float, float], after: Fit, held: CrossValidation | None) -> Section:
     """Residuals, um, RMS and largest, of the nominal machine, of the model and of the held-out rows."""
     rows = [("before (nominal machine)", *before), ("after", after.rms_um, after.max_um)]
+    cells = [(name, f"{rms:.2f}", f"{most:.2f}") for name, rms, most in rows]
     if held is not None:
-        rows.append((f"held out ({held.blocks} {held.name})", held.rms_um, held.max_um))
-    table = Table(("residual, um", "RMS", "max"), [(name, f"{rms:.2f}", f"{most:.2f}") for name, rms, most in rows])
-    return Section("Residual", table=table)
+        blocks = f"held out ({held.blocks} {held.name})"
+        cells.append((f"{blocks}, nominal machine", f"{held.other_rms_um:.2f}", ""))
+        cells.append((blocks, f"{held.rms_um:.2f}", f"{held.max_um:.2f}"))
+    return Section("Residual", table=Table(("residual of the same rows, um", "RMS", "max"), cells))
 
 
 def besides(effects: Iterable[Effect]) -> list[Effect]:
@@ -149,8 +191,6 @@ def _verdict(fitted: Fit) -> Iterator[str]:
         )
     else:
         yield f"{text} The model explains the data down to the noise."
-    if len(fitted.outliers) > DOUBTFUL * len(fitted.measurement):
-        yield f"DOUBTFUL: more than {DOUBTFUL:.0%} of the rows are outliers: the model is incomplete."
 
 
 def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
@@ -180,7 +220,10 @@ def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
         head = ("effect", "reason", "measurement that would show it")
         yield Section("Unidentifiable effects", "NOT VISIBLE in these data.", Table(head, hidden))
     if left_out := list(_left_out(fitted)):
-        yield Section("Left out", table=Table(("rows", "reason", "deviation from the other rows, um"), left_out))
+        yield Section(
+            "Rows that disagree, or repeat",
+            table=Table(("rows", "reason", "deviation from the other rows, um"), left_out),
+        )
 
 
 def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, str]]:
@@ -217,7 +260,13 @@ def unidentifiable(found: Iterable[Unidentifiable]) -> list[tuple[str, str, str]
 
 def _left_out(fitted: Fit) -> Iterator[Sequence[str]]:
     size = fitted.residual_um
-    for reason, rows in (("outlier", fitted.outliers), ("copy of an earlier row", np.flatnonzero(fitted.copies))):
+    kept = np.flatnonzero(fitted.suspected)
+    kinds = (
+        ("outlier", fitted.outliers),
+        ("disagrees, but stays", kept),
+        ("copy of an earlier row", np.flatnonzero(fitted.copies)),
+    )
+    for reason, rows in kinds:
         for row in rows[:LISTED].tolist():
             yield fitted.measurement.where(row), reason, f"{size[row]:.1f}"
         if len(rows) > LISTED:

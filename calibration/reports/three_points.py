@@ -18,7 +18,11 @@ def three_points_json(found: ThreePoints, checked: Check) -> dict[str, Any]:
     """The result for programs; um and urad, positions in mm and degrees, u with k = 1."""
     points, held = found.points, checked.cross_validation
     return {
-        "before": {"rms_um": checked.before_rms_um, "max_um": checked.before_max_um},
+        "before": {
+            "rms_um": checked.before_rms_um,
+            "max_um": checked.before_max_um,
+            "heldout_rms_um": None if held is None else held.other_rms_um,
+        },
         "after": {
             "rms_um": checked.fit.rms_um,
             "max_um": checked.fit.max_um,

@@ -22,7 +22,7 @@ from calibration.diagnosis.search.sawtooth import likeliest, refined, teeth
 from calibration.diagnosis.search.sensitivity import Sensitivity
 from calibration.diagnosis.search.spectra import finest, peaks, resolved, strengths
 from calibration.measurement.instruments import LaserTracker
-from calibration.observation.full_model import distinct_positions, moving_axes, observed_components, repeated_targets
+from calibration.observation.full_model import distinct_positions, moving_axes, observed_components
 from kinematics.basis import BSpline
 from kinematics.effects import (
     Component,
@@ -30,7 +30,6 @@ from kinematics.effects import (
     ErrorMotion,
     GrowthWithSensor,
     GrowthWithTime,
-    Reversal,
     StationShift,
 )
 from kinematics.effects.base import own_component, unit_of
@@ -66,7 +65,6 @@ def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterat
     yield from breaks(some)
     yield from finer(some)
     yield from fixed_points(some, library)
-    yield from reversals(some)
     yield from waves(some)
 
 
@@ -202,15 +200,6 @@ def fixed_points(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> 
                 if 2 * low - high < point < 2 * high - low:
                     moved = msgspec.structs.replace(effect, fixed_point=float(np.round(point, 1)))
                     yield Candidate(moved, candidate.shapes + 1, candidate.trials)
-
-
-def reversals(linearised: LinearisedFit) -> Iterator[Candidate]:
-    """A difference between forward and backward of each error motion with a node at each target of repeated runs."""
-    measurement = linearised.measurement
-    for motion in linearised.fit.model.effects:
-        if isinstance(motion, ErrorMotion) and repeated_targets(measurement, motion.axis):
-            zero = (0.0,) * motion.basis.size
-            yield Candidate(Reversal(motion.component, motion.axis, motion.basis, zero))
 
 
 def breaks(linearised: LinearisedFit) -> Iterator[Candidate]:

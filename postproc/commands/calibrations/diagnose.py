@@ -8,7 +8,7 @@ from typing import Literal
 import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, argument, option
-from postproc.commands.options.measurement import DataOptions, Noise
+from postproc.commands.options.measurement import DataOptions, Force, Noise
 from postproc.commands.options.shared import (
     MachineName,
     ResultOptions,
@@ -37,6 +37,7 @@ def diagnose(
         "Residuals without a known cause: only reported, or also added to the calibration as a smooth function.",
         default="report",
     ),
+    force: Force,
     form: DataOptions,
     others: ResultOptions,
 ) -> None:
@@ -54,7 +55,9 @@ def diagnose(
     present = None if calibration is None else ncomp.load_calibration(found_machine, calibration)
     measurement = form.read(data, found_machine)
     with console.status("reading") as status:
-        found = ncomp.diagnose(measurement, present, noise=noise, unexplained=unexplained, progress=status.update)
+        found = ncomp.diagnose(
+            measurement, present, noise=noise, unexplained=unexplained, force=force, progress=status.update
+        )
     against = "" if calibration is None else f" --calibration {calibration}"
     command = f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
     report = diagnosis_report(found, command)

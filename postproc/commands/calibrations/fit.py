@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import ncomp
 from postproc.commands.options.declared import REQUIRED, argument, option
-from postproc.commands.options.measurement import DataOptions, Noise
+from postproc.commands.options.measurement import DataOptions, Force, Noise
 from postproc.commands.options.path import OnTheFlyOptions, read_path
 from postproc.commands.options.program import SetUpOptions
 from postproc.commands.options.shared import (
@@ -45,6 +45,7 @@ class FitOptions:
     )
     hold_out: bool = option("Predict each line, region of stops or cycle from all others as a check.", default=True)
     valid_days: float | None = option("Validity of the calibration, days; default: 365.", "days", min=1.0, max=36500.0)
+    force: Force
 
 
 EPILOG = (
@@ -80,6 +81,7 @@ def fit(
     do not determine are listed by name and keep their prior uncertainty.
     """
     from calibration.fit.beyond_measured import calibration_file
+    from calibration.fit.calibrate import NotAccepted
     from calibration.reports.fit import fit_json, fit_report
     from postproc.commands.show.terminal import console, show
 
@@ -92,12 +94,19 @@ def fit(
     else:
         nominal = read_path(moving.path, found_machine, set_up.setup(found_machine), set_up.dialect)
         measured = moving.read(data, nominal, form)
+    refusal = None
     with console.status("reading") as status:
-        found = ncomp.fit(measured, reversal=moving.reversal, progress=status.update, **vars(model))
+        try:
+            found = ncomp.fit(measured, reversal=moving.reversal, progress=status.update, **vars(model))
+        except NotAccepted as refused:
+            refusal, found = refused, refused.found
     taken = None if moving.path is None else cast("OnTheFly", measured)
     command = f"ncomp fit {data} --machine {machine} --basis {model.basis} --noise {model.noise}"
     report = fit_report(found, taken, command)
-    with whole_results(*others.files, str(output)) as (results, page, file):
-        file.write(calibration_file(found.model, found_machine))
+    with whole_results(*others.files, None if refusal else str(output)) as (results, page, file):
+        if refusal is None:
+            file.write(calibration_file(found.model, found_machine))
         others.write(fit_json(found, taken), report, (results, page))
     show(report, *others.files)
+    if refusal is not None:
+        raise refusal

@@ -41,6 +41,11 @@ Noise = Annotated[
     option("Instrument's uncertainty: by its specification, or estimated from the residuals.", default="sheet"),
 ]
 
+Force = Annotated[
+    bool,
+    option("Write the calibration although too many rows disagree, or it predicts no better.", default=False),
+]
+
 
 @dataclass(frozen=True, kw_only=True)
 class DataOptions:

@@ -1,0 +1,113 @@
+"""Acceptance of a diagnosis: its calibration is written only if it predicts held-out blocks better than the others.
+
+The others are no correction (the nominal machine), and the present calibration, or the model without the causes where
+these very data are its only source. Blocks, and the rule by which a difference is beyond its spread, are those of
+`calibration.fit.cross_validation`. The other models are registered on all rows, which favours them. If the present
+calibration is as good, and no cause is missing, these data confirm it, and it stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from calibration.diagnosis.search.selection import Stage
+from calibration.fit.acceptance import disagreement, nominal_residuals, not_better, reason_against
+from calibration.fit.cross_validation import CrossValidation, summed_up, uncorrected
+from calibration.fit.fit import fit
+from calibration.fit.problem import FIXED
+from calibration.observation.full_model import priors
+from calibration.observation.normal_equations import whiteners
+from kinematics.error_model.model import ErrorModel
+from kinematics.transforms import Array
+
+ADVICE = "The present model stays: check the data (ncomp fit, --report), or measure more"
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """Comparison of the new model with the others on held-out blocks, and its consequence."""
+
+    none: CrossValidation | None
+    """The new model against the nominal machine; None where too few rows can be held out."""
+    present: CrossValidation | None
+    """Against the present calibration, or the model without the causes; None where it is the new model."""
+    objection: str
+    """Reason against the new calibration: too many rows disagree, or it is no improvement; empty without one."""
+    forced: bool
+    """True where it is accepted nevertheless."""
+    confirmed: bool
+    """True where these data confirm the present calibration, which stays."""
+
+    @classmethod
+    def of(cls, before: Stage, after: Stage, calibration: ErrorModel | None, *, force: bool) -> Acceptance:
+        """The acceptance of the model `after`; `before`: the fit of the present model; calibration: as it was given."""
+        nominal = nominal_residuals(after.fit)
+        none = _compared(after, _of_all_rows(after, nominal))
+        updated = calibration is not None and before.base.origin == "updated"
+        if updated and calibration is not None:
+            present = _compared(after, _of_all_rows(after, _unchanged(after, calibration)))
+        else:
+            present = None if after is before else _compared(after, _held_out(before))
+        too_many = disagreement(after.fit)
+        confirmed = updated and not after.accepted and present is not None and not present.gains.better
+        against = _against_present(present, updated=updated) if not confirmed else ""
+        reason = against or ("" if confirmed else reason_against(after.fit, nominal, none))
+        if confirmed and none is not None and none.gains.worse:
+            reason = f"{not_better('the present calibration, updated,', none, 'the nominal machine')}. {ADVICE}"
+        return cls(none, present, too_many or reason, force, confirmed and not (too_many or reason))
+
+    @property
+    def reason(self) -> str:
+        """Reason why the new calibration must not be used; empty if it may."""
+        return "" if self.forced else self.objection
+
+
+def _against_present(present: CrossValidation | None, *, updated: bool) -> str:
+    """Reason why the new model is no improvement over the present one; empty if it is."""
+    if present is None or present.gains.better or not (updated or present.gains.worse):
+        return ""
+    name = "the present calibration" if updated else "the model without the causes"
+    return f"{not_better('the new model', present, name)}. {ADVICE}"
+
+
+def _held_out(stage: Stage) -> Array:
+    """Residuals `(n, d)`, mm and rad, of all rows in fits of a stage to the other blocks; NaN where not predicted."""
+    held, fitted = stage.linearised.cross_validation, stage.fit
+    result = np.full_like(fitted.residual, np.nan)
+    rows = stage.linearised.rows[held.counted]
+    result[rows] = held.residual_um[held.counted] / fitted.measurement.per_micro[rows]
+    return result
+
+
+def _of_all_rows(stage: Stage, kept: Array) -> Array:
+    """Residuals of all rows `(n, d)` from those of the rows that the fit kept; NaN for the others."""
+    result = np.full_like(stage.fit.residual, np.nan)
+    result[stage.fit.kept] = kept
+    return result
+
+
+def _unchanged(stage: Stage, calibration: ErrorModel) -> Array:
+    """Residuals `(kept, d)`, mm and rad, of the calibration as it was given, with a registration of its own.
+
+    Effects of the instrument are fitted as in the new model.
+    """
+    kept = stage.fit.measurement.rows(np.flatnonzero(stage.fit.kept))
+    machine = calibration.part(lambda effect: effect.ACTS_ON != "instrument")
+    instrument = uncorrected(stage.fit.model)
+    model = msgspec.structs.replace(machine, effects=(*machine.effects, *instrument.effects), covariance=None)
+    prior = np.concatenate([np.full(len(machine.parameters), FIXED), priors(instrument)])
+    return fit(kept, model, prior=prior).residual
+
+
+def _compared(stage: Stage, other: Array) -> CrossValidation | None:
+    """The held-out residuals of a stage against residuals `(n, d)` of another model; None without common rows."""
+    own, (labels, name) = _held_out(stage), stage.linearised.held_out
+    rows = np.flatnonzero(~np.isnan(own[:, 0]) & ~np.isnan(other[:, 0]))
+    if not len(rows):
+        return None
+    some = stage.fit.measurement.rows(rows)
+    white = whiteners(some) / stage.fit.variance_factor**0.5
+    return summed_up(np.stack([own[rows], other[rows]]), white, some.per_micro, labels[rows], name)
