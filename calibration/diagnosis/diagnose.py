@@ -28,6 +28,7 @@ from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, NotVisible, in_terms_of, named, not_visible, outliers, smallest_sizes
 from calibration.fit.acceptance import disagreement, refuse_few, relative_deviations, significant_share
 from calibration.fit.identifiability import Identifiability, identifiability
+from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
@@ -274,7 +275,7 @@ def diagnose(
 def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
     """The measurement with times from its first row, and the findings about it; UserError where it cannot be used."""
     findings = usable(measurement)
-    measurement, late = _from_its_start(measurement)
+    measurement, late = _from_its_start(_with_station(measurement))
     if late:
         text = f"time_s begins at {late:.10g}: times are counted from the first row"
         findings.append(Finding("epoch", text, False))
@@ -325,6 +326,13 @@ def _noise_um(linearised: LinearisedFit) -> float:
 
 def _among(accepted: Accepted, others: Sequence[Accepted]) -> bool:
     return any(accepted is other for other in others)
+
+
+def _with_station(measurement: Measurement) -> Measurement:
+    """The measurement; where it names no station of a tracker, all rows are of one, which may have been knocked."""
+    if measurement.state.station is not None or not isinstance(measurement.instrument, LaserTracker):
+        return measurement
+    return replace(measurement, state=replace(measurement.state, station=measurement.groups))
 
 
 def _from_its_start(measurement: Measurement) -> tuple[Measurement, float]:

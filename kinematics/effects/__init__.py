@@ -45,6 +45,7 @@ from kinematics.effects.instrument import (
     StationShift,
     TargetOffset,
     TrackerDrift,
+    UnknownApproach,
 )
 from kinematics.effects.load import JointCompliance, RamSag
 from kinematics.effects.thermal import (
@@ -98,6 +99,7 @@ Effect = (
     | LateReadBack
     | MeasuringMachineScale
     | MeasuringMachineSquareness
+    | UnknownApproach
     | Outliers
 )
 EFFECTS: tuple[type[EffectBase], ...] = Effect.__args__
@@ -155,6 +157,7 @@ __all__ = [
     "TargetOffset",
     "ThermalDrift",
     "TrackerDrift",
+    "UnknownApproach",
     "Unnamed",
     "Wobble",
     "unit_of",

@@ -12,7 +12,20 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 import numpy as np
 
-from kinematics.effects.base import HOUR, INSTRUMENT, TOOL, UM, URAD, Columns, EffectBase, Parameter, Remedy, own_motion
+from kinematics.effects.base import (
+    BY_DIRECTION,
+    HOUR,
+    INSTRUMENT,
+    TOOL,
+    UM,
+    URAD,
+    Columns,
+    EffectBase,
+    Parameter,
+    Remedy,
+    own_motion,
+    unit_of,
+)
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array, by_turn
@@ -258,6 +271,27 @@ class LateReadBack(_Instrument, frozen=True, tag="late-read-back"):
         for axis in machine.names:
             i, component, forward = own_motion(machine, axis)
             yield Columns(i, component, 1e-3 * forward * velocity[:, [i]])
+
+
+class UnknownApproach(_Instrument, frozen=True, tag="unknown-approach"):
+    """Error of an axis in the rows before its first move, where the direction of its approach is unknown.
+
+    The direction decides on which side of its lost motion the axis stood: half the reversal value of ISO 230-2, with
+    either sign.
+    """
+
+    TITLE: ClassVar[str] = "error of an axis before its first move, approached from an unknown side"
+    NEEDS: ClassVar[tuple[str, ...]] = ("approach",)
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("offset", BY_DIRECTION, 10.0),)
+
+    axis: str
+    offset: float
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `EffectBase.columns`."""
+        i, component, forward = own_motion(machine, self.axis)
+        unknown = state.need("approach", self.name)[:, [i]] == 0.0
+        yield Columns(i, component, forward * unit_of(self.axis)[1] * unknown)
 
 
 class Outliers(_Instrument, frozen=True, tag="outliers"):

@@ -50,6 +50,7 @@ from kinematics.effects import (
     TargetOffset,
     ThermalDrift,
     TrackerDrift,
+    UnknownApproach,
     Unnamed,
     Wobble,
 )
@@ -188,6 +189,8 @@ EXAMPLES = [
     Example(AngleHarmonic("azimuth", 1, 6.0, -3.0), "tracker-angle azimuth 1", "urad urad", "sine_urad cosine_urad", XYZ),
     Example(AngleHarmonic("elevation", 2, 6.0, -3.0), "tracker-angle elevation 2", "urad urad", "sine_urad cosine_urad", XYZ),
     Example(TargetOffset("t1", (30.0, -20.0, 10.0)), "target-offset t1", "um um um", "offset_um", "tool X, tool Y, tool Z"),
+    Example(UnknownApproach("Y", 4.0), "unknown-approach Y", "um", "offset_um", "E_YY"),
+    Example(UnknownApproach("C", 4.0), "unknown-approach C", "urad", "offset_urad", "E_CC"),
     Example(LateReadBack(2.0), "late-read-back", "ms", "lag_ms", OWN),
     Example(LocationJump("C", "Y", 12.0, 9000.0, u=(2.0,)), "location-jump E_C0Y", "urad", "value_urad", "E_XY"),
     Example(LocationJump("X", "X", -30.0, 9000.0), "location-jump E_X0X", "um", "value_um", "E_XX"),

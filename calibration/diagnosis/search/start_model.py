@@ -14,6 +14,7 @@ from typing import Literal
 
 import msgspec
 import numpy as np
+from scipy.linalg import block_diag
 
 from calibration.diagnosis.search.candidates import Candidate, at_zero
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
@@ -24,7 +25,7 @@ from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes, priors, with_effects
 from calibration.observation.outliers import Variance
-from kinematics.effects import Backlash, Effect, ErrorMotion, LocationError, QuantisedCompensation
+from kinematics.effects import Backlash, Effect, ErrorMotion, LocationError, QuantisedCompensation, UnknownApproach
 from kinematics.error_model.model import ErrorModel
 from kinematics.user_error import UserError
 
@@ -122,36 +123,56 @@ def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: 
             "diagnose without --calibration, or calibrate with data in which it moves"
         )
     if measurement.fingerprint and measurement.fingerprint in calibration.provenance.inputs.values():
-        return _refitted(machine_effects)
-    return _updated(machine_effects)
+        return _refitted(machine_effects, unknown_approaches(measurement))
+    return _updated(machine_effects, unknown_approaches(measurement))
 
 
 def _automatic(measurement: Measurement, effects: Sequence[Effect], finest: int, progress: Progress) -> Base:
+    unknown = unknown_approaches(measurement)
     choice = choose(
-        measurement, AUTOMATIC_KINDS, rotary_kind=ROTARY_KIND, effects=effects, finest=finest, progress=progress
+        measurement,
+        AUTOMATIC_KINDS,
+        rotary_kind=ROTARY_KIND,
+        effects=(*unknown, *effects),
+        finest=finest,
+        progress=progress,
     )
-    model, prior = with_effects(measurement, choice.bases, (), choice.prior_scale)
+    model, prior = with_effects(measurement, choice.bases, unknown, choice.prior_scale)
     # backlash, which the fit of an interferometer includes, is a cause to be found here
     kept = np.array([not isinstance(effect, Backlash) for effect in model.effects])
     each = np.repeat(kept, [part.stop - part.start for part in model.slices])
     return Base(model.part(lambda effect: not isinstance(effect, Backlash)), prior[each], "automatic", choice)
 
 
-def _refitted(calibration: ErrorModel) -> Base:
+def unknown_approaches(measurement: Measurement) -> list[Effect]:
+    """An error of each axis that moves, in the rows before its first move; none where every approach is known.
+
+    Without them a backlash of an axis that stands still at first would drag a false growth with time behind it.
+    """
+    state, machine = measurement.state, measurement.machine
+    if state.approach is None or measurement.axis is not None:
+        return []
+    unknown = np.any(state.approach == 0.0, axis=0)
+    return [UnknownApproach(axis=axis, offset=0.0) for axis in moving_axes(measurement) if unknown[machine.index(axis)]]
+
+
+def _refitted(calibration: ErrorModel, unknown: Sequence[Effect]) -> Base:
     """The structure of the calibration at zero, without location errors: the error motions hold these again."""
     kept = [effect for effect in calibration.effects if not isinstance(effect, LocationError)]
     zero = tuple(at_zero(effect) for effect in kept)
-    model = msgspec.structs.replace(calibration, effects=zero, covariance=None)
+    model = msgspec.structs.replace(calibration, effects=(*zero, *unknown), covariance=None)
     return Base(model, priors(model), "refitted")
 
 
-def _updated(calibration: ErrorModel) -> Base:
+def _updated(calibration: ErrorModel, unknown: Sequence[Effect]) -> Base:
     if calibration.covariance is None:
         u = np.array([value for effect in calibration.effects for value in effect.uncertainties])
-        return Base(calibration, np.diag(np.maximum(u, EXACT)), "updated")
-    values, vectors = np.linalg.eigh(np.array(calibration.covariance))
-    root = vectors * np.sqrt(np.maximum(values, EXACT**2))
-    return Base(calibration, root, "updated")
+        root = np.diag(np.maximum(u, EXACT))
+    else:
+        values, vectors = np.linalg.eigh(np.array(calibration.covariance))
+        root = vectors * np.sqrt(np.maximum(values, EXACT**2))
+    model = msgspec.structs.replace(calibration, effects=(*calibration.effects, *unknown), covariance=None)
+    return Base(model, block_diag(root, np.diag(priors(model)[len(root) :])), "updated")
 
 
 def _prior(candidate: Candidate, size: np.ndarray) -> np.ndarray:
