@@ -89,7 +89,7 @@ def frame_with(*effects):
 def seen(linearised, lengths):
     """A function of these variables in what is left."""
     given = remainder.variables(linearised.measurement, linearised.rows)
-    white = linearised.bounded.reshape(len(linearised.rows), -1)
+    white = linearised.residual.reshape(len(linearised.rows), -1)
     return of_variables(white, given, lengths, 0.005, np.random.default_rng(1)), list(given)
 
 

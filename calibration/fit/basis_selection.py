@@ -18,6 +18,7 @@ from calibration.fit.basis_search import FINEST, SIZES, Choice, Search, Unexplai
 from calibration.fit.fit import DOUBTFUL_P, Fit, Progress, fit
 from calibration.fit.linear import NormalBlocks, Part
 from calibration.fit.problem import solution
+from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.full_model import (
@@ -102,7 +103,8 @@ class LinearEvidence:
         self._transform = self._white @ equations.transform(self._measurement, self._registration)
         at_start = msgspec.structs.replace(no_errors(self._measurement.machine), effects=self._effects)
         left = residuals(self._measurement, at_start.with_parameters(self._other_effects), self._registration)
-        self._residual = whitened(self._white, left).reshape(-1)
+        self._decorrelation = Decorrelation.of(self._measurement.noise, whiteners(self._measurement))
+        self._residual = self._decorrelation.apply(whitened(self._white, left)).reshape(-1)
         widest = 6 * (FINEST + 2) * self._residual.nbytes
         self._columns = lru_cache(maxsize=max(KEPT // widest, len(self._measurement.machine.axes) + 4))(self._made)
         self._right = cache(self._along)
@@ -150,7 +152,7 @@ class LinearEvidence:
         else:
             machine, state = self._measurement.machine, self._measurement.state
             columns = Design(self._model(part), machine, state, with_instrument=True).of(slice(None), self._transform)
-        return read_only(np.asarray(columns.reshape(len(self._residual), -1)))
+        return read_only(np.asarray(self._decorrelation.apply(columns).reshape(len(self._residual), -1)))
 
     def _model(self, part: Part) -> ErrorModel:
         """The model of a part: the error motions of an axis in its basis, or the additional effects."""

@@ -19,6 +19,7 @@ from calibration.fit.problem import Point, Problem, Solved
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation.full_model import priors
+from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import (
     LeftOut,
     Variance,
@@ -74,7 +75,7 @@ class Fit:
     """Prior standard deviations `(p,)`, infinite for none; or a root `(p, p)` of their covariance."""
     solved: Solved
     chi2: float
-    """Sum of squares of the whitened residuals of the kept rows, by the instrument specification."""
+    """Sum of squares of the white residuals of the kept rows, by the noise of the measurement."""
     variance_factor: float
     """Factor on the variances of the instrument specification in the fit: 1, or estimated from the residuals."""
 
@@ -96,7 +97,10 @@ class Fit:
     @property
     def chi2_reduced(self) -> float:
         """chi2 per degree of freedom, by the instrument specification; 1 when the model explains all but the noise."""
-        return self.chi2 / self.degrees_of_freedom
+        if self.measurement.noise is None:
+            return self.chi2 / self.degrees_of_freedom
+        kept = replace(self.measurement, noise=None).rows(self.kept)
+        return float(np.sum(whitened(whiteners(kept), self.residual[self.kept]) ** 2)) / self.degrees_of_freedom
 
     @property
     def p_value(self) -> float:
@@ -182,7 +186,7 @@ def fit(
         left_out = again._replace(suspected=left_out.suspected) if stay else again
         if np.array_equal(left_out.rows, ~kept):
             break
-    chi2 = float(np.sum(problem.distances(point)[kept]))
+    chi2 = problem.squares(point, kept.astype(float))
     found = Fit(
         measurement,
         problem.at(point.parameters),
@@ -198,7 +202,7 @@ def fit(
         chi2,
         factor,
     )
-    covariance = problem.covariance(solved, found.chi2_reduced if found.doubtful else 1.0)
+    covariance = problem.covariance(solved, found.chi2 / found.degrees_of_freedom if found.doubtful else 1.0)
     return replace(found, model=found.model.with_parameters(point.parameters, covariance))
 
 
@@ -255,7 +259,7 @@ def _weights(problem: Problem, point: Point, effective_parameters: float, least:
 
 def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved) -> float:
     """Variance factor at which chi2 equals its expectation."""
-    chi2 = float(np.sum(problem.distances(point)[kept]))
+    chi2 = problem.squares(point, kept.astype(float))
     scalars = int(np.count_nonzero(kept)) * problem.measurement.components
     return chi2 / max(scalars - solved.effective_parameters, 1.0)
 

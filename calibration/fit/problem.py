@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from calibration.fit.linear import Posterior, effective_parameters, pseudo_inverse
+from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation.normal_equations import NormalEquations, assemble, residuals, whitened, whiteners
@@ -88,17 +89,21 @@ class Problem:
     """The model with its parameters at the start."""
     white: Array
     """Matrices `(n, d, d)` of `calibration.observation.normal_equations.whiteners`."""
+    decorrelation: Decorrelation
+    """Transform of the whitened rows of each stop."""
     prior: Array
     """Standard deviations `(p,)` about the start, infinite for none; or a root L `(p, p)` of their covariance L L'."""
 
     @classmethod
     def of(cls, measurement: Measurement, model: ErrorModel, prior: Array) -> Problem:
-        """The problem, whitened by the instrument's covariance."""
-        return cls(measurement, model, whiteners(measurement), prior)
+        """The problem, whitened by the covariance of the measurement."""
+        white = whiteners(measurement)
+        return cls(measurement, model, white, Decorrelation.of(measurement.noise, white), prior)
 
     def rows(self, index: np.ndarray) -> Problem:
         """The problem with some of its rows."""
-        return replace(self, measurement=self.measurement.rows(index), white=self.white[index])
+        some, white = self.measurement.rows(index), self.white[index]
+        return replace(self, measurement=some, white=white, decorrelation=Decorrelation.of(some.noise, white))
 
     def shapes_fixed(self) -> Problem:
         """The problem with its periods and time constants held."""
@@ -123,6 +128,10 @@ class Problem:
         """Squared Mahalanobis distances `(n,)` of the residuals."""
         return np.asarray(np.sum(self.whitened(point.residual) ** 2, axis=1))
 
+    def squares(self, point: Point, weights: Array) -> float:
+        """Sum of squares of the white residuals, with weights `(n,)` of the rows."""
+        return float(np.sum(self.decorrelation.apply(self.whitened(point.residual) * np.sqrt(weights)[:, None]) ** 2))
+
     def moved(self, point: Point, step: Array) -> Point:
         """The point after a step; a parameter that would cross its bound goes half-way to it instead."""
         size = point.registered
@@ -131,7 +140,7 @@ class Problem:
     def objective(self, point: Point, weights: Array, factor: float) -> float:
         """The objective of the fit, with weights `(n,)` of the rows and the instrument's variances times `factor`."""
         away = self.away(point.parameters)
-        return float(weights @ self.distances(point)) / factor + float(away @ away)
+        return self.squares(point, weights) / factor + float(away @ away)
 
     def descended(self, point: Point, step: Array, weights: Array, factor: float) -> Point:
         """The point after a step, halved until the objective does not rise; the same point if every halving fails."""
@@ -142,9 +151,9 @@ class Problem:
     def solve(self, point: Point, weights: Array, factor: float) -> Solved:
         """The Gauss-Newton step at a point; weights `(n,)` of the rows; the instrument's variances times `factor`."""
         root = np.sqrt(weights / factor)
-        residual = self.whitened(point.residual) * root[:, None]
-        white = self.white * root[:, None, None]
-        normal = assemble(self.measurement, self.at(point.parameters), point.registration, white, residual)
+        residual = self.decorrelation.apply(self.whitened(point.residual) * root[:, None])
+        white, model = self.white * root[:, None, None], self.at(point.parameters)
+        normal = assemble(self.measurement, model, point.registration, white, residual, self.decorrelation)
         return self.solution(normal, point)
 
     def covariance(self, solved: Solved, widened: float = 1.0) -> Array:

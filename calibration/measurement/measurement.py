@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from calibration.measurement.estimated_noise import EstimatedNoise
 from calibration.measurement.instruments import Instrument
 from kinematics.effects.base import own_component
 from kinematics.machine import Machine, Vector
@@ -103,6 +104,8 @@ class Measurement:
     deviation, along a positive command. None if all are empty."""
     scatter: Array | None = None
     """Standard uncertainty `(n,)`, mm, of each coordinate, from the scatter of the readings in the mean of a row."""
+    noise: EstimatedNoise | None = None
+    """Noise estimated from the data; None for that of the instrument's specification."""
 
     def __len__(self) -> int:
         return len(self.observed)
@@ -194,6 +197,7 @@ class Measurement:
             across=None if self.across is None else self.across.rows(index),
             component=at(self.component),
             scatter=at(self.scatter),
+            noise=None if self.noise is None else self.noise.rows(index),
         )
 
     def where(self, row: int) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
@@ -39,7 +40,7 @@ class NormalEquations:
 
 
 def whiteners(measurement: Measurement) -> Array:
-    """Matrices W `(n, d, d)` that make the noise white: W C W' = 1; Montavon et al., weights by Cholesky.
+    """Matrices W `(n, d, d)` that make the noise of each row white: W C W' = 1; Montavon et al., weights by Cholesky.
 
     UserError for an instrument without uncertainty in some direction.
     """
@@ -64,24 +65,34 @@ def whitened(whitener: Array, residual: Array) -> Array:
 
 
 def assemble(
-    measurement: Measurement, model: ErrorModel, registration: Registration, whitener: Array, residual: Array
+    measurement: Measurement,
+    model: ErrorModel,
+    registration: Registration,
+    whitener: Array,
+    residual: Array,
+    decorrelation: Decorrelation,
 ) -> NormalEquations:
-    """The normal equations of all rows; `residual` `(n, d)` is whitened already."""
+    """The normal equations of all rows; `residual` `(n, d)` is whitened and decorrelated already."""
     normal = NormalEquations.zero(len(registration.names) + len(model.parameters))
-    for rows, design in designs(measurement, model, registration, whitener):
+    for rows, design in designs(measurement, model, registration, whitener, decorrelation):
         normal.add(design, residual[rows].reshape(-1))
     return normal
 
 
 def designs(
-    measurement: Measurement, model: ErrorModel, registration: Registration, whitener: Array
+    measurement: Measurement,
+    model: ErrorModel,
+    registration: Registration,
+    whitener: Array,
+    decorrelation: Decorrelation,
 ) -> Iterator[tuple[slice, Array]]:
-    """Blocks of rows with their whitened design `(rows * d, registration + parameters)`."""
+    """Blocks of rows with their whitened design `(rows * d, registration + parameters)`; one where rows correlate."""
     of_model = Design(model, measurement.machine, measurement.state, with_instrument=True)
-    for rows in blocks(len(measurement)):
+    for rows in [slice(0, len(measurement))] if decorrelation.stops else blocks(len(measurement)):
         part, white = measurement.rows(rows), whitener[rows]
         own = white @ equations.registration_design(part, registration)
         design = np.concatenate([own, of_model.of(rows, white @ equations.transform(part, registration))], axis=2)
+        design = decorrelation.apply(design)
         yield rows, design.reshape(-1, design.shape[2])
 
 

@@ -42,7 +42,7 @@ def tests(linearised: LinearisedFit) -> list[Test]:
         None if state.station is None else state.station[rows],
         {name: kelvin[rows] for name, kelvin in state.temperatures.items()},
     )
-    return whiteness(linearised.bounded.reshape(len(rows), -1), columns, absorbed=linearised.spanned)
+    return whiteness(linearised.residual.reshape(len(rows), -1), columns, absorbed=linearised.spanned)
 
 
 def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
@@ -134,14 +134,17 @@ def shared_rms(linearised: LinearisedFit, dependence: Unexplained) -> float:
 
     A tracker makes the function as uncertain across the beam as a reading: its own RMS would be that uncertainty.
     """
-    residual = np.linalg.solve(linearised.white, linearised.residual.reshape(len(linearised.rows), -1, 1))[:, :, 0]
-    shared = residual * in_lengths(linearised, dependence) * linearised.measurement.per_micro[linearised.rows] ** 2
+    shared = (
+        linearised.in_lengths(linearised.residual)
+        * in_lengths(linearised, dependence)
+        * linearised.measurement.per_micro[linearised.rows] ** 2
+    )
     return float(np.sqrt(max(np.mean(shared[linearised.good]), 0.0)))
 
 
 def _of_machine(linearised: LinearisedFit) -> Array:
     """Residuals `(n, d)` in units of their noise; in the tool's directions where rotary axes turn the observations."""
-    white, turns = linearised.bounded.reshape(len(linearised.rows), -1), _into_tool(linearised)
+    white, turns = linearised.residual.reshape(len(linearised.rows), -1), _into_tool(linearised)
     if turns is None:
         return white
     unwhite = turns @ _noise(linearised)

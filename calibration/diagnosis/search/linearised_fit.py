@@ -22,12 +22,13 @@ from calibration.cores import each
 from calibration.fit.cross_validation import less_columns, registered
 from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
+from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import huber_weights, robust_factor
-from calibration.observation.stops_and_lines import held_out_blocks
+from calibration.observation.stops_and_lines import held_out_blocks, stops
 from kinematics.effects import Effect
 from kinematics.error_model.model import Design, no_errors
 from kinematics.state import State
@@ -54,6 +55,8 @@ TOGETHER = 64
 class Score(NamedTuple):
     """Score of a candidate on the linearised fit that it is added to."""
 
+    squares: float
+    """Reduction of the sum of squares."""
     gain: float
     """Reduction of the sum of squares, in units of the noise variance."""
     effective_parameters: float
@@ -91,11 +94,14 @@ class LinearisedFit:
     rows: np.ndarray
     """Rows of the measurement `(n,)` on which candidates are evaluated."""
     white: Array
-    """Whiteners `(n, d, d)` with Huber weights: outlying rows count less."""
+    """Whiteners `(n, d, d)` with weights: the square of an outlying row is bounded."""
+    decorrelation: Decorrelation
+    """Transform of the whitened rows of each stop."""
     transform: Array
-    """Whitened derivatives `(n, d, width)` by the error motions and the shift of the observed point."""
+    """Whitened derivatives `(n, d, width)` by the error motions and the shift of the observed point; rows of a stop not
+    decorrelated."""
     design: Array
-    """J `(N, q)`: registration, then parameters in units of their priors."""
+    """J `(N, q)`: registration, then parameters in units of their priors; white."""
     limited: Array
     """Diagonal `(q,)` of the priors' part of H."""
     residual: Array
@@ -105,7 +111,7 @@ class LinearisedFit:
     good: np.ndarray
     """True `(n,)` for rows that the fit kept."""
     weights: Array
-    """Huber weights `(n,)` of the rows."""
+    """Weights `(n,)` of the rows."""
 
     @classmethod
     def of(cls, fit: Fit) -> LinearisedFit:
@@ -114,24 +120,30 @@ class LinearisedFit:
         lost = ~fit.kept & (fit.residual_um > LOST)
         rows = np.flatnonzero(~fit.copies & ~lost & ~np.isin(measurement.groups, _astray(fit)))
         if len(rows) > ROWS:
-            rows = rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)]
+            rows = rows[whole_stops(stops(measurement)[rows], ROWS)]
         some = measurement.rows(rows)
         white = whiteners(some)
+        decorrelation = Decorrelation.of(some.noise, white)
         components = some.components
         distances = np.sum(whitened(white, fit.residual[rows]) ** 2, axis=1)
         effective_parameters = fit.effective_parameters * len(rows) / max(int(np.count_nonzero(fit.kept)), 1)
-        weights = huber_weights(
-            distances, components, robust_factor(distances, components, effective_parameters, fit.variance_factor)
+        # the square of a row is bounded, so that no cause is found in a few outliers
+        weights = (
+            huber_weights(
+                distances, components, robust_factor(distances, components, effective_parameters, fit.variance_factor)
+            )
+            ** 2
         )
         white = white * np.sqrt(weights / fit.variance_factor)[:, None, None]
-        parts = derivatives(fit, measurement, rows, fit.registration, white)
+        parts = derivatives(fit, measurement, rows, fit.registration, white, decorrelation)
         length = np.linalg.norm(parts.own, axis=0)
         own = parts.own / np.where(length > 0, length, 1.0)
         limits = np.isfinite(fit.prior).astype(float) if fit.prior.ndim == 1 else np.ones(parts.by_model.shape[1])
         limited = np.concatenate([np.full(own.shape[1], RIDGE), limits + RIDGE])
-        residual = whitened(white, fit.residual[rows]).reshape(-1)
+        residual = decorrelation.apply(whitened(white, fit.residual[rows])).reshape(-1)
         design, away = np.concatenate([own, parts.by_model], axis=1), np.concatenate([np.zeros(own.shape[1]), fit.away])
-        blank = cls(fit, rows, white, parts.transform, design, limited, residual, away, fit.kept[rows], weights)
+        kept = fit.kept[rows]
+        blank = cls(fit, rows, white, decorrelation, parts.transform, design, limited, residual, away, kept, weights)
         return blank._at_rest()
 
     def without(self, effect: int) -> LinearisedFit:
@@ -169,16 +181,18 @@ class LinearisedFit:
         return replace(self, residual=self.residual - self.design @ step, away=self.away + step)
 
     def thinned(self, most: int) -> LinearisedFit:
-        """The linearised fit of at most so many of its rows, evenly spread."""
+        """The linearised fit of at most so many of its rows: whole stops, evenly spread."""
         n = len(self.rows)
         if n <= most:
             return self
-        kept = np.linspace(0, n - 1, most).astype(int)
+        kept = whole_stops(stops(self.measurement)[self.rows], most)
+        some = self.measurement.rows(self.rows[kept])
         mine = (kept[:, None] * (self.scalars // n) + np.arange(self.scalars // n)).reshape(-1)
         fewer = replace(
             self,
             rows=self.rows[kept],
             white=self.white[kept],
+            decorrelation=Decorrelation.of(some.noise, whiteners(some)),
             transform=self.transform[kept],
             design=self.design[mine],
             residual=self.residual[mine],
@@ -206,16 +220,6 @@ class LinearisedFit:
     def squares(self) -> float:
         """Sum of squares of the residual."""
         return float(self.residual @ self.residual)
-
-    @property
-    def bounded(self) -> Array:
-        """Residual `(N,)` with outlying rows bounded to sizes that noise may have: single rows cannot dominate it."""
-        return np.asarray(self.residual * np.repeat(np.sqrt(self.weights), len(self.residual) // len(self.weights)))
-
-    @cached_property
-    def bounded_squares(self) -> float:
-        """Sum of squares of the bounded residual."""
-        return float(self.bounded @ self.bounded)
 
     @cached_property
     def information(self) -> Array:
@@ -248,7 +252,7 @@ class LinearisedFit:
 
     def columns(self, effect: Effect) -> Array:
         """Whitened derivatives `(N, k)` by the linear parameters of an effect, in units of their typical sizes."""
-        return signals(self.measurement, self.rows, (effect,), self.transform)
+        return self._signals((effect,))
 
     def candidate(self, effect: Effect, unit: float | Array = 1.0) -> Projected:
         """Part of an effect that the model and the registration cannot imitate, its columns in `unit` typical sizes.
@@ -264,11 +268,7 @@ class LinearisedFit:
 
     def responses(self, effects: Sequence[Effect]) -> list[Projected]:
         """Part of each effect's columns, means included, that the model and the registration cannot imitate."""
-        return [
-            one
-            for some in _together(effects)
-            for one in self._apart(some, signals(self.measurement, self.rows, some, self.transform))
-        ]
+        return [one for some in _together(effects) for one in self._apart(some, self._signals(some))]
 
     def projected(self, columns: Array) -> Projected:
         """Columns `(N, k)` and their part that the model and the registration cannot imitate."""
@@ -284,9 +284,14 @@ class LinearisedFit:
             found.append(Projected(columns[:, own], through[:, own], schur))
         return found
 
+    def _signals(self, effects: Sequence[Effect], measurement: Measurement | None = None) -> Array:
+        """White derivatives `(N, k)` by the linear parameters of effects, in units of typical sizes."""
+        columns = signals(measurement or self.measurement, self.rows, effects, self.transform)
+        return self.decorrelation.apply(columns.reshape(len(self.rows), -1, columns.shape[1])).reshape(columns.shape)
+
     def _changing(self, effects: Sequence[Effect]) -> Array:
         """Columns `(N, k)` of effects, less their values at the mean time and temperatures."""
-        columns = signals(self.measurement, self.rows, effects, self.transform)
+        columns = self._signals(effects)
         moving = [bool({"time", "temperatures"} & set(effect.needs)) for effect in effects]
         some = [effect for effect, moves in zip(effects, moving, strict=True) if moves]
         if some:
@@ -298,13 +303,22 @@ class LinearisedFit:
                     n: np.full_like(kelvin, kelvin[self.rows].mean()) for n, kelvin in state.temperatures.items()
                 },
             )
-            steady = signals(replace(self.measurement, state=mean), self.rows, some, self.transform)
+            steady = self._signals(some, replace(self.measurement, state=mean))
             columns[:, np.repeat(moving, _widths(effects))] -= steady
         return columns
 
     def score(self, candidate: Projected, shapes: int = 0, trials: float = 1.0) -> Score:
-        """Score of a candidate; `shapes` of its parameters were searched for, in `trials` trials."""
-        return self.rated(candidate.schur, candidate.columns.T @ self.residual, shapes, trials)
+        """Score of a candidate; `shapes` of its parameters were searched for, in `trials` trials.
+
+        Only the reduction of the data's squares counts: a candidate that merely relieves the priors of the model, whose
+        signal it shares, explains nothing.
+        """
+        score = self.rated(candidate.schur, candidate.columns.T @ self.residual, shapes, trials)
+        moved = self.residual - candidate.columns @ score.size + self.spanned @ (candidate.through @ score.size)
+        by_data = self.squares - float(moved @ moved)
+        if by_data >= score.squares:
+            return score
+        return self._scored(max(by_data, 0.0), score.effective_parameters, trials, score.size)
 
     def rated(self, schur: Array, along: Array, shapes: int = 0, trials: float = 1.0) -> Score:
         """Score of columns with Schur complement `schur` `(k, k)` and the residual `along` them `(k,)`."""
@@ -313,20 +327,17 @@ class LinearisedFit:
         softened = values + GENEROUS**-2
         largest = float(np.abs(vectors @ (along / softened)).max(initial=0.0))
         softened = values + max(GENEROUS, BEYOND * largest) ** -2
-        raw = float(np.sum(along**2 / softened))
         effective_parameters = float(np.sum(values / softened)) + shapes
-        squares = min(self.squares - raw, self.bounded_squares)
-        variance = max(squares / max(self.degrees_of_freedom - effective_parameters, 1.0), 1.0)
-        gain = raw / variance
+        squares = float(np.sum(along**2 / softened))
+        return self._scored(squares, effective_parameters, trials, vectors @ (along / softened))
+
+    def _scored(self, squares: float, effective_parameters: float, trials: float, size: Array) -> Score:
+        """Score of a candidate that reduces the sum of squares by `squares`."""
+        remaining = self.degrees_of_freedom - effective_parameters
+        gain = squares / max((self.squares - squares) / max(remaining, 1.0), 1.0)
         p_value = float(special.chdtrc(max(effective_parameters, 1.0), gain)) * trials
-        size = vectors @ (along / softened)
-        return Score(
-            gain,
-            effective_parameters,
-            -gain + effective_parameters * float(np.log(self.scalars)),
-            min(p_value, 1.0),
-            size,
-        )
+        delta_bic = -gain + effective_parameters * float(np.log(self.scalars))
+        return Score(squares, gain, effective_parameters, delta_bic, min(p_value, 1.0), size)
 
     @cached_property
     def held_out(self) -> tuple[np.ndarray, str]:
@@ -377,6 +388,11 @@ class LinearisedFit:
             gains.append(float(np.sum(block.held_residual[block.counted] ** 2) - np.sum(after[block.counted] ** 2)))
         return np.array(gains)
 
+    def in_lengths(self, residual: Array) -> Array:
+        """A white residual `(N,)` as lengths `(n, d)`, mm and rad."""
+        correlated = self.decorrelation.undone(residual.reshape(len(self.rows), -1))
+        return np.asarray(np.linalg.solve(self.white, correlated[:, :, None])[:, :, 0])
+
     @cached_property
     def cross_validation(self) -> HeldResiduals:
         """Residuals of every block under a fit of all the others, to first order."""
@@ -384,8 +400,7 @@ class LinearisedFit:
         held_residual, counted = np.zeros(self.scalars), np.zeros(self.scalars, bool)
         for block in self.blocks:
             held_residual[block.rows], counted[block.rows] = block.held_residual, block.counted
-        whole = held_residual.reshape(-1, components)[:, :, None]
-        in_mm = np.linalg.solve(self.white, whole)[:, :, 0] * self.measurement.per_micro[self.rows]
+        in_mm = self.in_lengths(held_residual) * self.measurement.per_micro[self.rows]
         return HeldResiduals(
             in_mm, counted.reshape(-1, components)[:, 0] & self.good, len(self.blocks), self.held_out[1]
         )
@@ -402,10 +417,23 @@ class Derivatives(NamedTuple):
     """`(n * d, parameters)`, in units of their priors."""
 
 
+def whole_stops(stop: np.ndarray, most: int) -> np.ndarray:
+    """Indices of at most so many rows with these numbers of stops `(n,)`: whole stops, evenly spread."""
+    names, counts = np.unique(stop, return_counts=True)
+    number = max(1, int(most / counts.mean()))
+    chosen = names[np.linspace(0, len(names) - 1, min(number, len(names))).astype(int)]
+    return np.flatnonzero(np.isin(stop, chosen))
+
+
 def derivatives(
-    fit: Fit, measurement: Measurement, rows: np.ndarray, registration: Registration, white: Array
+    fit: Fit,
+    measurement: Measurement,
+    rows: np.ndarray,
+    registration: Registration,
+    white: Array,
+    decorrelation: Decorrelation | None = None,
 ) -> Derivatives:
-    """Whitened derivatives by registration and model of a fit, at rows of its data or others; `white` `(n, d, d)`."""
+    """White derivatives by registration and model of a fit, at rows of its data or others; `white` `(n, d, d)`."""
     some = measurement.rows(rows)
     transform = white @ equations.transform(some, registration)
     own = white @ equations.registration_design(some, registration)
@@ -414,7 +442,9 @@ def derivatives(
     by_model = of_model.reshape(n, -1)
     finite = np.isfinite(fit.prior)
     by_model = by_model * np.where(finite, fit.prior, 1.0) if fit.prior.ndim == 1 else by_model @ fit.prior
-    return Derivatives(transform, own.reshape(n, -1), by_model)
+    if decorrelation is not None:
+        own, by_model = decorrelation.apply(own), decorrelation.apply(by_model.reshape(*own.shape[:2], -1))
+    return Derivatives(transform, own.reshape(n, -1), by_model.reshape(n, -1))
 
 
 def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect], transform: Array) -> Array:

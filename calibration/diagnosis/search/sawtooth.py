@@ -62,7 +62,7 @@ def saw_uncertainty(linearised: LinearisedFit, effect: QuantisedCompensation) ->
         pitches, offsets = _about(linearised, effect, CLOSER**-k)
         apart = pitches[1] - pitches[0], offsets[PITCHES] - offsets[0]
         gains = _gains(sensitivity, effect.axis, pitches, offsets)
-        variance = max((linearised.bounded_squares - float(gains.max())) / linearised.degrees_of_freedom, 1.0)
+        variance = max((linearised.squares - float(gains.max())) / linearised.degrees_of_freedom, 1.0)
         odds = np.exp((gains - gains.max()) / (2.0 * variance))
         odds /= odds.sum()
         away = pitches - effect.pitch, offsets - effect.offset

@@ -30,7 +30,7 @@ WORTH = -10.0
 """Largest delta-BIC of an accepted cause: odds of 150 to 1 (Kass and Raftery)."""
 DROPPED = -6.0
 """delta-BIC from which an accepted cause is dropped again."""
-SURE = 1.0
+SURE = 2.0
 """Standard errors by which the gain on held-out blocks must exceed zero."""
 MOSTLY = 0.75
 """Or the share of blocks with a gain, since another missing cause may make one of them lose."""

@@ -31,7 +31,7 @@ class Sensitivity:
     def of(cls, linearised: LinearisedFit, axis: str, component: Component) -> Sensitivity:
         """Sensitivity to an error of an axis in a direction of its error frame."""
         column = 6 * linearised.measurement.machine.index(axis) + COMPONENTS.index(component)
-        return cls(linearised, linearised.transform[:, :, column])
+        return cls(linearised, linearised.decorrelation.apply(linearised.transform[:, :, column]))
 
     @cached_property
     def along(self) -> Array:

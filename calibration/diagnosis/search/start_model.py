@@ -21,6 +21,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.fit.basis_search import AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.basis_selection import choose
 from calibration.fit.fit import Fit, Progress, fit
+from calibration.fit.noise import with_estimated_noise
 from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes, priors, with_effects
@@ -80,12 +81,10 @@ class Base:
         added = [(candidate, size) for candidate, size in accepted if candidate.replaces not in finer]
         model = msgspec.structs.replace(self.model, effects=(*effects, *(c.effect for c, _ in added)), covariance=None)
         own = np.concatenate([_prior(candidate, size) for candidate, size in added] or [np.zeros(0)])
-        if prior.ndim == 1:
-            return fit(measurement, model, prior=np.concatenate([prior, own]), variance=variance)
-        root = np.zeros((len(prior) + len(own),) * 2)
-        root[: len(prior), : len(prior)] = prior
-        root[len(prior) :, len(prior) :] = np.diag(own)
-        return fit(measurement, model, prior=root, variance=variance)
+        whole = np.concatenate([prior, own]) if prior.ndim == 1 else block_diag(prior, np.diag(own))
+        found = fit(measurement, model, prior=whole, variance=variance)
+        noisy = with_estimated_noise(found)
+        return found if noisy.noise is measurement.noise else fit(noisy, model, prior=whole, variance=variance)
 
     def lacking(self, linearised: LinearisedFit, candidate: Candidate, number: int) -> LinearisedFit:
         """The linearised fit without one accepted candidate, the effect of that number.

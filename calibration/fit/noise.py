@@ -1,0 +1,179 @@
+"""Estimate of the noise from the residuals of a fit: the instrument's factor, and the non-repeatability of each axis.
+
+Restricted maximum likelihood (Patterson and Thompson 1971) by Fisher scoring on the linearised fit: the covariance of
+the rows of a stop is f C + sum of s^2 a a', with C of the instrument's specification and an arm a for each axis. Every
+component must differ from the specification by more than chance, so that data that follow it keep it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.fit.fit import Fit
+from calibration.fit.linear import Posterior
+from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.measurement import Measurement
+from calibration.observation import equations
+from calibration.observation.full_model import moving_axes
+from calibration.observation.normal_equations import whiteners
+from calibration.observation.stops_and_lines import stops
+from kinematics.effects.base import own_motion, unit_of
+from kinematics.error_model.model import Design
+from kinematics.transforms import Array
+
+CERTAIN = 4.0
+"""Standard errors by which a variance must differ from the specification: 1 in 30,000 by chance."""
+ROWS = 5000
+"""Largest number of rows; whole stops, evenly spread."""
+STEPS = 12
+CONVERGED = 0.01
+"""Relative change of the variances below which the iteration ends."""
+LEAST_FACTOR, MOST_FACTOR = 1e-4, 1e4
+RIDGE = 1e-9
+TYPICAL = 10.0
+"""Unit of the standard deviations in the iteration, um or urad."""
+
+
+def with_estimated_noise(found: Fit) -> Measurement:
+    """The measurement of a fit with the noise that its residuals show; as specified where they do not contradict it.
+
+    Readings of an interferometer are not divided into instrument and axis.
+    """
+    measurement = replace(found.measurement, noise=None)
+    if isinstance(measurement.instrument, Interferometer) or measurement.across is not None:
+        return measurement
+    axes = list(moving_axes(measurement))
+    if not axes:
+        return measurement
+    components = _Components.of(found, measurement, axes)
+    variances, active = np.append(1.0, np.zeros(len(axes))), np.zeros(len(axes) + 1, bool)
+    for _ in range(STEPS):
+        score, information = components.score(variances)
+        if not active.any():
+            active = np.abs(score) > CERTAIN * np.sqrt(np.diag(information))
+            active[1:] &= score[1:] > 0.0
+            if not active.any():
+                return measurement
+            active[:] = True
+        some = np.flatnonzero(active)
+        step = np.zeros(len(variances))
+        step[some] = np.linalg.solve(information[np.ix_(some, some)] + RIDGE * np.eye(len(some)), score[some])
+        moved = np.maximum(variances + step, 0.0)
+        moved[0] = np.clip(moved[0], variances[0] / 3.0, variances[0] * 3.0)
+        change = np.abs(moved - variances) / np.maximum(moved, 0.01)
+        variances = moved
+        if change.max() < CONVERGED:
+            break
+    _, information = components.score(variances)
+    error = np.sqrt(np.diag(np.linalg.inv(information + RIDGE * np.eye(len(variances)))))
+    factor = float(np.clip(variances[0], LEAST_FACTOR, MOST_FACTOR))
+    if abs(factor - 1.0) < CERTAIN * error[0]:
+        factor = 1.0
+    kept = [k for k in range(len(axes)) if variances[k + 1] > CERTAIN * error[k + 1]]
+    if factor == 1.0 and not kept:
+        return measurement
+    sizes = {axes[k]: float(np.sqrt(variances[k + 1])) * TYPICAL * unit_of(axes[k])[1] for k in kept}
+    arms = _arms(found, measurement, axes)[:, :, kept] * np.sqrt(variances[1:][kept])
+    return replace(measurement, noise=EstimatedNoise(factor, sizes, stops(measurement), arms))
+
+
+def _arms(found: Fit, measurement: Measurement, axes: Sequence[str]) -> Array:
+    """Change of the observations `(n, d, axes)`, mm, by an error of `TYPICAL` along each axis' own motion."""
+    transform = equations.transform(measurement, found.registration)
+    columns, units = [], []
+    for axis in axes:
+        i, component, _ = own_motion(measurement.machine, axis)
+        columns.append(6 * i + component)
+        units.append(TYPICAL * unit_of(axis)[1])
+    return np.asarray(transform[:, :, columns] * np.array(units))
+
+
+@dataclass(frozen=True)
+class _Components:
+    """Rows of a fit with the derivatives of its linearisation, not whitened."""
+
+    measurement: Measurement
+    residual: Array
+    """`(n, d)`"""
+    design: Array
+    """`(n, d, q)`; the registration in columns of unit length, parameters in units of their priors."""
+    limited: Array
+    away: Array
+    axes: Sequence[str]
+    arms: Array
+    stop: np.ndarray
+    factor: float
+    """Variance factor of the fit."""
+
+    @classmethod
+    def of(cls, found: Fit, measurement: Measurement, axes: Sequence[str]) -> _Components:
+        """The rows that the fit kept."""
+        numbers = stops(measurement)
+        rows = np.flatnonzero(found.kept)
+        if len(rows) > ROWS:
+            chosen = np.unique(numbers[rows])
+            chosen = chosen[np.linspace(0, len(chosen) - 1, len(chosen) * ROWS // len(rows)).astype(int)]
+            rows = rows[np.isin(numbers[rows], chosen)]
+        some = measurement.rows(rows)
+        own = equations.registration_design(some, found.registration)
+        own = own / np.maximum(np.linalg.norm(own.reshape(-1, own.shape[2]), axis=0), 1e-300)
+        transform = equations.transform(some, found.registration)
+        model = Design(found.model, some.machine, measurement.state, with_instrument=True).of(rows, transform)
+        finite = np.isfinite(found.prior)
+        model = model * np.where(finite, found.prior, 1.0) if found.prior.ndim == 1 else model @ found.prior
+        limits = finite.astype(float) if found.prior.ndim == 1 else np.ones(model.shape[2])
+        return cls(
+            some,
+            found.residual[rows],
+            np.concatenate([own, model], axis=2),
+            np.concatenate([np.full(own.shape[2], RIDGE), limits + RIDGE]),
+            np.concatenate([np.zeros(own.shape[2]), found.away]),
+            axes,
+            _arms(found, some, axes),
+            numbers[rows],
+            found.variance_factor,
+        )
+
+    def score(self, variances: Array) -> tuple[Array, Array]:
+        """Score `(1 + axes,)` of the restricted likelihood, and its Fisher information, at these variances."""
+        used = np.sqrt(variances[1:])
+        noise = EstimatedNoise(
+            float(variances[0]), dict(zip(self.axes, used, strict=True)), self.stop, self.arms * used
+        )
+        some = replace(self.measurement, noise=noise)
+        white = whiteners(some) / np.sqrt(self.factor)
+        decorrelation = Decorrelation.of(noise if used.any() else None, whiteners(some))
+        n, d, q = self.design.shape
+        design = decorrelation.apply(white @ self.design).reshape(n * d, q)
+        whole = decorrelation.apply((white @ self.residual[:, :, None])[:, :, 0]).reshape(-1)
+        posterior = Posterior(design.T @ design, self.limited)
+        whole = whole - design @ posterior.solve(design.T @ whole - self.limited * self.away)
+        spanned, residual = (design @ posterior.root).reshape(n, d, -1), whole.reshape(n, d)
+        starts = np.flatnonzero(np.append(True, np.diff(self.stop) != 0))
+
+        def by_stop(table: Array) -> Array:
+            return np.asarray(np.add.reduceat(table, starts, axis=0))
+
+        arms = decorrelation.apply(white @ self.arms)
+        along = by_stop(np.einsum("ndk,nd->nk", arms, residual))
+        through = by_stop(np.einsum("ndk,ndq->nkq", arms, spanned))
+        own = by_stop(np.einsum("ndk,ndl->nkl", arms, arms)) - np.einsum("skq,slq->skl", through, through)
+        # the instrument's part of each row; the rows of a stop are taken as independent in it
+        roots = decorrelation.apply(white @ np.linalg.cholesky(equations.specified_covariance(self.measurement)))
+        parts = np.einsum("ndi,nd->ni", roots, residual)
+        lost = np.einsum("ndi,ndq->niq", roots, spanned)
+        free = np.einsum("ndi,ndj->nij", roots, roots) - np.einsum("niq,njq->nij", lost, lost)
+        score = np.append(
+            np.sum(parts**2) - np.einsum("nii->", free), np.sum(along**2, axis=0) - np.einsum("skk->k", own)
+        )
+        k = len(variances)
+        information = np.zeros((k, k))
+        information[0, 0] = np.sum(free**2)
+        information[1:, 1:] = np.sum(own**2, axis=0)
+        mixed = np.einsum("ndi,ndk->nik", roots, arms)
+        information[0, 1:] = information[1:, 0] = np.sum(mixed**2, axis=(0, 1))
+        return 0.5 * score, 0.5 * information

@@ -1,0 +1,94 @@
+"""Noise estimated from data: a factor on the instrument's variances, and the non-repeatability of each axis.
+
+Non-repeatability is an error of an axis that all rows of a stop share, drawn anew at every stop: noise of the machine,
+which no table compensates. The covariance of the rows of one stop is that of the instrument plus a a', with an arm a
+for each axis. Rows are whitened by their own covariance; then the rows of each stop with several of them are made
+independent of each other (`Decorrelation`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.transforms import Array
+
+LEAST = 1e-6
+"""Least share of a row's variance that is its own, and not its stop's."""
+
+
+@dataclass(frozen=True)
+class EstimatedNoise:
+    """Variances estimated from the data, and the observations' response to them."""
+
+    instrument_factor: float
+    """Factor on the variances of the instrument's specification."""
+    non_repeatability: Mapping[str, float]
+    """Standard deviation of each axis from stop to stop, mm or rad; of the axes in which it is significant."""
+    stop: np.ndarray
+    """Number of the stop of each row `(n,)`; the rows of a stop follow one another."""
+    arms: Array
+    """Change of the observations `(n, d, axes)`, mm, by one standard deviation of each of these axes."""
+
+    def rows(self, index: slice | np.ndarray) -> EstimatedNoise:
+        """The same for some of the rows."""
+        return replace(self, stop=self.stop[index], arms=self.arms[index])
+
+    def covariance(self, specified: Array) -> Array:
+        """Covariances `(n, d, d)` of single rows, mm2, from those of the specification."""
+        return np.asarray(self.instrument_factor * specified + self.arms @ np.swapaxes(self.arms, 1, 2))
+
+
+class _Stops(NamedTuple):
+    """Stops of the same number of rows."""
+
+    rows: np.ndarray
+    """`(stops, rows of a stop)`"""
+    matrices: Array
+    """Inverse roots `(stops, m d, m d)` of the correlation of their whitened rows."""
+
+
+@dataclass(frozen=True)
+class Decorrelation:
+    """Transform of whitened rows that makes the rows of one stop independent of each other."""
+
+    stops: tuple[_Stops, ...] = ()
+
+    @classmethod
+    def of(cls, noise: EstimatedNoise | None, white: Array) -> Decorrelation:
+        """The transform for rows that `white` `(n, d, d)` whitens, each by its own covariance."""
+        if noise is None or not noise.non_repeatability:
+            return cls()
+        arms = white @ noise.arms
+        n, d, k = arms.shape
+        starts = np.flatnonzero(np.append(True, np.diff(noise.stop) != 0))
+        counts = np.diff(np.append(starts, n))
+        found = []
+        for m in np.unique(counts[counts > 1]).tolist():
+            rows = starts[counts == m][:, None] + np.arange(m)
+            own = arms[rows].reshape(len(rows), m * d, k)
+            same_row = np.kron(np.eye(m), np.ones((d, d))) > 0.0
+            values, vectors = np.linalg.eigh(np.where(same_row, np.eye(m * d), own @ np.swapaxes(own, 1, 2)))
+            roots = vectors / np.sqrt(np.maximum(values, LEAST))[:, None, :]
+            found.append(_Stops(rows, roots @ np.swapaxes(vectors, 1, 2)))
+        return cls(tuple(found))
+
+    def apply(self, table: Array) -> Array:
+        """The transformed rows of a whitened table `(n, d, ...)`; the same table where no stop has several rows."""
+        return self._times(table, [each.matrices for each in self.stops])
+
+    def undone(self, table: Array) -> Array:
+        """The whitened table `(n, d, ...)` of transformed rows."""
+        return self._times(table, [np.asarray(np.linalg.inv(each.matrices)) for each in self.stops])
+
+    def _times(self, table: Array, matrices: Sequence[Array]) -> Array:
+        if not self.stops:
+            return table
+        result = table.copy()
+        for each, own in zip(self.stops, matrices, strict=True):
+            some = table[each.rows]
+            result[each.rows] = (own @ some.reshape(*own.shape[:2], -1)).reshape(some.shape)
+        return result
