@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Literal, NamedTuple
 
 import msgspec
@@ -16,13 +16,16 @@ from calibration.diagnosis.improvement import Figures, Volume, by_direction, clo
 from calibration.diagnosis.next.ranking import ProposedMeasurement, proposed_measurements
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual import unexplained as unexplained_residual
+from calibration.diagnosis.residual.absorber import absorbed
+from calibration.diagnosis.residual.chance_level import SEARCHES, Chance
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.distance_correlation import Dependence
 from calibration.diagnosis.residual.unnamed import add_unnamed
 from calibration.diagnosis.residual.whiteness import Test, combined
+from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.candidates import Candidate, Untested, changes, library
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.selection import Accepted, Evaluated, Selector, Stage, evaluate
+from calibration.diagnosis.search.selection import Accepted, Evaluated, Search, Selector, Stage, evaluate
 from calibration.diagnosis.search.start_model import Base, base_of
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, NotVisible, in_terms_of, named, not_visible, outliers, smallest_sizes
@@ -210,7 +213,7 @@ def diagnose(
     progress("fitting the present model")
     candidates, untested = library(measurement, base.model)
     candidates += changes(base.model) if base.origin == "updated" else []
-    selector = Selector(measurement, base, candidates, variance, progress)
+    selector = Selector(measurement, base, candidates, variance, progress, Search(proposed_shapes.events))
     noise = repeats(measurement, selector.bare.fit.kept)
     if variance == "sheet" and noise is not None and _contradicted(noise):
         selector = replace(selector, measurement=_as_noisy_as(measurement, noise))
@@ -283,9 +286,30 @@ def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
 
 
 def _causes(selector: Selector) -> _Found:
-    """The causes, each compared with its siblings; bases are selected again until the causes do not change them."""
-    selector = selector.on(selector.base.coarser(selector.measurement, selector.progress))
-    selection = selector.select()
+    """The causes, each compared with its siblings: first those of the library, then searched shapes.
+
+    Shapes must stand beside a smooth function of the variables on which the residual depends.
+    """
+    found = _with_bases(selector.on(selector.base.coarser(selector.measurement, selector.progress)), ())
+    dependence = _dependence(found.stage)
+    absorb = partial(absorbed, dependence=dependence)
+    latest: list[Chance] = []
+
+    def by_chance(linearised: LinearisedFit, evaluated: Evaluated) -> bool:
+        """True where the same search finds as much in residuals with random signs."""
+        if evaluated.candidate.effect.kind not in SEARCHES:
+            return False
+        if not latest or latest[0].linearised is not linearised:
+            latest[:] = [Chance(linearised, selector.library)]
+        return latest[0].finds(evaluated.candidate, evaluated.score.gain)
+
+    shapes = Search(proposed_shapes.proposals, absorb, by_chance)
+    return _with_bases(replace(found.selector, search=shapes), found.stage.accepted)
+
+
+def _with_bases(selector: Selector, known: Sequence[Accepted]) -> _Found:
+    """The causes beside those known; bases are selected again until the causes do not change them."""
+    selection = selector.select(known)
     for _ in range(AGAIN):
         stage = selector.against_siblings(selection.stages[-1])
         base = selector.chosen_again(stage)
@@ -298,6 +322,13 @@ def _causes(selector: Selector) -> _Found:
     return _Found(selector, stage, selection.last_round)
 
 
+def _dependence(stage: Stage) -> Unexplained | None:
+    """The dependence of the residuals of a stage that its causes leave; None where they pass the tests."""
+    if not combined(unexplained_residual.tests(stage.linearised), LEFT):
+        return None
+    return unexplained_residual.unexplained(stage.linearised)
+
+
 def _without_impostors(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
     """The result without impostors, the tests of its residuals, and the dependence that no cause explains.
 
@@ -305,7 +336,7 @@ def _without_impostors(found: _Found) -> tuple[_Found, list[Test], Unexplained |
     """
     while True:
         tests = unexplained_residual.tests(found.stage.linearised)
-        dependence = unexplained_residual.unexplained(found.stage.linearised) if combined(tests, LEFT) else None
+        dependence = _dependence(found.stage)
         blamed = unexplained_residual.impostors(found.stage, dependence, found.selector.library) if dependence else []
         if not blamed:
             return found, tests, dependence

@@ -4,9 +4,10 @@ import msgspec
 import numpy as np
 
 import machines
+from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.candidates import library
 from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
-from calibration.diagnosis.search.selection import Selector
+from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
@@ -41,4 +42,11 @@ def selector(data):
     """One with cubic error motions as its base."""
     model = rigid_model(data, LEGENDRE)
     candidates, _ = library(data, model)
-    return Selector(data, Base(model, priors(model), "refitted"), candidates, "sheet", lambda _: None)
+    return Selector(
+        data,
+        Base(model, priors(model), "refitted"),
+        candidates,
+        "sheet",
+        lambda _: None,
+        Search(proposed_shapes.proposals),
+    )

@@ -1,9 +1,10 @@
-"""Chance level of accepted causes: the gain that the same search finds in the residuals with random signs.
+"""Chance level of causes: the gain that the same search finds in the residuals with random signs.
 
 Where no cause explains a large part of them, residuals are neither homogeneous nor white. A search over thousands of
 shapes then finds more in them than in noise of their size; so may a cause that acts on a few rows. A random sign for
-every row keeps the sizes of the residuals, and whatever makes some rows larger than others, but destroys every course
-that a cause could follow (the wild bootstrap of Wu 1986 and Liu 1988).
+every line (else stop) keeps the sizes of the residuals, whatever makes some rows larger than others, and the course
+along a line, but destroys every course that recurs from line to line, as that of a cause does (the wild bootstrap of Wu
+1986 and Liu 1988, by clusters of rows).
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ import numpy as np
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.selection import Accepted
 
 SMOOTH = (
     *("error-motion", "location", "cross-axis", "thermal-drift", "thermal-scale", "thermal-drift-sensor"),
@@ -45,19 +45,19 @@ class Chance:
     _known: dict[str, list[float]] = field(init=False, default_factory=dict)
     """Largest gain of each draw so far, by kind of effect."""
 
-    def finds(self, accepted: Accepted) -> bool:
-        """True where one of the draws reaches the gain of an accepted cause.
+    def finds(self, candidate: Candidate, gain: float) -> bool:
+        """True where one of the draws reaches the gain of a candidate.
 
         A kind with a search is searched for again, over all its shapes. Any other cause is itself tried, together with
         the causes of the library that are neither smooth nor searched for.
         """
-        if accepted.score.gain > self.linearised.squares:
+        if gain > self.linearised.squares:
             return False  # no draw has as many squares
-        kind = accepted.candidate.effect.kind
+        kind = candidate.effect.kind
         if kind not in self._draws:
-            self._draws[kind] = self._shapes(SEARCHES[kind]) if kind in SEARCHES else self._of_library(accepted)
+            self._draws[kind] = self._shapes(SEARCHES[kind]) if kind in SEARCHES else self._of_library(candidate)
         known = self._known.setdefault(kind, [])
-        while max(known, default=0.0) < accepted.score.gain:
+        while max(known, default=0.0) < gain:
             more = next(self._draws[kind], None)
             if more is None:
                 return False
@@ -73,10 +73,10 @@ class Chance:
             scores = (shuffled.score(one, each.shapes) for one, each in zip(responses, found, strict=True))
             yield max((score.gain for score in scores), default=0.0)
 
-    def _of_library(self, accepted: Accepted) -> Iterator[float]:
+    def _of_library(self, candidate: Candidate) -> Iterator[float]:
         rng, linearised = np.random.default_rng(SEED), self.linearised
         others = [each for each in self.library if each.effect.kind not in SMOOTH and each.effect.kind not in SEARCHES]
-        tried = [accepted.candidate, *others]
+        tried = [candidate, *others]
         responses = linearised.responses([each.effect for each in tried])
         for _ in range(DRAWS):
             shuffled = linearised.shuffled(rng)

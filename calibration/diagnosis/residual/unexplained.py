@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from calibration.diagnosis.residual.absorber import absorbed, without_support
 from calibration.diagnosis.residual.chance_level import SEARCHES, SMOOTH, Chance
 from calibration.diagnosis.residual.dependence import Unexplained, explaining_variables, of_variables
 from calibration.diagnosis.residual.distance_correlation import Dependence, dependences
@@ -18,12 +19,8 @@ from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.observed_points import carried
 from calibration.observation.full_model import moving_axes
-from kinematics.effects import Effect
-from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
 
-IMPOSTOR = 4.0
-"""Multiple of the unexplained squares that a smooth cause must explain where it shares a variable with them."""
 SEED = 1
 
 
@@ -82,42 +79,18 @@ def one_by_one(linearised: LinearisedFit) -> list[Dependence]:
 def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate]) -> list[Accepted]:
     """Accepted causes that only imitate the unexplained residual.
 
-    A smooth cause of one of its variables that explains little more than is unexplained: its form does not fit. Also
-    a cause that is not smooth or was searched for, where the same search finds as much in residuals with random signs.
+    A cause without which a smooth function of its variables explains the data nearly as well. Also a cause that is not
+    smooth or was searched for, where the same search finds as much in residuals with random signs.
     """
-    given, chance = variables(stage.linearised.measurement, stage.linearised.rows), Chance(stage.linearised, library)
-    return [
+    chance = Chance(absorbed(stage.linearised, dependence), library)
+    blamed = without_support(stage, dependence)
+    return blamed + [
         each
-        for i, each in enumerate(stage.accepted)
-        if _not_its_form(stage, i, dependence, given)
-        or ((each.candidate.effect.kind not in SMOOTH or each.candidate.effect.kind in SEARCHES) and chance.finds(each))
+        for each in stage.accepted
+        if not any(each is other for other in blamed)
+        and (each.candidate.effect.kind not in SMOOTH or each.candidate.effect.kind in SEARCHES)
+        and chance.finds(each.candidate, each.score.gain)
     ]
-
-
-def _not_its_form(stage: Stage, index: int, dependence: Unexplained, given: Mapping[str, Array]) -> bool:
-    candidate, size = stage.accepted[index].candidate, stage.accepted[index].size
-    if candidate.effect.kind not in SMOOTH or candidate.replaces:
-        return False
-    shared = {_family(name) for name in depends_on(candidate.effect, given)} & {
-        _family(n) for n in dependence.variables
-    }
-    without = stage.without(index)
-    explains = float(size @ without.projected(without.columns(candidate.effect)).schur @ size)
-    return bool(shared) and explains < IMPOSTOR * dependence.rms**2 * stage.linearised.scalars
-
-
-def depends_on(effect: Effect, given: Mapping[str, Array]) -> list[str]:
-    """Names of the given variables that a smooth effect depends on; all axes where it names none (instrument)."""
-    found = [axis for axis in effect.axes if axis in given]
-    if "time" in effect.needs:
-        found.append("time")
-    found += [f"{TEMPERATURE}{sensor}" for sensor in effect.sensors]
-    return found or [name for name in given if " " not in name and name not in ("time", "feed")]
-
-
-def _family(variable: str) -> str:
-    """The variable; time for a temperature, which follows it."""
-    return "time" if variable.startswith("temperature ") else variable
 
 
 def in_lengths(linearised: LinearisedFit, dependence: Unexplained) -> Array:

@@ -46,6 +46,14 @@ NODES = 64
 RIDGE = 1e-6
 
 
+class Proposed(NamedTuple):
+    """An unnamed effect in one direction of the tool."""
+
+    log_odds: float
+    """Log odds of the effect against none."""
+    candidate: Candidate
+
+
 class Added(NamedTuple):
     """Result of a request to add unnamed effects."""
 
@@ -86,9 +94,10 @@ def _with_unnamed(selector: Selector, named: Stage, dependence: Unexplained) -> 
     """The stage with an unnamed effect in each direction in which it predicts better, and the last one's lengths."""
     stage, missing = named, COMPONENTS
     while True:
-        best = next(iter(propose(stage.linearised, dependence, missing)), None)
-        if best is None:
+        proposed = propose(stage.linearised, dependence, missing)
+        if not proposed:
             return stage, dependence
+        best = proposed[0].candidate
         first = selector.stage([*chosen_of(stage.accepted), (best, np.zeros(len(best.prior)))])
         trial, shown = _tuned(selector, first, -1, dependence)
         added = trial.accepted[-1]
@@ -115,14 +124,14 @@ def _tuned(selector: Selector, stage: Stage, index: int, dependence: Unexplained
     if not candidates:
         return stage, dependence
     chosen = chosen_of(stage.accepted)
-    chosen[index] = candidates[0], np.zeros(len(candidates[0].prior))
+    chosen[index] = candidates[0].candidate, np.zeros(len(candidates[0].candidate.prior))
     again = selector.stage(chosen)
     return (again, shown) if again.held_out_um < stage.held_out_um else (stage, dependence)
 
 
 def propose(
     linearised: LinearisedFit, dependence: Unexplained, components: Sequence[Direction] = COMPONENTS
-) -> list[Candidate]:
+) -> list[Proposed]:
     """Unnamed effects in the directions of the tool in which their log odds exceed `EVIDENCE`, the likeliest first."""
     found = []
     for component in components:
@@ -136,8 +145,8 @@ def propose(
         odds, size = evidence(schur[np.ix_(kept, kept)], columns[:, kept].T @ linearised.residual)
         terms = tuple(effect.terms[i] for i in kept.tolist())
         own = Unnamed(component, effect.variables, effect.ranges, terms, (0.0,) * len(terms))
-        found.append((odds, Candidate(own, prior=tuple((size * spread[kept]).tolist()))))
-    return [candidate for odds, candidate in sorted(found, key=lambda pair: -pair[0]) if odds > EVIDENCE]
+        found.append(Proposed(odds, Candidate(own, prior=tuple((size * spread[kept]).tolist()))))
+    return sorted((each for each in found if each.log_odds > EVIDENCE), key=lambda each: -each.log_odds)
 
 
 def odds_of(linearised: LinearisedFit, component: Direction, dependence: Unexplained) -> float:

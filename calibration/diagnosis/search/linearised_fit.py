@@ -28,7 +28,7 @@ from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import huber_weights, robust_factor
-from calibration.observation.stops_and_lines import held_out_blocks, stops
+from calibration.observation.stops_and_lines import held_out_blocks, lines, stops
 from kinematics.effects import Effect
 from kinematics.error_model.model import Design, no_errors
 from kinematics.state import State
@@ -48,6 +48,8 @@ BEYOND = 3.0
 """Least prior standard deviation of a candidate's parameters, as a multiple of the largest estimate of them."""
 LIKELY = 2.0
 """Prior standard deviation of a parameter in the fit of some rows, as a multiple of the RMS estimate from all rows."""
+LEAST_LINES = 8
+"""Least number of lines whose signs are drawn as a whole."""
 TOGETHER = 64
 """Effects whose columns are computed at once."""
 
@@ -201,9 +203,19 @@ class LinearisedFit:
         )
         return fewer._at_rest()
 
+    @cached_property
+    def units(self) -> np.ndarray:
+        """Numbers `(n,)` of the units of its rows that keep their structure in surrogates: lines, else stops."""
+        some = self.measurement.rows(self.rows)
+        stop, line = stops(some), lines(some)
+        if line.max(initial=-1) + 1 < LEAST_LINES:
+            return stop
+        return np.asarray(np.where(line >= 0, line, line.max() + 1 + stop))
+
     def shuffled(self, rng: np.random.Generator) -> LinearisedFit:
-        """The linearised fit of residuals of the same size, the sign of each row drawn at random."""
-        signs = np.repeat(rng.choice([-1.0, 1.0], len(self.rows)), self.scalars // len(self.rows))
+        """The linearised fit of residuals of the same size, the sign of each unit of rows drawn at random."""
+        signs = rng.choice([-1.0, 1.0], int(self.units.max()) + 1)[self.units]
+        signs = np.repeat(signs, self.scalars // len(self.rows))
         return replace(self, residual=self.residual * signs)._at_rest()
 
     @property

@@ -58,13 +58,19 @@ LEAST_ROWS = 8
 """Least number of moments before and after a station shift."""
 
 
+def events(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Candidates of the library with moments and fixed points proposed from the residual of a linearised fit."""
+    some = linearised.thinned(SCANNED)
+    yield from breaks(some)
+    yield from fixed_points(some, library)
+
+
 def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:
     """Candidates with shapes proposed from the residual of a linearised fit, in addition to those of the library."""
     some = linearised.thinned(SCANNED)
-    yield from steps(some, linearised)
-    yield from breaks(some)
+    yield from events(some, library)
     yield from finer(some)
-    yield from fixed_points(some, library)
+    yield from steps(some, linearised)
     yield from waves(some)
 
 

@@ -8,7 +8,7 @@ dropped. At the end each cause is compared with its siblings, and replaced by on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -131,6 +131,18 @@ class Selection:
 
 
 @dataclass(frozen=True)
+class Search:
+    """Candidates that are tried beside the library, and the doubts about them."""
+
+    proposals: Callable[[LinearisedFit, Sequence[Candidate]], Iterable[Candidate]]
+    """Candidates with shapes proposed from the residual; the library is given."""
+    absorbed: Callable[[LinearisedFit], LinearisedFit] = lambda linearised: linearised
+    """The linearised fit on which candidates are evaluated."""
+    by_chance: Callable[[LinearisedFit, Evaluated], bool] = lambda _, __: False
+    """True where the search would find as much by chance."""
+
+
+@dataclass(frozen=True)
 class Selector:
     """Data, base and library of a selection."""
 
@@ -139,6 +151,7 @@ class Selector:
     library: Sequence[Candidate]
     variance: Variance
     progress: Progress
+    search: Search
 
     @cached_property
     def bare(self) -> Stage:
@@ -158,9 +171,10 @@ class Selector:
         while True:
             now = stages[-1]
             self.progress(f"trying causes; found: {_listed(now.accepted)}")
-            evaluated = evaluate(now.linearised, proposals(now.linearised, self._left(now.accepted)))
+            linearised = self.search.absorbed(now.linearised)
+            evaluated = self._evaluated(linearised, now.accepted)
             allowed = [each for each in evaluated if _key(each.candidate) not in refused]
-            best = next(passing(now.linearised, allowed), None) if len(now.accepted) < MOST else None
+            best = self._best(linearised, allowed) if len(now.accepted) < MOST else None
             if best is None:
                 return Selection(tuple(stages), tuple(evaluated))
             refused.add(_key(best.candidate))
@@ -192,9 +206,7 @@ class Selector:
             for i, own in enumerate(stage.accepted):
                 self.progress(f"siblings of {own.candidate.effect.name}")
                 without = stage.without(i)
-                others = evaluate(
-                    without, proposals(without, self._left([*stage.accepted[:i], *stage.accepted[i + 1 :]]))
-                )
+                others = self._evaluated(without, [*stage.accepted[:i], *stage.accepted[i + 1 :]])
                 accepted.append(replace(own, siblings=tuple(siblings(without, own, others))))
                 first = next(passing(without, others), None)
                 if better is None and first and first.score.delta_bic < own.score.delta_bic + BETTER:
@@ -233,9 +245,15 @@ class Selector:
                 return self.joined(trial)
         return stage
 
-    def _left(self, accepted: Sequence[Accepted]) -> list[Candidate]:
+    def _evaluated(self, linearised: LinearisedFit, accepted: Sequence[Accepted]) -> list[Evaluated]:
+        """Candidates for causes besides those accepted, the best first."""
         causes = {each.candidate.cause for each in accepted}
-        return [candidate for candidate in self.library if candidate.cause not in causes]
+        left = [candidate for candidate in self.library if candidate.cause not in causes]
+        return evaluate(linearised, [*left, *self.search.proposals(linearised, left)])
+
+    def _best(self, linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Evaluated | None:
+        some = (each for each in passing(linearised, evaluated) if not self.search.by_chance(linearised, each))
+        return next(some, None)
 
     def pruned(self, stage: Stage) -> Stage:
         """The stage without the causes whose delta-BIC is `DROPPED` or higher, now that others are known."""
@@ -255,11 +273,6 @@ def evaluate(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> list
         for candidate, projected in zip(candidates, tried, strict=True)
     ]
     return sorted(found, key=lambda evaluated: evaluated.score.delta_bic)
-
-
-def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> list[Candidate]:
-    """The library, and shapes proposed from the residual of this linearised fit."""
-    return [*library, *scans.proposals(linearised, library)]
 
 
 def passing(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterator[Evaluated]:

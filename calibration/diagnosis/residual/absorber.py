@@ -1,0 +1,46 @@
+"""Absorber: a smooth function of the variables of the unexplained residual, beside which a cause must prove itself.
+
+Where an unknown cause is at work, known causes and searched shapes imitate parts of it. A cause stands only if the data
+with the cause and the function are far likelier than with the function alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calibration.diagnosis.residual.dependence import EVIDENCE, Unexplained
+from calibration.diagnosis.residual.unnamed import COMPONENTS, may_depend_on, propose
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.selection import Accepted, Stage
+from kinematics.effects import Unnamed
+
+
+def absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> LinearisedFit:
+    """The linearised fit with a smooth function of the variables of a dependence, in the directions that it needs."""
+    return _absorbed(linearised, dependence)[0]
+
+
+def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
+    """Accepted causes without which the function explains the data nearly as well as with them."""
+    together = _absorbed(stage.linearised, dependence)[1]
+    return [
+        each
+        for i, each in enumerate(stage.accepted)
+        if not isinstance(each.candidate.effect, Unnamed)
+        and -0.5 * each.score.delta_bic + together - _absorbed(stage.without(i), dependence)[1] < EVIDENCE
+    ]
+
+
+def _absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> tuple[LinearisedFit, float]:
+    """The linearised fit with the function, and its log odds against none."""
+    log_odds = 0.0
+    if dependence is None or not all(may_depend_on(linearised, name) for name in dependence.variables):
+        return linearised, log_odds
+    missing = COMPONENTS
+    while proposed := propose(linearised, dependence, missing):
+        log_odds += proposed[0].log_odds
+        candidate = proposed[0].candidate
+        typical = [quantity.typical for quantity in candidate.effect.parameter_table]
+        linearised = linearised.along(candidate.effect, np.array(candidate.prior) * typical)
+        missing = tuple(component for component in missing if component != candidate.axis)
+    return linearised, log_odds
