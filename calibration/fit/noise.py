@@ -32,7 +32,10 @@ ROWS = 5000
 STEPS = 12
 CONVERGED = 0.01
 """Relative change of the variances below which the iteration ends."""
-LEAST_FACTOR, MOST_FACTOR = 1e-4, 1e4
+CLOSER = 3.0
+"""Largest factor by which a variance falls in one step, and the instrument's also rises."""
+NOTHING = 1e-4
+"""Variance of an axis, in units of that of `TYPICAL`, that counts as zero."""
 RIDGE = 1e-9
 TYPICAL = 10.0
 """Unit of the standard deviations in the iteration, um or urad."""
@@ -50,29 +53,23 @@ def with_estimated_noise(found: Fit) -> Measurement:
     if not axes:
         return measurement
     components = _Components.of(found, measurement, axes)
-    variances, active = np.append(1.0, np.zeros(len(axes))), np.zeros(len(axes) + 1, bool)
+    variances, error = np.append(1.0, np.zeros(len(axes))), np.zeros(len(axes) + 1)
+    score, information = components.score(variances)
+    clear = score / np.sqrt(np.diag(information))
+    if abs(clear[0]) < CERTAIN and clear[1:].max() < CERTAIN:
+        return measurement
     for _ in range(STEPS):
-        score, information = components.score(variances)
-        if not active.any():
-            active = np.abs(score) > CERTAIN * np.sqrt(np.diag(information))
-            active[1:] &= score[1:] > 0.0
-            if not active.any():
-                return measurement
-            active[:] = True
-        some = np.flatnonzero(active)
-        step = np.zeros(len(variances))
-        step[some] = np.linalg.solve(information[np.ix_(some, some)] + RIDGE * np.eye(len(some)), score[some])
-        moved = np.maximum(variances + step, 0.0)
-        moved[0] = np.clip(moved[0], variances[0] / 3.0, variances[0] * 3.0)
-        change = np.abs(moved - variances) / np.maximum(moved, 0.01)
-        variances = moved
-        if change.max() < CONVERGED:
+        free = np.flatnonzero((variances > 0.0) | (score > 0.0))
+        inverse = np.linalg.inv(information[np.ix_(free, free)])
+        before, variances = variances, variances.copy()
+        variances[free] = np.maximum(variances[free] + inverse @ score[free], before[free] / CLOSER)
+        variances[variances < NOTHING] = 0.0
+        variances[0] = np.clip(variances[0], before[0] / CLOSER, before[0] * CLOSER)
+        if np.all(np.abs(variances - before) < CONVERGED * np.maximum(variances, NOTHING / CONVERGED)):
             break
-    _, information = components.score(variances)
-    error = np.sqrt(np.diag(np.linalg.inv(information + RIDGE * np.eye(len(variances)))))
-    factor = float(np.clip(variances[0], LEAST_FACTOR, MOST_FACTOR))
-    if abs(factor - 1.0) < CERTAIN * error[0]:
-        factor = 1.0
+        score, information = components.score(variances)
+    error[free] = np.sqrt(np.diag(inverse))
+    factor = float(variances[0]) if abs(variances[0] - 1.0) > CERTAIN * error[0] else 1.0
     kept = [k for k in range(len(axes)) if variances[k + 1] > CERTAIN * error[k + 1]]
     if factor == 1.0 and not kept:
         return measurement
@@ -160,13 +157,14 @@ class _Components:
 
         arms = decorrelation.apply(white @ self.arms)
         along = by_stop(np.einsum("ndk,nd->nk", arms, residual))
-        through = by_stop(np.einsum("ndk,ndq->nkq", arms, spanned))
-        own = by_stop(np.einsum("ndk,ndl->nkl", arms, arms)) - np.einsum("skq,slq->skl", through, through)
+        in_rows = np.swapaxes(arms, 1, 2) @ spanned
+        through = by_stop(in_rows)
+        own = by_stop(np.swapaxes(arms, 1, 2) @ arms) - through @ np.swapaxes(through, 1, 2)
         # the instrument's part of each row; the rows of a stop are taken as independent in it
         roots = decorrelation.apply(white @ np.linalg.cholesky(equations.specified_covariance(self.measurement)))
         parts = np.einsum("ndi,nd->ni", roots, residual)
-        lost = np.einsum("ndi,ndq->niq", roots, spanned)
-        free = np.einsum("ndi,ndj->nij", roots, roots) - np.einsum("niq,njq->nij", lost, lost)
+        lost = np.swapaxes(roots, 1, 2) @ spanned
+        free = np.swapaxes(roots, 1, 2) @ roots - lost @ np.swapaxes(lost, 1, 2)
         score = np.append(
             np.sum(parts**2) - np.einsum("nii->", free), np.sum(along**2, axis=0) - np.einsum("skk->k", own)
         )
@@ -174,6 +172,6 @@ class _Components:
         information = np.zeros((k, k))
         information[0, 0] = np.sum(free**2)
         information[1:, 1:] = np.sum(own**2, axis=0)
-        mixed = np.einsum("ndi,ndk->nik", roots, arms)
+        mixed = np.swapaxes(roots, 1, 2) @ arms - lost @ np.swapaxes(in_rows, 1, 2)
         information[0, 1:] = information[1:, 0] = np.sum(mixed**2, axis=(0, 1))
         return 0.5 * score, 0.5 * information
