@@ -206,7 +206,7 @@ def smallest_sizes(evaluated: Sequence[Evaluated], scalars: int) -> Iterator[tup
 
 def tied_with(accepted: Accepted) -> list[Sibling]:
     """Siblings that these data cannot distinguish from a cause, also of its own kind and axis."""
-    return [sibling for sibling in accepted.siblings if sibling.cosine >= ALIKE and sibling.log_odds < EVEN]
+    return [sibling for sibling in accepted.siblings if sibling.log_odds < (EVEN if sibling.cosine >= ALIKE else 0.0)]
 
 
 def _alternatives(accepted: Accepted) -> Iterator[Alternative]:

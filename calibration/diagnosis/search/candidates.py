@@ -55,6 +55,10 @@ OWN_DEGREE, OTHER_DEGREE = 1, 2
 KINDS = {"thermal-drift-sensor": "thermal-drift", "thermal-scale-sensor": "thermal-scale"}
 """Kinds in the contract of the diagnosis where the table of effects has other names."""
 HIGHER_FREQUENCY = "higher-frequency"
+RARE = 3.0
+"""Log odds of common causes against rare ones, before any data: 20 to 1."""
+RARE_KINDS = ("settling", "first-cycle", "late-read-back", "tracker-drift")
+"""Kinds that also imitate a common cause: backlash, a thermal drift."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,11 @@ class Candidate:
     def kind(self) -> str:
         """Kind in the contract of the diagnosis."""
         return HIGHER_FREQUENCY if self.replaces else contract_kind(self.effect)
+
+    @property
+    def rarity(self) -> float:
+        """Log odds of a common cause against this one, before any data."""
+        return RARE if self.effect.kind in RARE_KINDS else 0.0
 
     @property
     def unit(self) -> Array:

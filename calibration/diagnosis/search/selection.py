@@ -193,7 +193,7 @@ class Selector:
             found = replace(candidate, effect=at_zero(effect))
             without = self.base.lacking(linearised, candidate, number)
             projected = without.candidate(found.effect, found.unit)
-            score = without.score(projected, candidate.shapes, candidate.trials)
+            score = _score(without, found, projected)
             size, gains = score.size * found.unit, without.held_out_gains(projected)
             accepted.append(Accepted(found, size, score, projected.visible, gains))
         return Stage(self.base, fit, linearised, tuple(accepted))
@@ -209,7 +209,10 @@ class Selector:
                 others = self._evaluated(without, [*stage.accepted[:i], *stage.accepted[i + 1 :]])
                 accepted.append(replace(own, siblings=tuple(siblings(without, own, others))))
                 first = next(passing(without, others), None)
-                if better is None and first and first.score.delta_bic < own.score.delta_bic + BETTER:
+                likelier = next(iter(accepted[-1].siblings), None)
+                if first is None or first.score.delta_bic >= own.score.delta_bic + BETTER:
+                    first = likelier.evaluated if likelier and likelier.log_odds < 0.0 else None
+                if better is None and first:
                     better = chosen_of(stage.accepted)
                     better[i] = (first.candidate, first.score.size)
             if better is None or not swaps_left:
@@ -218,8 +221,21 @@ class Selector:
             if trial.cost > stage.cost + BETTER:
                 break
             stage = trial
-        kept = self.pruned(stage)
+        kept = self.leaner(self.pruned(stage))
         return stage._replace(accepted=tuple(accepted)) if kept is stage else self.against_siblings(kept)
+
+    def leaner(self, stage: Stage) -> Stage:
+        """The stage without causes that a full fit of the others replaces: their shapes were refined beside them."""
+        shaped = any(each.candidate.shapes for each in stage.accepted)
+        for own in sorted(stage.accepted, key=lambda each: -each.score.delta_bic) if shaped else ():
+            others = [each for each in stage.accepted if each is not own]
+            if not others:
+                break
+            self.progress(f"fitting without {own.candidate.effect.name}")
+            trial = self.stage(chosen_of(others))
+            if trial.cost < stage.cost - DROPPED:
+                return self.leaner(trial)
+        return stage
 
     def chosen_again(self, stage: Stage) -> Base:
         """The base with bases selected again by the evidence, together with the causes that the stage adds to it."""
@@ -269,10 +285,16 @@ def evaluate(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> list
     """Candidates with their scores, the best first."""
     tried = linearised.candidates([candidate.effect for candidate in candidates])
     found = [
-        Evaluated(candidate, projected, linearised.score(projected, candidate.shapes, candidate.trials))
+        Evaluated(candidate, projected, _score(linearised, candidate, projected))
         for candidate, projected in zip(candidates, tried, strict=True)
     ]
     return sorted(found, key=lambda evaluated: evaluated.score.delta_bic)
+
+
+def _score(linearised: LinearisedFit, candidate: Candidate, projected: Projected) -> Score:
+    """Score of a candidate; a rare cause needs more evidence than a common one."""
+    score = linearised.score(projected, candidate.shapes, candidate.trials)
+    return score._replace(delta_bic=score.delta_bic + 2.0 * candidate.rarity)
 
 
 def passing(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterator[Evaluated]:
@@ -312,6 +334,7 @@ def siblings(linearised: LinearisedFit, accepted: Accepted, evaluated: Sequence[
         if cosine > RELATED:
             free = complexity(each.candidate) - complexity(accepted.candidate)
             log_odds = (score.gain - each.score.gain + free * float(np.log(linearised.scalars))) / 2
+            log_odds += each.candidate.rarity - accepted.candidate.rarity
             if cause not in found or log_odds < found[cause].log_odds:
                 found[cause] = Sibling(each, cosine, log_odds)
     return sorted(found.values(), key=lambda sibling: sibling.log_odds)
