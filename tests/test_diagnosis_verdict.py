@@ -10,7 +10,7 @@ from calibration.diagnosis.search.selection import Accepted, Evaluated, Sibling
 from calibration.diagnosis.verdict import notes, tied_with, verdict_of
 from kinematics.effects import Backlash, CrossAxis, Cyclic, Settling
 
-SCORE = Score(500.0, 1.0, -480.0, 1e-9, np.ones(1))
+SCORE = Score(500.0, 500.0, 1.0, -480.0, 1e-9, np.ones(1))
 PROJECTED = Projected(np.ones((3, 1)), np.zeros((2, 1)), np.ones((1, 1)))
 
 

@@ -103,8 +103,6 @@ class _Components:
     axes: Sequence[str]
     arms: Array
     stop: np.ndarray
-    factor: float
-    """Variance factor of the fit."""
 
     @classmethod
     def of(cls, found: Fit, measurement: Measurement, axes: Sequence[str]) -> _Components:
@@ -132,7 +130,6 @@ class _Components:
             axes,
             _arms(found, some, axes),
             numbers[rows],
-            found.variance_factor,
         )
 
     def score(self, variances: Array) -> tuple[Array, Array]:
@@ -142,7 +139,7 @@ class _Components:
             float(variances[0]), dict(zip(self.axes, used, strict=True)), self.stop, self.arms * used
         )
         some = replace(self.measurement, noise=noise)
-        white = whiteners(some) / np.sqrt(self.factor)
+        white = whiteners(some)
         decorrelation = Decorrelation.of(noise if used.any() else None, whiteners(some))
         n, d, q = self.design.shape
         design = decorrelation.apply(white @ self.design).reshape(n * d, q)

@@ -60,6 +60,7 @@ from kinematics.effects import (
     TargetOffset,
     ThermalDrift,
     TrackerDrift,
+    UnknownApproach,
     Unnamed,
     Wobble,
     unit_of,
@@ -415,6 +416,7 @@ def _outliers(cause: _Cause) -> Iterator[View]:
 
 VIEWS: Mapping[type, Callable[[_Cause], Iterator[View]]] = {
     Backlash: _by_direction,
+    UnknownApproach: _by_row,
     Reversal: _by_direction,
     Cyclic: _folded,
     QuantisedCompensation: _folded,

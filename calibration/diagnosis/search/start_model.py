@@ -84,7 +84,8 @@ class Base:
         whole = np.concatenate([prior, own]) if prior.ndim == 1 else block_diag(prior, np.diag(own))
         found = fit(measurement, model, prior=whole, variance=variance)
         noisy = with_estimated_noise(found)
-        return found if noisy.noise is measurement.noise else fit(noisy, model, prior=whole, variance=variance)
+        # the estimated noise has the variance factor of the fit in it
+        return found if noisy.noise is None else fit(noisy, model, prior=whole)
 
     def lacking(self, linearised: LinearisedFit, candidate: Candidate, number: int) -> LinearisedFit:
         """The linearised fit without one accepted candidate, the effect of that number.
