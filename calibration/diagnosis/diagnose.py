@@ -236,7 +236,7 @@ def diagnose(
     selector, after = complete.selector, complete.stage
     if after is not found.stage:
         tests_after = unexplained_residual.tests(after.linearised)
-    bare = after.linearised if not after.accepted else selector.bare.linearised
+    bare = after.linearised if not after.accepted else selector.without_causes(after)
     causes = named(after, bare)
     # an unexplained dependence makes outliers too
     lost = outliers(after.fit, bare) if dependence is None else None
@@ -323,8 +323,13 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> _Found:
 
 
 def _dependence(stage: Stage) -> Unexplained | None:
-    """The dependence of the residuals of a stage that its causes leave; None where they pass the tests."""
-    if not combined(unexplained_residual.tests(stage.linearised), LEFT):
+    """The dependence of the residuals of a stage that its causes leave; None where they are noise as specified.
+
+    Non-repeatability may hide a dependence.
+    """
+    noise = stage.fit.measurement.noise
+    unrepeatable = noise is not None and bool(noise.non_repeatability)
+    if not unrepeatable and not combined(unexplained_residual.tests(stage.linearised), LEFT):
         return None
     return unexplained_residual.unexplained(stage.linearised)
 

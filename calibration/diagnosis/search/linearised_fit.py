@@ -129,13 +129,11 @@ class LinearisedFit:
         components = some.components
         distances = np.sum(whitened(white, fit.residual[rows]) ** 2, axis=1)
         effective_parameters = fit.effective_parameters * len(rows) / max(int(np.count_nonzero(fit.kept)), 1)
-        # the square of a row is bounded, so that no cause is found in a few outliers
-        weights = (
-            huber_weights(
-                distances, components, robust_factor(distances, components, effective_parameters, fit.variance_factor)
-            )
-            ** 2
+        weights = huber_weights(
+            distances, components, robust_factor(distances, components, effective_parameters, fit.variance_factor)
         )
+        # the square of an outlier is bounded, so that no cause is found in a few of them
+        weights = np.where(fit.kept[rows], weights, weights**2)
         white = white * np.sqrt(weights / fit.variance_factor)[:, None, None]
         parts = derivatives(fit, measurement, rows, fit.registration, white, decorrelation)
         length = np.linalg.norm(parts.own, axis=0)

@@ -158,6 +158,11 @@ class Selector:
         """The fit of the base alone."""
         return self.stage(())
 
+    def without_causes(self, stage: Stage) -> LinearisedFit:
+        """The fit of the base alone, with the noise of a stage."""
+        noisy = stage.fit.measurement
+        return LinearisedFit.of(self.base.fit_as_noisy(noisy, (), self.variance if noisy.noise is None else "sheet"))
+
     def on(self, base: Base) -> Selector:
         """The selector with another base."""
         return self if base is self.base else replace(self, base=base)

@@ -67,7 +67,18 @@ class Base:
     def fit(
         self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
     ) -> Fit:
-        """The fit of the base and of accepted candidates, each with its linear sizes in units of the typical ones."""
+        """The fit of the base and of accepted candidates, each with its linear sizes in units of the typical ones.
+
+        The noise is estimated where the residuals contradict the specification; it holds the variance factor then.
+        """
+        found = self.fit_as_noisy(measurement, accepted, variance)
+        noisy = with_estimated_noise(found)
+        return found if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet")
+
+    def fit_as_noisy(
+        self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
+    ) -> Fit:
+        """The same with the noise of the measurement."""
         # with a prior covariance the calibrated motion stays, and the finer one is added to it
         finer = {c.replaces: c.effect for c, _ in accepted if c.replaces and self.prior.ndim == 1}
         effects, prior = list(self.model.effects), self.prior
@@ -82,10 +93,7 @@ class Base:
         model = msgspec.structs.replace(self.model, effects=(*effects, *(c.effect for c, _ in added)), covariance=None)
         own = np.concatenate([_prior(candidate, size) for candidate, size in added] or [np.zeros(0)])
         whole = np.concatenate([prior, own]) if prior.ndim == 1 else block_diag(prior, np.diag(own))
-        found = fit(measurement, model, prior=whole, variance=variance)
-        noisy = with_estimated_noise(found)
-        # the estimated noise has the variance factor of the fit in it
-        return found if noisy.noise is None else fit(noisy, model, prior=whole)
+        return fit(measurement, model, prior=whole, variance=variance)
 
     def lacking(self, linearised: LinearisedFit, candidate: Candidate, number: int) -> LinearisedFit:
         """The linearised fit without one accepted candidate, the effect of that number.
