@@ -86,13 +86,18 @@ def put(args: argparse.Namespace, known: list[Record]) -> list[Record]:
     ask = partial(answer, timeout=args.timeout, options=args.option, keep=args.keep)
     found = list(known)
     with ThreadPoolExecutor(args.jobs) as pool, args.records.open("a", encoding="utf-8") as file:
-        for future in as_completed([pool.submit(ask, key) for key in keys]):
-            record = future.result()
-            found.append(record)
-            file.write(json.dumps(record) + "\n")
-            file.flush()
-            if not args.only_rows:
-                print(summary.line(record), flush=True)
+        futures = [pool.submit(ask, key) for key in keys]
+        try:
+            for future in as_completed(futures):
+                record = future.result()
+                found.append(record)
+                file.write(json.dumps(record) + "\n")
+                file.flush()
+                if not args.only_rows:
+                    print(summary.line(record), flush=True)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
     return found
 
 

@@ -64,7 +64,7 @@ class Scale(Hidden):
     In a drifting hall the size is the growth in um/m/K; else it is the temperature rise in K of a steel scale.
     """
 
-    LARGEST: ClassVar[float] = 15.0
+    LARGEST: ClassVar[float] = 20.0
     axis: str = "X"
     time_constant_s: float = 2400.0
 

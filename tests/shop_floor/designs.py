@@ -226,7 +226,7 @@ def drifting_hall(machine: Machine, rng: np.random.Generator, draw: int) -> Run:
     """Lines; the temperature swings by 1 K with the control of the hall and rises besides."""
     run = lines(machine, rng, draw)
     swing = rng.uniform(0.6, 1.2) * np.sin(2 * np.pi * run.clock / rng.uniform(2400, 5400) + rng.uniform(0, 2 * np.pi))
-    rise = rng.choice([-1.0, 1.0]) * rng.uniform(1.0, 3.0) * run.clock / run.duration
+    rise = rng.choice([-1.0, 1.0]) * rng.uniform(2.0, 4.0) * run.clock / run.duration
     noise = rng.normal(scale=0.01, size=len(run))
     return replace(run, temperature=np.round(REFERENCE_DEGC + rise + swing + noise, 2), hall=True)
 
