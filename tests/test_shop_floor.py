@@ -315,6 +315,21 @@ def test_scores_of_directions_periods_rows_and_pairs_of_axes():
     assert scored([{**found, "other": "X"}], sag).named == 0
 
 
+def test_scores_of_vectors_and_harmonics():
+    knock = causes.Knock(40.0, towards=(0.0, 0.6, 0.8)).answer(ask("few", "none", "cframe", 0).run)
+    u = {"shift_um": [1.0, 1.0, 1.0]}
+    assert scored([effect("station-shift", parameters={"shift_um": [0.5, -23.0, -31.0]}, u=u)], knock)[4:] == (3, 3)
+    assert scored([effect("station-shift", parameters={"shift_um": [0.5, 23.0, -31.0]}, u=u)], knock)[4:] == (2, 3)
+    angle = causes.Encoder(10.0, harmonic=2, phase=0.0).answer(ask("few", "none", "cframe", 0).run)
+    read = {
+        "circle": "azimuth",
+        "parameters": {"sine_urad": 9.0, "cosine_urad": 3.0},
+        "u": {"sine_urad": 1, "cosine_urad": 1},
+    }
+    assert scored([effect("tracker-angle", **read, harmonic=2)], angle) == (1, 0, 0, (), 1, 2)
+    assert scored([effect("tracker-angle", **read, harmonic=1)], angle) == (1, 0, 0, (), 0, 0)
+
+
 def test_scores_of_effects_without_a_name():
     swing = Answer(variables=frozenset({"X", "Z", "time"}))
     assert scored([], swing, unexplained=["X", "time"])[:4] == (1, 0, 0, ())

@@ -119,7 +119,8 @@ class Knock(Hidden):
 
     def answer(self, run: Run) -> Answer:
         del run
-        return Answer(("station-shift",))
+        shift = tuple(self.size * part for part in self.towards)
+        return Answer(("station-shift",), sizes={"shift_um": shift}, either_sign=True)
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,11 @@ class Encoder(Hidden):
 
     def answer(self, run: Run) -> Answer:
         del run
-        return Answer(("tracker-angle",), frozenset({self.circle}))
+        sizes = {
+            "sine_urad": self.size * float(np.cos(self.phase)),
+            "cosine_urad": self.size * float(np.sin(self.phase)),
+        }
+        return Answer(("tracker-angle",), frozenset({self.circle}), sizes=sizes, harmonic=self.harmonic)
 
 
 @dataclass(frozen=True)

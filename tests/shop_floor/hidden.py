@@ -26,8 +26,12 @@ class Answer:
     """Direction of the error motion; any where it is empty."""
     relatives: tuple[str, ...] = ()
     """Kinds of the same physical cause, or of a part of it: neither right nor false."""
-    sizes: Mapping[str, float] = field(default_factory=dict)
-    """Parameters by their keys; `|key|` for a size of unknown sign, `P2 AXIS` for a coefficient of a cross-axis error."""
+    sizes: Mapping[str, float | tuple[float, ...]] = field(default_factory=dict)
+    """Parameters by their keys; `P2 AXIS` for a coefficient of a cross-axis error."""
+    either_sign: bool = False
+    """True where the sign of the sizes depends on which part is taken for the one that moved."""
+    harmonic: int | None = None
+    """Harmonic for which the sizes hold."""
     variables: frozenset[str] = frozenset()
     """Variables that the unexplained residual of an effect without a name depends on; any where it is empty."""
     rows: frozenset[int] = frozenset()

@@ -94,7 +94,7 @@ def matches(effect: Effect, answer: Answer) -> bool:
         return False
     period = effect.get("parameters", {}).get("period_mm")
     if period is not None and "period_mm" in answer.sizes:
-        return bool(abs(float(np.ravel(period)[0]) / answer.sizes["period_mm"] - 1.0) < SAME_PERIOD)
+        return bool(np.all(np.abs(np.divide(period, answer.sizes["period_mm"]) - 1.0) < SAME_PERIOD))
     return not answer.rows or _same_rows(effect, answer)
 
 
@@ -143,20 +143,24 @@ def _same_rows(effect: Effect, answer: Answer) -> bool:
 
 def _sizes(effect: Effect, answer: Answer, machine: Machine, calibration: Mapping[str, Any] | None) -> Iterator[bool]:
     """For each size of the answer that the diagnosis gives, whether it lies within U (k = 2)."""
+    if answer.harmonic is not None and effect.get("harmonic") != answer.harmonic:
+        return
     for key, value in answer.sizes.items():
-        if key.startswith("P2 "):
-            given = _coefficient(effect, key[3:], value, machine, calibration)
-        else:
-            given = (value, effect.get("parameters", {}).get(key), effect.get("u", {}).get(key))
-        if given is None or given[1] is None or given[2] is None or np.size(given[1]) != 1:
+        true, found, u = (
+            _coefficient(effect, key[3:], float(np.ravel(value)[0]), machine, calibration)
+            if key.startswith("P2 ")
+            else (value, effect.get("parameters", {}).get(key), effect.get("u", {}).get(key))
+        )
+        if found is None or u is None or np.size(found) != np.size(true):
             continue
-        true, found, u = (float(np.ravel(number)[0]) for number in given)
-        yield abs(found - true) <= COVERAGE * u
+        signs = (1.0, -1.0) if answer.either_sign else (1.0,)
+        within = [np.abs(np.ravel(found) - sign * np.ravel(true)) <= COVERAGE * np.ravel(u) for sign in signs]
+        yield from map(bool, max(within, key=lambda inside: int(np.count_nonzero(inside))))
 
 
 def _coefficient(
     effect: Effect, axis: str, value: float, machine: Machine, calibration: Mapping[str, Any] | None
-) -> tuple[float, float, float] | None:
+) -> tuple[float, float | None, float | None]:
     """True and found coefficient of P2 of an axis times P1 of the other one, and its u, over the file's intervals."""
     alike = [
         entry
@@ -164,12 +168,12 @@ def _coefficient(
         if all(entry.get(key) == effect.get(key) for key in ("kind", "axis", "component", "other"))
     ]
     if not alike:
-        return None
+        return value, None, None
     entry = alike[0]
     own_first = entry["axis"] == axis
     degrees = (2, 1) if own_first else (1, 2)
     if degrees[0] > entry["own_degree"] or degrees[1] > entry["other_degree"]:
-        return None
+        return value, None, None
     intervals = entry["own_interval"], entry["other_interval"]
     names = entry["axis"], entry["other"]
     own, other = (
