@@ -34,8 +34,12 @@ from kinematics.error_model.model import Design, no_errors
 from kinematics.state import State
 from kinematics.transforms import Array
 
-ROWS = 5000
-"""Largest number of rows, evenly spread, on which candidates are evaluated; all rows enter the fits."""
+ROWS, LEAST_ROWS = 5000, 1500
+"""Largest number of rows, evenly spread, on which candidates are evaluated, for few and for many parameters.
+
+All rows enter the fits."""
+ENTRIES = 2_000_000
+"""Largest number of entries of the design with more than LEAST_ROWS rows."""
 ASTRAY = 300.0
 """Median residual, um, above which a rejected station has failed; below it, the model may be at fault."""
 LOST = 5000.0
@@ -87,6 +91,11 @@ class Projected(NamedTuple):
         whole = float(np.sum(self.columns**2))
         return float(np.sqrt(max(np.trace(self.schur), 0.0) / whole)) if whole > 0 else 0.0
 
+    @property
+    def summary(self) -> Projected:
+        """Only the sizes of the columns, without their rows: the same visibility and Schur complement."""
+        return Projected(np.diag(np.linalg.norm(self.columns, axis=0)), np.zeros((0, len(self.schur))), self.schur)
+
 
 @dataclass(frozen=True)
 class LinearisedFit:
@@ -121,8 +130,9 @@ class LinearisedFit:
         measurement = fit.measurement
         lost = ~fit.kept & (fit.residual_um > LOST)
         rows = np.flatnonzero(~fit.copies & ~lost & ~np.isin(measurement.groups, _astray(fit)))
-        if len(rows) > ROWS:
-            rows = rows[whole_stops(stops(measurement)[rows], ROWS)]
+        most = _most_rows(fit)
+        if len(rows) > most:
+            rows = rows[whole_stops(stops(measurement)[rows], most)]
         some = measurement.rows(rows)
         white = whiteners(some)
         decorrelation = Decorrelation.of(some.noise, white)
@@ -467,6 +477,12 @@ def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect
     made = Design(alone, machine, state, with_instrument=True).of(rows, transform)
     columns = made.reshape(made.shape[0] * made.shape[1], made.shape[2])[:, linear]
     return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
+
+
+def _most_rows(fit: Fit) -> int:
+    """Largest number of rows on which candidates are evaluated."""
+    width = fit.measurement.components * (len(fit.model.parameters) + len(fit.registration.names))
+    return min(ROWS, max(LEAST_ROWS, ENTRIES // width))
 
 
 def _together(effects: Sequence[Effect]) -> list[Sequence[Effect]]:

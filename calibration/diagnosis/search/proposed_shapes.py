@@ -39,7 +39,7 @@ WAVES = 8.0
 OVERSAMPLING = 4
 MOST_WAVES, MOST_TEETH = 10_000, 1000
 """Most frequencies of waves and of sawtooth functions that are tried."""
-SCANNED = 2000
+SCANNED = 1200
 """Most rows that a search for shapes uses."""
 BEST = 12
 """Best frequencies of each error motion that are compared without the model's part."""

@@ -104,6 +104,11 @@ class Stage(NamedTuple):
         """Indices of the accepted causes among the effects of the fit."""
         return self.base.numbers(chosen_of(self.accepted))
 
+    @property
+    def at_rest(self) -> Stage:
+        """The stage without the results that can be calculated again."""
+        return self._replace(linearised=replace(self.linearised))
+
     def without(self, index: int) -> LinearisedFit:
         """The linearised fit without one accepted cause."""
         return self.base.lacking(self.linearised, self.accepted[index].candidate, self.numbers[index])
@@ -181,11 +186,13 @@ class Selector:
             allowed = [each for each in evaluated if _key(each.candidate) not in refused]
             best = self._best(linearised, allowed) if len(now.accepted) < MOST else None
             if best is None:
-                return Selection(tuple(stages), tuple(evaluated))
+                last_round = (each._replace(projected=each.projected.summary) for each in evaluated)
+                return Selection(tuple(stages), tuple(last_round))
             refused.add(_key(best.candidate))
             self.progress(f"fitting {best.candidate.effect.name} along; found: {_listed(now.accepted)}")
             trial = self.stage([*chosen_of(now.accepted), (best.candidate, best.score.size)])
             if trial.accepted[-1].score.delta_bic < WORTH:
+                stages[1:] = [stage.at_rest for stage in stages[1:]]
                 stages.append(self.joined(self.pruned(trial)))
 
     def stage(self, chosen: Sequence[tuple[Candidate, Array]]) -> Stage:
@@ -341,7 +348,7 @@ def siblings(linearised: LinearisedFit, accepted: Accepted, evaluated: Sequence[
             log_odds = (score.gain - each.score.gain + free * float(np.log(linearised.scalars))) / 2
             log_odds += each.candidate.rarity - accepted.candidate.rarity
             if cause not in found or log_odds < found[cause].log_odds:
-                found[cause] = Sibling(each, cosine, log_odds)
+                found[cause] = Sibling(each._replace(projected=other.summary), cosine, log_odds)
     return sorted(found.values(), key=lambda sibling: sibling.log_odds)
 
 

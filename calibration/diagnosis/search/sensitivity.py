@@ -47,11 +47,8 @@ class Sensitivity:
     def _through(self) -> Array:
         """`Projected.through` `(q, n)` of a unit error at each row."""
         n, d = self.arm.shape
-        spanned = self.linearised.spanned.reshape(n, d, -1)
-        along = np.zeros((n, spanned.shape[2]))
-        for i in range(d):
-            along += self.arm[:, i, None] * spanned[:, i]
-        return along.T
+        along = self.arm[:, None] @ self.linearised.spanned.reshape(n, d, -1)
+        return np.asarray(along[:, 0].T)
 
     def schur(self, sizes: Array) -> Array:
         """Schur complement `(k, k)` of errors of given sizes `(n, k)`; see `Projected.schur`."""
