@@ -1,0 +1,111 @@
+"""Never worse: a calibration is written only if it predicts held-out blocks better than the present one and than none."""
+
+import json
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from support.virtual_measurements import THREE, measured, positions, truth
+from test_many_outliers import MACHINE, written
+
+from calibration.diagnosis.diagnose import diagnose
+from calibration.fit.acceptance import nominal_residuals
+from calibration.fit.calibrate import NotAccepted, calibrate
+from calibration.fit.cross_validation import Gains
+from calibration.fit.fit import fit
+from kinematics.effects import StationShift
+from kinematics.error_model.model import no_errors
+
+
+def gains(um, noise=None):
+    return Gains(np.array(um, float), np.array(um if noise is None else noise, float))
+
+
+@pytest.mark.parametrize(
+    ("um", "noise", "better", "worse"),
+    [
+        ([9, 8, 10, 9], None, True, False),
+        ([100, 1, 2, 1, 0.5, 1, 3, 1], None, True, False),  # one block holds most of the squares
+        ([100, -1, -2, -1, -1, -1, -1, -1], None, False, False),  # one block gains, all others lose
+        ([1, -1, 1, -1, 1.1, -1], None, False, False),
+        ([-9, -8, -10, -9], None, False, True),
+        ([1, -1, 1, -1], [9, 8, 10, 9], True, False),
+        ([-9, -8, -10, -9], [9, 8, 10, 9], False, False),  # better in one unit, worse in the other
+        ([0, 0, 0], None, False, False),
+        ([5], None, False, False),
+    ],
+)
+def test_a_difference_counts_beyond_its_spread_over_the_blocks(um, noise, better, worse):
+    assert (gains(um, noise).better, gains(um, noise).worse) == (better, worse)
+
+
+def data(seed=1, size=20.0, n=120, model=None, stations=1):
+    """A machine with errors of this size, um and urad, and the readings of a tracker."""
+    rng = np.random.default_rng(seed)
+    model = truth(MACHINE, np.random.default_rng(0), size) if model is None else model
+    return model, measured(MACHINE, positions(MACHINE, n, rng), THREE, model, rng, stations=stations)
+
+
+def test_a_machine_without_errors_gets_no_calibration(command, tmp_path):
+    _, perfect = data(model=no_errors(MACHINE))
+    with pytest.raises(NotAccepted, match=r"predicts held-out regions of stops (no better|worse)") as refused:
+        calibrate(perfect, basis="b-spline:4")
+    held = refused.value.found.cross_validation
+    assert held.other_rms_um < held.rms_um
+    file = written(perfect, tmp_path / "data.csv")
+    (tmp_path / "cal.json").write_text("an older file")
+    done = command("fit", file, "-m", "cframe", "--basis", "b-spline:4", "-o", "cal.json", "--json", "out.json")
+    assert done.status == 2
+    said = json.loads((tmp_path / "out.json").read_text())
+    assert not said["accepted"]
+    assert said["held_out"]["none_rms_um"] == pytest.approx(held.other_rms_um)
+    assert said["held_out"]["new_rms_um"] == pytest.approx(held.rms_um)
+    assert done.out.decode().startswith("NOT WRITTEN: ")
+    assert (tmp_path / "cal.json").read_text() == "an older file"
+
+
+def test_before_and_after_have_the_same_keys(command, tmp_path):
+    file = written(data()[1], tmp_path / "data.csv")
+    done = command("fit", file, "-m", "cframe", "--basis", "b-spline:4", "-o", "cal.json", "--json", "-")
+    said = json.loads(done.out)
+    assert said["before"].keys() == said["after"].keys() - {"p_value"}
+    assert said["accepted"]
+    assert said["reason"] == ""
+    assert said["after"]["heldout_rms_um"] < said["before"]["heldout_rms_um"]
+
+
+@pytest.mark.integration
+def test_the_same_machine_again_confirms_its_calibration():
+    model, first = data(n=200)
+    present = calibrate(first, basis="b-spline:4").model
+    again = diagnose(data(seed=5, model=model, n=80)[1], present)
+    assert again.accepted
+    assert not [cause for cause in again.causes if cause.where == "machine"]
+    assert again.acceptance.confirmed
+    assert again.model is present
+    assert again.acceptance.none.gains.better
+
+
+@pytest.mark.integration
+def test_a_calibration_of_another_machine_is_replaced_by_one_that_predicts_better():
+    _, first = data(n=150)
+    present = calibrate(first, basis="b-spline:4").model
+    loose = msgspec.structs.replace(present, covariance=(100.0 * np.array(present.covariance)).tolist())
+    other = truth(MACHINE, np.random.default_rng(7), 20.0)
+    changed = diagnose(data(seed=6, model=other)[1], loose)
+    assert changed.accepted
+    assert not changed.acceptance.confirmed
+    assert changed.acceptance.present.gains.better
+    assert changed.model.id != loose.id
+
+
+def test_instrument_effects_are_no_merit_of_the_machine_model():
+    """A station that was knocked: the nominal machine is compared with the same shift fitted."""
+    _, perfect = data(model=no_errors(MACHINE))
+    late = perfect.state.time > 900.0
+    knocked = replace(perfect, observed=perfect.observed + late[:, None] * np.array([0.05, 0.0, 0.0]))
+    shift = StationShift(station="s1", since_s=900.0)
+    found = fit(knocked, msgspec.structs.replace(no_errors(MACHINE), effects=(shift,)))
+    assert found.chi2_reduced == pytest.approx(1.0, abs=0.2)
+    assert np.sqrt(np.mean(nominal_residuals(found) ** 2)) == pytest.approx(found.rms_um * 1e-3, rel=0.02)
