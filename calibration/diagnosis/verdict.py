@@ -43,6 +43,22 @@ REMEDIES = {
     "quantised-compensation": "positions at irregular, finer spacing",
     HIGHER_FREQUENCY: "positions at finer spacing",
     "location": "a second tool vector, and positions over the whole travel",
+    "location-jump": "the same positions before and after the moment, and fixed references on the bed",
+    "reversal": "positions approached from both sides, over the whole travel",
+    "lateral-play": "positions approached from both sides, with two targets far apart on the tool",
+    "hysteresis": "positions at different ways behind a reversal: short steps back, and long ones",
+    "reversal-spike": "positions at short steps behind a reversal",
+    "servo-mismatch": "a circle or a line at 45 degrees in both directions, at two feeds",
+    "thermal-scale-duty": "a log of the axis' temperature, and the same positions once more after a rest",
+    "thermal-distortion": "positions in shuffled order, or measured once more backwards, with times and temperatures",
+    "joint-compliance": "the same pose with another weight at the tool, and with the arm stretched and folded",
+    "ram-sag": "both axes of the ram in and out, independently of each other",
+    "racking": "positions on both sides of the bridge, with two targets far apart on the tool",
+    "wobble": "positions over a whole turn, with two targets far apart",
+    "tracker-range-drift": "fixed references, measured again and again, at two distances in line with the tracker",
+    "air-scale-drift": "a length standard, measured again and again, or barometer and thermometer of the air",
+    "cmm-scale": "the part measured once more, turned by 90 degrees on the measuring machine, and a length standard",
+    "cmm-squareness": "the part measured once more, turned by 90 degrees on the measuring machine",
 }
 """Measurements that make a cause visible, by its kind."""
 

@@ -27,6 +27,9 @@ TYPICAL = 30.0
 """um or urad: error motions of machines in good order."""
 
 
+Motion = Literal["radial", "tilt"]
+
+
 class ErrorMotion(EffectBase, frozen=True, tag="error-motion"):
     """One of the six error motions of ISO 230-1 of an axis, E_XX ... E_CC, as a function of its own position."""
 
@@ -248,7 +251,7 @@ class Wobble(EffectBase, frozen=True, tag="wobble"):
     )
 
     axis: str
-    motion: Literal["radial", "tilt"]
+    motion: Motion
     harmonic: Annotated[int, msgspec.Meta(ge=1)]
     sense: Literal[1, -1]
     cosine: float

@@ -18,11 +18,11 @@ CFRAME = machines.load("cframe")
 LEGENDRE = dict.fromkeys("XYZ", BasisChoice("legendre", 3))
 
 
-def data_with(*effects, n=100, seed=3, stations=1):
-    """Random positions of the C-frame, its errors just these effects."""
+def data_with(*effects, n=100, seed=3, stations=1, **columns):
+    """Random positions of the C-frame, its errors just these effects; further columns of the state."""
     rng = np.random.default_rng(seed)
     model = msgspec.structs.replace(no_errors(CFRAME), effects=effects)
-    return measured(CFRAME, positions(CFRAME, n, rng), THREE, model, rng, stations=stations)
+    return measured(CFRAME, positions(CFRAME, n, rng), THREE, model, rng, stations=stations, **columns)
 
 
 def fitted(data, *effects, prior=None):

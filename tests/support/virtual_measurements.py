@@ -61,9 +61,13 @@ def positions(machine: Machine, n: int, rng: np.random.Generator, edges: int = 0
 
 
 def measured(
-    machine, q, targets, model, rng, *, tracker=TRACKER, stations=1, noise=True, stands_on="workpiece", start_s=0.0
-):
-    """What a tracker sees of the machine at `q` `(n, axes)`, targets and stations in random turn, every 15 s."""
+    machine, q, targets, model, rng, *, tracker=TRACKER, stations=1, noise=True, stands_on="workpiece", start_s=0.0,
+    **columns,
+):  # fmt: skip
+    """What a tracker sees of the machine at `q` `(n, axes)`, targets and stations in random turn, every 15 s.
+
+    columns: further columns of the state.
+    """
     n = len(q)
     names = [f"s{i + 1}" for i in range(stations)]
     state = with_moves(
@@ -72,10 +76,15 @@ def measured(
             target=rng.choice(list(targets), n),
             station=np.array(names)[np.arange(n) * stations // n],
             time=start_s + 15.0 * np.arange(n),
+            **columns,
         )
     )
     empty = Measurement(machine, tracker, state, np.ones((n, 3)), targets, stands_on, source="virtual")
     registration = pose_of(names, {k: np.array(t.position) for k, t in targets.items() if not t.known})
+    # instrument effects use the beam to the nominal point
+    state = replace(
+        state, observed=equations.expected(empty, registration, no_errors(machine).observation(machine, state))
+    )
     observed = equations.expected(empty, registration, model.observation(machine, state))
     if noise:
         root = np.linalg.cholesky(tracker.covariance(observed))

@@ -1,4 +1,4 @@
-"""Shapes proposed from the residual: periods, pitches of tables, fixed points of growth, moments of station shifts.
+"""Shapes proposed from the residual: periods, pitches of tables, fixed points of growth, moments of jumps.
 
 A generalised Lomb-Scargle periodogram of the residual over the positions of an axis: each wave enters through the
 observation equations of its error motion. The best waves are compared without the part that the model and the
@@ -17,22 +17,23 @@ import numpy as np
 
 from calibration.cores import each
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.causes import jumps
+from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
 from calibration.diagnosis.search.sawtooth import likeliest, refined, teeth
 from calibration.diagnosis.search.sensitivity import Sensitivity
 from calibration.diagnosis.search.spectra import finest, peaks, resolved, strengths
-from calibration.measurement.instruments import LaserTracker
 from calibration.observation.full_model import distinct_positions, moving_axes, observed_components
 from kinematics.basis import BSpline
 from kinematics.effects import (
     Component,
     Cyclic,
     ErrorMotion,
+    GrowthWithDuty,
     GrowthWithSensor,
     GrowthWithTime,
-    StationShift,
 )
 from kinematics.effects.base import own_component, unit_of
+from kinematics.transforms import Array
 
 WAVES = 8.0
 """Least number of waves over the travel: an error with fewer is a matter of the basis, not a cyclic error."""
@@ -52,10 +53,8 @@ SAME = 0.01
 """Relative difference below which two periods are the same."""
 FINE = (6, 8, 12, 16, 24, 32, 48)
 """Sizes of finer bases."""
-BREAKS = 60
-"""Most moments of a station shift that are tried first."""
 LEAST_ROWS = 8
-"""Least number of moments before and after a station shift."""
+"""Least number of moments before and after a jump."""
 
 
 def events(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -194,7 +193,7 @@ def fixed_points(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> 
     for candidate in candidates:
         effect = candidate.effect
         if (
-            isinstance(effect, (GrowthWithSensor, GrowthWithTime))
+            isinstance(effect, (GrowthWithSensor, GrowthWithTime, GrowthWithDuty))
             and len(effect.parameter_table) == candidate.shapes + 1
         ):
             one = msgspec.structs.replace(effect, fixed_point=effect.fixed_point + 1.0)
@@ -209,26 +208,37 @@ def fixed_points(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> 
 
 
 def breaks(linearised: LinearisedFit) -> Iterator[Candidate]:
-    """The moment of a shift of each station: the change point that explains most."""
+    """Jumps, each at its likeliest moment: the change point at which it explains most."""
     measurement = linearised.measurement
-    state = measurement.state
-    if not isinstance(measurement.instrument, LaserTracker) or state.time is None or state.station is None:
+    if measurement.state.time is None:
         return
-    station, time = state.station[linearised.rows], state.time[linearised.rows]
-    for name in np.unique(station).tolist():
-        moments = np.unique(time[station == name])
-        moments = moments[LEAST_ROWS:-LEAST_ROWS]
-        if len(moments) < LEAST_ROWS:
+    time = measurement.state.time[linearised.rows]
+    spanned = linearised.spanned.reshape(len(time), -1, linearised.spanned.shape[1])
+    residual = linearised.residual.reshape(len(time), -1)
+    for effect in jumps(measurement):
+        columns = linearised.columns(effect).reshape(len(time), residual.shape[1], -1)
+        own = np.flatnonzero(columns.any(axis=(1, 2)))
+        moments = np.unique(time[own])
+        if len(moments) < 3 * LEAST_ROWS:
             continue
-        some = moments[np.unique(np.linspace(0, len(moments) - 1, BREAKS).astype(int))]
-        best = max(some.tolist(), key=lambda since: _gain(linearised, StationShift(station=name, since_s=since)))
-        near = moments[np.abs(moments - best) <= np.diff(some).max(initial=0.0)]
-        best = max(near.tolist(), key=lambda since: _gain(linearised, StationShift(station=name, since_s=since)))
-        yield Candidate(StationShift(station=name, since_s=best), 1, float(len(moments)))
+        order = own[np.argsort(time[own], kind="stable")]
+        starts = np.searchsorted(time[order], moments)
+        here = columns[order]
+        # sums over all rows from each moment on
+        along = _from_each(np.einsum("ndk,nd->nk", here, residual[order]), starts)
+        squares = _from_each(np.einsum("ndk,ndl->nkl", here, here), starts)
+        through = _from_each(np.einsum("ndq,ndk->nqk", spanned[order], here), starts)
+        schur = squares - np.swapaxes(through, 1, 2) @ through + np.eye(here.shape[2]) / GENEROUS**2
+        gains = np.einsum("nk,nk->n", along, np.linalg.solve(schur, along[:, :, None])[:, :, 0])
+        inside = slice(LEAST_ROWS, len(moments) - LEAST_ROWS)
+        since = float(moments[inside][np.argmax(gains[inside])])
+        yield Candidate(msgspec.structs.replace(effect, since_s=since), 1, float(len(moments)))
 
 
-def _gain(linearised: LinearisedFit, effect: StationShift) -> float:
-    return linearised.score(linearised.projected(linearised.columns(effect))).gain
+def _from_each(values: Array, starts: np.ndarray) -> Array:
+    """Sums `(m, ...)` of rows `(n, ...)` from each start to the end."""
+    parts = np.add.reduceat(values, starts, axis=0)
+    return np.cumsum(parts[::-1], axis=0)[::-1]
 
 
 def _wave(component: Component, axis: str, period: float, harmonics: int) -> Cyclic:

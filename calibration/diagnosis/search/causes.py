@@ -1,0 +1,293 @@
+"""The causes that a diagnosis tries on a measurement, by subject: drives, heat, geometry, loads, jumps, instruments.
+
+Each is one that the physics of the machine and of the instrument allows: a candidate more costs little time, but is one
+more chance of a false cause. Effects that a first calibration contains as error motions are not tried here: racking,
+wobble and the sag of a ram with its own overhang (see `candidates.changes`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations, permutations
+from typing import Any, NamedTuple, cast, get_args
+
+import numpy as np
+
+from calibration.measurement.instruments import LaserTracker, Part
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import moving_axes, observed_components
+from kinematics.basis import Interval, Legendre
+from kinematics.effects import (
+    AirDrift,
+    AirScale,
+    AngleHarmonic,
+    Backlash,
+    Component,
+    CrossAxis,
+    DistortionWithSensor,
+    DistortionWithTime,
+    DriftWithSensor,
+    Effect,
+    FirstCycle,
+    FollowingError,
+    GrowthWithDuty,
+    GrowthWithSensor,
+    GrowthWithTime,
+    Hysteresis,
+    JointCompliance,
+    LateralPlay,
+    LateReadBack,
+    LocationJump,
+    MeasuringMachineScale,
+    MeasuringMachineSquareness,
+    QuadraticGrowth,
+    RamSag,
+    RangeDrift,
+    RangeOffset,
+    Reversal,
+    ReversalSpike,
+    ServoMismatch,
+    Settling,
+    StationShift,
+    TargetOffset,
+    ThermalDrift,
+    TrackerDrift,
+)
+from kinematics.effects.base import own_component
+from kinematics.effects.friction import way_since_reversal
+from kinematics.state import State
+
+TIME_CONSTANTS = (0.1, 0.2, 0.4, 0.8)
+"""Time constants of exponentials, as shares of the duration of the data; refined in the fit."""
+LAGS = (0.1, 0.4)
+"""Lags of temperatures and of duty, likewise."""
+LENGTHS = (0.2, 0.6)
+"""Lengths of hysteresis, as quantiles of the ways since a reversal; refined in the fit."""
+PER_SHAPE = 3.0
+"""Independent tries of a time constant, a lag or a length."""
+WARMER = 0.2
+"""Range of a temperature, K, above which candidates depend on it."""
+CURVED = 2.0
+"""Range of a temperature, K, above which a growth may be curved."""
+HARMONICS = (1, 2)
+OWN_DEGREE, OTHER_DEGREE = 1, 2
+"""Degrees of error motions that depend on another axis."""
+REVERSAL_DEGREE = 2
+"""Degree of the difference between forward and backward along an axis."""
+
+
+class Cause(NamedTuple):
+    """An effect at zero; fields as of `Candidate`."""
+
+    effect: Effect
+    shapes: int = 0
+    trials: float = 1.0
+
+
+def causes(measurement: Measurement) -> Iterator[Cause]:
+    """The causes that are tried on a measurement; some need columns that it lacks."""
+    axes = moving_axes(measurement)
+    for axis, interval in axes.items():
+        yield from _of_drive(measurement, axis, interval)
+    yield from _thermal(measurement, axes)
+    if measurement.axis is None:
+        yield from _crossed(axes)
+        yield from _loads(measurement, list(axes))
+        if not isinstance(measurement.instrument, Part):
+            yield from _distortions(measurement, axes)
+    if isinstance(measurement.instrument, LaserTracker):
+        yield from _of_tracker(measurement)
+    if isinstance(measurement.instrument, Part):
+        yield from _of_measuring_machine(measurement)
+    if given(measurement.state, "velocity"):
+        yield Cause(LateReadBack(lag_ms=0.0))
+        for one, other in combinations([axis for axis in axes if axis[0] not in "ABC"], 2):
+            yield Cause(ServoMismatch(axis=one, other=other, lag_ms=0.0))
+
+
+def jumps(measurement: Measurement) -> Iterator[Effect]:
+    """Effects with a moment, which is to be searched for: each holds from the first row on.
+
+    A knock at the instrument, a target seated again, the zero of an axis; the squareness of a linear axis; the line of
+    a rotary axis. None for a part, whose times are those of the measuring machine, and none without the stations of a
+    tracker: a knock would be blamed on the machine.
+    """
+    state, start = measurement.state, -np.inf
+    if state.time is None or isinstance(measurement.instrument, Part):
+        return
+    if isinstance(measurement.instrument, LaserTracker):
+        if state.station is None:
+            return
+        for station in np.unique(state.station).tolist():
+            yield StationShift(station=station, since_s=start)
+        for name, target in measurement.targets.items():
+            if target.carrier == "tool":
+                yield TargetOffset(target=name, offset_um=(0.0, 0.0, 0.0), since_s=start)
+    for axis in moving_axes(measurement):
+        yield LocationJump(own_component(axis), axis, 0.0, start)
+        if measurement.axis is None:
+            for component in _lateral(axis, "XYZ" if axis[0] in "ABC" else "ABC"):
+                yield LocationJump(component, axis, 0.0, start)
+
+
+def given(state: State, column: str) -> bool:
+    """True where the data have a column and its numbers vary; temperatures and names need not vary."""
+    value = getattr(state, column)
+    if column == "temperatures":
+        return bool(value)
+    if value is None:
+        return False
+    return value.dtype.kind not in "fi" or bool(np.any(value != value[:1]))
+
+
+def _lateral(axis: str, letters: str) -> list[Component]:
+    """The two components across the line of an axis among XYZ or ABC."""
+    own = "XYZ".index(own_component(axis)) if axis[0] not in "ABC" else "ABC".index(axis[0])
+    return [cast(Component, letter) for k, letter in enumerate(letters) if k != own]
+
+
+def _roll(axis: str) -> Component:
+    return cast(Component, "ABC"["XYZ".index(own_component(axis))])
+
+
+def _of_drive(measurement: Measurement, axis: str, interval: Interval) -> Iterator[Cause]:
+    yield Cause(Backlash(axis=axis, width=0.0))
+    yield Cause(Settling(axis=axis, share_ppm=0.0))
+    yield Cause(FollowingError(axis=axis, lag_ms=0.0))
+    own = own_component(axis)
+    if measurement.state.cycle is not None:
+        yield Cause(FirstCycle(component=own, axis=axis, offset=0.0))
+    if axis[0] in "ABC" or not given(measurement.state, "approach"):
+        return
+    yield Cause(Backlash(axis=axis, width=0.0, windup=0.0))
+    if measurement.axis is None:  # for an interferometer a shape is proposed
+        yield Cause(Reversal(own, axis, Legendre(interval, REVERSAL_DEGREE), (0.0,) * (REVERSAL_DEGREE + 1)))
+    seen = get_args(Component) if measurement.axis is None else observed_components(measurement, axis)
+    yield from (Cause(LateralPlay(component, axis, 0.0)) for component in seen if component != own)
+    ways = way_since_reversal(measurement.machine, measurement.state, axis, "a hysteresis")
+    ways = ways[np.isfinite(ways) & (ways > 0.0)]
+    for length in np.unique(np.round(np.quantile(ways, LENGTHS), 3)).tolist() if len(ways) else []:
+        if length > 0.0:
+            yield Cause(Hysteresis(axis, 0.0, length), 1, 1.0 + PER_SHAPE)
+            yield Cause(ReversalSpike(axis, 0.0, length), 1, 1.0 + PER_SHAPE)
+
+
+def _thermal(measurement: Measurement, axes: dict[str, Interval]) -> Iterator[Cause]:
+    state = measurement.state
+    span = float(np.ptp(state.time)) if state.time is not None else 0.0
+    courses: list[dict[str, Any]] = [{"rate": 0.0}]
+    courses += [{"amplitudes": (0.0,), "time_constants_s": (max(share * span, 1.0),)} for share in TIME_CONSTANTS]
+    linear = [axis for axis in axes if axis[0] not in "ABC"]
+    along = {own_component(axis) for axis in axes}
+    if measurement.component is not None:
+        along |= {cast(Component, str(letter)) for letter in np.unique(measurement.component) if letter}
+    components = [c for c in get_args(Component) if measurement.axis is None or c in along]
+    for course in courses:
+        shapes = len(course) - 1
+        for component in components:
+            yield Cause(ThermalDrift(component=component, **course), shapes, 1.0 + PER_SHAPE * shapes)
+        for axis in linear:
+            yield Cause(GrowthWithTime(axis=axis, **course), shapes, 1.0 + PER_SHAPE * shapes)
+    lags = [max(share * span, 1.0) for share in LAGS] if given(state, "time") else []
+    if not isinstance(measurement.instrument, Part):
+        for axis in linear if lags else []:
+            yield from (Cause(GrowthWithDuty(axis, 0.0, lag), 1, 1.0 + PER_SHAPE) for lag in lags)
+    for sensor in _warming(state, WARMER):
+        for lag in (None, *lags):
+            shapes = 0 if lag is None else 1
+            for component in components:
+                if lag is None or component in "XYZ":
+                    drift = DriftWithSensor(component=component, sensor=sensor, coefficient=0.0, lag_s=lag)
+                    yield Cause(drift, shapes, 1.0 + PER_SHAPE * shapes)
+            for axis in linear:
+                growth = GrowthWithSensor(axis=axis, sensor=sensor, coefficient=0.0, lag_s=lag)
+                yield Cause(growth, shapes, 1.0 + PER_SHAPE * shapes)
+    for sensor in _warming(state, CURVED):
+        yield from (Cause(QuadraticGrowth(axis, sensor, 0.0, 0.0)) for axis in linear)
+
+
+def _warming(state: State, least: float) -> list[str]:
+    """Sensors whose temperatures vary by more than `least`, K."""
+    return [name for name, kelvin in state.temperatures.items() if np.ptp(kelvin) > least]
+
+
+def _distortions(measurement: Measurement, axes: dict[str, Interval]) -> Iterator[Cause]:
+    """Squareness, bow and roll of linear axes, and the line of rotary ones, with time and with temperatures."""
+    sensors = _warming(measurement.state, WARMER)
+    for axis, interval in axes.items():
+        if axis[0] in "ABC":
+            shapes = [(component, 0) for letters in ("XYZ", "ABC") for component in _lateral(axis, letters)]
+        else:
+            shapes = [(component, degree) for component in _lateral(axis, "XYZ") for degree in (1, 2)]
+            shapes.append((_roll(axis), 1))
+        for component, degree in shapes:
+            where: dict[str, Any] = {"component": component, "axis": axis, "interval": interval, "degree": degree}
+            if given(measurement.state, "time"):
+                yield Cause(DistortionWithTime(**where, rate=0.0))
+            for sensor in sensors:
+                yield Cause(DistortionWithSensor(**where, sensor=sensor, coefficient=0.0))
+
+
+def _crossed(axes: dict[str, Interval]) -> Iterator[Cause]:
+    count = (OWN_DEGREE + 1) * OTHER_DEGREE
+    for axis, other in permutations(axes, 2):
+        for component in get_args(Component):
+            yield Cause(
+                CrossAxis(
+                    component=component,
+                    axis=axis,
+                    other=other,
+                    own_interval=axes[axis],
+                    other_interval=axes[other],
+                    own_degree=OWN_DEGREE,
+                    other_degree=OTHER_DEGREE,
+                    coefficients=(0.0,) * count,
+                )
+            )
+
+
+def _loads(measurement: Measurement, moving: list[str]) -> Iterator[Cause]:
+    """Compliance of rotary axes of the head whose load does not follow from their own angle alone; sag of double rams.
+
+    The lever of the tool changes if an axis behind it moves, or the direction of gravity if one before it tilts it.
+    """
+    machine = measurement.machine
+    head = [axis for axis in machine.axes if axis.side == "tool"]
+    for i, axis in enumerate(head):
+        horizontal = abs(axis.unit_direction[2]) < 0.99
+        if axis.name not in moving or not horizontal:
+            continue
+        tilting = any(one.rotary and abs(one.unit_direction[2]) < 0.99 and one.name in moving for one in head[:i])
+        if axis.rotary and (tilting or any(one.name in moving for one in head[i + 1 :])):
+            yield Cause(JointCompliance(axis.name, 0.0))
+        for other in head[:i] if not axis.rotary else []:
+            parallel = float(other.unit_direction @ axis.unit_direction)
+            if not other.rotary and other.name in moving and abs(parallel) > 0.99:
+                low, _ = moving_axes(measurement)[axis.name]
+                yield Cause(RamSag(axis.name, 0.0, low, 1, other.name))
+
+
+def _of_tracker(measurement: Measurement) -> Iterator[Cause]:
+    yield Cause(RangeOffset(offset_um=0.0))
+    yield Cause(AirScale(scale_um_per_m=0.0))
+    for circle in ("azimuth", "elevation"):
+        for harmonic in HARMONICS:
+            yield Cause(AngleHarmonic(circle=circle, harmonic=harmonic, sine_urad=0.0, cosine_urad=0.0))
+    yield Cause(TrackerDrift())
+    if given(measurement.state, "time"):
+        yield Cause(RangeDrift(rate_um_per_h=0.0))
+        yield Cause(AirDrift(rate_um_per_m_per_h=0.0))
+    on_tool = [name for name, target in measurement.targets.items() if target.carrier == "tool"]
+    if len(on_tool) > 1:
+        for name in on_tool:
+            yield Cause(TargetOffset(target=name, offset_um=(0.0, 0.0, 0.0)))
+
+
+def _of_measuring_machine(measurement: Measurement) -> Iterator[Cause]:
+    """Errors of the measuring machine; of a part in one position on it they are those of the machine tool."""
+    if len(np.unique(measurement.groups)) > 1:
+        letters = "xyz"[: measurement.instrument.components]
+        for letter in letters:
+            yield Cause(MeasuringMachineScale(letter, 0.0))  # type: ignore[arg-type]
+        for one, other in combinations(letters, 2):
+            yield Cause(MeasuringMachineSquareness(one + other, 0.0))  # type: ignore[arg-type]
