@@ -377,7 +377,7 @@ def test_the_table(tmp_path):
     file.write_text("\n".join(map(json.dumps, records)) + '\n{"design": "li', encoding="utf-8")
     assert exam.read_records(file) == records
     lines = list(summary.table(records))
-    assert lines[2].split()[:9] == ["lines", "backlash", "1", "1", "0", "0", "1", "1", "1"]
+    assert lines[2].split()[:10] == ["lines", "backlash", "1", "1", "0", "0", "1", "1", "0", "1"]
     assert "1.20" in lines[2]
     assert lines[2].endswith("1 not asked")
     assert list(summary.false_causes(records)) == ["   1 cyclic weak: lines backlash 1"]

@@ -99,7 +99,8 @@ def _asked(key: Key, question: Question, folder: Path, timeout: float, options: 
     scored = score(diagnosis, answers, question.run.machine, calibration, _allowed(question))
     before = _unseen(question, given, folder, timeout).error_um
     after = _unseen(question, new if calibration else given, folder, timeout)
-    covered = None if calibration is None else _covered(question, calibration, after, folder, timeout)
+    u = None if calibration is None else _sampled_u(question, calibration, folder, timeout)
+    nameable = Unseen(question.nameable().unseen_errors(after.predicted), after.predicted)
     heldout = [diagnosis[when]["heldout_rms_um"] for when in ("before", "after")]
     return {
         "named": scored.named,
@@ -117,7 +118,9 @@ def _asked(key: Key, question: Question, folder: Path, timeout: float, options: 
         "heldout_um": heldout,
         "noise_um": diagnosis["noise_um"],
         "unseen_um": [before, after.error_um],
-        "covered": covered,
+        "unseen_nameable_um": nameable.error_um,
+        "covered": after.within(u, STUDENT_95),
+        "covered_nameable": nameable.within(u, STUDENT_95),
         "covered_in_datum": after.within(after.u),
         "seconds": ended.seconds,
     }
@@ -151,6 +154,7 @@ class Unseen(NamedTuple):
     """Errors `(n, 3)` of predictions at unseen poses, um, and the standard uncertainties `(n, 3)` of `ncomp predict`."""
 
     errors: Array
+    predicted: Array
     u: Array | None = None
 
     @property
@@ -167,20 +171,19 @@ def _unseen(question: Question, calibration: Path | None, folder: Path, timeout:
     """What a calibration, or none, predicts at the unseen poses."""
     run = question.unseen
     if calibration is None:
-        return Unseen(question.unseen_errors(np.zeros((len(run), 3))))
+        nothing = np.zeros((len(run), 3))
+        return Unseen(question.unseen_errors(nothing), nothing)
     points, predicted = folder / "unseen.csv", folder / "predicted.csv"
     points.write_text(question.unseen_sheet(), encoding="utf-8")
     ended = ncomp(timeout, "predict", points, "--machine", run.machine.name, "-c", calibration, "-o", predicted)
     if ended.status != 0:
         raise Failure(f"predict: status {ended.status}: {ended.words[-1500:]}")
     deviation, u = _prediction(predicted)
-    return Unseen(question.unseen_errors(deviation), u)
+    return Unseen(question.unseen_errors(deviation), deviation, u)
 
 
-def _covered(
-    question: Question, calibration: Mapping[str, Any], after: Unseen, folder: Path, timeout: float
-) -> float | None:
-    """Share of the errors at unseen poses within their 95 % interval, a rigid motion apart; None without covariance."""
+def _sampled_u(question: Question, calibration: Mapping[str, Any], folder: Path, timeout: float) -> Array | None:
+    """Standard uncertainties `(n, 3)`, um, of predictions at unseen poses, a rigid motion apart; None without covariance."""
     samples = folder / "samples"
     samples.mkdir()
     if not write_samples(calibration, samples):
@@ -190,8 +193,8 @@ def _covered(
         raise Failure(f"predictions of samples: status {ended.status}: {ended.words[-1500:]}")
     deviations = np.load(samples / "deviations.npy")
     shutil.rmtree(samples)
-    u = np.std([question.without_rigid_motion(deviation) for deviation in deviations], axis=0, ddof=1)
-    return after.within(u, STUDENT_95)
+    apart = [question.without_rigid_motion(deviation) for deviation in deviations]
+    return np.asarray(np.std(apart, axis=0, ddof=1))
 
 
 def _prediction(file: Path) -> tuple[Array, Array]:

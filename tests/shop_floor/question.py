@@ -152,6 +152,10 @@ class Question:
         run = self.unseen
         return without_rigid_motion(nominal_points(run.machine, run.positions, run.tools), predicted)
 
+    def nameable(self) -> Question:
+        """The same data with those hidden effects only that a library of causes can hold."""
+        return self.having(*(effect for effect in self.hidden if effect.answer(self.run).kinds))
+
     def having(self, *hidden: Hidden) -> Question:
         """The same data with other hidden effects."""
         return replace(self, hidden=hidden)

@@ -154,8 +154,11 @@ def _sizes(effect: Effect, answer: Answer, machine: Machine, calibration: Mappin
         if found is None or u is None or np.size(found) != np.size(true):
             continue
         signs = (1.0, -1.0) if answer.either_sign else (1.0,)
-        within = [np.abs(np.ravel(found) - sign * np.ravel(true)) <= COVERAGE * np.ravel(u) for sign in signs]
-        yield from map(bool, max(within, key=lambda inside: int(np.count_nonzero(inside))))
+        within = [
+            [bool(inside) for inside in np.abs(np.ravel(found) - sign * np.ravel(true)) <= COVERAGE * np.ravel(u)]
+            for sign in signs
+        ]
+        yield from max(within, key=sum)
 
 
 def _coefficient(
