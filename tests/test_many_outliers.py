@@ -13,7 +13,10 @@ import machines
 from calibration.fit.calibrate import NotAccepted, calibrate
 from calibration.fit.fit import fit
 from calibration.measurement.file import write_measurement
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.measurement import Measurement, with_moves
 from calibration.observation.full_model import BasisChoice, rigid_model
+from kinematics.state import State
 
 MACHINE = machines.load("cframe")
 COARSE = {axis: BasisChoice("b-spline", 4) for axis in "XYZ"}
@@ -105,3 +108,19 @@ def test_the_command_says_it_first_and_writes_with_force_only(command, tmp_path)
     assert "WRITTEN BY --force: 10 of 100 rows" in re.sub(r"\s+", " ", forced.out.decode())
     assert json.loads((tmp_path / "fit.json").read_text())["accepted"]
     assert (tmp_path / "cal.json").exists()
+
+
+def test_a_long_standstill_does_not_make_the_motion_an_outlier():
+    """Half of the rows are one stop: their small residuals are not the measure of all others."""
+    machine = machines.load("gantry")
+    rng = np.random.default_rng(4)
+    q = np.zeros((400, 3))
+    q[200:, 0] = np.linspace(0.0, 5000.0, 200)
+    deviation = rng.normal(0.0, 3e-4, 400) + 0.02 * np.sin(q[:, 0] / 7.0)
+    state = with_moves(State(q, target=np.full(400, "1")))
+    laser = Measurement(machine, Interferometer(u_um=0.3), state, deviation[:, None], source="log")
+    laser = replace(laser, axis=np.full(400, "X"), run=np.full(400, "1"))
+    found = fit(laser, rigid_model(laser, {"X": BasisChoice("b-spline", 4)}))
+    assert found.kept.all()
+    assert not found.suspected.any()
+    assert found.rms_um > 9.0

@@ -30,6 +30,7 @@ from calibration.observation.outliers import (
     refuse_lines,
     robust_factor,
 )
+from calibration.observation.stops_and_lines import stops
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -167,21 +168,23 @@ def fit(
     some = _some(np.flatnonzero(trusted & ~copies))
     progress("iterating")
     iterated = problem.rows(some)
-    converged, factor, solved = _iterate(iterated, iterated.point(np.array(model.parameters), registration), variance)
+    stop = stops(measurement)
+    first = iterated.point(np.array(model.parameters), registration)
+    converged, factor, solved = _iterate(iterated, first, variance, stop[some])
     progress("solving")
     point = problem.point(converged.parameters, converged.registration)
     least = _least(solved, len(some) * measurement.components, variance)
-    left_out = _left_out(problem, point, copies, solved.effective_parameters, least)
+    left_out = _left_out(problem, point, copies, solved.effective_parameters, least, stop)
     for _ in range(10):
         kept = ~left_out.rows
         _refuse_too_few(measurement, kept, point)
-        weights = kept * _weights(problem, point, solved.effective_parameters, least, left_out)
+        weights = kept * _weights(problem, point, solved.effective_parameters, least, left_out, stop)
         solved = problem.solve(point, weights, factor)
         point = problem.moved(point, solved.step)
         if variance == "estimate":
             factor = max(_estimated(problem, point, kept, solved), least)
         stay = bool(left_out.suspected.any())
-        again = _left_out(problem, point, copies, solved.effective_parameters, least, stay=stay)
+        again = _left_out(problem, point, copies, solved.effective_parameters, least, stop, stay=stay)
         # a fit of all rows hides some of those that disagree
         left_out = again._replace(suspected=left_out.suspected) if stay else again
         if np.array_equal(left_out.rows, ~kept):
@@ -206,14 +209,17 @@ def fit(
     return replace(found, model=found.model.with_parameters(point.parameters, covariance))
 
 
-def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point, float, Solved]:
-    """The point to which Gauss-Newton with Huber's weights converges; variance factor and last solution there."""
+def _iterate(problem: Problem, point: Point, variance: Variance, stop: np.ndarray) -> tuple[Point, float, Solved]:
+    """The point to which Gauss-Newton with Huber's weights converges; variance factor and last solution there.
+
+    stop: number `(n,)` of the stop of each row.
+    """
     components = problem.measurement.components
     factor, effective_parameters, least = 1.0, 0.0, 1.0
     for step in range(STEPS):
         distances = problem.distances(point)
         weights = huber_weights(
-            distances, components, robust_factor(distances, components, effective_parameters, least)
+            distances, components, robust_factor(distances, components, effective_parameters, least, stop)
         )
         # amplitudes first: a period or time constant is undetermined without one
         solved = (problem if step else problem.shapes_fixed()).solve(point, weights, factor)
@@ -225,7 +231,7 @@ def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point,
         )
         if variance == "estimate":
             least = _least(solved, len(distances) * components, variance)
-            factor = robust_factor(problem.distances(point), components, effective_parameters, least)
+            factor = robust_factor(problem.distances(point), components, effective_parameters, least, stop)
         if step and (solved.length < CONVERGED or point is before):
             break
     return point, factor, solved
@@ -239,22 +245,32 @@ def _least(solved: Solved, scalars: int, variance: Variance) -> float:
 
 
 def _left_out(
-    problem: Problem, point: Point, copies: np.ndarray, effective_parameters: float, least: float, *, stay: bool = False
+    problem: Problem,
+    point: Point,
+    copies: np.ndarray,
+    effective_parameters: float,
+    least: float,
+    stop: np.ndarray,
+    *,
+    stay: bool = False,
 ) -> LeftOut:
     """The rows to leave out, and the stations that failed as a whole; stay: no single rows."""
     components = problem.measurement.components
     distances = problem.distances(point)
-    factor = robust_factor(distances[~copies], components, effective_parameters, least)
+    factor = robust_factor(distances[~copies], components, effective_parameters, least, stop[~copies])
     return LeftOut.of(problem.measurement, outlying(distances, components, factor) & ~copies, copies, stay=stay)
 
 
-def _weights(problem: Problem, point: Point, effective_parameters: float, least: float, left_out: LeftOut) -> Array:
+def _weights(
+    problem: Problem, point: Point, effective_parameters: float, least: float, left_out: LeftOut, stop: np.ndarray
+) -> Array:
     """Weights `(n,)` of the rows in the last steps: 1, or Huber's where too many rows disagree to leave them out."""
     components, distances = problem.measurement.components, problem.distances(point)
     if not left_out.suspected.any():
         return np.ones(len(distances))
-    some = distances[~left_out.rows]
-    return huber_weights(distances, components, robust_factor(some, components, effective_parameters, least))
+    some = ~left_out.rows
+    factor = robust_factor(distances[some], components, effective_parameters, least, stop[some])
+    return huber_weights(distances, components, factor)
 
 
 def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved) -> float:

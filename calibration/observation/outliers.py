@@ -69,19 +69,30 @@ def too_many(lost: int, rows: int) -> bool:
     return lost > max(1.0, MOST * rows)
 
 
-def robust_factor(distances: Array, components: int, effective_parameters: float, least: float) -> float:
+def robust_factor(
+    distances: Array, components: int, effective_parameters: float, least: float, stop: np.ndarray
+) -> float:
     """Variance factor, at least `least`, that brings the median of squared distances `(n,)` to that of chi2.
 
-    effective_parameters: degrees of freedom that the fit took out of the residuals.
+    effective_parameters: degrees of freedom that the fit took out of the residuals. stop: number `(n,)` of the stop of
+    each row; all stops count alike, since a log of a long standstill says no more about the motion than a short one.
     """
     scalars = distances.size * components
     share = (
-        float(np.median(distances))
+        _median(distances, 1.0 / np.bincount(stop)[stop])
         / float(special.chdtri(components, 0.5))
         * scalars
         / max(scalars - effective_parameters, 1.0)
     )
     return max(share, least)
+
+
+def _median(values: Array, weights: Array) -> float:
+    """Median of values `(n,)` with weights `(n,)`: half of the weight lies on either side."""
+    order = np.argsort(values)
+    below = np.cumsum(weights[order])
+    low, high = np.searchsorted(below, np.array([0.5 - 1e-12, 0.5 + 1e-12]) * below[-1])
+    return float(values[order[[low, min(high, len(values) - 1)]]].mean())
 
 
 def huber_weights(distances: Array, components: int, factor: float) -> Array:

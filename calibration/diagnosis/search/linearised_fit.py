@@ -140,7 +140,9 @@ class LinearisedFit:
         distances = np.sum(whitened(white, fit.residual[rows]) ** 2, axis=1)
         effective_parameters = fit.effective_parameters * len(rows) / max(int(np.count_nonzero(fit.kept)), 1)
         weights = huber_weights(
-            distances, components, robust_factor(distances, components, effective_parameters, fit.variance_factor)
+            distances,
+            components,
+            robust_factor(distances, components, effective_parameters, fit.variance_factor, stops(measurement)[rows]),
         )
         # the square of an outlier is bounded, so that no cause is found in a few of them
         weights = np.where(fit.kept[rows], weights, weights**2)
