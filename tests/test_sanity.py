@@ -1,5 +1,6 @@
 """Mistakes in writing a measurement down: each is found and named, and none where there is none."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -155,6 +156,22 @@ def test_mistakes(machine, spoiled, what, words, noise_of_machine):
     assert found.check == what
     assert words in found.message
     assert "do not show" not in found.message
+
+
+@pytest.mark.parametrize("share", [0.7, 0.3])
+def test_targets_that_are_exchanged_at_a_moment(share):
+    """The exchanged part may be the smaller or the larger one; which of them is right, the points do not show."""
+    m = virtual(GANTRY, 150)
+    late = np.arange(150) >= 150 * share
+    names = np.where(m.state.target == "1", "2", np.where(m.state.target == "2", "1", m.state.target))
+    spoiled = replace(m, state=replace(m.state, target=np.where(late, names, m.state.target)))
+    spoiled = replace(spoiled, lines=np.arange(150) + 8, source="m.csv")
+    found = the_only(sanity(spoiled))
+    assert found.fatal
+    assert found.check == "targets"
+    where = re.search(r"with targets 1 and 2 exchanged (up to|behind) m.csv:(\d+)", found.message)
+    assert where
+    assert int(where[2]) == pytest.approx(150 * share + 8, abs=6)
 
 
 def test_what_can_not_be_told_apart_is_told_so():

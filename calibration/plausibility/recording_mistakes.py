@@ -35,6 +35,10 @@ TRIMMED = 50
 """One row of so many, at least one, is ignored as a possible outlier."""
 
 
+SOME = 0.1
+"""Least share of the rows of two targets that are exchanged at a moment, or are not."""
+
+
 class Alternative(NamedTuple):
     """A measurement with one mistake reversed."""
 
@@ -158,6 +162,7 @@ def _targets(measurement: Measurement) -> Iterator[Alternative]:
     for one, other in combinations(own, 2):
         changed = {one: own[other], other: own[one]}
         yield Alternative("targets", f"with targets {one} and {other} exchanged", _with_targets(measurement, changed))
+        yield from _exchanged_at_a_moment(measurement, one, other)
     for name, target in own.items():
         for letter, signs in (("", (-1, -1, -1)), ("x", (-1, 1, 1)), ("y", (1, -1, 1)), ("z", (1, 1, -1))):
             turned = {name: _turned(target, signs)}
@@ -169,6 +174,30 @@ def _targets(measurement: Measurement) -> Iterator[Alternative]:
             yield Alternative(
                 "targets", f"with the sign of {letter} of all targets reversed", _with_targets(measurement, turned)
             )
+
+
+def _exchanged_at_a_moment(measurement: Measurement, one: str, other: str) -> Iterator[Alternative]:
+    """Two targets exchanged from a row on, or up to a row: where the exchange brings most, with the registration as it
+    is.
+    """
+    target = measurement.state.target
+    assert target is not None
+    exchanged = np.where(target == one, other, np.where(target == other, one, target))
+    changed = _with_names(measurement, exchanged)
+    registration = misfit(measurement)[1]
+    squares = [
+        np.sum(residuals(each, no_errors(each.machine), registration) ** 2, axis=1) for each in (measurement, changed)
+    ]
+    gains, pair = np.cumsum(squares[0] - squares[1]), np.isin(target, (one, other))
+    rows, total = np.arange(len(target)), int(pair.sum())
+    for part, words in (
+        (rows <= np.argmax(gains), f"up to {measurement.where(int(np.argmax(gains)))}"),
+        (rows > np.argmin(gains), f"behind {measurement.where(int(np.argmin(gains)))}"),
+    ):
+        # almost none and almost all are other mistakes
+        if SOME * total < np.count_nonzero(pair & part) < (1.0 - SOME) * total:
+            other_names = _with_names(measurement, np.where(part, exchanged, target))
+            yield Alternative("targets", f"with targets {one} and {other} exchanged {words}", other_names)
 
 
 def misplaced(measurement: Measurement) -> Iterator[Alternative]:
@@ -210,3 +239,8 @@ def _with_positions(measurement: Measurement, positions: Array) -> Measurement:
 
 def _with_targets(measurement: Measurement, changed: dict[str, Target]) -> Measurement:
     return replace(measurement, targets={**measurement.targets, **changed})
+
+
+def _with_names(measurement: Measurement, target: np.ndarray) -> Measurement:
+    """The measurement with other names of targets by row."""
+    return replace(measurement, state=replace(measurement.state, target=target))
