@@ -15,6 +15,7 @@ from calibration.diagnosis.search.candidates import Candidate, changes, library
 from calibration.diagnosis.search.causes import causes, jumps
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Accepted, evaluate, siblings
+from calibration.diagnosis.verdict import below_spacing
 from calibration.measurement.instruments import Part
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.simulation.simulate import observe, tracker_pose
@@ -160,6 +161,16 @@ def test_wobble_and_racking_are_changes_of_a_calibrated_machine():
     assert ("racking", "X") in kinds(machines.load("gantry"))
     assert not {kind for kind, _ in kinds(CFRAME)} & {"racking", "wobble"}
     assert {axis for kind, axis in kinds(machines.load("dmu50")) if kind == "wobble"} == {"B", "C"}
+
+
+def test_an_error_between_the_signals_of_an_encoder_is_listed_as_not_visible():
+    coarse = list(below_spacing(data_with(n=40)))
+    assert [entry.name for entry in coarse] == [f"sub-divisional error of the encoder of {axis}" for axis in "XYZ"]
+    assert all("cannot be seen from these positions" in entry.remedy for entry in coarse)
+    assert coarse[0].remedy.endswith("looks like noise in X")
+    x = np.column_stack([np.arange(300) * 0.002, np.zeros(300), np.zeros(300)])
+    fine = measured(CFRAME, x, ONE, no_errors(CFRAME), np.random.default_rng(1))
+    assert not list(below_spacing(fine))
 
 
 def test_a_jump_needs_the_stations_of_a_tracker():

@@ -28,7 +28,16 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Accepted, Evaluated, Search, Selector, Stage, evaluate
 from calibration.diagnosis.search.start_model import Base, base_of
 from calibration.diagnosis.updated_model import new_calibration
-from calibration.diagnosis.verdict import Named, NotVisible, in_terms_of, named, not_visible, outliers, smallest_sizes
+from calibration.diagnosis.verdict import (
+    Named,
+    NotVisible,
+    below_spacing,
+    in_terms_of,
+    named,
+    not_visible,
+    outliers,
+    smallest_sizes,
+)
 from calibration.fit.acceptance import disagreement, refuse_few, relative_deviations, significant_share
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.measurement.instruments import LaserTracker
@@ -262,7 +271,7 @@ def diagnose(
         tuple(tests_after),
         tuple(causes),
         after.linearised.squares / in_terms_of(bare, after.linearised),
-        tuple(not_visible(evaluated)),
+        (*not_visible(evaluated), *below_spacing(selector.measurement)),
         tuple(untested),
         identifiability(after.fit) if after.fit.prior.ndim == 1 else None,
         dependence,

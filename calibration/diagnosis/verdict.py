@@ -13,8 +13,10 @@ from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, contract_k
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import saw_uncertainty
 from calibration.diagnosis.search.selection import SEEN, WORTH, Accepted, Evaluated, Sibling, Stage
-from calibration.diagnosis.search.spectra import aliases
+from calibration.diagnosis.search.spectra import aliases, resolved
 from calibration.fit.fit import Fit
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import moving_axes
 from kinematics.effects import Backlash, Cyclic, Effect, Outliers, QuantisedCompensation, Settling, Unnamed
 
 Verdict = Literal["strong", "tied", "weak"]
@@ -24,6 +26,8 @@ EVEN = 5.0
 """Logarithm of the odds below which two causes are tied: 150 to 1."""
 CLEAR = 2.0
 """Standard errors of the held-out gain, and multiples of the required delta-BIC, of a strong verdict."""
+SIGNAL = 0.02
+"""Signal period of a linear encoder, mm: glass scales have 4 to 40 um."""
 REMEDIES = {
     "backlash": "positions approached from both sides, in an order in which neither side comes later",
     "settling": "moves of different lengths to the same positions, and dwell times",
@@ -207,6 +211,22 @@ def not_visible(evaluated: Sequence[Evaluated]) -> list[NotVisible]:
     ]
 
 
+def below_spacing(measurement: Measurement) -> Iterator[NotVisible]:
+    """Sub-divisional errors of encoders: cyclic, with a period that the positions of an axis do not resolve."""
+    for axis, (low, high) in moving_axes(measurement).items():
+        if axis[0] in "ABC":
+            continue
+        shortest = (high - low) / resolved(measurement.state.position(measurement.machine, axis), high - low)
+        if shortest > SIGNAL:
+            yield NotVisible(
+                f"sub-divisional error of the encoder of {axis}",
+                0.0,
+                f"positions in steps of a few um along {axis}, over some signal periods of its encoder: it cannot be "
+                f"seen from these positions, which resolve no period below {shortest:.2g} mm, and looks like noise in "
+                f"{axis}",
+            )
+
+
 def smallest_sizes(evaluated: Sequence[Evaluated], scalars: int) -> Iterator[tuple[str, float, str]]:
     """Name, size and unit of the smallest effect of one parameter that these data would show."""
     seen = set()
@@ -284,6 +304,7 @@ __all__ = [
     "Alternative",
     "Named",
     "NotVisible",
+    "below_spacing",
     "contract_kind",
     "named",
     "not_visible",
