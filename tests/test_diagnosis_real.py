@@ -32,6 +32,22 @@ def test_the_slit_axis_repeats_with_its_gear(command, slit_log):
     assert max(found["after"]["rms_um"], found["after"]["heldout_rms_um"]) < 0.5
 
 
+def test_iso_230_2_runs_have_a_node_at_each_target(command, ecmc_report):
+    """9 targets: 8 nodes left 5.0 um, a constant backlash beside 9 nodes 3.3; the reversal differs along the axis."""
+    example = ("--machine", ROOT / "examples" / "single_axis.toml", "--header", "u_um=0.5")
+    found = diagnosed(command, ecmc_report, *example)
+    assert found["accepted"]
+    assert [(each["kind"], each["verdict"]) for each in found["effects"]] == [("reversal", "strong")]
+    assert found["after"]["rms_um"] <= 2.0
+    assert found["after"]["heldout_rms_um"] <= 4.0
+    done = command("fit", ecmc_report, *example, "-o", "fit.json", "--json", "-")
+    assert done.status == 0, done.err
+    fitted = json.loads(done.out)
+    assert fitted["before"]["rms_um"] > 32.0
+    assert fitted["after"]["rms_um"] < 3.4
+    assert fitted["after"]["heldout_rms_um"] <= 4.0
+
+
 @pytest.mark.parametrize("plate", quick(["D1396A1", "D1597A_2003", "D8131_1"], ["D1396A1"]))
 def test_no_pitch_error_and_no_backlash_is_claimed_of_the_plates(command, plates, plate):
     found = diagnosed(command, plates / plate, "--machine", "gantry", "--header", "u_um=2.3")

@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration.fit.fit import Progress
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import BasisChoice, distinct_positions, moving_axes
+from calibration.observation.full_model import TARGETS, BasisChoice, distinct_positions, moving_axes, repeated_targets
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -29,6 +29,7 @@ SIZES: Mapping[str, tuple[int, ...]] = {
     "legendre": (1, 2, 3, 4, 5, 6, 8, 10, 12, 16),
     "polynomial": (1, 2, 3, 4, 5, 6, 8),
     "fourier": (1, 2, 3, 4, 6, 8, 12, 16),
+    TARGETS: (),
 }
 PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0)
 """Sizes of the errors that are tried, as multiples of the typical sizes."""
@@ -39,6 +40,8 @@ START = 1
 """Index of the size at which the search begins: coarse, because the search ends at the first local maximum."""
 FINEST = 48
 """Largest number of parameters of a linear axis."""
+AT_TARGETS = 2
+"""Largest number of nodes at repeated targets, as a multiple of the finest basis."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,8 @@ class Choice:
         if part == PRIOR:
             return [replace(self, prior_scale=scale) for scale in PRIOR_SCALES]
         kind = self.bases[part].kind
+        if kind == TARGETS:
+            return [self]
         sizes = [BasisChoice(kind, size) for size in SIZES[kind]]
         few = [basis for basis in sizes if basis.over((0.0, 1.0)).size <= most[part]]
         return [replace(self, bases={**self.bases, part: basis}) for basis in few or sizes[:1]]
@@ -78,6 +83,8 @@ class Search:
     """None where the evidence decides."""
     most: Mapping[str, int]
     """Largest number of parameters of each axis."""
+    targets: Mapping[str, int]
+    """Number of targets of the axes that have a node at each target."""
 
     @classmethod
     def of(
@@ -90,14 +97,19 @@ class Search:
     ) -> Search:
         """The search for a measurement: no axis gets more parameters than it has positions in the data.
 
-        No linear axis gets more than `finest`. UserError for an unknown kind.
+        No linear axis gets more than `finest`, but an axis with at most AT_TARGETS times as many targets, which runs
+        visit again and again, gets a node at each: repeats determine it there, and it imitates nothing that depends on
+        direction, time or run. UserError for an unknown kind.
         """
-        unknown = [kind for kind in kinds if kind not in SIZES]
+        unknown = [kind for kind in kinds if not SIZES.get(kind)]
         if unknown:
-            raise UserError(f"basis auto:{unknown[0]}: the kind is unknown; known kinds are ({', '.join(SIZES)})")
+            known = ", ".join(kind for kind, sizes in SIZES.items() if sizes)
+            raise UserError(f"basis auto:{unknown[0]}: the kind is unknown; known kinds are ({known})")
         most = {axis: distinct_positions(measurement, axis) for axis in moving_axes(measurement)}
         few = {axis: number if axis[0] in "ABC" else min(number, finest) for axis, number in most.items()}
-        return cls(kinds, rotary_kind, prior_scale, few)
+        targets = {axis: len(repeated_targets(measurement, axis)) for axis in most}
+        targets = {axis: number for axis, number in targets.items() if 0 < number <= AT_TARGETS * finest}
+        return cls(kinds, rotary_kind, prior_scale, few, targets)
 
     @property
     def parts(self) -> list[str]:
@@ -107,7 +119,9 @@ class Search:
     def start(self, kind: str) -> Choice:
         """The choice at which the search begins."""
         own = {axis: self.rotary_kind if self.rotary_kind and axis[0] in "ABC" else kind for axis in self.most}
-        start = Choice({axis: BasisChoice(of, SIZES[of][0]) for axis, of in own.items()}, self.prior_scale or 1.0)
+        bases = {axis: BasisChoice(of, SIZES[of][0]) for axis, of in own.items()}
+        bases |= {axis: BasisChoice(TARGETS, number) for axis, number in self.targets.items()}
+        start = Choice(bases, self.prior_scale or 1.0)
         for axis in self.most:
             start = start.variants(axis, self.most)[: START + 1][-1]
         return start

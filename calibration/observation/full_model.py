@@ -21,7 +21,11 @@ from kinematics.user_error import UserError
 
 STANDSTILL = 1e-6
 """Range, mm or degrees, up to which an axis does not move."""
-_KINDS = "b-spline:N, cubic:N (nodes), legendre:N, polynomial:N (degree), fourier:N (harmonics)"
+TARGETS = "targets"
+"""Kind of basis with a node at each target of an interferometer's runs."""
+REPEATED = 3
+"""Least mean number of readings of a target in repeated runs."""
+_KINDS = "b-spline:N, cubic:N (nodes), legendre:N, polynomial:N (degree), fourier:N (harmonics), targets:N (nodes)"
 
 
 @dataclass(frozen=True)
@@ -29,9 +33,9 @@ class BasisChoice:
     """Basis of the error motions of an axis, without its interval."""
 
     kind: str
-    """b-spline (degree 1, an interpolated table), cubic, legendre, polynomial or fourier."""
+    """b-spline (degree 1, an interpolated table), cubic, legendre, polynomial, fourier or targets."""
     size: int
-    """Nodes, degree, or harmonics."""
+    """Nodes, degree, harmonics, or number of targets."""
 
     def __str__(self) -> str:
         return f"{self.kind}:{self.size}"
@@ -39,9 +43,9 @@ class BasisChoice:
     def over(self, interval: Interval, *, closed: bool = False) -> Basis:
         """The basis over an interval, mm or degrees; closed: the interval is a whole turn, where the errors repeat."""
         match self.kind:
-            case "b-spline" | "cubic":
+            case "b-spline" | "cubic" | "targets":
                 nodes = np.linspace(*interval, self.size).tolist()
-                return BSpline(tuple(nodes), 1 if self.kind == "b-spline" else 3)
+                return BSpline(tuple(nodes), 3 if self.kind == "cubic" else 1)
             case "legendre":
                 return Legendre(interval, self.size)
             case "polynomial":
@@ -55,11 +59,11 @@ class BasisChoice:
 
 def parse_basis(text: str) -> BasisChoice:
     """A choice such as `b-spline:12` or `legendre:5`; UserError, with the known kinds, for any other text."""
-    found = re.fullmatch(r"(b-spline|cubic|legendre|polynomial|fourier):(\d+)", text.strip())
+    found = re.fullmatch(r"(b-spline|cubic|legendre|polynomial|fourier|targets):(\d+)", text.strip())
     if not found:
         raise UserError(f"basis {text!r} is none of {_KINDS}")
     choice = BasisChoice(found[1], int(found[2]))
-    least = 2 if choice.kind in ("b-spline", "cubic") else 0
+    least = 2 if choice.kind in ("b-spline", "cubic", TARGETS) else 0
     if not least <= choice.size <= (1000 if least else 50):
         raise UserError(f"basis {text!r}: the number is out of range")
     return choice
@@ -115,6 +119,8 @@ def axis_effects(measurement: Measurement, axis: str, choice: BasisChoice) -> li
     """
     arc, own = moving_axes(measurement)[axis], measurement.machine.axes[measurement.machine.index(axis)]
     basis = choice.over(arc, closed=own.turns_fully and not gap_of(arc))
+    if choice.kind == TARGETS:
+        basis = _at_targets(measurement, axis, choice)
     zero = (0.0,) * basis.size
     if isinstance(measurement.instrument, Interferometer):
         motions = [
@@ -122,6 +128,15 @@ def axis_effects(measurement: Measurement, axis: str, choice: BasisChoice) -> li
         ]
         return [*motions, Backlash(axis, 0.0)]
     return [ErrorMotion(component, axis, basis, zero, u=zero) for component in get_args(Component)]
+
+
+def _at_targets(measurement: Measurement, axis: str, choice: BasisChoice) -> Basis:
+    """The table with a node at each target; UserError where the runs do not have so many targets."""
+    nodes = repeated_targets(measurement, axis)
+    if len(nodes) != choice.size:
+        found = f"{len(nodes)} targets" if nodes else "no repeated targets"
+        raise UserError(f"basis {choice} of {axis}: the runs of an interferometer have {found} of this axis")
+    return BSpline(tuple(nodes), 1)
 
 
 def observed_components(measurement: Measurement, axis: str) -> list[Component]:
@@ -141,6 +156,20 @@ def with_effects(
     prior = priors(model)
     prior[: len(rigid.parameters)] *= prior_scale
     return model, prior
+
+
+def repeated_targets(measurement: Measurement, axis: str) -> list[float]:
+    """Target positions of an axis, mm or degrees, that the runs of an interferometer visit again and again; else empty.
+
+    They are as many as REPEATED allows, as in a test by ISO 230-2. Empty also for an axis that turns fully: its errors
+    repeat with the turn.
+    """
+    if measurement.axis is None or measurement.machine.axes[measurement.machine.index(axis)].turns_fully:
+        return []
+    rows = np.equal(measurement.axis, axis)
+    position = np.round(measurement.state.position(measurement.machine, axis)[rows], 3)
+    targets, visits = np.unique(position, return_counts=True)
+    return targets.tolist() if 2 < len(targets) * REPEATED <= len(position) and visits.min() > 1 else []
 
 
 def distinct_positions(measurement: Measurement, axis: str) -> int:

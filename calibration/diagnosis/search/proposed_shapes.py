@@ -22,7 +22,7 @@ from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
 from calibration.diagnosis.search.sawtooth import likeliest, refined, teeth
 from calibration.diagnosis.search.sensitivity import Sensitivity
 from calibration.diagnosis.search.spectra import finest, peaks, resolved, strengths
-from calibration.observation.full_model import distinct_positions, moving_axes, observed_components
+from calibration.observation.full_model import distinct_positions, moving_axes, observed_components, repeated_targets
 from kinematics.basis import BSpline
 from kinematics.effects import (
     Component,
@@ -31,6 +31,7 @@ from kinematics.effects import (
     GrowthWithDuty,
     GrowthWithSensor,
     GrowthWithTime,
+    Reversal,
 )
 from kinematics.effects.base import own_component, unit_of
 from kinematics.transforms import Array
@@ -62,6 +63,7 @@ def events(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[
     some = linearised.thinned(SCANNED)
     yield from breaks(some)
     yield from fixed_points(some, library)
+    yield from reversals(some)
 
 
 def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -205,6 +207,15 @@ def fixed_points(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> 
                 if 2 * low - high < point < 2 * high - low:
                     moved = msgspec.structs.replace(effect, fixed_point=float(np.round(point, 1)))
                     yield Candidate(moved, candidate.shapes + 1, candidate.trials)
+
+
+def reversals(linearised: LinearisedFit) -> Iterator[Candidate]:
+    """A difference between forward and backward of each error motion with a node at each target of repeated runs."""
+    measurement = linearised.measurement
+    for motion in linearised.fit.model.effects:
+        if isinstance(motion, ErrorMotion) and repeated_targets(measurement, motion.axis):
+            zero = (0.0,) * motion.basis.size
+            yield Candidate(Reversal(motion.component, motion.axis, motion.basis, zero))
 
 
 def breaks(linearised: LinearisedFit) -> Iterator[Candidate]:

@@ -18,13 +18,13 @@ from scipy.linalg import block_diag
 
 from calibration.diagnosis.search.candidates import Candidate, at_zero
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.fit.basis_search import AUTOMATIC_KINDS, ROTARY_KIND, Choice
+from calibration.fit.basis_search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.basis_selection import choose
 from calibration.fit.fit import Fit, Progress, fit
 from calibration.fit.noise import with_estimated_noise
 from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes, priors, with_effects
+from calibration.observation.full_model import TARGETS, moving_axes, priors, with_effects
 from calibration.observation.outliers import Variance
 from kinematics.effects import Backlash, Effect, ErrorMotion, LocationError, QuantisedCompensation, UnknownApproach
 from kinematics.error_model.model import ErrorModel
@@ -58,7 +58,9 @@ class Base:
     @property
     def fine(self) -> bool:
         """True where it may imitate a cause, so that its residuals may not show the cause."""
-        return self.choice is not None and any(basis.size > COARSE for basis in self.choice.bases.values())
+        return self.choice is not None and any(
+            basis.size > COARSE * (AT_TARGETS if basis.kind == TARGETS else 1) for basis in self.choice.bases.values()
+        )
 
     def coarser(self, measurement: Measurement, progress: Progress) -> Base:
         """The base for the search for causes, too coarse to imitate one with an error motion."""
