@@ -175,6 +175,8 @@ def test_a_page_says_how_what_has_no_name_depends_on_each_variable():
     assert set(found.unexplained.variables) == {"X", "time"}
     assert 0.0 < found.unexplained_um < found.after.fit.rms_um
     assert {one.variable for one in found.one_by_one} >= {"X", "Y", "Z"}
+    assert "recurs with the position or with the time" in found.next_measurement
+    assert found.conclusion.condition == "depends"
     page = page_of(diagnosis_report(found, "ncomp diagnose data.csv --machine cframe")).decode()
     assert "Benjamini and Hochberg" in page
     for one in found.one_by_one:

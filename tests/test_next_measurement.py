@@ -14,6 +14,8 @@ from calibration.diagnosis.next.follow_up import MOST_ROWS
 from calibration.diagnosis.next.predicted_information import PredictedInformation
 from calibration.diagnosis.next.proposals import follow_up_designs
 from calibration.diagnosis.next.ranking import SURE, Question, Signal
+from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
+from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.search.linearised_fit import LinearisedFit, signals
 from calibration.diagnosis.search.selection import SEEN
 from calibration.diagnosis.search.start_model import base_of
@@ -271,6 +273,30 @@ def test_only_designs_in_which_two_causes_are_not_parallel_separate_them(case):
     assert all(found[name] == 0.0 for name in (set(found) - parting if staying == EVERYTHING else staying))
 
 
+@pytest.mark.parametrize(
+    ("design", "parts"), [("retrace", True), ("shuffled", True), ("other side", False), ("bar", False)]
+)
+def test_another_order_shows_whether_a_dependence_recurs_with_the_position_or_with_the_time(design, parts):
+    linearised = frame_of(seen(swept()))
+    shape = 2.0 * np.sin(np.arange(180) / 7.0)[:, None] * np.ones(3)
+    unexplained = UnexplainedShape(linearised, Unexplained(("X", "time"), (0.3, 0.3), 0.005, 2.0, shape))
+    predicted = PredictedInformation(linearised, [], unexplained)
+    now = predicted.now
+    both = Signal(0, np.ones(1), beside=1), Signal(1, np.ones(1), beside=0)
+    open_question = Question("unexplained", "it", "", both)
+    assert open_question.power(now, now) == 0.0
+    power = open_question.power(predicted.after(now, planned(linearised, design)), now)
+    assert power > 0.99 if parts else power == 0.0
+
+
+def test_a_retrace_meets_the_positions_backwards_and_the_times_forwards():
+    linearised = frame_of(seen(swept()))
+    shape = np.random.default_rng(1).normal(size=(180, 3))
+    unexplained = UnexplainedShape(linearised, Unexplained(("X",), (0.3,), 0.005, 1.0, shape))
+    by_position, by_time = unexplained.after(planned(linearised, "retrace"), np.tile(np.eye(3), (180, 1, 1))).T
+    assert by_position.reshape(180, 3)[::-1] == pytest.approx(by_time.reshape(180, 3))
+
+
 # ---- what is asked for
 
 
@@ -324,6 +350,34 @@ def test_moves_of_other_lengths_make_backlash_sure(backlash_or_settling):
     found, data = backlash_or_settling, seen(to_and_fro(), BACKLASH)
     again = diagnose(together(data, planned(found.after.linearised, "move lengths"), BACKLASH))
     assert ("backlash", "X", "strong") in [(cause.kind, cause.axis, cause.verdict) for cause in again.causes]
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize(
+    ("truth", "q", "seed", "design", "parts"),
+    [
+        (DRIFT, shuffled, 1, "retrace", False),
+        (DRIFT, shuffled, 1, "shuffled", False),
+        (DRIFT, shuffled, 1, "second station across the volume", False),
+        (DRIFT, shuffled, 1, "many fixed references", True),
+        (BACKLASH, to_and_fro, 2, "retrace", False),
+        (BACKLASH, to_and_fro, 2, "second station across the volume", False),
+        (BACKLASH, to_and_fro, 2, "shuffled", True),
+        (BACKLASH, to_and_fro, 2, "other side", True),
+    ],
+)
+def test_a_tie_is_parted_by_the_designs_that_are_said_to_part_it_and_by_no_others(truth, q, seed, design, parts):
+    data = seen(q(), truth, seed=seed)
+    found = diagnose(data)
+    assert "tied" in {cause.verdict for cause in found.causes}
+    said = {move.name for move in found.proposed_measurements if "separates" in move.text and move.minutes}
+    assert (design in said) == parts
+    again = diagnose(together(data, planned(found.after.linearised, design), truth))
+    verdicts = {cause.effect.name: cause.verdict for cause in again.causes}
+    if parts:
+        assert verdicts[truth.name] == "strong"
+    else:
+        assert "tied" in verdicts.values()
 
 
 def test_where_nothing_is_in_doubt_nothing_is_asked_for():
