@@ -42,6 +42,10 @@ class Report:
     sections: Sequence[Section]
     verdict: str = ""
     """The result in a few sentences; each line is a paragraph."""
+    refusal: str = ""
+    """Sentence above everything else: the reason why a result is not written."""
+    before: Sequence[Section] = ()
+    """Sections that do not depend on the result, before the verdict."""
 
 
 def facts(title: str, rows: Sequence[Sequence[str]]) -> Section:

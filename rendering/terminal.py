@@ -24,6 +24,10 @@ NAME = 13
 
 def show(report: Report, to: Console) -> None:
     """Show a report."""
+    if report.refusal:
+        to.print(report.refusal, style="bold")
+    for section in report.before:
+        _show(section, to)
     for line in report.verdict.splitlines():
         to.print(line, style="bold")
     for section in report.sections:

@@ -17,6 +17,7 @@ from support.virtual_measurements import THREE, TRACKER, measured, pose_of, posi
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.separability import Separability
 from calibration.fit.fit import fit
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation import equations
@@ -24,6 +25,7 @@ from calibration.reports.cause_figures import cause_figure
 from calibration.reports.cause_text import in_full, quantity_name, with_uncertainty
 from calibration.reports.cause_views import VIEWS, views
 from calibration.reports.diagnosis import diagnosis_json, diagnosis_report
+from calibration.reports.separability import separability_section
 from kinematics.effects import (
     EFFECTS,
     Backlash,
@@ -194,6 +196,34 @@ def test_the_terminal_holds_whole_names_in_100_columns_without_colours(several):
     assert "…" not in said
     for cause in several.causes:
         assert any(re.match(rf" \d+ +{re.escape(cause.effect.name)} ", line) for line in table)
+
+
+def test_the_design_stands_before_the_result_and_a_refusal_before_all(several):
+    assert {each["verdict"] for each in diagnosis_json(several)["design"]} <= {"visible", "tied", "not visible"}
+    report = diagnosis_report(replace(several, reason="it predicts worse"), "ncomp diagnose")
+    out = io.StringIO()
+    show(report, Console(file=out, highlight=False, markup=False, soft_wrap=True))
+    for said in (out.getvalue(), page_of(report).decode()):
+        order = [
+            said.index(text) for text in ("NOT WRITTEN: it", "What this design can show", "Missing in the", "chi2/dof")
+        ]
+        assert order == sorted(order)
+    (section,) = report.before
+    assert section.table is not None
+    assert [row[0] for row in section.table.rows][:2] == ["backlash", "settling"]
+    tied = next(row for row in section.table.rows if row[0] == "thermal-drift")
+    assert "Z: tracker-drift (1.00)" in tied[2]
+
+
+def test_a_cell_lists_a_family_in_short():
+    each = [Separability("cross-axis", f"E_X{i}", "visible", 0.5, (), "") for i in range(5)]
+    (row,) = separability_section(each).table.rows
+    assert row == ("cross-axis", "all 5", "", "")
+    (row,) = separability_section([*each, each[0]._replace(verdict="not visible")]).table.rows
+    assert row == ("cross-axis", "E_X0, E_X1, E_X2, 2 more", "", "E_X0")
+    alone = Separability("tracker-drift", "tracker-drift", "tied", 0.5, (("thermal-drift Y", 0.91),), "")
+    (row,) = separability_section([alone]).table.rows
+    assert row == ("tracker-drift", "", "yes: thermal-drift Y (0.91)", "")
 
 
 def test_shares_are_of_the_same_noise_where_it_is_estimated(several):

@@ -27,6 +27,7 @@ from calibration.diagnosis.search.candidates import Candidate, Untested, changes
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Accepted, Evaluated, Search, Selector, Stage, evaluate
 from calibration.diagnosis.search.start_model import Base, base_of
+from calibration.diagnosis.separability import Separability, separability
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import (
     Named,
@@ -100,6 +101,8 @@ class Diagnosis:
     """Proposed measurements: first for an unexplained dependence, then by predicted information per minute."""
     acceptance: Acceptance
     """Comparison with no correction and with the present model on held-out blocks."""
+    design: tuple[Separability, ...]
+    """Causes that the design of these data can show and separate, without the readings."""
 
     @property
     def reason(self) -> str:
@@ -281,6 +284,7 @@ def diagnose(
         volume(before, after),
         tuple(proposed_measurements(found.stage, causes, dependence)),
         acceptance,
+        tuple(separability(before.linearised, candidates)),
     )
 
 

@@ -17,6 +17,7 @@ from calibration.reports.cause_figures import cause_figure
 from calibration.reports.cause_views import views
 from calibration.reports.fit import acceptance, held_out_json, insignificant
 from calibration.reports.residual_figures import against_noise, before_and_after, share_chart, unexplained_shape
+from calibration.reports.separability import separability_json, separability_section
 from kinematics.effects import CrossAxis
 from rendering.report import Report, Section, Table, facts, shortened
 
@@ -90,6 +91,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "disagreeing_share": float(fit.disagreeing[~fit.copies].mean()),
         "significant_share": found.significant_share,
         "calibration": found.model.id,
+        "design": separability_json(found.design),
     }
 
 
@@ -156,13 +158,9 @@ def diagnosis_report(found: Diagnosis, command: str) -> Report:
     """The diagnosis for people; `command`: the command that made it."""
     title = f"Diagnosis of {found.measurement.machine.name}"
     lead = f"{found.measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
-    verdict = [
-        *acceptance(found.acceptance),
-        *_confirmed(found),
-        *insignificant(found.significant_share),
-        _verdict(found),
-    ]
-    return Report(title, lead, list(_sections(found)), "\n".join(verdict))
+    verdict = [*_confirmed(found), *insignificant(found.significant_share), _verdict(found)]
+    refusal, design = "\n".join(acceptance(found.acceptance)), [separability_section(found.design)]
+    return Report(title, lead, list(_sections(found)), "\n".join(verdict), refusal, design)
 
 
 def _verdict(found: Diagnosis) -> str:
