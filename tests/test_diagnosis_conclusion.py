@@ -80,7 +80,7 @@ def test_no_sentence_contradicts_a_figure():
     ("figures", "missing", "advice"),
     [
         ({}, "Nothing is missing that these data can show", "No further measurement is needed"),
-        ({"reason": "worse"}, "Nothing is missing that these data can show", "No calibration is written"),
+        ({"reason": "worse"}, "Nothing is missing that these data can show", "reason against the new calibration"),
         ({"significant": (IN_TIME,)}, "not noise (along time: p = 5e-46)", "Measure the same positions again"),
         ({"significant": (TOO_LARGE,)}, "larger than the specified noise (size (chi2): p = 1e-140)", "several times"),
         ({"degrees_of_freedom": 3.0}, "too few data", "Measure more positions"),

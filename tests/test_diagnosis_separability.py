@@ -23,7 +23,7 @@ def found():
 
 
 def test_each_cause_of_the_library_has_one_of_three_verdicts(found):
-    assert found["backlash X"].verdict == "visible"
+    assert found["settling X"].verdict == "visible"
     assert (found["thermal-drift Z"].verdict, found["thermal-drift Z"].tied_with[0][0]) == ("tied", "tracker-drift")
     assert found["thermal-drift Z"].tied_with[0][1] == pytest.approx(1.0, abs=1e-6)
     assert found["air-scale"].verdict == "not visible"

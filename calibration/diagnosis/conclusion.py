@@ -39,7 +39,7 @@ class Conclusion:
     added: bool
     """True where this dependence was added to the model as an unnamed effect."""
     reason: str
-    """Reason why the new calibration must not be used; empty if it may."""
+    """Reason against the new calibration; empty without one."""
     failed: tuple[str, ...]
     """Runs or set-ups that were not used."""
     chi2_reduced: float
@@ -155,7 +155,7 @@ class Conclusion:
         if self.condition == "untested":
             yield f"Measure more positions: {self._freedom} are too few for a test of the residuals."
         if self.reason:
-            yield "No calibration is written: follow the advice beside the reason, at the head."
+            yield "There is a reason against the new calibration: follow the advice beside it, at the head."
         if self.condition == "too large":
             yield (
                 "Measure some positions again several times: this shows whether the instrument is noisier than "

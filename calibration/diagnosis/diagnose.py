@@ -182,7 +182,7 @@ class Diagnosis:
             if left is None
             else f"{self.unexplained_um:.2f} um depend on {', '.join(left.variables)} (p = {left.p_value:.2g})",
             self.with_unnamed,
-            self.reason,
+            self.acceptance.objection,
             fit.failed,
             fit.chi2_reduced,
             fit.variance_factor == 1.0,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from calibration.diagnosis.separability import Separability
@@ -11,8 +11,9 @@ from rendering.report import Section, Table
 LISTED = 4
 """Most causes of a family that one cell lists."""
 TEXT = (
-    "By the positions, their order and the set-up alone, without the readings. Only together with: these data cannot "
-    "separate the two (in brackets: cosine). Not visible: model and registration imitate at least 95 % of the signal."
+    "By the positions, their order and the set-up alone, without the readings. Only together with: the other cause has "
+    "nearly the same signal (in brackets: cosine); these data separate the two only if they are large, and never at "
+    "1.00. Not visible: model and registration imitate at least 95 % of the signal."
 )
 
 
@@ -21,11 +22,12 @@ def separability_section(design: Sequence[Separability]) -> Section:
     families: dict[str, list[Separability]] = {}
     for each in design:
         families.setdefault(each.kind, []).append(each)
+    kinds = {each.name: each.kind for each in design}
     rows = [
         (
             kind,
             _listed([_place(each) for each in family if each.verdict == "visible"], len(family)),
-            _listed([_tie(each) for each in family if each.verdict == "tied"], 0, "\n"),
+            "\n".join(_ties(family, kinds)),
             _listed([_place(each) for each in family if each.verdict == "not visible"], len(family)),
         )
         for kind, family in families.items()
@@ -54,15 +56,21 @@ def _place(each: Separability) -> str:
     return each.name.removeprefix(each.kind).strip() or "yes"
 
 
-def _tie(each: Separability) -> str:
-    (other, cosine), *more = each.tied_with
-    return f"{_place(each)}: {other} ({cosine:.2f})" + (f" and {len(more)} more" if more else "")
+def _ties(family: Sequence[Separability], kinds: Mapping[str, str]) -> Iterator[str]:
+    """Causes of a family with the family of the most similar other cause, and the largest cosine."""
+    tied: dict[str, list[Separability]] = {}
+    for each in family:
+        if each.verdict == "tied":
+            tied.setdefault(kinds[each.tied_with[0][0]], []).append(each)
+    for other, some in tied.items():
+        cosine = max(each.tied_with[0][1] for each in some)
+        yield f"{_listed([_place(each) for each in some], len(family))}: {other} ({cosine:.2f})"
 
 
-def _listed(texts: Sequence[str], whole: int, between: str = ", ") -> str:
+def _listed(texts: Sequence[str], whole: int) -> str:
     """The causes of a cell; `all 12` for a whole family, and the number of those that are not listed."""
-    if whole and len(texts) == whole > LISTED:
+    if len(texts) == whole > LISTED:
         return f"all {whole}"
     if len(texts) > LISTED:
         texts = [*texts[: LISTED - 1], f"{len(texts) - LISTED + 1} more"]
-    return between.join(texts)
+    return ", ".join(texts)
