@@ -52,7 +52,8 @@ class Acceptance:
         else:
             present = None if after is before else _compared(after, _held_out(before))
         too_many = disagreement(after.fit)
-        confirmed = updated and not after.accepted and present is not None and not present.gains.better
+        causes = [each for each in after.accepted if each.candidate.effect.ACTS_ON != "instrument"]
+        confirmed = updated and not causes and present is not None and not present.gains.better
         against = _against_present(present, updated=updated) if not confirmed else ""
         reason = against or ("" if confirmed else reason_against(after.fit, nominal, none))
         if confirmed and none is not None and none.gains.worse:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -54,7 +55,7 @@ class Figures(NamedTuple):
 def figures(stage: Stage, kept: np.ndarray) -> Figures:
     """Residuals of a stage at the rows of a mask `(n,)`."""
     fit, held, rows = stage.fit, stage.linearised.cross_validation, stage.linearised.rows
-    some = fit.measurement.rows(np.flatnonzero(kept))
+    some = replace(fit.measurement, noise=None).rows(np.flatnonzero(kept))
     micro = fit.residual[kept] * some.per_micro
     chi2 = float(np.sum(whitened(whiteners(some), fit.residual[kept]) ** 2))
     predicted = held.residual_um[held.counted & kept[rows]]

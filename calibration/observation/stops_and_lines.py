@@ -218,8 +218,10 @@ def _regions(positions: Array, most: int) -> np.ndarray:
     while shares.size and 2 * (before := labels.max() + 1) <= most:
         for label in range(before):
             rows = np.flatnonzero(labels == label)
-            widest = int(np.argmax(np.ptp(shares[rows], axis=0)))
-            upper = rows[shares[rows, widest] > np.median(np.unique(shares[rows, widest]))]
+            widest = shares[rows, int(np.argmax(np.ptp(shares[rows], axis=0)))]
+            # a value that most rows have is their median
+            middle = next((m for m in map(np.median, (widest, np.unique(widest))) if (widest > m).any()), np.inf)
+            upper = rows[widest > middle]
             if len(upper):
                 labels[upper] = labels.max() + 1
         if labels.max() + 1 == before:  # fewer positions than regions
