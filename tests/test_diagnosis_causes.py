@@ -11,13 +11,16 @@ from support.virtual_measurements import ONE, THREE, TRACKER, measured, position
 
 import machines
 from calibration.diagnosis.search import proposed_shapes
-from calibration.diagnosis.search.candidates import Candidate, changes, library
+from calibration.diagnosis.search.candidates import Candidate, at_zero, changes, library
 from calibration.diagnosis.search.causes import causes, jumps
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Accepted, evaluate, siblings
-from calibration.diagnosis.verdict import below_spacing
+from calibration.diagnosis.search.start_model import Base
+from calibration.diagnosis.updated_model import new_calibration
+from calibration.diagnosis.verdict import Named, below_spacing
 from calibration.measurement.instruments import Part
 from calibration.observation.full_model import BasisChoice, rigid_model
+from calibration.reports.cause_text import title
 from calibration.simulation.simulate import observe, tracker_pose
 from kinematics.basis import Legendre
 from kinematics.effects import (
@@ -196,3 +199,32 @@ def test_errors_of_a_measuring_machine_are_tried_on_a_part_in_two_positions():
     assert evaluated[0].candidate.cause == Candidate(effect).cause
     alone = data.rows(np.arange(0, 60, 2))
     assert not any(cause.effect.kind.startswith("cmm") for cause in causes(alone))
+
+
+@pytest.mark.parametrize(
+    ("effect", "expected"),
+    [
+        (LocationJump("X", "X", 1.0, 9.0), "location-jump E_X0X (zero of X)"),
+        (LocationJump("C", "Y", 1.0, 9.0), "location-jump E_C0Y (squareness of Y)"),
+        (LocationJump("C", "C", 1.0, 9.0), "location-jump E_C0C (zero of C)"),
+        (LocationJump("X", "C", 1.0, 9.0), "location-jump E_X0C (line of C)"),
+        (EXPLAINED["squareness with time"][0], "thermal-distortion E_YX 1 (squareness of X)"),
+        (EXPLAINED["bow with time"][0], "thermal-distortion E_ZX 2 (straightness of X)"),
+        (EXPLAINED["roll with time"][0], "thermal-distortion E_AX 1 (roll, pitch or yaw of X)"),
+        (RangeDrift(1.0), "tracker-range-drift (instrument)"),
+    ],
+)
+def test_titles_say_what_a_symbol_means(effect, expected):
+    cause = Named(effect.kind, effect, -50.0, 1.0, 0.5, "strong", 0.9)
+    assert title(cause) == expected
+
+
+def test_a_jump_is_permanent_in_the_new_calibration():
+    """The clock of later data begins at zero again."""
+    jump = LocationJump("X", "X", 40.0, MIDDLE)
+    found = fitted(data_with(jump, n=N), at_zero(jump))
+    model = new_calibration(Base(found.model, found.prior, "refitted"), found, [], None)
+    (written,) = (effect for effect in model.effects if isinstance(effect, LocationJump))
+    assert written.since_s is None
+    assert written.value == pytest.approx(40.0, abs=4 * written.u[0])
+    assert not written.needs

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from kinematics.effects import (
+    DistortionWithSensor,
+    DistortionWithTime,
     Effect,
     GrowthWithDuty,
     GrowthWithSensor,
@@ -18,7 +20,7 @@ from kinematics.effects import (
     TargetOffset,
     Unnamed,
 )
-from kinematics.effects.base import HOUR
+from kinematics.effects.base import HOUR, own_component
 from rendering.report import shortened
 
 if TYPE_CHECKING:
@@ -44,7 +46,22 @@ def title(cause: Named) -> str:
         return f"{cause.effect.name}: no cause"
     change = "change of " if cause.kind == "error-motion" else ""
     name = cause.effect.name if change or cause.kind == "location" else in_full(cause.effect.name)
-    return f"{change}{name}" + (" (instrument)" if cause.where == "instrument" else "")
+    meaning = _meaning(cause.effect)
+    return f"{change}{name}" + (f" ({meaning})" if meaning else " (instrument)" if cause.where == "instrument" else "")
+
+
+def _meaning(effect: Effect) -> str:
+    """Meaning of the symbol of a location error that jumps or of an error motion that changes; empty for others."""
+    if not isinstance(effect, (LocationJump, DistortionWithTime, DistortionWithSensor)):
+        return ""
+    axis, component = effect.axis, effect.component
+    if axis[0] in "ABC":
+        return f"zero of {axis}" if component == axis[0] else f"line of {axis}"
+    if isinstance(effect, LocationJump):
+        return f"zero of {axis}" if component == own_component(axis) else f"squareness of {axis}"
+    if component in "ABC":
+        return f"roll, pitch or yaw of {axis}"
+    return f"squareness of {axis}" if effect.degree == 1 else f"straightness of {axis}"
 
 
 def in_full(name: str) -> str:
