@@ -97,10 +97,17 @@ def tried(data):
 def test_a_cause_is_explained_by_its_candidate(effect, columns):
     _, evaluated = tried(data_with(effect, n=N, **columns))
     best = evaluated[0]
+    assert type(best.candidate.effect) is type(effect)
     assert best.candidate.cause == Candidate(effect).cause
     assert best.score.delta_bic < -30.0
     if getattr(effect, "since_s", None) is not None:
         assert best.candidate.effect.since_s == pytest.approx(MIDDLE, abs=45.0)
+
+
+def test_a_reversal_along_its_axis_is_a_backlash_and_no_rival_of_one():
+    one, other = Candidate(Backlash("X", 1.0, 2.0)), Candidate(EXPLAINED["reversal along"][0])
+    assert one.cause == other.cause
+    assert Candidate(Reversal("Y", "X", Legendre(X, 0), (1.0,))).cause != one.cause
 
 
 def test_noise_alone_has_no_cause():

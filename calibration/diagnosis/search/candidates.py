@@ -18,7 +18,7 @@ from calibration.diagnosis.search.linearised_fit import GENEROUS
 from calibration.fit.datum import along_own_line
 from calibration.measurement.measurement import Measurement
 from kinematics.basis import Interval, Legendre
-from kinematics.effects import Component, Effect, ErrorMotion, LocationError, Racking, Wobble
+from kinematics.effects import Component, Effect, ErrorMotion, LocationError, Racking, Reversal, Wobble
 from kinematics.effects.base import own_component
 from kinematics.effects.geometric import Motion
 from kinematics.error_model.model import ErrorModel
@@ -32,7 +32,7 @@ KINDS = {
     "thermal-distortion-sensor": "thermal-distortion",
 }
 """Kinds in the contract of the diagnosis where the table of effects has other names."""
-HIGHER_FREQUENCY = "higher-frequency"
+HIGHER_FREQUENCY, BACKLASH = "higher-frequency", "backlash"
 RARE = 3.0
 """Log odds of common causes against rare ones, before any data: 20 to 1."""
 RARE_KINDS = (
@@ -83,7 +83,12 @@ class Candidate:
 
     @property
     def cause(self) -> tuple[str, str | None, str | None]:
-        """Key that all variants of one cause share: kind, axis, component, and other axis, degree or moment."""
+        """Key that all variants of one cause share: kind, axis, component, and other axis, degree or moment.
+
+        A reversal along its own axis is a backlash that changes with the position.
+        """
+        if isinstance(self.effect, Reversal) and self.effect.component == own_component(self.effect.axis):
+            return BACKLASH, self.axis, None
         fields = (getattr(self.effect, field, None) for field in ("component", "other", "degree", "motion"))
         moment = None if getattr(self.effect, "since_s", None) is None else "since"
         return self.kind, self.axis, "".join(str(field) for field in (*fields, moment) if field is not None) or None
