@@ -47,7 +47,7 @@ def combinations():
 
 def sentences(of):
     named = "; ".join(f"backlash, {verdict}" for verdict in of.verdicts)
-    return [of.missing(named, "residual 9 -> 3 um RMS"), of.residual, of.unexplained, of.advice, *of.notes]
+    return [of.missing(named, "residual 9 -> 3 um RMS"), of.residual(9.0, 3.0), of.unexplained, of.advice, *of.notes]
 
 
 def test_no_sentence_contradicts_a_figure():
@@ -67,6 +67,7 @@ def test_no_sentence_contradicts_a_figure():
             assert "p = " in residual
         if of.dependence:
             assert of.dependence in residual
+        assert ("times the noise" in residual) == (of.condition not in ("depends", "not noise"))
         assert of.failed == () or "NOT USED: s2" in missing
         assert ("specified noise is too small" in said) <= (of.specified and of.chi2_reduced > FAR)
         assert ("too large;" in said) <= (of.specified and of.chi2_reduced < 1 / FAR)

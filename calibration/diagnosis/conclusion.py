@@ -103,18 +103,21 @@ class Conclusion:
         if self.failed:
             yield f"NOT USED: {', '.join(self.failed)}; this diagnosis does not apply to them."
 
-    @property
-    def residual(self) -> str:
-        """Property of the residual, as the end of a sentence that begins with its size."""
+    def residual(self, rms_um: float, noise_um: float) -> str:
+        """Size and property of the residual; the ratio to the noise only where the residual may be noise."""
+        size = f"{rms_um:.2f} um RMS"
         if self.condition == "depends":
-            return f"{self.dependence}{'; this dependence was added as an unnamed effect' if self.added else ''}"
+            return (
+                f"{size}; {self.dependence}{'; this dependence was added as an unnamed effect' if self.added else ''}"
+            )
         if self.condition == "not noise":
-            return f"it is not noise ({self._failing}), and no function of the recorded variables explains it"
+            return f"{size}; it is not noise ({self._failing}), and no function of the recorded variables explains it"
+        size = f"{size}, {rms_um / max(noise_um, 1e-12):.2f} times the noise"
         if self.condition == "too large":
-            return f"it is larger than the specified noise ({self._failing})"
+            return f"{size}; it is larger than the specified noise ({self._failing})"
         if self.condition == "untested":
-            return f"too few data are left for a test of it ({self._freedom})"
-        return "it depends on no recorded variable"
+            return f"{size}; too few data are left for a test of it ({self._freedom})"
+        return f"{size}; it depends on no recorded variable"
 
     @property
     def unexplained(self) -> str:

@@ -170,10 +170,8 @@ def _verdict(found: Diagnosis) -> str:
         f"residual {before.rms_um:.2f} -> {after.rms_um:.2f} um RMS, held-out {found.held_out_name} "
         f"{before.heldout_rms_um:.2f} -> {after.heldout_rms_um:.2f} um"
     )
-    rms = after.rms_um
-    size = f"{rms:.2f} um RMS, {rms / max(found.noise_um, 1e-12):.2f} times the noise"
     missing = found.conclusion.missing("; ".join(map(_named, found.causes)), improvement)
-    return f"{missing} Unexplained residual: {size}; {found.conclusion.residual}."
+    return f"{missing} Unexplained residual: {found.conclusion.residual(after.rms_um, found.noise_um)}."
 
 
 def _named(cause: Named) -> str:

@@ -221,7 +221,10 @@ def _unanswered(question: Question, effects: Sequence[Effect], best: tuple[float
     if question.kind == "unexplained":
         return f"{text}. Measure the same positions again in another order."
     if best is not None and question.kind == "tied":
-        return f"{text}: in each of them both have the same signal."
+        one, other = (effects[signal.cause] for signal in question.signals)
+        alike = (one.ACTS_ON == "instrument", one.REMEDY) == (other.ACTS_ON == "instrument", other.REMEDY)
+        same = " The remedy is the same for both." if alike else ""
+        return f"{text}: in each of them one can have the same signal as the other.{same}"
     remedy = REMEDIES.get(contract_kind(effects[question.signals[-1].cause]), "other positions")
     return f"{text}. It may need {remedy}."
 
