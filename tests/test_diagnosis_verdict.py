@@ -1,5 +1,7 @@
 """Verdicts of causes: ties, and notes on sizes with an unusual sign."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.diagnosis_cases import framed
@@ -49,6 +51,18 @@ def test_what_is_less_alike_or_less_likely_is_no_tie(cosine, log_odds):
     cause = accepted(wave("Y"), (wave("Z"), cosine, log_odds))
     assert not tied_with(cause)
     assert verdict_of(cause) == "strong"
+
+
+@pytest.mark.parametrize(
+    ("gains", "verdict"),
+    [
+        ([316.0, 113.5, 40.5, 3.1, 35.9, 8.8, 21.3, 14.1], "strong"),
+        ([316.0, 113.5, 40.5, -3.1, 35.9, 8.8, 21.3, 14.1], "weak"),
+        ([316.0, 40.5, 3.1, 8.8, 14.1], "weak"),
+    ],
+)
+def test_a_gain_in_every_one_of_enough_blocks_is_clear_however_uneven(gains, verdict):
+    assert verdict_of(replace(accepted(wave("Y")), held_out_gains=np.array(gains))) == verdict
 
 
 def test_a_negative_size_is_explained():

@@ -28,6 +28,8 @@ CLEAR = 2.0
 """Standard errors of the held-out gain, and multiples of the required delta-BIC, of a strong verdict."""
 SIGNAL = 0.02
 """Signal period of a linear encoder, mm: glass scales have 4 to 40 um."""
+EVERYWHERE = 6
+"""Number of held-out blocks from which a gain in every one of them is clear, however uneven: chance 1 in 64."""
 REMEDIES = {
     "backlash": "positions approached from both sides, in an order in which neither side comes later",
     "settling": "moves of different lengths to the same positions, and dwell times",
@@ -259,7 +261,9 @@ def verdict_of(accepted: Accepted) -> Verdict:
     """Verdict of an accepted cause."""
     if tied_with(accepted):
         return "tied"
-    sure = accepted.sureness > CLEAR and accepted.score.delta_bic < CLEAR * WORTH
+    gains = accepted.held_out_gains
+    clear = accepted.sureness > CLEAR or (len(gains) >= EVERYWHERE and bool(gains.min() > 0.0))
+    sure = clear and accepted.score.delta_bic < CLEAR * WORTH
     return "strong" if sure else "weak"
 
 
