@@ -60,7 +60,9 @@ def with_estimated_noise(found: Fit) -> Measurement:
         return measurement
     for _ in range(STEPS):
         free = np.flatnonzero((variances > 0.0) | (score > 0.0))
-        inverse = np.linalg.inv(information[np.ix_(free, free)])
+        part = information[np.ix_(free, free)]
+        # two axes of a part measured in two coordinates are as uncertain as its instrument
+        inverse = np.linalg.inv(part + RIDGE * np.trace(part) * np.eye(len(part)))
         before, variances = variances, variances.copy()
         variances[free] = np.maximum(variances[free] + inverse @ score[free], before[free] / CLOSER)
         variances[variances < NOTHING] = 0.0
