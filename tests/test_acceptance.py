@@ -6,9 +6,9 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from support.virtual_measurements import THREE, measured, positions, truth
-from test_many_outliers import MACHINE, written
+from support.virtual_measurements import THREE, measured, positions, truth, written
 
+import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.fit.acceptance import nominal_residuals
 from calibration.fit.calibrate import NotAccepted, calibrate
@@ -16,6 +16,8 @@ from calibration.fit.cross_validation import Gains
 from calibration.fit.fit import fit
 from kinematics.effects import StationShift
 from kinematics.error_model.model import no_errors
+
+MACHINE = machines.load("cframe")
 
 
 def gains(um, noise=None):

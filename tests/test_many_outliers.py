@@ -1,18 +1,16 @@
 """At most 5 % of the rows are left out; if more disagree, all stay, and no calibration is written without --force."""
 
-import io
 import json
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.virtual_measurements import THREE, measured, positions, truth
+from support.virtual_measurements import THREE, measured, positions, truth, written
 
 import machines
 from calibration.fit.calibrate import NotAccepted, calibrate
 from calibration.fit.fit import fit
-from calibration.measurement.file import write_measurement
 from calibration.measurement.instruments import Interferometer
 from calibration.measurement.measurement import Measurement, with_moves
 from calibration.observation.full_model import BasisChoice, rigid_model
@@ -31,13 +29,6 @@ def spoiled(share, size_mm=0.5, n=100, **options):
     observed = data.observed.copy()
     observed[off] += size_mm * rng.choice([-1.0, 1.0], (len(off), 3))
     return replace(data, observed=observed), off
-
-
-def written(measurement, path):
-    file = io.BytesIO()
-    write_measurement(measurement, file)
-    path.write_bytes(file.getvalue())
-    return path
 
 
 def test_five_percent_are_left_out():

@@ -1,11 +1,14 @@
 """Virtual measurements for tests: exact kinematics, noise by the instrument specification, seeds fixed."""
 
+import io
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
 
 import machines
+from calibration.measurement.file import write_measurement
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.measurement.registration import Registration
@@ -100,3 +103,11 @@ def pose_of(stations, targets=None) -> Registration:
         poses[name] = Pose(turned, np.array([[2500.0 - 900 * i, 800.0 + 300 * i, -300.0]]))
         centres[name] = np.zeros(3)
     return Registration(poses, centres, targets=targets or {})
+
+
+def written(measurement: Measurement, path: Path) -> Path:
+    """The file of a measurement."""
+    file = io.BytesIO()
+    write_measurement(measurement, file)
+    path.write_bytes(file.getvalue())
+    return path
