@@ -10,14 +10,23 @@ from support.virtual_measurements import THREE, measured, positions, truth, writ
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.fit.acceptance import nominal_residuals
+from calibration.fit.acceptance import nominal_residuals, not_better
 from calibration.fit.calibrate import NotAccepted, calibrate
-from calibration.fit.cross_validation import Gains
+from calibration.fit.cross_validation import CrossValidation, Gains
 from calibration.fit.fit import fit
 from kinematics.effects import StationShift
 from kinematics.error_model.model import no_errors
 
 MACHINE = machines.load("cframe")
+
+
+def test_worse_beside_a_smaller_figure_names_the_unit():
+    worse = CrossValidation(11.0, 30.0, 4, "lines", 11.1, -0.2, gains([1, -1, 2, -1], [-9, -8, -10, -9]))
+    assert not_better("the new model", worse, "the old one") == (
+        "the new model predicts held-out lines worse (11 um RMS) than the old one does (11.1 um), in units of the "
+        "instrument's uncertainty"
+    )
+    assert not_better("the new model", worse._replace(rms_um=12.0), "the old one").endswith("does (11.1 um)")
 
 
 def gains(um, noise=None):

@@ -132,7 +132,9 @@ def not_better(model: str, held_out: CrossValidation, other: str) -> str:
     """Clause that a model does not predict the held-out blocks better than another one, with both figures."""
     own, others, name = f"{held_out.rms_um:.3g} um RMS", f"{held_out.other_rms_um:.3g} um", held_out.name
     if held_out.gains.worse:
-        return f"{model} predicts held-out {name} worse ({own}) than {other} does ({others})"
+        weighted = held_out.rms_um < held_out.other_rms_um
+        units = ", in units of the instrument's uncertainty" if weighted else ""
+        return f"{model} predicts held-out {name} worse ({own}) than {other} does ({others}){units}"
     return (
         f"{model} predicts held-out {name} no better ({own}) than {other} does ({others}): the difference is within "
         f"its spread over {held_out.blocks} blocks"
