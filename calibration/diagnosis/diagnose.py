@@ -43,6 +43,7 @@ from calibration.fit.acceptance import disagreement, refuse_few, relative_deviat
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import is_log, moving_axes
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
 from kinematics.error_model.model import ErrorModel
@@ -225,7 +226,10 @@ def diagnose(
     progress("fitting the present model")
     candidates, untested = library(measurement, base.model)
     candidates += changes(base.model) if base.origin == "updated" else []
-    selector = Selector(measurement, base, candidates, variance, progress, Search(proposed_shapes.events))
+    # in the log of a moving axis waves are no rare causes, and larger than others
+    log = all(is_log(measurement, axis) for axis in moving_axes(measurement))
+    search = Search(proposed_shapes.proposals if log else proposed_shapes.events)
+    selector = Selector(measurement, base, candidates, variance, progress, search)
     noise = repeats(measurement, selector.bare.fit.kept)
     if variance == "sheet" and noise is not None and _contradicted(noise):
         selector = replace(selector, measurement=_as_noisy_as(measurement, noise))
@@ -236,7 +240,7 @@ def diagnose(
         refuse_few(before.fit, identifiability(before.fit))
     tests = unexplained_residual.tests(before.linearised)
     found = _Found(selector, before, ())
-    if combined(tests, GATE) or len(before.fit.outliers) or base.fine:
+    if combined(tests, GATE) or len(before.fit.outliers) or base.fine(measurement):
         found = _causes(selector)
     progress("testing the residual")
     found, tests_after, dependence = _without_impostors(found)

@@ -106,7 +106,8 @@ class Search:
             known = ", ".join(kind for kind, sizes in SIZES.items() if sizes)
             raise UserError(f"basis auto:{unknown[0]}: the kind is unknown; known kinds are ({known})")
         most = {axis: distinct_positions(measurement, axis) for axis in moving_axes(measurement)}
-        few = {axis: number if axis[0] in "ABC" else min(number, finest) for axis, number in most.items()}
+        free = "ABC" if measurement.axis is None else ""
+        few = {axis: number if axis[0] in free else min(number, finest) for axis, number in most.items()}
         targets = {axis: len(repeated_targets(measurement, axis)) for axis in most}
         targets = {axis: number for axis, number in targets.items() if 0 < number <= AT_TARGETS * finest}
         return cls(kinds, rotary_kind, prior_scale, few, targets)

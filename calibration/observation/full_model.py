@@ -23,6 +23,8 @@ STANDSTILL = 1e-6
 """Range, mm or degrees, up to which an axis does not move."""
 TARGETS = "targets"
 """Kind of basis with a node at each target of an interferometer's runs."""
+LOGGED = 240
+"""Least number of positions in the log of a moving axis."""
 REPEATED = 3
 """Least mean number of readings of a target in repeated runs."""
 _KINDS = "b-spline:N, cubic:N (nodes), legendre:N, polynomial:N (degree), fourier:N (harmonics), targets:N (nodes)"
@@ -170,6 +172,14 @@ def repeated_targets(measurement: Measurement, axis: str) -> list[float]:
     position = np.round(measurement.state.position(measurement.machine, axis)[rows], 3)
     targets, visits = np.unique(position, return_counts=True)
     return targets.tolist() if 2 < len(targets) * REPEATED <= len(position) and visits.min() > 1 else []
+
+
+def is_log(measurement: Measurement, axis: str) -> bool:
+    """True for an axis that an interferometer, or another reference of one axis, observed at LOGGED positions or more.
+
+    Its positions show waves of any length, so that no basis has to.
+    """
+    return measurement.axis is not None and distinct_positions(measurement, axis) >= LOGGED
 
 
 def distinct_positions(measurement: Measurement, axis: str) -> int:

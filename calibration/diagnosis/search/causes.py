@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.measurement.instruments import LaserTracker, Part
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes, observed_components
+from calibration.observation.full_model import is_log, moving_axes, observed_components
 from kinematics.basis import Interval, Legendre
 from kinematics.effects import (
     AirDrift,
@@ -152,7 +152,8 @@ def _roll(axis: str) -> Component:
 
 def _of_drive(measurement: Measurement, axis: str, interval: Interval) -> Iterator[Cause]:
     yield Cause(Backlash(axis=axis, width=0.0))
-    yield Cause(Settling(axis=axis, share_ppm=0.0))
+    if not is_log(measurement, axis):  # the moves between rows of a log are no moves of the machine
+        yield Cause(Settling(axis=axis, share_ppm=0.0))
     yield Cause(FollowingError(axis=axis, lag_ms=0.0))
     own = own_component(axis)
     if measurement.state.cycle is not None:

@@ -22,7 +22,13 @@ from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
 from calibration.diagnosis.search.sawtooth import likeliest, refined, teeth
 from calibration.diagnosis.search.sensitivity import Sensitivity
 from calibration.diagnosis.search.spectra import finest, peaks, resolved, strengths
-from calibration.observation.full_model import distinct_positions, moving_axes, observed_components, repeated_targets
+from calibration.observation.full_model import (
+    distinct_positions,
+    is_log,
+    moving_axes,
+    observed_components,
+    repeated_targets,
+)
 from kinematics.basis import BSpline
 from kinematics.effects import (
     Component,
@@ -38,6 +44,10 @@ from kinematics.transforms import Array
 
 WAVES = 8.0
 """Least number of waves over the travel: an error with fewer is a matter of the basis, not a cyclic error."""
+WAVES_OF_A_LOG = 3.0
+"""The same for the log of a moving axis."""
+ROWS_OF_A_WAVE = 4.0
+"""Least number of rows of such a log in a wave: the clock of the log does not make waves."""
 OVERSAMPLING = 4
 MOST_WAVES, MOST_TEETH = 10_000, 1000
 """Most frequencies of waves and of sawtooth functions that are tried."""
@@ -90,7 +100,12 @@ def _waves_along(linearised: LinearisedFit, axis: str, components: tuple[Compone
     x = linearised.positions(axis)
     # of a rotary axis no period below 1 degree
     most = min(resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
-    frequencies = np.arange(WAVES, max(most, WAVES), 1.0 / OVERSAMPLING) / (high - low)
+    least = WAVES
+    if is_log(measurement, axis):
+        steps = np.abs(np.diff(x))
+        least = WAVES_OF_A_LOG
+        most = min(most, (high - low) / (ROWS_OF_A_WAVE * float(np.median(steps[steps > 0.0]))))
+    frequencies = np.arange(least, max(most, least), 1.0 / OVERSAMPLING) / (high - low)
     if len(frequencies) < OVERSAMPLING:
         return []
     seen = [c for c in components if measurement.axis is None or c in observed_components(measurement, axis)]
@@ -169,8 +184,12 @@ def _steps_along(linearised: LinearisedFit, whole: LinearisedFit, axis: str) -> 
 
 
 def finer(linearised: LinearisedFit) -> Iterator[Candidate]:
-    """A finer basis for each error motion: the lowest delta-BIC that also predicts better, if any does."""
+    """A finer basis for each error motion: the lowest delta-BIC that also predicts better, if any does.
+
+    None for the log of a moving axis: a fine basis would imitate its waves.
+    """
     motions = [effect for effect in linearised.fit.model.effects if isinstance(effect, ErrorMotion)]
+    motions = [motion for motion in motions if not is_log(linearised.measurement, motion.axis)]
     return chain.from_iterable(each(partial(_finer_than, linearised), motions))
 
 

@@ -23,7 +23,7 @@ from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
-from kinematics.effects import Cyclic
+from kinematics.effects import Cyclic, FollowingError
 from kinematics.transforms import Array
 
 WORTH = -10.0
@@ -39,7 +39,9 @@ FALSE = 0.01
 SEEN = 0.05
 """Least share of its signal that model and registration cannot imitate, for a cause to be named."""
 LARGEST = 100.0
-"""Physical limit of a cause's size, as a multiple of the typical one."""
+"""Physical limit of a cause's size, as a multiple of the typical one, unless the cause is CLEAR."""
+CLEAR = 0.1
+"""Least visible share of the signal of a lag or a wave that an interferometer shows with any size."""
 MOST = 12
 """Most causes that are named."""
 LOOKED_AT = 8
@@ -317,10 +319,18 @@ def passing(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterat
         # no cause is named for a gain that a hardly visible cause also has
         if each.score.delta_bic > min(WORTH, hidden + WORTH):
             return
-        if each.projected.visible < SEEN or each.score.p_value > limit or np.abs(each.score.size).max() > LARGEST:
+        if each.projected.visible < SEEN or each.score.p_value > limit:
+            continue
+        if np.abs(each.score.size).max() > LARGEST and not _of_any_size(linearised, each):
             continue
         if predicts(linearised.held_out_gains(each.projected)):
             yield each
+
+
+def _of_any_size(linearised: LinearisedFit, each: Evaluated) -> bool:
+    """True for lag and waves that an interferometer, or another reference of one axis, shows clearly."""
+    clear = linearised.measurement.axis is not None and each.projected.visible > CLEAR
+    return clear and isinstance(each.candidate.effect, (Cyclic, FollowingError))
 
 
 def predicts(gains: Array) -> bool:

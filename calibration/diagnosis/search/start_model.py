@@ -24,16 +24,24 @@ from calibration.fit.fit import Fit, Progress, fit
 from calibration.fit.noise import with_estimated_noise
 from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import TARGETS, moving_axes, priors, with_effects
+from calibration.observation.full_model import TARGETS, is_log, moving_axes, priors, with_effects
 from calibration.observation.outliers import Variance
-from kinematics.effects import Backlash, Effect, ErrorMotion, LocationError, QuantisedCompensation, UnknownApproach
+from kinematics.effects import (
+    Backlash,
+    Cyclic,
+    Effect,
+    ErrorMotion,
+    LocationError,
+    QuantisedCompensation,
+    UnknownApproach,
+)
 from kinematics.error_model.model import ErrorModel
 from kinematics.user_error import UserError
 
 FINEST = 16
 """Most parameters of a linear axis' error motion; finer errors are named as higher frequency or as cyclic errors."""
-COARSE = 8
-"""The same during the search for causes: a finer basis would imitate missing causes."""
+COARSE, COARSE_OF_A_LOG = 8, 4
+"""The same during the search for causes, and for a log: a finer basis would imitate missing causes."""
 WIDE = 10.0
 """Prior of an accepted effect, as a multiple of the size found: the data determine its size."""
 EXACT = 1e-3
@@ -53,18 +61,20 @@ class Base:
 
     def chosen_again(self, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
         """The base with bases selected again by the evidence, together with the effects found."""
-        return self if self.choice is None else _automatic(measurement, effects, FINEST, progress)
+        return (
+            self if self.choice is None else _automatic(measurement, effects, _finest(measurement, effects), progress)
+        )
 
-    @property
-    def fine(self) -> bool:
+    def fine(self, measurement: Measurement) -> bool:
         """True where it may imitate a cause, so that its residuals may not show the cause."""
+        most = coarse(measurement)
         return self.choice is not None and any(
-            basis.size > COARSE * (AT_TARGETS if basis.kind == TARGETS else 1) for basis in self.choice.bases.values()
+            basis.size > most * (AT_TARGETS if basis.kind == TARGETS else 1) for basis in self.choice.bases.values()
         )
 
     def coarser(self, measurement: Measurement, progress: Progress) -> Base:
         """The base for the search for causes, too coarse to imitate one with an error motion."""
-        return self if not self.fine else _automatic(measurement, (), COARSE, progress)
+        return _automatic(measurement, (), coarse(measurement), progress) if self.fine(measurement) else self
 
     def fit(
         self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
@@ -135,6 +145,21 @@ def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: 
     if measurement.fingerprint and measurement.fingerprint in calibration.provenance.inputs.values():
         return _refitted(machine_effects, unknown_approaches(measurement))
     return _updated(machine_effects, unknown_approaches(measurement))
+
+
+def _finest(measurement: Measurement, effects: Sequence[Effect]) -> int:
+    """Most parameters of a linear axis' error motion beside the effects: in a log, none between two of its waves."""
+    least = coarse(measurement)
+    if least != COARSE_OF_A_LOG:
+        return FINEST
+    axes = moving_axes(measurement)
+    waves = [np.ptp(axes[effect.axis]) / effect.period for effect in effects if isinstance(effect, Cyclic)]
+    return int(np.clip(min(waves, default=least), least, FINEST))
+
+
+def coarse(measurement: Measurement) -> int:
+    """Most parameters of a linear axis' error motion during the search for causes."""
+    return COARSE_OF_A_LOG if all(is_log(measurement, axis) for axis in moving_axes(measurement)) else COARSE
 
 
 def _automatic(measurement: Measurement, effects: Sequence[Effect], finest: int, progress: Progress) -> Base:
