@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from kinematics.effects import (
+    Cyclic,
     DistortionWithSensor,
     DistortionWithTime,
     Effect,
@@ -29,6 +30,13 @@ if TYPE_CHECKING:
 MANY = 8
 """Most parameters of a cause that are printed; the JSON has all."""
 COVERAGE = 2
+TURN = 360.0
+WHOLE = 0.02
+"""Relative difference of a period from a whole part of the turn up to which its order is given."""
+SMALL_WAVE = 0.05
+"""Least amplitude of a harmonic in words, as a share of the largest."""
+LARGE = 1000.0
+"""Amplitude, urad, above which it is also given in degrees."""
 REMEDIES = {
     "program": "The corrected program (ncomp) compensates it; a table of one axis cannot.",
     "table": "A compensation table of the axis or the corrected program compensates it.",
@@ -81,7 +89,26 @@ def sizes(cause: Named) -> list[str]:
         return [f"{len(getattr(effect, 'rows', ()))} rows"]
     table = zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
     texts = [f"{quantity_name(q)} {with_uncertainty(value, u)} {q.unit}" for q, value, u in table]
-    return [*shortened(texts, MANY, "parameters"), *_given(effect)]
+    return [*_waves(effect), *shortened(texts, MANY, "parameters"), *_given(effect)]
+
+
+def _waves(effect: Effect) -> Iterator[str]:
+    """Order and amplitude of a cyclic error: waves per turn of a rotary axis, and its largest harmonics."""
+    if not isinstance(effect, Cyclic):
+        return
+    unit, rotary = effect.parameter_table[1].unit, effect.axis[0] in "ABC"
+    amplitudes = [math.hypot(sine, cosine) for sine, cosine in zip(effect.sine, effect.cosine, strict=True)]
+    order = round(TURN / effect.period)
+    whole = rotary and order > 0 and abs(order * effect.period / TURN - 1.0) < WHOLE
+    for k, amplitude in enumerate(amplitudes, start=1):
+        if amplitude >= SMALL_WAVE * max(amplitudes):
+            name = (
+                f"order {order * k} of the turn"
+                if whole
+                else f"wave of {effect.period / k:.4g} {'deg' if rotary else 'mm'}"
+            )
+            degrees = f" ({math.degrees(amplitude * 1e-6):.3g} deg)" if unit == "urad" and amplitude > LARGE else ""
+            yield f"{name}: amplitude {amplitude:.4g} {unit}{degrees}"
 
 
 def _given(effect: Effect) -> Iterator[str]:

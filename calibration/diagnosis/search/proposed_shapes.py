@@ -102,7 +102,7 @@ def _waves_along(linearised: LinearisedFit, axis: str, components: tuple[Compone
     most = min(resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
     least = WAVES
     if is_log(measurement, axis):
-        steps = np.abs(np.diff(x))
+        steps = np.abs(np.diff(measurement.state.position(measurement.machine, axis)))
         least = WAVES_OF_A_LOG
         most = min(most, (high - low) / (ROWS_OF_A_WAVE * float(np.median(steps[steps > 0.0]))))
     frequencies = np.arange(least, max(most, least), 1.0 / OVERSAMPLING) / (high - low)
@@ -129,11 +129,22 @@ def _with_harmonics(sensitivity: Sensitivity, effect: Cyclic) -> Cyclic:
     if sensitivity.score(sensitivity.sizes(effect), 1).delta_bic >= 0.0:
         return effect
     model = sensitivity.linearised.fit.model
-    known = [e.period for e in model.effects if isinstance(e, Cyclic) and e.axis == effect.axis]
-    same = [k for k in range(2, MOST_HARMONICS + 1) for period in known if abs(effect.period / k / period - 1.0) < SAME]
+    known = [e for e in model.effects if isinstance(e, Cyclic) and e.axis == effect.axis]
+    same = [k for k in range(2, MOST_HARMONICS + 1) if any(_shared(effect.period / k, other) for other in known)]
     numbers = range(1, min(same, default=MOST_HARMONICS + 1))
     variants = [_wave(effect.component, effect.axis, effect.period, number) for number in numbers]
     return min(variants, key=lambda variant: sensitivity.score(sensitivity.sizes(variant)).delta_bic)
+
+
+def _shared(period: float, effect: Cyclic) -> bool:
+    """True for the period of a cyclic error, or of one of its harmonics."""
+    return any(abs(period * k / effect.period - 1.0) < SAME for k in range(1, len(effect.sine) + 1))
+
+
+def overlap(one: Cyclic, other: Cyclic) -> bool:
+    """True for cyclic errors of one axis and component that have a wave in common."""
+    same = (one.axis, one.component) == (other.axis, other.component)
+    return same and any(_shared(one.period / k, other) for k in range(1, len(one.sine) + 1))
 
 
 def joined(one: Cyclic, other: Cyclic) -> Cyclic | None:

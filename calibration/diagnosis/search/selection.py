@@ -264,9 +264,11 @@ class Selector:
         for one, other in combinations(stage.accepted, 2):
             first, second = one.candidate.effect, other.candidate.effect
             whole = scans.joined(first, second) if isinstance(first, Cyclic) and isinstance(second, Cyclic) else None
-            if whole is None:
+            rest = [each for each in stage.accepted if each is not one and each is not other]
+            besides = [each.candidate.effect for each in rest if isinstance(each.candidate.effect, Cyclic)]
+            if whole is None or any(scans.overlap(whole, third) for third in besides):
                 continue
-            others = chosen_of([each for each in stage.accepted if each is not one and each is not other])
+            others = chosen_of(rest)
             together = replace(one.candidate, effect=whole), np.concatenate([one.size, other.size])
             trial = self.stage([*others, together])
             if trial.linearised.squares < stage.linearised.squares + float(
