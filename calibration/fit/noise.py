@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.full_model import moving_axes
 from calibration.observation.normal_equations import whiteners
+from calibration.observation.outliers import outlying, robust_factor
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects.base import own_motion, unit_of
 from kinematics.error_model.model import Design
@@ -29,6 +31,8 @@ CERTAIN = 4.0
 """Standard errors by which a variance must differ from the specification: 1 in 30,000 by chance."""
 ROWS = 5000
 """Largest number of rows; whole stops, evenly spread."""
+ROUNDS = 4
+"""Most rounds in which rows that disagree under the last estimate are left out of the next."""
 STEPS = 12
 CONVERGED = 0.01
 """Relative change of the variances below which the iteration ends."""
@@ -52,12 +56,39 @@ def with_estimated_noise(found: Fit) -> Measurement:
     axes = list(moving_axes(measurement))
     if not axes:
         return measurement
-    components = _Components.of(found, measurement, axes)
-    variances, error = np.append(1.0, np.zeros(len(axes))), np.zeros(len(axes) + 1)
+    every = _Components.of(found, measurement, axes)
+    good, estimate = every.agreeing(None), None
+    for _ in range(ROUNDS):
+        estimate = _estimate(every.rows(good))
+        if estimate is None:
+            return measurement
+        before, good = good, every.agreeing(estimate)
+        if np.array_equal(before, good):
+            break
+    assert estimate is not None
+    factor, variances = estimate
+    kept = np.flatnonzero(variances)
+    sizes = {axes[k]: float(np.sqrt(variances[k])) * TYPICAL * unit_of(axes[k])[1] for k in kept.tolist()}
+    arms = _arms(found, measurement, axes)[:, :, kept] * np.sqrt(variances[kept])
+    return replace(measurement, noise=EstimatedNoise(factor, sizes, stops(measurement), arms))
+
+
+class _Estimate(NamedTuple):
+    """Variances that differ from the specification by more than chance; 1 and zeros elsewhere."""
+
+    factor: float
+    """Of the instrument, in units of the specification."""
+    of_axes: Array
+    """`(axes,)`, in units of that of `TYPICAL`."""
+
+
+def _estimate(components: _Components) -> _Estimate | None:
+    """The variances that the rows show; None where they are those of the specification."""
+    variances = np.append(1.0, np.zeros(len(components.axes)))
     score, information = components.score(variances)
     clear = score / np.sqrt(np.diag(information))
     if abs(clear[0]) < CERTAIN and clear[1:].max() < CERTAIN:
-        return measurement
+        return None
     for _ in range(STEPS):
         free = np.flatnonzero((variances > 0.0) | (score > 0.0))
         part = information[np.ix_(free, free)]
@@ -70,14 +101,11 @@ def with_estimated_noise(found: Fit) -> Measurement:
         if np.all(np.abs(variances - before) < CONVERGED * np.maximum(variances, NOTHING / CONVERGED)):
             break
         score, information = components.score(variances)
+    error = np.zeros(len(variances))
     error[free] = np.sqrt(np.diag(inverse))
     factor = float(variances[0]) if abs(variances[0] - 1.0) > CERTAIN * error[0] else 1.0
-    kept = [k for k in range(len(axes)) if variances[k + 1] > CERTAIN * error[k + 1]]
-    if factor == 1.0 and not kept:
-        return measurement
-    sizes = {axes[k]: float(np.sqrt(variances[k + 1])) * TYPICAL * unit_of(axes[k])[1] for k in kept}
-    arms = _arms(found, measurement, axes)[:, :, kept] * np.sqrt(variances[1:][kept])
-    return replace(measurement, noise=EstimatedNoise(factor, sizes, stops(measurement), arms))
+    of_axes = np.where(variances[1:] > CERTAIN * error[1:], variances[1:], 0.0)
+    return None if factor == 1.0 and not of_axes.any() else _Estimate(factor, of_axes)
 
 
 def _arms(found: Fit, measurement: Measurement, axes: Sequence[str]) -> Array:
@@ -108,9 +136,9 @@ class _Components:
 
     @classmethod
     def of(cls, found: Fit, measurement: Measurement, axes: Sequence[str]) -> _Components:
-        """The rows that the fit kept."""
+        """The rows of a fit, outliers too."""
         numbers = stops(measurement)
-        rows = np.flatnonzero(found.kept)
+        rows = np.flatnonzero(~found.copies & ~np.isin(measurement.groups, found.failed))
         if len(rows) > ROWS:
             chosen = np.unique(numbers[rows])
             chosen = chosen[np.linspace(0, len(chosen) - 1, len(chosen) * ROWS // len(rows)).astype(int)]
@@ -133,6 +161,21 @@ class _Components:
             _arms(found, some, axes),
             numbers[rows],
         )
+
+    def rows(self, index: np.ndarray) -> _Components:
+        """The same for some of the rows."""
+        some = replace(self, measurement=self.measurement.rows(index), residual=self.residual[index])
+        return replace(some, design=self.design[index], arms=self.arms[index], stop=self.stop[index])
+
+    def agreeing(self, estimate: _Estimate | None) -> np.ndarray:
+        """Indices of the rows that agree with the others under an estimate of the noise; first with any factor."""
+        noise = None
+        if estimate is not None:
+            noise = EstimatedNoise(estimate.factor, {}, self.stop, self.arms * np.sqrt(estimate.of_axes))
+        white = whiteners(replace(self.measurement, noise=noise))
+        distances = np.sum((white @ self.residual[:, :, None])[:, :, 0] ** 2, axis=1)
+        d = self.residual.shape[1]
+        return np.flatnonzero(~outlying(distances, d, robust_factor(distances, d, 0.0, 1.0)))
 
     def score(self, variances: Array) -> tuple[Array, Array]:
         """Score `(1 + axes,)` of the restricted likelihood, and its Fisher information, at these variances."""
