@@ -19,6 +19,7 @@ import numpy as np
 import machines
 from calibration.fit.fit import fit
 from calibration.fit.problem import Problem
+from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
@@ -61,7 +62,7 @@ def against_pinv(rows: int) -> None:
     point = problem.point(np.array(model.parameters), registration)
 
     def by_pinv() -> object:
-        blocks = designs(measurement, model, registration, problem.white)
+        blocks = designs(measurement, model, registration, problem.white, Decorrelation())
         dense = np.concatenate([design for _, design in blocks])
         return np.linalg.pinv(dense) @ problem.whitened(point.residual).reshape(-1)
 

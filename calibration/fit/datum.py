@@ -24,7 +24,6 @@ import numpy as np
 
 from calibration.fit.linear import pseudo_inverse
 from calibration.fit.problem import Problem, Solved
-from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.registration import Registration
@@ -204,7 +203,7 @@ def _ideal(machine: Machine, model: ErrorModel, prior: Array) -> Solved:
         {name: Target(vector) for name, vector in targets.items()},
     )
     registration = Registration({"1": IDENTITY}, {"1": np.zeros(3)})
-    problem = Problem(ideal, model, np.broadcast_to(1e3 * np.eye(3), (n, 3, 3)), Decorrelation(), prior)
+    problem = Problem(ideal, model, np.broadcast_to(1e3 * np.eye(3), (n, 3, 3)), prior)
     return problem.solve(problem.point(np.array(model.parameters), registration), np.ones(n), 1.0)
 
 

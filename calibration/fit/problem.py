@@ -89,21 +89,17 @@ class Problem:
     """The model with its parameters at the start."""
     white: Array
     """Matrices `(n, d, d)` of `calibration.observation.normal_equations.whiteners`."""
-    decorrelation: Decorrelation
-    """Transform of the whitened rows of each stop."""
     prior: Array
     """Standard deviations `(p,)` about the start, infinite for none; or a root L `(p, p)` of their covariance L L'."""
 
     @classmethod
     def of(cls, measurement: Measurement, model: ErrorModel, prior: Array) -> Problem:
         """The problem, whitened by the covariance of the measurement."""
-        white = whiteners(measurement)
-        return cls(measurement, model, white, Decorrelation.of(measurement.noise, white), prior)
+        return cls(measurement, model, whiteners(measurement), prior)
 
     def rows(self, index: np.ndarray) -> Problem:
         """The problem with some of its rows."""
-        some, white = self.measurement.rows(index), self.white[index]
-        return replace(self, measurement=some, white=white, decorrelation=Decorrelation.of(some.noise, white))
+        return replace(self, measurement=self.measurement.rows(index), white=self.white[index])
 
     def shapes_fixed(self) -> Problem:
         """The problem with its periods and time constants held."""
@@ -130,7 +126,8 @@ class Problem:
 
     def squares(self, point: Point, weights: Array) -> float:
         """Sum of squares of the white residuals, with weights `(n,)` of the rows."""
-        return float(np.sum(self.decorrelation.apply(self.whitened(point.residual) * np.sqrt(weights)[:, None]) ** 2))
+        decorrelation = Decorrelation.of(self.measurement.noise, self.white, weights)
+        return float(np.sum(decorrelation.apply(self.whitened(point.residual) * np.sqrt(weights)[:, None]) ** 2))
 
     def moved(self, point: Point, step: Array) -> Point:
         """The point after a step; a parameter that would cross its bound goes half-way to it instead."""
@@ -151,9 +148,10 @@ class Problem:
     def solve(self, point: Point, weights: Array, factor: float) -> Solved:
         """The Gauss-Newton step at a point; weights `(n,)` of the rows; the instrument's variances times `factor`."""
         root = np.sqrt(weights / factor)
-        residual = self.decorrelation.apply(self.whitened(point.residual) * root[:, None])
+        decorrelation = Decorrelation.of(self.measurement.noise, self.white, weights)
+        residual = decorrelation.apply(self.whitened(point.residual) * root[:, None])
         white, model = self.white * root[:, None, None], self.at(point.parameters)
-        normal = assemble(self.measurement, model, point.registration, white, residual, self.decorrelation)
+        normal = assemble(self.measurement, model, point.registration, white, residual, decorrelation)
         return self.solution(normal, point)
 
     def covariance(self, solved: Solved, widened: float = 1.0) -> Array:

@@ -58,11 +58,16 @@ class Decorrelation:
     stops: tuple[_Stops, ...] = ()
 
     @classmethod
-    def of(cls, noise: EstimatedNoise | None, white: Array) -> Decorrelation:
-        """The transform for rows that `white` `(n, d, d)` whitens, each by its own covariance."""
+    def of(cls, noise: EstimatedNoise | None, white: Array, weights: Array | None = None) -> Decorrelation:
+        """The transform for rows that `white` `(n, d, d)` whitens, each by its own covariance.
+
+        weights `(n,)` of the rows, which are multiplied by their roots: a row of no weight shares nothing.
+        """
         if noise is None or not noise.non_repeatability:
             return cls()
         arms = white @ noise.arms
+        if weights is not None:
+            arms = arms * np.sqrt(weights)[:, None, None]
         n, d, k = arms.shape
         starts = np.flatnonzero(np.append(True, np.diff(noise.stop) != 0))
         counts = np.diff(np.append(starts, n))

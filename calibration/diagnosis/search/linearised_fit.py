@@ -135,7 +135,6 @@ class LinearisedFit:
             rows = rows[whole_stops(stops(measurement)[rows], most)]
         some = measurement.rows(rows)
         white = whiteners(some)
-        decorrelation = Decorrelation.of(some.noise, white)
         components = some.components
         distances = np.sum(whitened(white, fit.residual[rows]) ** 2, axis=1)
         effective_parameters = fit.effective_parameters * len(rows) / max(int(np.count_nonzero(fit.kept)), 1)
@@ -146,6 +145,7 @@ class LinearisedFit:
         )
         # the square of an outlier is bounded, so that no cause is found in a few of them
         weights = np.where(fit.kept[rows], weights, weights**2)
+        decorrelation = Decorrelation.of(some.noise, white, weights)
         white = white * np.sqrt(weights / fit.variance_factor)[:, None, None]
         parts = derivatives(fit, measurement, rows, fit.registration, white, decorrelation)
         length = np.linalg.norm(parts.own, axis=0)
@@ -204,7 +204,7 @@ class LinearisedFit:
             self,
             rows=self.rows[kept],
             white=self.white[kept],
-            decorrelation=Decorrelation.of(some.noise, whiteners(some)),
+            decorrelation=Decorrelation.of(some.noise, whiteners(some), self.weights[kept]),
             transform=self.transform[kept],
             design=self.design[mine],
             residual=self.residual[mine],
