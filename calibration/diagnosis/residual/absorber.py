@@ -15,20 +15,28 @@ from calibration.diagnosis.search.selection import Accepted, Stage
 from kinematics.effects import Unnamed
 
 
+MOST = 0.5
+"""Share of the log odds of the function that is most of them."""
+
+
 def absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> LinearisedFit:
     """The linearised fit with a smooth function of the variables of a dependence, in the directions that it needs."""
     return _absorbed(linearised, dependence)[0]
 
 
 def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
-    """Accepted causes without which the function explains the data nearly as well as with them."""
+    """Accepted causes without which the function explains the data nearly as well as with them.
+
+    A cause that alone explains most of what the function explains stands: the function then imitates the cause.
+    """
     together = _absorbed(stage.linearised, dependence)[1]
-    return [
-        each
-        for i, each in enumerate(stage.accepted)
-        if not isinstance(each.candidate.effect, Unnamed)
-        and -0.5 * each.score.delta_bic + together - _absorbed(stage.without(i), dependence)[1] < EVIDENCE
-    ]
+    found = []
+    for i, each in enumerate(stage.accepted):
+        own, alone = -0.5 * each.score.delta_bic, _absorbed(stage.without(i), dependence)[1]
+        named = not isinstance(each.candidate.effect, Unnamed)
+        if named and own + together - alone < EVIDENCE and own < MOST * alone:
+            found.append(each)
+    return found
 
 
 def _absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> tuple[LinearisedFit, float]:
