@@ -14,7 +14,6 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Accepted, Stage
 from kinematics.effects import Unnamed
 
-
 MOST = 0.5
 """Share of the log odds of the function that is most of them."""
 
