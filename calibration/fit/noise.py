@@ -175,7 +175,7 @@ class _Components:
         white = whiteners(replace(self.measurement, noise=noise))
         distances = np.sum((white @ self.residual[:, :, None])[:, :, 0] ** 2, axis=1)
         d = self.residual.shape[1]
-        return np.flatnonzero(~outlying(distances, d, robust_factor(distances, d, 0.0, 1.0)))
+        return np.flatnonzero(~outlying(distances, d, robust_factor(distances, d, 0.0, 1.0, self.stop)))
 
     def score(self, variances: Array) -> tuple[Array, Array]:
         """Score `(1 + axes,)` of the restricted likelihood, and its Fisher information, at these variances."""
