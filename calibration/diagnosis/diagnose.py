@@ -328,11 +328,12 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> _Found:
     """The causes beside those known; bases are selected again until the causes do not change them."""
     selection = selector.select(known)
     for _ in range(AGAIN):
-        stage = selector.against_siblings(selection.stages[-1])
+        found = selection.stages[-1]
+        stage = selector.against_siblings(found)
         base = selector.chosen_again(stage)
-        if base.choice == selector.base.choice:
+        if base.choice == selector.base.choice and len(stage.accepted) == len(found.accepted):
             break
-        selector = replace(selector, base=base)
+        selector = selector.on(base)
         selection = selector.select(stage.accepted)
     else:
         stage = selector.against_siblings(selection.stages[-1])

@@ -81,6 +81,11 @@ class Decorrelation:
             found.append(_Stops(rows, roots @ np.swapaxes(vectors, 1, 2)))
         return cls(tuple(found))
 
+    @property
+    def log_determinant(self) -> float:
+        """Log determinant of the transform."""
+        return float(sum(np.linalg.slogdet(each.matrices)[1].sum() for each in self.stops))
+
     def apply(self, table: Array) -> Array:
         """The transformed rows of a whitened table `(n, d, ...)`; the same table where no stop has several rows."""
         return self._times(table, [each.matrices for each in self.stops])

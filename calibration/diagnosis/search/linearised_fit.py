@@ -244,6 +244,15 @@ class LinearisedFit:
         return float(self.residual @ self.residual)
 
     @cached_property
+    def spread(self) -> float:
+        """Log determinant of the covariance of the noise of its rows, twice the log of its volume."""
+        white = whiteners(self.measurement.rows(self.rows)) / np.sqrt(self.fit.variance_factor)
+        decorrelation = Decorrelation.of(
+            self.measurement.rows(self.rows).noise, white * np.sqrt(self.fit.variance_factor)
+        )
+        return -2.0 * (float(np.linalg.slogdet(white)[1].sum()) + decorrelation.log_determinant)
+
+    @cached_property
     def information(self) -> Array:
         """J'J `(q, q)`."""
         return np.asarray(self.design.T @ self.design)

@@ -50,6 +50,8 @@ RELATED = 0.7
 """Cosine of the signals of two causes from which they are siblings."""
 BETTER = -4.0
 """Difference of delta-BIC from which a sibling replaces a cause."""
+NEARLY = 0.05
+"""Share of the delta-BIC by which a simpler cause may be less likely: what it lacks is found after it."""
 PASSES = 2
 """Most rounds in which a sibling replaces a cause."""
 Progress = Callable[[str], None]
@@ -117,9 +119,10 @@ class Stage(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """Sum of squares, plus the BIC's cost of the causes' parameters."""
+        """BIC, up to a constant of the data: squares, log determinant of the noise, cost of the causes' parameters."""
         parameters = sum(each.score.effective_parameters for each in self.accepted)
-        return self.linearised.squares + parameters * float(np.log(self.linearised.scalars))
+        fitted = self.linearised.squares + self.linearised.spread
+        return fitted + parameters * float(np.log(self.linearised.scalars))
 
     @property
     def held_out_um(self) -> float:
@@ -271,9 +274,10 @@ class Selector:
             others = chosen_of(rest)
             together = replace(one.candidate, effect=whole), np.concatenate([one.size, other.size])
             trial = self.stage([*others, together])
-            if trial.linearised.squares < stage.linearised.squares + float(
-                np.log(stage.linearised.scalars)
-            ):  # one period fewer
+            one_period = float(np.log(stage.linearised.scalars))
+            if trial.linearised.squares + trial.linearised.spread < (
+                stage.linearised.squares + stage.linearised.spread + one_period
+            ):
                 return self.joined(trial)
         return stage
 
@@ -284,8 +288,14 @@ class Selector:
         return evaluate(linearised, [*left, *self.search.proposals(linearised, left)])
 
     def _best(self, linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Evaluated | None:
+        """The likeliest candidate that may be named; of several nearly as likely the commonest and simplest."""
         some = (each for each in passing(linearised, evaluated) if not self.search.by_chance(linearised, each))
-        return next(some, None)
+        first = next(some, None)
+        if first is None:
+            return None
+        limit = first.score.delta_bic + max(-WORTH, NEARLY * abs(first.score.delta_bic))
+        close = [first, *(each for each in some if each.score.delta_bic < limit)]
+        return min(close, key=lambda each: (each.candidate.rarity, complexity(each.candidate)))
 
     def pruned(self, stage: Stage) -> Stage:
         """The stage without the causes whose delta-BIC is `DROPPED` or higher, now that others are known."""
