@@ -38,6 +38,8 @@ FALSE = 0.01
 """Share of false causes among those named (Benjamini and Hochberg)."""
 SEEN = 0.05
 """Least share of its signal that model and registration cannot imitate, for a cause to be named."""
+GLIMPSED = 0.01
+"""The same for a cause to be a sibling of a named one."""
 LARGEST = 100.0
 """Physical limit of a cause's size, as a multiple of the typical one, unless the cause is CLEAR."""
 CLEAR = 0.1
@@ -328,8 +330,8 @@ def passing(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterat
     limit = _discovered([each.score.p_value for each in evaluated])
     hidden = min((each.score.delta_bic for each in evaluated if each.projected.visible < SEEN), default=np.inf)
     for each in evaluated[:LOOKED_AT]:
-        # no cause is named for a gain that a hardly visible cause also has
-        if each.score.delta_bic > min(WORTH, hidden + WORTH):
+        # no cause is named for a gain that a hardly visible cause explains far better
+        if each.score.delta_bic > min(WORTH, hidden - WORTH):
             return
         if each.projected.visible < SEEN or each.score.p_value > limit:
             continue
@@ -358,7 +360,7 @@ def siblings(linearised: LinearisedFit, accepted: Accepted, evaluated: Sequence[
     found: dict[tuple[str | None, ...], Sibling] = {}
     for each in evaluated:
         other, cause = each.projected, each.candidate.cause
-        if other.visible < SEEN or not energy or cause == accepted.candidate.cause:
+        if other.visible < GLIMPSED or not energy or cause == accepted.candidate.cause:
             continue
         shared = (other.columns.T @ own.columns - other.through.T @ own.through) @ score.size
         ridge = 1e-9 * np.trace(other.schur) * np.eye(len(other.schur))
