@@ -1,8 +1,9 @@
 """Estimate of the noise from the residuals of a fit: the instrument's factor, and the non-repeatability of each axis.
 
-Restricted maximum likelihood (Patterson and Thompson 1971) by Fisher scoring on the linearised fit: the covariance of
-the rows of a stop is f C + sum of s^2 a a', with C of the instrument's specification and an arm a for each axis. Every
-component must differ from the specification by more than chance, so that data that follow it keep it.
+Restricted maximum likelihood (Patterson and Thompson 1971) on the linearised fit, by an iteration that never leaves
+positive variances (Zhou et al. 2019, MM algorithms for variance components): the covariance of the rows of a stop is
+f C + sum of s^2 a a', with C of the instrument's specification and an arm a for each axis. Every component must differ
+from the specification by more than chance, so that data that follow it keep it.
 """
 
 from __future__ import annotations
@@ -33,13 +34,11 @@ ROWS = 5000
 """Largest number of rows; whole stops, evenly spread."""
 ROUNDS = 4
 """Most rounds in which rows that disagree under the last estimate are left out of the next."""
-STEPS = 12
-CONVERGED = 0.01
-"""Relative change of the variances below which the iteration ends."""
-CLOSER = 3.0
-"""Largest factor by which a variance falls in one step, and the instrument's also rises."""
-NOTHING = 1e-4
-"""Variance of an axis, in units of that of `TYPICAL`, that counts as zero."""
+STEPS = 25
+CONVERGED = 0.03
+"""Relative change of the standard deviations below which the iteration ends."""
+START, NOTHING = 0.1, 1e-6
+"""Variances of an axis at the start and at least, in units of that of `TYPICAL`."""
 RIDGE = 1e-9
 TYPICAL = 10.0
 """Unit of the standard deviations in the iteration, um or urad."""
@@ -85,27 +84,30 @@ class _Estimate(NamedTuple):
 def _estimate(components: _Components) -> _Estimate | None:
     """The variances that the rows show; None where they are those of the specification."""
     variances = np.append(1.0, np.zeros(len(components.axes)))
-    score, information = components.score(variances)
-    clear = score / np.sqrt(np.diag(information))
+    moments = components.moments(variances)
+    clear = (moments.observed - moments.expected) / moments.uncertainty
     if abs(clear[0]) < CERTAIN and clear[1:].max() < CERTAIN:
         return None
-    for _ in range(STEPS):
-        free = np.flatnonzero((variances > 0.0) | (score > 0.0))
-        part = information[np.ix_(free, free)]
+    active = np.ones(len(variances), bool)
+    variances[1:] = START
+    while True:
+        for _ in range(STEPS):
+            moments = components.moments(variances)
+            ratio = np.where(active, np.sqrt(moments.observed / np.maximum(moments.expected, 1e-300)), 1.0)
+            variances = np.maximum(variances * ratio, NOTHING * active)
+            if np.all(np.abs(ratio - 1.0) < CONVERGED):
+                break
+        error = np.zeros(len(variances))
         # two axes of a part measured in two coordinates are as uncertain as its instrument
-        inverse = np.linalg.inv(part + RIDGE * np.trace(part) * np.eye(len(part)))
-        before, variances = variances, variances.copy()
-        variances[free] = np.maximum(variances[free] + inverse @ score[free], before[free] / CLOSER)
-        variances[variances < NOTHING] = 0.0
-        variances[0] = np.clip(variances[0], before[0] / CLOSER, before[0] * CLOSER)
-        if np.all(np.abs(variances - before) < CONVERGED * np.maximum(variances, NOTHING / CONVERGED)):
+        values, vectors = np.linalg.eigh(moments.information[np.ix_(active, active)])
+        error[active] = np.sqrt(vectors**2 @ (1.0 / np.maximum(values, RIDGE * values[-1])))
+        small = active & (variances < CERTAIN * error)
+        small[0] = False
+        if not small.any():
             break
-        score, information = components.score(variances)
-    error = np.zeros(len(variances))
-    error[free] = np.sqrt(np.diag(inverse))
+        active, variances = active & ~small, np.where(small, 0.0, variances)
     factor = float(variances[0]) if abs(variances[0] - 1.0) > CERTAIN * error[0] else 1.0
-    of_axes = np.where(variances[1:] > CERTAIN * error[1:], variances[1:], 0.0)
-    return None if factor == 1.0 and not of_axes.any() else _Estimate(factor, of_axes)
+    return None if factor == 1.0 and not variances[1:].any() else _Estimate(factor, variances[1:])
 
 
 def _arms(found: Fit, measurement: Measurement, axes: Sequence[str]) -> Array:
@@ -117,6 +119,22 @@ def _arms(found: Fit, measurement: Measurement, axes: Sequence[str]) -> Array:
         columns.append(6 * i + component)
         units.append(TYPICAL * unit_of(axis)[1])
     return np.asarray(transform[:, :, columns] * np.array(units))
+
+
+class _Moments(NamedTuple):
+    """Squares of white residuals along the components, instrument first, and their likelihood's curvature."""
+
+    observed: Array
+    """`(1 + axes,)`"""
+    expected: Array
+    """`(1 + axes,)`, where the variances are right."""
+    information: Array
+    """Fisher information of the restricted likelihood on the variances `(1 + axes, 1 + axes)`."""
+
+    @property
+    def uncertainty(self) -> Array:
+        """Standard deviation of the observed ones by chance."""
+        return np.asarray(2.0 * np.sqrt(np.diag(self.information)))
 
 
 @dataclass(frozen=True)
@@ -177,8 +195,8 @@ class _Components:
         d = self.residual.shape[1]
         return np.flatnonzero(~outlying(distances, d, robust_factor(distances, d, 0.0, 1.0, self.stop)))
 
-    def score(self, variances: Array) -> tuple[Array, Array]:
-        """Score `(1 + axes,)` of the restricted likelihood, and its Fisher information, at these variances."""
+    def moments(self, variances: Array) -> _Moments:
+        """The moments of the residuals in each component at these variances `(1 + axes,)`."""
         used = np.sqrt(variances[1:])
         noise = EstimatedNoise(
             float(variances[0]), dict(zip(self.axes, used, strict=True)), self.stop, self.arms * used
@@ -207,13 +225,12 @@ class _Components:
         parts = np.einsum("ndi,nd->ni", roots, residual)
         lost = np.swapaxes(roots, 1, 2) @ spanned
         free = np.swapaxes(roots, 1, 2) @ roots - lost @ np.swapaxes(lost, 1, 2)
-        score = np.append(
-            np.sum(parts**2) - np.einsum("nii->", free), np.sum(along**2, axis=0) - np.einsum("skk->k", own)
-        )
+        observed = np.append(np.sum(parts**2), np.sum(along**2, axis=0))
+        expected = np.append(np.einsum("nii->", free), np.einsum("skk->k", own))
         k = len(variances)
         information = np.zeros((k, k))
         information[0, 0] = np.sum(free**2)
         information[1:, 1:] = np.sum(own**2, axis=0)
         mixed = np.swapaxes(roots, 1, 2) @ arms - lost @ np.swapaxes(in_rows, 1, 2)
         information[0, 1:] = information[1:, 0] = np.sum(mixed**2, axis=(0, 1))
-        return 0.5 * score, 0.5 * information
+        return _Moments(observed, expected, 0.5 * information)

@@ -54,6 +54,8 @@ BETTER = -4.0
 """Difference of delta-BIC from which a sibling replaces a cause."""
 NEARLY = 0.05
 """Share of the delta-BIC by which a simpler cause may be less likely: what it lacks is found after it."""
+WORSE = 1.02
+"""Ratio by which the held-out RMS may rise by chance with a cause that is there."""
 PASSES = 2
 """Most rounds in which a sibling replaces a cause."""
 Progress = Callable[[str], None]
@@ -198,7 +200,7 @@ class Selector:
             refused.add(_key(best.candidate))
             self.progress(f"fitting {best.candidate.effect.name} along; found: {_listed(now.accepted)}")
             trial = self.stage([*chosen_of(now.accepted), (best.candidate, best.score.size)])
-            if trial.accepted[-1].score.delta_bic < WORTH:
+            if trial.accepted[-1].score.delta_bic < WORTH and trial.held_out_um < WORSE * now.held_out_um:
                 stages[1:] = [stage.at_rest for stage in stages[1:]]
                 stages.append(self.joined(self.pruned(trial)))
 
