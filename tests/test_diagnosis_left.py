@@ -12,13 +12,14 @@ from support.virtual_measurements import THREE, measured, positions
 
 import machines
 from calibration.diagnosis.residual import unexplained as remainder
+from calibration.diagnosis.residual.absorber import absorbed
 from calibration.diagnosis.residual.chance_level import DRAWS, Chance
 from calibration.diagnosis.residual.dependence import Unexplained, of_variables
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.proposed_shapes import waves
-from calibration.diagnosis.search.selection import evaluate
+from calibration.diagnosis.search.selection import WORTH, evaluate
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model
 from kinematics.effects import Backlash, Cyclic, Unnamed
@@ -54,9 +55,13 @@ def strongest_wave(linearised):
 
 
 @pytest.mark.parametrize("seed", quick([3, 4, 5], [5]))
-def test_a_wave_found_in_what_has_no_name_is_one_of_many(seed):
+def test_a_wave_found_in_what_has_no_name_is_not_worth_a_name(seed):
+    """Neither by itself nor beside a smooth function of the variables on which the residual depends."""
     _, stage = stage_with(nameless("Y", 3.0), candidate=strongest_wave, seed=seed)
-    assert by_chance(stage)
+    found, without = stage.accepted[0], stage.without(0)
+    rest = absorbed(without, remainder.unexplained(without))
+    assert found.score.delta_bic > WORTH
+    assert rest.score(rest.candidate(found.candidate.effect), found.candidate.shapes).delta_bic > WORTH
 
 
 @pytest.mark.parametrize("seed", quick([3, 4, 5], [3]))

@@ -123,10 +123,10 @@ def test_what_is_hardly_visible_shields_others_from_blame():
     assert unseen.visible < selection.SEEN
     hidden = Evaluated(SOME[1], unseen, good.score)
     assert not list(passing(linearised, [hidden]))
-    assert not list(passing(linearised, [good, hidden]))
-    # unless it explains much less
-    less = hidden._replace(score=good.score._replace(delta_bic=good.score.delta_bic + 20.0))
-    assert [each.candidate for each in passing(linearised, [good, less])] == [SOME[0]]
+    better = hidden._replace(score=good.score._replace(delta_bic=good.score.delta_bic - 20.0))
+    assert not list(passing(linearised, [better, good]))
+    # where it explains as much, it is a sibling
+    assert [each.candidate for each in passing(linearised, [good, hidden])] == [SOME[0]]
 
 
 def test_a_size_beyond_what_is_physical_is_not_named():

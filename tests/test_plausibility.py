@@ -330,7 +330,7 @@ def test_a_fit_states_its_validity_and_temperatures(command):
     done = command(*simulated, "-o", "data.csv")
     assert done.status == 0, done.err
     for options, valid in (((), None), (("--valid-days", "90"), 90.0)):
-        fit = ("fit", "data.csv", "-m", "gantry", "--basis", "legendre:1", "--no-hold-out", "-o", "cal.json")
+        fit = ("fit", "data.csv", "-m", "gantry", "--basis", "legendre:1", "--no-hold-out", "--force", "-o", "cal.json")
         done = command(*fit, *options)
         assert done.status == 0, done.err
         provenance = json.loads(Path("cal.json").read_text())["provenance"]

@@ -329,7 +329,7 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> _Found:
     selection = selector.select(known)
     for _ in range(AGAIN):
         found = selection.stages[-1]
-        stage = selector.against_siblings(found)
+        stage = selector.against_siblings(selector.commoner(found))
         base = selector.chosen_again(stage)
         if base.choice == selector.base.choice and len(stage.accepted) == len(found.accepted):
             break

@@ -41,6 +41,19 @@ class EstimatedNoise:
         """Covariances `(n, d, d)` of single rows, mm2, from those of the specification."""
         return np.asarray(self.instrument_factor * specified + self.arms @ np.swapaxes(self.arms, 1, 2))
 
+    @property
+    def text(self) -> str:
+        """The estimate in sentences for the report."""
+        parts = []
+        if self.instrument_factor != 1.0:
+            parts.append(f"The instrument scatters {self.instrument_factor**0.5:.2g} times as much as specified.")
+        for axis, size in self.non_repeatability.items():
+            micro, unit = (size * 1e6, "urad") if axis[0] in "ABC" else (size * 1e3, "um")
+            parts.append(f"{axis} repeats to {micro:.2g} {unit} (standard deviation from stop to stop).")
+        if self.non_repeatability:
+            parts.append("No table cures that.")
+        return " ".join(parts)
+
 
 class _Stops(NamedTuple):
     """Stops of the same number of rows."""

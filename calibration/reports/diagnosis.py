@@ -57,6 +57,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "before": figures_json(found.figures[0]),
         "after": figures_json(found.figures[1]),
         "noise_um": found.noise_um,
+        "estimated_noise": _estimated_noise(found),
         "n_observations": fit.observations,
         "n_parameters": len(fit.model.parameters),
         "rank": fit.solved.rank - fit.solved.registered,
@@ -224,8 +225,23 @@ def _facts(found: Diagnosis) -> Iterator[tuple[str, str]]:
         "noise",
         "by the instrument specification; no position was measured again" if repeats is None else repeats.text,
     )
+    noise = found.after.fit.measurement.noise
+    if noise is not None:
+        yield "estimated", noise.text
     significant = [f"{test.name} p = {test.p_value:.1g}" for test in found.tests if test.p_value < 1e-3]
     yield "residual", "; ".join([f"chi2/dof {fit.chi2_reduced:.3g}", *shortened(significant, LISTED, "tests")])
+
+
+def _estimated_noise(found: Diagnosis) -> dict[str, Any] | None:
+    """Noise that the residuals show, um or urad by axis; None where it is as specified."""
+    noise = found.after.fit.measurement.noise
+    if noise is None:
+        return None
+    axes = noise.non_repeatability.items()
+    return {
+        "instrument_factor": noise.instrument_factor**0.5,
+        "non_repeatability": {axis: size * (1e6 if axis[0] in "ABC" else 1e3) for axis, size in axes},
+    }
 
 
 def _causes(found: Diagnosis) -> Iterator[Section]:

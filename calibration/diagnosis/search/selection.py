@@ -245,6 +245,18 @@ class Selector:
         kept = self.leaner(self.pruned(stage))
         return stage._replace(accepted=tuple(accepted)) if kept is stage else self.against_siblings(kept)
 
+    def commoner(self, stage: Stage) -> Stage:
+        """The stage with common causes in place of a rare one, where these explain as much."""
+        for own in stage.accepted:
+            if not own.candidate.rarity:
+                continue
+            others = [each for each in stage.accepted if each is not own]
+            library = [candidate for candidate in self.library if candidate.cause != own.candidate.cause]
+            trial = replace(self, library=library).select(others).stages[-1]
+            if trial.cost < stage.cost + 2.0 * own.candidate.rarity:
+                return self.commoner(trial)
+        return stage
+
     def leaner(self, stage: Stage) -> Stage:
         """The stage without causes that a full fit of the others replaces: their shapes were refined beside them."""
         shaped = any(each.candidate.shapes for each in stage.accepted)

@@ -1,0 +1,87 @@
+"""Noise estimated from residuals: of the instrument, and of the axes from stop to stop."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.diagnosis_cases import CFRAME, data_with, fitted
+from support.virtual_measurements import ONE, positions
+
+from calibration.fit.noise import with_estimated_noise
+from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
+from calibration.measurement.instruments import Part
+from calibration.observation.equations import specified_covariance
+from calibration.observation.normal_equations import whitened, whiteners
+from calibration.observation.stops_and_lines import stops
+from calibration.simulation.simulate import observe
+from kinematics.error_model.model import no_errors
+from kinematics.state import State
+
+
+def with_stops(rows_of_a_stop, sizes, seed=3):
+    """A measurement of a C-frame with several rows at each stop, its axes off by random amounts from stop to stop."""
+    rng = np.random.default_rng(seed)
+    data = data_with(n=200, seed=seed)
+    index = np.repeat(np.arange(len(data)), rows_of_a_stop)
+    data = data.rows(index)
+    noise = rng.standard_normal((len(data), 3))
+    observed = data.observed + np.einsum("nij,nj->ni", np.linalg.cholesky(specified_covariance(data)), noise)
+    rotation = fitted(data).registration.rotations(data)
+    for k, size in sizes.items():
+        observed += rotation[:, :, k] * (size * rng.standard_normal(int(stops(data).max()) + 1))[stops(data), None]
+    return replace(data, observed=observed, state=replace(data.state, observed=observed))
+
+
+def test_data_as_specified_keep_their_noise():
+    assert with_estimated_noise(fitted(data_with(n=200, seed=5))).noise is None
+
+
+@pytest.mark.parametrize("rows_of_a_stop", [1, 3])
+def test_an_axis_that_does_not_repeat_is_found_by_name_and_size(rows_of_a_stop):
+    data = with_stops(rows_of_a_stop, {0: 0.025})
+    found = with_estimated_noise(fitted(data)).noise
+    assert found is not None
+    assert list(found.non_repeatability) == ["X"]
+    assert found.non_repeatability["X"] == pytest.approx(0.025, rel=0.25)
+    assert "X repeats to" in found.text
+
+
+def test_decorrelated_rows_of_a_stop_are_white():
+    """The transform turns the covariance of a stop, instrument and shared errors, into the identity."""
+    data = with_stops(3, {0: 0.01})
+    arms = np.zeros((len(data), 3, 1))
+    arms[:, :, 0] = 0.01 * np.array([0.6, 0.8, 0.0])
+    noise = EstimatedNoise(1.0, {"X": 0.01}, stops(data), arms)
+    noisy = replace(data, noise=noise)
+    white = whiteners(noisy)
+    transform = Decorrelation.of(noise, white)
+    rows = np.flatnonzero(stops(data) == stops(data)[0])
+    covariance = np.zeros((9, 9))
+    for a in range(3):
+        for b in range(3):
+            shared = arms[rows[a]] @ arms[rows[b]].T
+            covariance[3 * a : 3 * a + 3, 3 * b : 3 * b + 3] = shared + (
+                specified_covariance(data)[rows[a]] if a == b else 0
+            )
+    root = np.linalg.cholesky(covariance)
+    columns = np.zeros((len(data), 3, 9))
+    columns[rows] = root.reshape(3, 3, 9)
+    done = transform.apply(white @ columns)[rows].reshape(9, 9)
+    np.testing.assert_allclose(done @ done.T, np.eye(9), atol=1e-9)
+    residual = np.random.default_rng(1).standard_normal((len(data), 3))
+    back = transform.undone(transform.apply(whitened(white, residual)))
+    np.testing.assert_allclose(back, whitened(white, residual), atol=1e-9)
+
+
+def test_a_part_measured_in_two_coordinates_has_the_noise_of_its_measuring_machine():
+    """Two axes of such a part are as uncertain as its instrument: the noise is the instrument's."""
+    rng = np.random.default_rng(1)
+    q = positions(CFRAME, 200, rng)
+    q[:, 2] = 100.0
+    state = State(q, target=np.full(200, "1"))
+    part = Part(1.0, components=2)
+    data = observe(CFRAME, no_errors(CFRAME), state, part, rng, None, ONE, noise_scale=2.0)
+    noise = with_estimated_noise(fitted(data)).noise
+    assert noise is not None
+    assert noise.instrument_factor**0.5 == pytest.approx(2.0, rel=0.15)
+    assert not noise.non_repeatability
