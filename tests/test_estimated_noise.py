@@ -22,11 +22,11 @@ def with_stops(rows_of_a_stop, sizes, seed=3):
     """A measurement of a C-frame with several rows at each stop, its axes off by random amounts from stop to stop."""
     rng = np.random.default_rng(seed)
     data = data_with(n=200, seed=seed)
-    index = np.repeat(np.arange(len(data)), rows_of_a_stop)
-    data = data.rows(index)
+    exact = fitted(data)
+    data = replace(data, observed=data.observed - exact.residual).rows(np.repeat(np.arange(len(data)), rows_of_a_stop))
     noise = rng.standard_normal((len(data), 3))
     observed = data.observed + np.einsum("nij,nj->ni", np.linalg.cholesky(specified_covariance(data)), noise)
-    rotation = fitted(data).registration.rotations(data)
+    rotation = exact.registration.rotations(data)
     for k, size in sizes.items():
         observed += rotation[:, :, k] * (size * rng.standard_normal(int(stops(data).max()) + 1))[stops(data), None]
     return replace(data, observed=observed, state=replace(data.state, observed=observed))
