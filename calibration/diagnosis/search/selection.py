@@ -129,6 +129,11 @@ class Stage(NamedTuple):
         return fitted + parameters * float(np.log(self.linearised.scalars))
 
     @property
+    def rarity(self) -> float:
+        """Log odds of as many common causes against its own, before any data."""
+        return sum(each.candidate.rarity for each in self.accepted)
+
+    @property
     def held_out_um(self) -> float:
         """RMS of the cross-validation residuals, um per scalar (rotary axes: urad)."""
         return self.linearised.cross_validation.rms_um
@@ -253,7 +258,7 @@ class Selector:
             others = [each for each in stage.accepted if each is not own]
             library = [candidate for candidate in self.library if candidate.cause != own.candidate.cause]
             trial = replace(self, library=library).select(others).stages[-1]
-            if trial.cost < stage.cost + 2.0 * own.candidate.rarity:
+            if trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity:
                 return self.commoner(trial)
         return stage
 
