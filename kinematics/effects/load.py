@@ -11,10 +11,10 @@ from kinematics.effects.base import UM, URAD, Columns, EffectBase, Parameter, ow
 from kinematics.forward import axis_pose
 from kinematics.machine import Machine
 from kinematics.state import State
-from kinematics.transforms import IDENTITY, Pose, turn
+from kinematics.transforms import IDENTITY, Pose, read_only, turn
 from kinematics.user_error import UserError
 
-DOWN = np.array([0.0, 0.0, -1.0])
+DOWN = read_only(np.array([0.0, 0.0, -1.0]))
 """Direction of gravity in the frame of the bed."""
 
 

@@ -344,23 +344,36 @@ class LinearisedFit:
         Only the reduction of the data's squares counts: a candidate that merely relieves the priors of the model, whose
         signal it shares, explains nothing.
         """
-        score = self.rated(candidate.schur, candidate.columns.T @ self.residual, shapes, trials)
-        moved = self.residual - candidate.columns @ score.size + self.spanned @ (candidate.through @ score.size)
-        by_data = self.squares - float(moved @ moved)
-        if by_data >= score.squares:
-            return score
-        return self._scored(max(by_data, 0.0), score.effective_parameters, trials, score.size)
+        return self.rated(candidate.schur, candidate.columns.T @ self.residual, candidate.through, shapes, trials)
 
-    def rated(self, schur: Array, along: Array, shapes: int = 0, trials: float = 1.0) -> Score:
-        """Score of columns with Schur complement `schur` `(k, k)` and the residual `along` them `(k,)`."""
+    def rated(self, schur: Array, along: Array, through: Array, shapes: int = 0, trials: float = 1.0) -> Score:
+        """Score of columns with Schur complement `schur` `(k, k)` and the residual `along` them `(k,)`.
+
+        through: as `Projected.through` `(q, k)`.
+        """
         values, vectors = np.linalg.eigh((schur + schur.T) / 2)
-        values, along = np.maximum(values, 0.0), vectors.T @ along
+        values, turned = np.maximum(values, 0.0), vectors.T @ along
         softened = values + GENEROUS**-2
-        largest = float(np.abs(vectors @ (along / softened)).max(initial=0.0))
+        largest = float(np.abs(vectors @ (turned / softened)).max(initial=0.0))
         softened = values + max(GENEROUS, BEYOND * largest) ** -2
         effective_parameters = float(np.sum(values / softened)) + shapes
-        squares = float(np.sum(along**2 / softened))
-        return self._scored(squares, effective_parameters, trials, vectors @ (along / softened))
+        squares, size = float(np.sum(turned**2 / softened)), vectors @ (turned / softened)
+        # reduction of the data's squares by the column c = G size, of which the model takes the part S S'c
+        spanned = through @ size
+        own = float(size @ schur @ size + spanned @ spanned)
+        taken = float(spanned @ (self._gram @ spanned))
+        by_data = 2.0 * float(along @ size - self._absorbed @ spanned) - (own - 2.0 * float(spanned @ spanned) + taken)
+        return self._scored(max(min(squares, by_data), 0.0), effective_parameters, trials, size)
+
+    @cached_property
+    def _absorbed(self) -> Array:
+        """S'r `(q,)`: the residual along the spanned columns, which their priors hold."""
+        return np.asarray(self.spanned.T @ self.residual)
+
+    @cached_property
+    def _gram(self) -> Array:
+        """S'S `(q, q)` of the spanned columns."""
+        return np.asarray(self.spanned.T @ self.spanned)
 
     def _scored(self, squares: float, effective_parameters: float, trials: float, size: Array) -> Score:
         """Score of a candidate that reduces the sum of squares by `squares`."""

@@ -83,4 +83,6 @@ class Sensitivity:
 
     def score(self, sizes: Array, shapes: int = 0) -> Score:
         """Score of an error of given sizes; see `LinearisedFit.score`."""
-        return self.linearised.rated(self.schur(sizes), sizes.T @ self.along, shapes)
+        through = self._through @ sizes
+        schur = (sizes * self.squares[:, None]).T @ sizes - through.T @ through
+        return self.linearised.rated(schur, sizes.T @ self.along, through, shapes)
