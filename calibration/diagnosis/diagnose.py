@@ -308,6 +308,9 @@ def _causes(selector: Selector) -> _Found:
     Shapes must stand beside a smooth function of the variables on which the residual depends.
     """
     found = _with_bases(selector.on(selector.base.coarser(selector.measurement, selector.progress)), ())
+    commoner = found.selector.commoner(found.stage)
+    if commoner is not found.stage:
+        found = _with_bases(found.selector, commoner.accepted)
     dependence = _dependence(found.stage)
     absorb = partial(absorbed, dependence=dependence)
     latest: list[Chance] = []
@@ -329,7 +332,7 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> _Found:
     selection = selector.select(known)
     for _ in range(AGAIN):
         found = selection.stages[-1]
-        stage = selector.against_siblings(selector.commoner(found))
+        stage = selector.against_siblings(found)
         base = selector.chosen_again(stage)
         if base.choice == selector.base.choice and len(stage.accepted) == len(found.accepted):
             break
