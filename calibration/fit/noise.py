@@ -1,8 +1,7 @@
 """Estimate of the noise from the residuals of a fit: the instrument's factor, and the non-repeatability of each axis.
 
-Restricted maximum likelihood (Patterson and Thompson 1971) on the linearised fit, by an iteration that never leaves
-positive variances (Zhou et al. 2019, MM algorithms for variance components): the covariance of the rows of a stop is
-f C + sum of s^2 a a', with C of the instrument's specification and an arm a for each axis. Every component must differ
+Restricted maximum likelihood (Patterson and Thompson 1971) on the linearised fit, by Fisher's scoring: the covariance of
+the rows of a stop is f C + sum of s^2 a a', with C of the instrument's specification and an arm a for each axis. Every component must differ
 from the specification by more than chance, so that data that follow it keep it.
 """
 
@@ -10,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from calibration.measurement.instruments import Interferometer
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.full_model import moving_axes
-from calibration.observation.normal_equations import whiteners
+from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import outlying, robust_factor
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects.base import own_motion, unit_of
@@ -35,8 +35,12 @@ ROWS = 5000
 ROUNDS = 4
 """Most rounds in which rows that disagree under the last estimate are left out of the next."""
 STEPS = 25
-CONVERGED = 0.03
-"""Relative change of the standard deviations below which the iteration ends."""
+CONVERGED = 0.01
+"""Step in standard errors of the variances below which the iteration ends."""
+FARTHEST = 100.0
+"""Factor by which a variance changes in one step at most."""
+SHARED = 1e-6
+"""Ridge on the correlations of the variances: two of them may be indistinguishable."""
 START, NOTHING = 0.1, 1e-6
 """Variances of an axis at the start and at least, in units of that of `TYPICAL`."""
 RIDGE = 1e-9
@@ -56,11 +60,12 @@ def with_estimated_noise(found: Fit) -> Measurement:
     if not axes:
         return measurement
     every = _Components.of(found, measurement, axes)
-    good, estimate = every.agreeing(None), None
+    good, estimate, start = every.agreeing(None), None, np.append(1.0, np.full(len(axes), START))
     for _ in range(ROUNDS):
-        estimate = _estimate(every.rows(good))
+        estimate = _estimate(every.rows(good), start)
         if estimate is None:
             return measurement
+        start = np.append(estimate.factor, np.maximum(estimate.of_axes, NOTHING))
         before, good = good, every.agreeing(estimate)
         if np.array_equal(before, good):
             break
@@ -81,25 +86,21 @@ class _Estimate(NamedTuple):
     """`(axes,)`, in units of that of `TYPICAL`."""
 
 
-def _estimate(components: _Components) -> _Estimate | None:
-    """The variances that the rows show; None where they are those of the specification."""
-    variances = np.append(1.0, np.zeros(len(components.axes)))
-    moments = components.moments(variances)
+def _estimate(components: _Components, start: Array) -> _Estimate | None:
+    """The variances that the rows show; None where they are those of the specification.
+
+    start: variances `(1 + axes,)` at which the iteration begins.
+    """
+    moments = components.moments(np.append(1.0, np.zeros(len(components.axes))))
     clear = (moments.observed - moments.expected) / moments.uncertainty
     if abs(clear[0]) < CERTAIN and clear[1:].max() < CERTAIN:
         return None
-    active = np.ones(len(variances), bool)
-    variances[1:] = START
+    variances, active = start, np.ones(len(start), bool)
     while True:
-        for _ in range(STEPS):
-            moments = components.moments(variances)
-            ratio = np.where(active, np.sqrt(moments.observed / np.maximum(moments.expected, 1e-300)), 1.0)
-            variances = np.maximum(variances * ratio, NOTHING * active)
-            if np.all(np.abs(ratio - 1.0) < CONVERGED):
-                break
+        variances, information = _likeliest(components, variances, active)
         error = np.zeros(len(variances))
         # two axes of a part measured in two coordinates are as uncertain as its instrument
-        values, vectors = np.linalg.eigh(moments.information[np.ix_(active, active)])
+        values, vectors = np.linalg.eigh(information[np.ix_(active, active)])
         error[active] = np.sqrt(vectors**2 @ (1.0 / np.maximum(values, RIDGE * values[-1])))
         small = active & (variances < CERTAIN * error)
         small[0] = False
@@ -108,6 +109,23 @@ def _estimate(components: _Components) -> _Estimate | None:
         active, variances = active & ~small, np.where(small, 0.0, variances)
     factor = float(variances[0]) if abs(variances[0] - 1.0) > CERTAIN * error[0] else 1.0
     return None if factor == 1.0 and not variances[1:].any() else _Estimate(factor, variances[1:])
+
+
+def _likeliest(components: _Components, variances: Array, active: np.ndarray) -> tuple[Array, Array]:
+    """The likeliest variances `(1 + axes,)`, of the active ones, and their information, by Fisher's scoring."""
+    for _ in range(STEPS):
+        moments = components.moments(variances)
+        slope = 0.5 * (moments.observed - moments.expected)
+        free = np.flatnonzero(active & ((variances > NOTHING) | (slope > 0.0)))
+        scale = np.sqrt(np.diag(moments.information)[free])
+        scaled = moments.information[np.ix_(free, free)] / np.outer(scale, scale)
+        step = np.linalg.solve(scaled + SHARED * np.eye(len(free)), slope[free] / scale)
+        moved = variances[free] + step / scale
+        variances = variances.copy()
+        variances[free] = np.clip(moved, np.maximum(variances[free] / FARTHEST, NOTHING), variances[free] * FARTHEST)
+        if np.abs(step).max() < CONVERGED:
+            break
+    return variances, moments.information
 
 
 def _arms(found: Fit, measurement: Measurement, axes: Sequence[str]) -> Array:
@@ -151,6 +169,8 @@ class _Components:
     axes: Sequence[str]
     arms: Array
     stop: np.ndarray
+    specified: Array
+    """Covariances `(n, d, d)` by the instrument's specification."""
 
     @classmethod
     def of(cls, found: Fit, measurement: Measurement, axes: Sequence[str]) -> _Components:
@@ -178,12 +198,19 @@ class _Components:
             axes,
             _arms(found, some, axes),
             numbers[rows],
+            equations.specified_covariance(some),
         )
+
+    @cached_property
+    def starts(self) -> np.ndarray:
+        """First row of each stop."""
+        return np.flatnonzero(np.append(True, np.diff(self.stop) != 0))
 
     def rows(self, index: np.ndarray) -> _Components:
         """The same for some of the rows."""
         some = replace(self, measurement=self.measurement.rows(index), residual=self.residual[index])
-        return replace(some, design=self.design[index], arms=self.arms[index], stop=self.stop[index])
+        some = replace(some, design=self.design[index], arms=self.arms[index], stop=self.stop[index])
+        return replace(some, specified=self.specified[index])
 
     def agreeing(self, estimate: _Estimate | None) -> np.ndarray:
         """Indices of the rows that agree with the others under an estimate of the noise; first with any factor."""
@@ -191,7 +218,7 @@ class _Components:
         if estimate is not None:
             noise = EstimatedNoise(estimate.factor, {}, self.stop, self.arms * np.sqrt(estimate.of_axes))
         white = whiteners(replace(self.measurement, noise=noise))
-        distances = np.sum((white @ self.residual[:, :, None])[:, :, 0] ** 2, axis=1)
+        distances = np.sum(whitened(white, self.residual) ** 2, axis=1)
         d = self.residual.shape[1]
         return np.flatnonzero(~outlying(distances, d, robust_factor(distances, d, 0.0, 1.0, self.stop)))
 
@@ -201,36 +228,44 @@ class _Components:
         noise = EstimatedNoise(
             float(variances[0]), dict(zip(self.axes, used, strict=True)), self.stop, self.arms * used
         )
-        some = replace(self.measurement, noise=noise)
-        white = whiteners(some)
-        decorrelation = Decorrelation.of(noise if used.any() else None, whiteners(some))
+        white = np.linalg.inv(np.linalg.cholesky(noise.covariance(self.specified)))
+        decorrelation = Decorrelation.of(noise if used.any() else None, white)
         n, d, q = self.design.shape
         design = decorrelation.apply(white @ self.design).reshape(n * d, q)
-        whole = decorrelation.apply((white @ self.residual[:, :, None])[:, :, 0]).reshape(-1)
+        whole = decorrelation.apply(whitened(white, self.residual)).reshape(-1)
         posterior = Posterior(design.T @ design, self.limited)
         whole = whole - design @ posterior.solve(design.T @ whole - self.limited * self.away)
-        spanned, residual = (design @ posterior.root).reshape(n, d, -1), whole.reshape(n, d)
-        starts = np.flatnonzero(np.append(True, np.diff(self.stop) != 0))
-
-        def by_stop(table: Array) -> Array:
-            return np.asarray(np.add.reduceat(table, starts, axis=0))
-
+        spanned, residual = posterior.spanned(design).reshape(n, d, -1), whole.reshape(n, d)
+        absorbed = spanned @ np.swapaxes(spanned, 1, 2)
         arms = decorrelation.apply(white @ self.arms)
-        along = by_stop(np.einsum("ndk,nd->nk", arms, residual))
-        in_rows = np.swapaxes(arms, 1, 2) @ spanned
-        through = by_stop(in_rows)
-        own = by_stop(np.swapaxes(arms, 1, 2) @ arms) - through @ np.swapaxes(through, 1, 2)
+        turned = np.swapaxes(arms, 1, 2)
+        along = self._by_stop((turned @ residual[:, :, None])[:, :, 0])
+        if len(self.starts) == n:
+            own = turned @ (arms - absorbed @ arms)
+        else:
+            through = self._by_stop(turned @ spanned)
+            own = self._by_stop(turned @ arms) - through @ np.swapaxes(through, 1, 2)
         # the instrument's part of each row; the rows of a stop are taken as independent in it
-        roots = decorrelation.apply(white @ np.linalg.cholesky(equations.specified_covariance(self.measurement)))
+        roots = decorrelation.apply(white @ np.linalg.cholesky(self.specified))
         parts = np.einsum("ndi,nd->ni", roots, residual)
-        lost = np.swapaxes(roots, 1, 2) @ spanned
-        free = np.swapaxes(roots, 1, 2) @ roots - lost @ np.swapaxes(lost, 1, 2)
+        seen = np.swapaxes(roots, 1, 2)
+        free, mixed = seen @ (roots - absorbed @ roots), seen @ (arms - absorbed @ arms)
         observed = np.append(np.sum(parts**2), np.sum(along**2, axis=0))
         expected = np.append(np.einsum("nii->", free), np.einsum("skk->k", own))
         k = len(variances)
         information = np.zeros((k, k))
         information[0, 0] = np.sum(free**2)
         information[1:, 1:] = np.sum(own**2, axis=0)
-        mixed = np.swapaxes(roots, 1, 2) @ arms - lost @ np.swapaxes(in_rows, 1, 2)
         information[0, 1:] = information[1:, 0] = np.sum(mixed**2, axis=(0, 1))
         return _Moments(observed, expected, 0.5 * information)
+
+    def _by_stop(self, table: Array) -> Array:
+        """Sums `(stops, ...)` of the rows `(n, ...)` of each stop."""
+        if len(self.starts) == len(table):
+            return table
+        result = np.empty((len(self.starts), *table.shape[1:]))
+        counts = np.diff(np.append(self.starts, len(table)))
+        for m in np.unique(counts).tolist():
+            some = np.flatnonzero(counts == m)
+            result[some] = table[self.starts[some][:, None] + np.arange(m)].sum(axis=1)
+        return result
