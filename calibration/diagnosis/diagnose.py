@@ -25,7 +25,7 @@ from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.candidates import Candidate, Untested, changes, library
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.selection import Accepted, Evaluated, Search, Selector, Stage, evaluate
+from calibration.diagnosis.search.selection import Accepted, Evaluated, Search, Selection, Selector, Stage, evaluate
 from calibration.diagnosis.search.start_model import Base, base_of
 from calibration.diagnosis.separability import Separability, separability
 from calibration.diagnosis.updated_model import new_calibration
@@ -232,7 +232,7 @@ def diagnose(
     selector = Selector(measurement, base, candidates, variance, progress, search)
     noise = repeats(measurement, selector.bare.fit.kept)
     if variance == "sheet" and noise is not None and _contradicted(noise):
-        selector = replace(selector, measurement=_as_noisy_as(measurement, noise))
+        selector = replace(selector, measurement=_as_noisy_as(measurement, noise), bare_stages={})
         text = f"repeats contradict the instrument specification, its noise is taken from them: {noise.text}"
         findings.append(Finding("noise", text, False))
     before = selector.bare
@@ -329,17 +329,23 @@ def _causes(selector: Selector) -> _Found:
 
 def _with_bases(selector: Selector, known: Sequence[Accepted]) -> _Found:
     """The causes beside those known; bases are selected again until the causes do not change them."""
-    selection = selector.select(known)
+    done: dict[str, tuple[Selection, Stage]] = {}
+
+    def selected(known: Sequence[Accepted]) -> tuple[Selection, Stage]:
+        """The causes beside those known, and the stage compared with siblings; once for the same base and causes."""
+        key = repr((selector.base.choice, [(each.candidate.effect, each.size.tolist()) for each in known]))
+        if key not in done:
+            selection = selector.select(known)
+            done[key] = selection, selector.against_siblings(selection.stages[-1])
+        return done[key]
+
+    selection, stage = selected(known)
     for _ in range(AGAIN):
-        found = selection.stages[-1]
-        stage = selector.against_siblings(found)
         base = selector.chosen_again(stage)
-        if base.choice == selector.base.choice and len(stage.accepted) == len(found.accepted):
+        if base.choice == selector.base.choice and len(stage.accepted) == len(selection.stages[-1].accepted):
             break
         selector = selector.on(base)
-        selection = selector.select(stage.accepted)
-    else:
-        stage = selector.against_siblings(selection.stages[-1])
+        selection, stage = selected(stage.accepted)
     return _Found(selector, stage, selection.last_round)
 
 

@@ -1,8 +1,8 @@
 """Estimate of the noise from the residuals of a fit: the instrument's factor, and the non-repeatability of each axis.
 
-Restricted maximum likelihood (Patterson and Thompson 1971) on the linearised fit, by Fisher's scoring: the covariance of
-the rows of a stop is f C + sum of s^2 a a', with C of the instrument's specification and an arm a for each axis. Every component must differ
-from the specification by more than chance, so that data that follow it keep it.
+Restricted maximum likelihood (Patterson and Thompson 1971) on the linearised fit, by Fisher's scoring: the covariance
+of the rows of a stop is f C + sum of s^2 a a', with C of the instrument's specification and an arm a for each axis.
+Every component must differ from the specification by more than chance, so that data that follow it keep it.
 """
 
 from __future__ import annotations

@@ -9,8 +9,7 @@ dropped. At the end each cause is compared with its siblings, and replaced by on
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -144,7 +143,7 @@ class Selection:
     """Stages of a selection, and the candidates of its last round."""
 
     stages: tuple[Stage, ...]
-    """The base alone, then stages with more causes; the last one is the result."""
+    """The base alone or with the causes known, then stages with more causes; the last one is the result."""
     last_round: tuple[Evaluated, ...]
     """All candidates on the linearised fit of the result, the best first."""
 
@@ -171,11 +170,17 @@ class Selector:
     variance: Variance
     progress: Progress
     search: Search
+    bare_stages: dict[str, Stage] = field(default_factory=dict, compare=False, repr=False)
+    """Fits of bases alone, by their choice: bases come back, and each is fitted once."""
 
-    @cached_property
+    @property
     def bare(self) -> Stage:
         """The fit of the base alone."""
-        return self.stage(())
+        key = repr(self.base.choice)
+        if key not in self.bare_stages:
+            self.bare_stages.update({known: stage.at_rest for known, stage in self.bare_stages.items()})
+            self.bare_stages[key] = self.stage(())
+        return self.bare_stages[key]
 
     def without_causes(self, stage: Stage) -> LinearisedFit:
         """The fit of the base alone, with the noise of a stage."""
@@ -188,9 +193,7 @@ class Selector:
 
     def select(self, known: Sequence[Accepted] = ()) -> Selection:
         """Selection of the causes that the data support, beginning with those known already."""
-        stages = [self.bare]
-        if known:
-            stages.append(self.pruned(self.stage(chosen_of(known))))
+        stages = [self.pruned(self.stage(chosen_of(known))) if known else self.bare]
         refused: set[tuple[str, ...]] = set()
         while True:
             now = stages[-1]
@@ -324,7 +327,8 @@ class Selector:
             worst = max(stage.accepted, key=lambda each: each.score.delta_bic)
             if worst.score.delta_bic < DROPPED:
                 break
-            stage = self.stage(chosen_of([each for each in stage.accepted if each is not worst]))
+            rest = chosen_of([each for each in stage.accepted if each is not worst])
+            stage = self.stage(rest) if rest else self.bare
         return stage
 
 

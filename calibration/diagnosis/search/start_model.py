@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import msgspec
@@ -58,12 +58,14 @@ class Base:
     """Standard deviations `(p,)`, or a root `(p, p)` of their covariance."""
     origin: Origin
     choice: Choice | None = None
+    known: dict[str, Base] = field(default_factory=dict, compare=False, repr=False)
+    """Bases that were selected already, by what they were selected for."""
 
     def chosen_again(self, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
         """The base with bases selected again by the evidence, together with the effects found."""
-        return (
-            self if self.choice is None else _automatic(measurement, effects, _finest(measurement, effects), progress)
-        )
+        if self.choice is None:
+            return self
+        return _automatic(measurement, effects, _finest(measurement, effects), progress, self.known)
 
     def fine(self, measurement: Measurement) -> bool:
         """True where it may imitate a cause, so that its residuals may not show the cause."""
@@ -74,7 +76,9 @@ class Base:
 
     def coarser(self, measurement: Measurement, progress: Progress) -> Base:
         """The base for the search for causes, too coarse to imitate one with an error motion."""
-        return _automatic(measurement, (), coarse(measurement), progress) if self.fine(measurement) else self
+        if not self.fine(measurement):
+            return self
+        return _automatic(measurement, (), coarse(measurement), progress, self.known)
 
     def fit(
         self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
@@ -133,7 +137,7 @@ class Base:
 def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: Progress) -> Base:
     """The base for these data; UserError where the calibration has no error motions of an axis that moves in them."""
     if calibration is None:
-        return _automatic(measurement, (), FINEST, progress)
+        return _automatic(measurement, (), FINEST, progress, {})
     machine_effects = calibration.part(lambda effect: effect.ACTS_ON != "instrument")
     known = {effect.axis for effect in machine_effects.effects if isinstance(effect, ErrorMotion)}
     unknown = [axis for axis in moving_axes(measurement) if axis not in known]
@@ -162,7 +166,19 @@ def coarse(measurement: Measurement) -> int:
     return COARSE_OF_A_LOG if all(is_log(measurement, axis) for axis in moving_axes(measurement)) else COARSE
 
 
-def _automatic(measurement: Measurement, effects: Sequence[Effect], finest: int, progress: Progress) -> Base:
+def _automatic(
+    measurement: Measurement, effects: Sequence[Effect], finest: int, progress: Progress, known: dict[str, Base]
+) -> Base:
+    """The base with bases selected by the evidence; of the same instrument and effects the one known already."""
+    key = repr((measurement.instrument, finest, effects))
+    if key not in known:
+        known[key] = _selected(measurement, effects, finest, progress, known)
+    return known[key]
+
+
+def _selected(
+    measurement: Measurement, effects: Sequence[Effect], finest: int, progress: Progress, known: dict[str, Base]
+) -> Base:
     unknown = unknown_approaches(measurement)
     choice = choose(
         measurement,
@@ -176,7 +192,7 @@ def _automatic(measurement: Measurement, effects: Sequence[Effect], finest: int,
     # backlash, which the fit of an interferometer includes, is a cause to be found here
     kept = np.array([not isinstance(effect, Backlash) for effect in model.effects])
     each = np.repeat(kept, [part.stop - part.start for part in model.slices])
-    return Base(model.part(lambda effect: not isinstance(effect, Backlash)), prior[each], "automatic", choice)
+    return Base(model.part(lambda effect: not isinstance(effect, Backlash)), prior[each], "automatic", choice, known)
 
 
 def unknown_approaches(measurement: Measurement) -> list[Effect]:
