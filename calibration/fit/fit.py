@@ -153,13 +153,15 @@ def fit(
     *,
     prior: Array | None = None,
     variance: Variance = "sheet",
+    near: Fit | None = None,
     progress: Progress = lambda _: None,
 ) -> Fit:
     """Fit all parameters of `model`, starting from their present values, and the registration.
 
     prior: standard deviations `(p,)` of the parameters about their start, or a root `(p, p)` of their covariance;
     default: the typical sizes of the table of effects. `variance="estimate"` scales the instrument's covariance to the
-    residuals, for an instrument specification that is uncertain or unknown. UserError when the data cannot be fitted.
+    residuals, for an instrument specification that is uncertain or unknown. near: a fit of the same model to the same
+    rows, at which the iteration begins. UserError when the data cannot be fitted.
     """
     problem = Problem.of(measurement, model, priors(model) if prior is None else prior)
     refuse_lines(measurement)
@@ -169,8 +171,11 @@ def fit(
     progress("iterating")
     iterated = problem.rows(some)
     stop = stops(measurement)
-    first = iterated.point(np.array(model.parameters), registration)
-    converged, factor, solved = _iterate(iterated, first, variance, stop[some])
+    if near is None:
+        first = iterated.point(np.array(model.parameters), registration)
+    else:
+        first = iterated.point(near.model.parameters, near.registration)
+    converged, factor, solved = _iterate(iterated, first, variance, stop[some], shapes_held=near is None)
     progress("solving")
     point = problem.point(converged.parameters, converged.registration)
     least = _least(solved, len(some) * measurement.components, variance)
@@ -209,10 +214,12 @@ def fit(
     return replace(found, model=found.model.with_parameters(point.parameters, covariance))
 
 
-def _iterate(problem: Problem, point: Point, variance: Variance, stop: np.ndarray) -> tuple[Point, float, Solved]:
+def _iterate(
+    problem: Problem, point: Point, variance: Variance, stop: np.ndarray, *, shapes_held: bool
+) -> tuple[Point, float, Solved]:
     """The point to which Gauss-Newton with Huber's weights converges; variance factor and last solution there.
 
-    stop: number `(n,)` of the stop of each row.
+    stop: number `(n,)` of the stop of each row. shapes_held: in the first step, which begins with no amplitudes.
     """
     components = problem.measurement.components
     factor, effective_parameters, least = 1.0, 0.0, 1.0
@@ -222,7 +229,8 @@ def _iterate(problem: Problem, point: Point, variance: Variance, stop: np.ndarra
             distances, components, robust_factor(distances, components, effective_parameters, least, stop)
         )
         # amplitudes first: a period or time constant is undetermined without one
-        solved = (problem if step else problem.shapes_fixed()).solve(point, weights, factor)
+        held = shapes_held and not step
+        solved = (problem.shapes_fixed() if held else problem).solve(point, weights, factor)
         aim = solved.step * (AHEAD if step % 2 else 1.0)
         before, point, effective_parameters = (
             point,

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations_with_replacement, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -138,7 +139,13 @@ class NormalBlocks:
 
     def matrix(self, parts: Sequence[Part]) -> Array:
         """J'J of a model of these parts, in their order."""
-        return np.block([[self._between(a, b) for b in parts] for a in parts])
+        ends = np.cumsum([0, *(len(self._between(part, part)) for part in parts)]).tolist()
+        own = [slice(low, high) for low, high in pairwise(ends)]
+        matrix = np.empty((ends[-1], ends[-1]))
+        for (i, a), (j, b) in combinations_with_replacement(enumerate(parts), 2):
+            matrix[own[i], own[j]] = block = self._between(a, b)
+            matrix[own[j], own[i]] = block.T
+        return matrix
 
     def _between(self, a: Part, b: Part) -> Array:
         """The block of two parts, computed in one order of the two: its bits do not depend on the order of threads."""

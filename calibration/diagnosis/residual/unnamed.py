@@ -216,7 +216,8 @@ def surviving(whole: Array, schur: Array) -> np.ndarray:
     kept = np.flatnonzero(sizes > 0.0)
     while len(kept):
         some, unit = np.ix_(kept, kept), np.outer(sizes[kept], sizes[kept])
-        shares, vectors = linalg.eigh(schur[some] / unit, whole[some] / unit + RIDGE * np.eye(len(kept)))
+        ridge = RIDGE * np.eye(len(kept))
+        shares, vectors = linalg.eigh(schur[some] / unit, whole[some] / unit + ridge, subset_by_index=(0, 0))
         if shares[0] >= OWN:
             break
         kept = np.delete(kept, int(np.argmax(np.abs(vectors[:, 0]))))

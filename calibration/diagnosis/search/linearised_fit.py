@@ -54,6 +54,10 @@ LIKELY = 2.0
 """Prior standard deviation of a parameter in the fit of some rows, as a multiple of the RMS estimate from all rows."""
 LEAST_LINES = 8
 """Least number of lines whose signs are drawn as a whole."""
+OF_THE_DESIGN = (
+    *("information", "posterior", "spanned", "degrees_of_freedom", "state", "units", "spread", "held_out", "_gram"),
+)
+"""Cached properties that do not depend on the residual."""
 TOGETHER = 64
 """Effects whose columns are computed at once."""
 
@@ -190,7 +194,13 @@ class LinearisedFit:
     def _at_rest(self) -> LinearisedFit:
         """The linearised fit at the minimum of its own objective."""
         step = self.posterior.solve(self.design.T @ self.residual - self.limited * self.away)
-        return replace(self, residual=self.residual - self.design @ step, away=self.away + step)
+        return self._with_residual(self.residual - self.design @ step, self.away + step)
+
+    def _with_residual(self, residual: Array, away: Array) -> LinearisedFit:
+        """The same rows and design with another residual; results that depend on these alone are kept."""
+        other = replace(self, residual=residual, away=away)
+        vars(other).update({name: vars(self)[name] for name in OF_THE_DESIGN if name in vars(self)})
+        return other
 
     def thinned(self, most: int) -> LinearisedFit:
         """The linearised fit of at most so many of its rows: whole stops, evenly spread."""
@@ -226,7 +236,7 @@ class LinearisedFit:
         """The linearised fit of residuals of the same size, the sign of each unit of rows drawn at random."""
         signs = rng.choice([-1.0, 1.0], int(self.units.max()) + 1)[self.units]
         signs = np.repeat(signs, self.scalars // len(self.rows))
-        return replace(self, residual=self.residual * signs)._at_rest()
+        return self._with_residual(self.residual * signs, self.away)._at_rest()
 
     @property
     def measurement(self) -> Measurement:
@@ -265,7 +275,7 @@ class LinearisedFit:
     @cached_property
     def spanned(self) -> Array:
         """J L'^-1 `(N, q)`, with L L' = H: columns along which the model and the registration absorb signals."""
-        return np.asarray(self.design @ self.posterior.root)
+        return self.posterior.spanned(self.design)
 
     @cached_property
     def degrees_of_freedom(self) -> float:

@@ -89,12 +89,16 @@ class Base:
         """
         found = self.fit_as_noisy(measurement, accepted, variance)
         noisy = with_estimated_noise(found)
-        return found if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet")
+        return found if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet", found)
 
     def fit_as_noisy(
-        self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
+        self,
+        measurement: Measurement,
+        accepted: Sequence[tuple[Candidate, np.ndarray]],
+        variance: Variance,
+        near: Fit | None = None,
     ) -> Fit:
-        """The same with the noise of the measurement."""
+        """The same with the noise of the measurement; near: the fit with another noise."""
         # with a prior covariance the calibrated motion stays, and the finer one is added to it
         finer = {c.replaces: c.effect for c, _ in accepted if c.replaces and self.prior.ndim == 1}
         effects, prior = list(self.model.effects), self.prior
@@ -109,7 +113,7 @@ class Base:
         model = msgspec.structs.replace(self.model, effects=(*effects, *(c.effect for c, _ in added)), covariance=None)
         own = np.concatenate([_prior(candidate, size) for candidate, size in added] or [np.zeros(0)])
         whole = np.concatenate([prior, own]) if prior.ndim == 1 else block_diag(prior, np.diag(own))
-        return fit(measurement, model, prior=whole, variance=variance)
+        return fit(measurement, model, prior=whole, variance=variance, near=near)
 
     def lacking(self, linearised: LinearisedFit, candidate: Candidate, number: int) -> LinearisedFit:
         """The linearised fit without one accepted candidate, the effect of that number.
