@@ -226,9 +226,13 @@ def test_cycles_with_stated_directions_and_runs():
     assert cycles(named).tolist() == np.repeat(np.arange(4), 8).tolist()
 
 
-def test_two_runs_are_held_out_by_position():
+def test_two_runs_predict_each_other_and_one_is_held_out_by_position():
     there = np.linspace(0.0, 5000.0, 20)
-    data = laser(np.concatenate([there, there[::-1]] * 2), run=np.repeat([1, 2], 40))
+    runs = np.repeat([1, 2], 40)
+    labels, name = held_out_blocks(laser(np.concatenate([there, there[::-1]] * 2), run=runs))
+    assert name == "cycles"
+    assert labels.tolist() == (runs - 1).tolist()
+    data = laser(np.concatenate([there, there[::-1]]), run=np.ones(40))
     labels, name = held_out_blocks(data)
     assert name == "sets of positions"
     assert all(len(np.unique(labels[data.state.positions[:, 0] == at])) == 1 for at in there)

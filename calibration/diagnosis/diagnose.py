@@ -342,7 +342,7 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> _Found:
     selection, stage = selected(known)
     for _ in range(AGAIN):
         base = selector.chosen_again(stage)
-        if base.choice == selector.base.choice and len(stage.accepted) == len(selection.stages[-1].accepted):
+        if base is selector.base and len(stage.accepted) == len(selection.stages[-1].accepted):
             break
         selector = selector.on(base)
         selection, stage = selected(stage.accepted)

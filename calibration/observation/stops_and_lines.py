@@ -30,7 +30,9 @@ REGIONS, MOST_LINES = 8, 16
 LEAST_OF_REGION = 4
 """Smallest number of positions of a region beside lines; fewer positions are never held out."""
 LEAST_BLOCKS, MOST_BLOCKS = 3, 24
-"""Fewer lines, or cycles, do not predict each other; more are grouped."""
+"""Fewer lines do not predict each other; more lines, or cycles, are grouped."""
+LEAST_CYCLES = 2
+"""Each cycle visits all targets, so that two predict each other."""
 STRETCHES = 64
 """Stretches into which the positions of a continuous record along one axis are divided."""
 
@@ -76,14 +78,14 @@ def cycles(measurement: Measurement) -> np.ndarray:
 def held_out_blocks(measurement: Measurement) -> tuple[np.ndarray, str]:
     """Labels `(n,)` of the blocks of rows to be held out of a fit, -1 for rows of none; and their name, plural.
 
-    Cycles for an interferometer with three or more, else sets of positions. For other instruments lines, where the
+    Cycles for an interferometer with two or more, else sets of positions. For other instruments lines, where the
     others cover their axes, and regions of the other positions, each with all visits. Lines are grouped where there are
     more than MOST_BLOCKS.
     """
     if measurement.axis is not None:
         cycle, axis = cycles(measurement), _numbered(measurement.axis)
         fewest = min(cycle[axis == number].max() + 1 for number in range(axis.max() + 1))
-        if fewest >= LEAST_BLOCKS:
+        if fewest >= LEAST_CYCLES:
             return cycle % MOST_BLOCKS, "cycles"
         return _sets_of_positions(measurement), "sets of positions"
     line, positions = lines(measurement), _in_tolerances(measurement)

@@ -58,6 +58,8 @@ OF_THE_DESIGN = (
     *("information", "posterior", "spanned", "degrees_of_freedom", "state", "units", "spread", "held_out", "_gram"),
 )
 """Cached properties that do not depend on the residual."""
+CHANCE = 2.5
+"""Standard deviations of an autocorrelation up to which it counts as noise."""
 TOGETHER = 64
 """Effects whose columns are computed at once."""
 
@@ -68,7 +70,7 @@ class Score(NamedTuple):
     squares: float
     """Reduction of the sum of squares."""
     gain: float
-    """Reduction of the sum of squares, in units of the noise variance."""
+    """Reduction of the sum of squares, in units of the variance and of the correlation length of the residual."""
     effective_parameters: float
     """Degrees of freedom that it uses, shapes included."""
     delta_bic: float
@@ -127,6 +129,8 @@ class LinearisedFit:
     """True `(n,)` for rows that the fit kept."""
     weights: Array
     """Weights `(n,)` of the rows."""
+    correlation_length: float = 1.0
+    """Number of successive rows whose residuals count as one, by the fit of all effects; 1 for noise."""
 
     @classmethod
     def of(cls, fit: Fit) -> LinearisedFit:
@@ -160,7 +164,8 @@ class LinearisedFit:
         design, away = np.concatenate([own, parts.by_model], axis=1), np.concatenate([np.zeros(own.shape[1]), fit.away])
         kept = fit.kept[rows]
         blank = cls(fit, rows, white, decorrelation, parts.transform, design, limited, residual, away, kept, weights)
-        return blank._at_rest()
+        found = blank._at_rest()
+        return replace(found, correlation_length=correlation_length(found.residual.reshape(len(rows), -1)))
 
     def without(self, effect: int) -> LinearisedFit:
         """The linearised fit of the model without one of its effects, given by number."""
@@ -388,7 +393,7 @@ class LinearisedFit:
     def _scored(self, squares: float, effective_parameters: float, trials: float, size: Array) -> Score:
         """Score of a candidate that reduces the sum of squares by `squares`."""
         remaining = self.degrees_of_freedom - effective_parameters
-        gain = squares / max((self.squares - squares) / max(remaining, 1.0), 1.0)
+        gain = squares / max((self.squares - squares) / max(remaining, 1.0), 1.0) / self.correlation_length
         p_value = float(special.chdtrc(max(effective_parameters, 1.0), gain)) * trials
         delta_bic = -gain + effective_parameters * float(np.log(self.scalars))
         return Score(squares, gain, effective_parameters, delta_bic, min(p_value, 1.0), size)
@@ -469,6 +474,22 @@ class Derivatives(NamedTuple):
     """`(n * d, registration)`"""
     by_model: Array
     """`(n * d, parameters)`, in units of their priors."""
+
+
+def correlation_length(residual: Array) -> float:
+    """Integrated autocorrelation, in rows, of white residuals `(n, d)` in the order of the rows; at least 1.
+
+    Sums of two successive autocorrelations are added up to the first that noise may have (Geyer, Statist. Sci. 7, 1992,
+    section 3.3).
+    """
+    n = len(residual)
+    spectrum = np.sum(np.abs(np.fft.rfft(residual, 2 * n, axis=0)) ** 2, axis=1)
+    covariance = np.fft.irfft(spectrum)[:n]
+    if not covariance[0] > 0.0 or n < 3:
+        return 1.0
+    pairs = covariance[1 : 1 + 2 * ((n - 1) // 2)].reshape(-1, 2).sum(axis=1) / covariance[0]
+    noise = CHANCE * np.sqrt(2.0 / residual.size)
+    return float(1.0 + 2.0 * pairs[: int(np.argmax(np.append(pairs < noise, True)))].sum())
 
 
 def whole_stops(stop: np.ndarray, most: int) -> np.ndarray:

@@ -54,7 +54,7 @@ BETTER = -4.0
 NEARLY = 0.05
 """Share of the delta-BIC by which a simpler cause may be less likely: what it lacks is found after it."""
 WORSE = 1.02
-"""Ratio by which the held-out RMS may rise by chance with a cause that is there."""
+"""Ratio by which the held-out RMS may rise by chance with a cause, or with finer bases, that are there."""
 PASSES = 2
 """Most rounds in which a sibling replaces a cause."""
 Progress = Callable[[str], None]
@@ -137,6 +137,16 @@ class Stage(NamedTuple):
         """RMS of the cross-validation residuals, um per scalar (rotary axes: urad)."""
         return self.linearised.cross_validation.rms_um
 
+    def predicts_worse_than(self, other: Stage) -> bool:
+        """True where the residuals of held-out rows, of those that both keep, are larger than by chance."""
+        _, own, others = np.intersect1d(self.linearised.rows, other.linearised.rows, return_indices=True)
+        held, before = self.linearised.cross_validation, other.linearised.cross_validation
+        both = held.counted[own] & before.counted[others]
+        squares, before_squares = (
+            float(np.sum(each.residual_um[rows[both]] ** 2)) for each, rows in ((held, own), (before, others))
+        )
+        return squares > WORSE**2 * before_squares
+
 
 @dataclass(frozen=True)
 class Selection:
@@ -208,7 +218,7 @@ class Selector:
             refused.add(_key(best.candidate))
             self.progress(f"fitting {best.candidate.effect.name} along; found: {_listed(now.accepted)}")
             trial = self.stage([*chosen_of(now.accepted), (best.candidate, best.score.size)])
-            if trial.accepted[-1].score.delta_bic < WORTH and trial.held_out_um < WORSE * now.held_out_um:
+            if trial.accepted[-1].score.delta_bic < WORTH and not trial.predicts_worse_than(now):
                 stages[1:] = [stage.at_rest for stage in stages[1:]]
                 stages.append(self.joined(self.pruned(trial)))
 
@@ -279,9 +289,16 @@ class Selector:
         return stage
 
     def chosen_again(self, stage: Stage) -> Base:
-        """The base with bases selected again by the evidence, together with the causes that the stage adds to it."""
+        """The base with bases selected again by the evidence, together with the causes that the stage adds to it.
+
+        The base as it is where the other one predicts held-out blocks worse.
+        """
         besides = [stage.fit.model.effects[i] for i in stage.numbers if i >= len(self.base.model.effects)]
-        return self.base.chosen_again(self.measurement, besides, self.progress)
+        base = self.base.chosen_again(self.measurement, besides, self.progress)
+        if base.choice == self.base.choice:
+            return self.base
+        worse = self.on(base).stage(chosen_of(stage.accepted)).predicts_worse_than(stage)
+        return self.base if worse else base
 
     def joined(self, stage: Stage) -> Stage:
         """The stage with one cyclic error for two, where one is a harmonic of the other.
