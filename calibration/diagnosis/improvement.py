@@ -10,6 +10,7 @@ import numpy as np
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Stage
 from calibration.evaluation.volumetric import volumetric_error_um
+from calibration.fit.acceptance import ARM, measures_angles
 from calibration.fit.fit import Fit
 from calibration.fit.linear import pseudo_inverse
 from calibration.measurement.instruments import LaserTracker
@@ -96,7 +97,8 @@ def volume(before: Stage, after: Stage) -> Volume:
     """Deviations over the measured states, by the machine's part of both models, after rigid alignment."""
     measurement = after.fit.measurement
     machine, state = measurement.machine, measurement.state
-    q, tool = state.positions, measurement.tool
+    q = state.positions
+    tool = np.full((len(q), 3), ARM) if measures_angles(measurement) else measurement.tool
 
     def deviation(model: ErrorModel) -> Array:
         own = model.part(lambda effect: effect.ACTS_ON != "instrument")

@@ -34,6 +34,8 @@ COVERAGE = 2.0
 """Coverage factor k: a correction is significant where it exceeds k standard uncertainties."""
 MOSTLY = 0.5
 """Share of positions at which the correction must be significant."""
+ARM = 100.0
+"""Lever arm, mm, at which errors count that an interferometer measures as angles of a rotary axis."""
 ANYWHERE = 300
 """Number of states, within the measured ranges of all axes, at which a correction is compared with its uncertainty."""
 
@@ -143,10 +145,21 @@ def not_better(model: str, held_out: CrossValidation, other: str) -> str:
 
 def relative_deviations(model: ErrorModel, measurement: Measurement) -> RelativeDeviation:
     """Predicted deviations of the tool target with the most rows, at evenly spread measured states."""
+    if measures_angles(measurement):
+        tool = np.full((len(measurement), 3), ARM)
+        return relative_at_most(model, measurement.machine, measurement.state, tool)
     on_tool = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
     rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
     tool = np.tile(_usual_target(measurement), (len(rows), 1))
     return relative_at_most(model, measurement.machine, measurement.state.rows(rows), tool)
+
+
+def measures_angles(measurement: Measurement) -> bool:
+    """True for data of an interferometer along rotary axes alone, whose target may lie on the axis."""
+    if measurement.axis is None:
+        return False
+    machine = measurement.machine
+    return all(machine.rotary[machine.index(name)] for name in np.unique(measurement.axis).tolist())
 
 
 def refuse_uncertain(model: ErrorModel, measurement: Measurement) -> None:
