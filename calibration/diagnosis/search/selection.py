@@ -218,6 +218,11 @@ class Selector:
             refused.add(_key(best.candidate))
             self.progress(f"fitting {best.candidate.effect.name} along; found: {_listed(now.accepted)}")
             trial = self.stage([*chosen_of(now.accepted), (best.candidate, best.score.size)])
+            other = self.refined(now)
+            if other is not now and other.cost < trial.cost:
+                refused.discard(_key(best.candidate))
+                stages[-1] = other
+                continue
             if trial.accepted[-1].score.delta_bic < WORTH and not trial.predicts_worse_than(now):
                 stages[1:] = [stage.at_rest for stage in stages[1:]]
                 stages.append(self.joined(self.pruned(trial)))
@@ -262,6 +267,21 @@ class Selector:
             stage = trial
         kept = self.leaner(self.pruned(stage))
         return stage._replace(accepted=tuple(accepted)) if kept is stage else self.against_siblings(kept)
+
+    def refined(self, stage: Stage) -> Stage:
+        """The stage with another form of a cause (time constants, course along an axis) that explains more."""
+        for i, own in enumerate(stage.accepted):
+            others = [c for c in self.library if c.cause == own.candidate.cause and _key(c) != _key(own.candidate)]
+            if not others:
+                continue
+            best = evaluate(stage.without(i), others)[0]
+            if best.score.delta_bic < own.score.delta_bic + BETTER:
+                chosen = chosen_of(stage.accepted)
+                chosen[i] = (best.candidate, best.score.size)
+                trial = self.stage(chosen)
+                if trial.cost < stage.cost + BETTER:
+                    return self.refined(trial)
+        return stage
 
     def commoner(self, stage: Stage) -> Stage:
         """The stage with common causes in place of a rare one, where these explain as much."""
