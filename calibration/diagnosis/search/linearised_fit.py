@@ -60,6 +60,8 @@ OF_THE_DESIGN = (
 """Cached properties that do not depend on the residual."""
 CHANCE = 2.5
 """Standard deviations of an autocorrelation up to which it counts as noise."""
+BARELY = 5.0
+"""Gain up to which no candidate is named, however the residuals are correlated."""
 TOGETHER = 64
 """Effects whose columns are computed at once."""
 
@@ -70,7 +72,7 @@ class Score(NamedTuple):
     squares: float
     """Reduction of the sum of squares."""
     gain: float
-    """Reduction of the sum of squares, in units of the variance and of the correlation length of the residual."""
+    """Reduction of the sum of squares, in units of the noise variance and of the rows that count as one."""
     effective_parameters: float
     """Degrees of freedom that it uses, shapes included."""
     delta_bic: float
@@ -129,8 +131,6 @@ class LinearisedFit:
     """True `(n,)` for rows that the fit kept."""
     weights: Array
     """Weights `(n,)` of the rows."""
-    correlation_length: float = 1.0
-    """Number of successive rows whose residuals count as one, by the fit of all effects; 1 for noise."""
 
     @classmethod
     def of(cls, fit: Fit) -> LinearisedFit:
@@ -164,8 +164,7 @@ class LinearisedFit:
         design, away = np.concatenate([own, parts.by_model], axis=1), np.concatenate([np.zeros(own.shape[1]), fit.away])
         kept = fit.kept[rows]
         blank = cls(fit, rows, white, decorrelation, parts.transform, design, limited, residual, away, kept, weights)
-        found = blank._at_rest()
-        return replace(found, correlation_length=correlation_length(found.residual.reshape(len(rows), -1)))
+        return blank._at_rest()
 
     def without(self, effect: int) -> LinearisedFit:
         """The linearised fit of the model without one of its effects, given by number."""
@@ -357,9 +356,18 @@ class LinearisedFit:
         """Score of a candidate; `shapes` of its parameters were searched for, in `trials` trials.
 
         Only the reduction of the data's squares counts: a candidate that merely relieves the priors of the model, whose
-        signal it shares, explains nothing.
+        signal it shares, explains nothing. Correlated residuals that it leaves count once.
         """
-        return self.rated(candidate.schur, candidate.columns.T @ self.residual, candidate.through, shapes, trials)
+        score = self.rated(candidate.schur, candidate.columns.T @ self.residual, candidate.through, shapes, trials)
+        if not score.gain > BARELY or self._correlation_length == 1.0:
+            return score
+        left = self.residual - candidate.columns @ score.size + self.spanned @ (candidate.through @ score.size)
+        correlated = correlation_length(left.reshape(len(self.rows), -1))
+        return self._scored(score.squares, score.effective_parameters, trials, score.size, correlated)
+
+    @cached_property
+    def _correlation_length(self) -> float:
+        return correlation_length(self.residual.reshape(len(self.rows), -1))
 
     def rated(self, schur: Array, along: Array, through: Array, shapes: int = 0, trials: float = 1.0) -> Score:
         """Score of columns with Schur complement `schur` `(k, k)` and the residual `along` them `(k,)`.
@@ -390,10 +398,12 @@ class LinearisedFit:
         """S'S `(q, q)` of the spanned columns."""
         return np.asarray(self.spanned.T @ self.spanned)
 
-    def _scored(self, squares: float, effective_parameters: float, trials: float, size: Array) -> Score:
-        """Score of a candidate that reduces the sum of squares by `squares`."""
+    def _scored(
+        self, squares: float, effective_parameters: float, trials: float, size: Array, correlated: float = 1.0
+    ) -> Score:
+        """Score of a candidate that reduces the sum of squares by `squares`; so many rows in sequence count as one."""
         remaining = self.degrees_of_freedom - effective_parameters
-        gain = squares / max((self.squares - squares) / max(remaining, 1.0), 1.0) / self.correlation_length
+        gain = squares / max((self.squares - squares) / max(remaining, 1.0), 1.0) / correlated
         p_value = float(special.chdtrc(max(effective_parameters, 1.0), gain)) * trials
         delta_bic = -gain + effective_parameters * float(np.log(self.scalars))
         return Score(squares, gain, effective_parameters, delta_bic, min(p_value, 1.0), size)
@@ -431,7 +441,8 @@ class LinearisedFit:
 
         Outliers count with their weights: a cause that the model lacks makes outliers.
         """
-        columns, size = candidate.columns, self.score(candidate).size
+        columns = candidate.columns
+        size = self.rated(candidate.schur, columns.T @ self.residual, candidate.through).size
         # the size stays in this range where the other blocks do not determine it
         softened = max(LIKELY * float(np.sqrt(np.mean(size**2))), 1.0 / GENEROUS) ** -2 * np.eye(len(size))
         mixed, squares, right = self.design.T @ columns, columns.T @ columns, columns.T @ self.residual
