@@ -29,8 +29,9 @@ WORTH = -10.0
 """Largest delta-BIC of an accepted cause: odds of 150 to 1 (Kass and Raftery)."""
 DROPPED = -6.0
 """delta-BIC from which an accepted cause is dropped again."""
-SURE = 2.0
-"""Standard errors by which the gain on held-out blocks must exceed zero."""
+SURE, SURE_OF_RARE, NEARLY_SURE = 1.5, 2.0, 1.0
+"""Standard errors by which the gain on held-out blocks must exceed zero, for a cause, a rare cause, and a cause that
+keeps others from being named in place of it."""
 MOSTLY = 0.75
 """Or the share of blocks with a gain, since another missing cause may make one of them lose."""
 FALSE = 0.01
@@ -390,15 +391,18 @@ def passing(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterat
     limit = _discovered([each.score.p_value for each in evaluated])
     hidden = min((each.score.delta_bic for each in evaluated if each.projected.visible < SEEN), default=np.inf)
     for each in evaluated[:LOOKED_AT]:
-        # no cause is named for a gain that a hardly visible cause explains far better
+        # no cause is named for a gain that a hardly visible, or nearly sure, cause explains far better
         if each.score.delta_bic > min(WORTH, hidden - WORTH):
             return
         if each.projected.visible < SEEN or each.score.p_value > limit:
             continue
         if np.abs(each.score.size).max() > LARGEST and not _of_any_size(linearised, each):
             continue
-        if predicts(linearised.held_out_gains(each.projected)):
+        gains = linearised.held_out_gains(each.projected)
+        if predicts(gains, SURE_OF_RARE if each.candidate.rarity else SURE):
             yield each
+        elif predicts(gains, NEARLY_SURE):
+            hidden = min(hidden, each.score.delta_bic)
 
 
 def _of_any_size(linearised: LinearisedFit, each: Evaluated) -> bool:
@@ -407,9 +411,9 @@ def _of_any_size(linearised: LinearisedFit, each: Evaluated) -> bool:
     return clear and isinstance(each.candidate.effect, (Cyclic, FollowingError))
 
 
-def predicts(gains: Array) -> bool:
-    """True where held-out blocks are predicted better: on average, or most of them."""
-    return bool(gains.mean() > SURE * _error(gains) or (gains.sum() > 0 and np.mean(gains > 0) >= MOSTLY))
+def predicts(gains: Array, sure: float = SURE_OF_RARE) -> bool:
+    """True where held-out blocks are predicted better: on average by so many standard errors, or most of them."""
+    return bool(gains.mean() > sure * _error(gains) or (gains.sum() > 0 and np.mean(gains > 0) >= MOSTLY))
 
 
 def siblings(linearised: LinearisedFit, accepted: Accepted, evaluated: Sequence[Evaluated]) -> list[Sibling]:
