@@ -2,7 +2,9 @@
 
 Restricted maximum likelihood (Patterson and Thompson 1971) on the linearised fit, by Fisher's scoring: the covariance
 of the rows of a stop is f C + sum of s^2 a a', with C of the instrument's specification and an arm a for each axis.
-Every component must differ from the specification by more than chance, so that data that follow it keep it.
+Every component must differ from the specification by more than chance, so that data that follow it keep it. Where
+positions recur, no component may exceed the scatter of their visits: the excess is an error that the model lacks, the
+same at each visit.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ from kinematics.transforms import Array
 
 CERTAIN = 4.0
 """Standard errors by which a variance must differ from the specification: 1 in 30,000 by chance."""
+ENOUGH = 20
+"""Degrees of freedom from which the scatter of visits limits a variance."""
 ROWS = 5000
 """Largest number of rows; whole stops, evenly spread."""
 ROUNDS = 4
@@ -70,7 +74,9 @@ def with_estimated_noise(found: Fit) -> Measurement:
         if np.array_equal(before, good):
             break
     assert estimate is not None
-    factor, variances = estimate
+    factor, variances = every.rows(good).repeated(estimate)
+    if factor == 1.0 and not variances.any():
+        return measurement
     kept = np.flatnonzero(variances)
     sizes = {axes[k]: float(np.sqrt(variances[k])) * TYPICAL * unit_of(axes[k])[1] for k in kept.tolist()}
     arms = _arms(found, measurement, axes)[:, :, kept] * np.sqrt(variances[kept])
@@ -137,6 +143,26 @@ def _arms(found: Fit, measurement: Measurement, axes: Sequence[str]) -> Array:
         columns.append(6 * i + component)
         units.append(TYPICAL * unit_of(axis)[1])
     return np.asarray(transform[:, :, columns] * np.array(units))
+
+
+def _limited(variance: float, least: float, values: Array, own: Array, same: np.ndarray) -> float:
+    """A variance, limited to the scatter of values `(m, d)` of the same label `(m,)`.
+
+    least: the result where this scatter is not significant. own `(m,)`: variances of the values without the component;
+    the component itself where `least` is 1 is a factor on them.
+    """
+    count = np.bincount(same)
+    degrees = float(values.shape[1] * np.sum(np.maximum(count - 1, 0)))
+    if degrees < ENOUGH:
+        return variance
+    means = np.stack([np.bincount(same, column) for column in values.T], axis=1) / count[:, None]
+    repeated = count[same] > 1
+    scatter = float(np.sum((values - means[same])[repeated] ** 2)) / degrees
+    chance = CERTAIN * np.sqrt(2.0 / degrees) * scatter
+    without = 0.0 if least else float(own[repeated].mean())
+    if variance <= scatter + chance - without:
+        return variance
+    return scatter - without if abs(scatter - without - least) > chance else least
 
 
 class _Moments(NamedTuple):
@@ -221,6 +247,27 @@ class _Components:
         distances = np.sum(whitened(white, self.residual) ** 2, axis=1)
         d = self.residual.shape[1]
         return np.flatnonzero(~outlying(distances, d, robust_factor(distances, d, 0.0, 1.0, self.stop)))
+
+    def repeated(self, estimate: _Estimate) -> _Estimate:
+        """The estimate, each variance limited to the scatter of visits of the same positions, where these suffice."""
+        position = np.unique(np.round(self.measurement.state.positions, 6), axis=0, return_inverse=True)[1].reshape(-1)
+        names = (position, self.measurement.target_number, np.unique(self.measurement.groups, return_inverse=True)[1])
+        same = np.unique(np.stack([each.reshape(-1) for each in names], axis=1), axis=0, return_inverse=True)[1]
+        white = whiteners(replace(self.measurement, noise=None))
+        readings = (white @ self.residual[:, :, None])[:, :, 0]
+        factor = _limited(estimate.factor, 1.0, readings, np.ones(len(readings)), same.reshape(-1))
+        white = white / np.sqrt(factor)
+        starts = np.flatnonzero(np.append(True, np.diff(self.stop) != 0))
+        arms = white @ self.arms
+        size = np.add.reduceat(np.sum(arms**2, axis=1), starts, axis=0)
+        along = np.add.reduceat(np.einsum("ndk,nd->nk", arms, readings / np.sqrt(factor)), starts, axis=0)
+        of_axes = [
+            _limited(variance, 0.0, (along[:, k] / size[:, k])[:, None], 1.0 / size[:, k], position[starts])
+            if variance
+            else 0.0
+            for k, variance in enumerate(estimate.of_axes.tolist())
+        ]
+        return _Estimate(factor, np.array(of_axes))
 
     def moments(self, variances: Array) -> _Moments:
         """The moments of the residuals in each component at these variances `(1 + axes,)`."""
