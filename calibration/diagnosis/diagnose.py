@@ -46,6 +46,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import is_log, moving_axes
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
+from kinematics.effects import Unnamed
 from kinematics.error_model.model import ErrorModel
 
 GATE = 0.2
@@ -72,7 +73,7 @@ class Diagnosis:
     before: Stage
     """Fit of the present model."""
     named: Stage
-    """Fit with the causes found."""
+    """Fit with the causes found, errors that the model lacks no part of its noise."""
     after: Stage
     """Fit with unnamed effects too, where these were requested and predict better; otherwise `named`."""
     model: ErrorModel
@@ -124,7 +125,7 @@ class Diagnosis:
     @property
     def with_unnamed(self) -> bool:
         """True where the new model has unnamed effects."""
-        return self.after is not self.named
+        return any(isinstance(each.candidate.effect, Unnamed) for each in self.after.accepted)
 
     @property
     def unexplained_um(self) -> float:
@@ -235,7 +236,7 @@ def diagnose(
         selector = replace(selector, measurement=_as_noisy_as(measurement, noise), bare_stages={})
         text = f"repeats contradict the instrument specification, its noise is taken from them: {noise.text}"
         findings.append(Finding("noise", text, False))
-    before = selector.bare
+    first, before = selector, selector.bare
     if calibration is None:
         refuse_few(before.fit, identifiability(before.fit))
     tests = unexplained_residual.tests(before.linearised)
@@ -252,6 +253,8 @@ def diagnose(
     selector, after = complete.selector, complete.stage
     if after is not found.stage:
         tests_after = unexplained_residual.tests(after.linearised)
+    unchanged, before = after is before, first.cautious(before)
+    after = before if unchanged else selector.cautious(after)
     bare = after.linearised if not after.accepted else selector.without_causes(after)
     causes = named(after, bare)
     # an unexplained dependence makes outliers too
@@ -355,7 +358,7 @@ def _dependence(stage: Stage) -> Unexplained | None:
     Non-repeatability may hide a dependence.
     """
     noise = stage.fit.measurement.noise
-    unrepeatable = noise is not None and bool(noise.non_repeatability)
+    unrepeatable = noise is not None and bool(noise.non_repeatability or noise.misfit)
     if not unrepeatable and not combined(unexplained_residual.tests(stage.linearised), LEFT):
         return None
     return unexplained_residual.unexplained(stage.linearised)

@@ -55,32 +55,53 @@ TYPICAL = 10.0
 def with_estimated_noise(found: Fit) -> Measurement:
     """The measurement of a fit with the noise that its residuals show; as specified where they do not contradict it.
 
-    Readings of an interferometer are not divided into instrument and axis.
+    It includes misfit: errors that the model lacks, as far as a variance of each axis describes them. Readings of an
+    interferometer are not divided into instrument and axis.
     """
+    estimated = _estimated(found)
+    return replace(found.measurement, noise=None if estimated is None else estimated[0])
+
+
+def with_noise_of_visits(found: Fit) -> Measurement:
+    """The same without misfit: where positions recur, the noise is at most the scatter of their visits.
+
+    For the search for errors that the model lacks. `EstimatedNoise.misfit` names the rest.
+    """
+    estimated = _estimated(found)
+    return replace(found.measurement, noise=None if estimated is None else estimated[1])
+
+
+def _estimated(found: Fit) -> tuple[EstimatedNoise, EstimatedNoise] | None:
+    """The noise that the residuals show, with misfit and without; None where they agree with the specification."""
     measurement = replace(found.measurement, noise=None)
-    if isinstance(measurement.instrument, Interferometer) or measurement.across is not None:
-        return measurement
     axes = list(moving_axes(measurement))
-    if not axes:
-        return measurement
+    if isinstance(measurement.instrument, Interferometer) or measurement.across is not None or not axes:
+        return None
     every = _Components.of(found, measurement, axes)
     good, estimate, start = every.agreeing(None), None, np.append(1.0, np.full(len(axes), START))
     for _ in range(ROUNDS):
         estimate = _estimate(every.rows(good), start)
         if estimate is None:
-            return measurement
+            return None
         start = np.append(estimate.factor, np.maximum(estimate.of_axes, NOTHING))
         before, good = good, every.agreeing(estimate)
         if np.array_equal(before, good):
             break
     assert estimate is not None
-    factor, variances = every.rows(good).repeated(estimate)
-    if factor == 1.0 and not variances.any():
-        return measurement
-    kept = np.flatnonzero(variances)
-    sizes = {axes[k]: float(np.sqrt(variances[k])) * TYPICAL * unit_of(axes[k])[1] for k in kept.tolist()}
-    arms = _arms(found, measurement, axes)[:, :, kept] * np.sqrt(variances[kept])
-    return replace(measurement, noise=EstimatedNoise(factor, sizes, stops(measurement), arms))
+    visits = every.rows(good).repeated(estimate)
+    units = TYPICAL * np.array([unit_of(axis)[1] for axis in axes])
+    arms = _arms(found, measurement, axes)
+
+    def sizes(variances: Array) -> dict[str, float]:
+        return {axes[k]: float(np.sqrt(variances[k]) * units[k]) for k in np.flatnonzero(variances).tolist()}
+
+    def noise(of: _Estimate) -> EstimatedNoise:
+        kept = np.flatnonzero(of.of_axes)
+        own = arms[:, :, kept] * np.sqrt(of.of_axes[kept])
+        misfit = sizes(estimate.of_axes - visits.of_axes)
+        return EstimatedNoise(of.factor, sizes(visits.of_axes), stops(measurement), own, misfit, visits.factor)
+
+    return noise(estimate), noise(visits)
 
 
 class _Estimate(NamedTuple):

@@ -9,7 +9,7 @@ independent of each other (`Decorrelation`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +31,12 @@ class EstimatedNoise:
     stop: np.ndarray
     """Number of the stop of each row `(n,)`; the rows of a stop follow one another."""
     arms: Array
-    """Change of the observations `(n, d, axes)`, mm, by one standard deviation of each of these axes."""
+    """Change of the observations `(n, d, axes)`, mm, by one standard deviation of each axis that adds to the noise."""
+    misfit: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviation of each axis from position to position, mm or rad, that visits of one position share: an error
+    that the model lacks. Noise only where the uncertainty between the positions shall contain it."""
+    factor_of_visits: float | None = None
+    """`instrument_factor` without misfit, where visits of the same positions show it."""
 
     def rows(self, index: slice | np.ndarray) -> EstimatedNoise:
         """The same for some of the rows."""
@@ -45,14 +50,28 @@ class EstimatedNoise:
     def text(self) -> str:
         """The estimate in sentences for the report."""
         parts = []
-        if self.instrument_factor != 1.0:
-            parts.append(f"The instrument scatters {self.instrument_factor**0.5:.2g} times as much as specified.")
+        scatter = self.instrument_factor if self.factor_of_visits is None else self.factor_of_visits
+        if scatter != 1.0:
+            parts.append(f"The instrument scatters {scatter**0.5:.2g} times as much as specified.")
         for axis, size in self.non_repeatability.items():
-            micro, unit = (size * 1e6, "urad") if axis[0] in "ABC" else (size * 1e3, "um")
-            parts.append(f"{axis} repeats to {micro:.2g} {unit} (standard deviation from stop to stop).")
+            parts.append(f"{axis} repeats to {_with_unit(axis, size)} (standard deviation from stop to stop).")
         if self.non_repeatability:
             parts.append("No table cures that.")
+        for axis, size in self.misfit.items():
+            parts.append(
+                f"The model lacks errors of {axis} of {_with_unit(axis, size)} (standard deviation from position to "
+                "position), the same at each visit: the uncertainty contains them."
+            )
+        if self.instrument_factor > scatter:
+            parts.append(
+                f"Residuals are {self.instrument_factor**0.5:.2g} times as large as specified, and the same at each "
+                "visit of a position: the model lacks errors of that size, which the uncertainty contains."
+            )
         return " ".join(parts)
+
+
+def _with_unit(axis: str, size: float) -> str:
+    return f"{size * 1e6:.2g} urad" if axis[0] in "ABC" else f"{size * 1e3:.2g} um"
 
 
 class _Stops(NamedTuple):
@@ -76,7 +95,7 @@ class Decorrelation:
 
         weights `(n,)` of the rows, which are multiplied by their roots: a row of no weight shares nothing.
         """
-        if noise is None or not noise.non_repeatability:
+        if noise is None or not noise.arms.shape[2]:
             return cls()
         arms = white @ noise.arms
         if weights is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -237,10 +237,14 @@ def _estimated_noise(found: Diagnosis) -> dict[str, Any] | None:
     noise = found.after.fit.measurement.noise
     if noise is None:
         return None
-    axes = noise.non_repeatability.items()
+
+    def micro(sizes: Mapping[str, float]) -> dict[str, float]:
+        return {axis: size * (1e6 if axis[0] in "ABC" else 1e3) for axis, size in sizes.items()}
+
     return {
         "instrument_factor": noise.instrument_factor**0.5,
-        "non_repeatability": {axis: size * (1e6 if axis[0] in "ABC" else 1e3) for axis, size in axes},
+        "non_repeatability": micro(noise.non_repeatability),
+        "misfit": micro(noise.misfit),
     }
 
 

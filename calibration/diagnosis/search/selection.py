@@ -230,7 +230,21 @@ class Selector:
 
     def stage(self, chosen: Sequence[tuple[Candidate, Array]]) -> Stage:
         """The full fit with these causes, each evaluated on the linearised fit without it."""
-        fit = self.base.fit(self.measurement, chosen, self.variance)
+        return self._stage_of(chosen, self.base.fit(self.measurement, chosen, self.variance))
+
+    def cautious(self, stage: Stage) -> Stage:
+        """The stage with an uncertainty that contains errors which the model lacks."""
+        noise = stage.fit.measurement.noise
+        if noise is None or not noise.misfit:
+            return stage
+        chosen = chosen_of(stage.accepted)
+        found = self._stage_of(chosen, self.base.cautious_fit(self.measurement, chosen, self.variance))
+        kept = [
+            replace(each, siblings=other.siblings) for each, other in zip(found.accepted, stage.accepted, strict=True)
+        ]
+        return found._replace(accepted=tuple(kept))
+
+    def _stage_of(self, chosen: Sequence[tuple[Candidate, Array]], fit: Fit) -> Stage:
         linearised = LinearisedFit.of(fit)
         accepted = []
         for (candidate, _), number in zip(chosen, self.base.numbers(chosen), strict=True):

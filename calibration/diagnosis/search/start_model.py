@@ -21,7 +21,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.fit.basis_search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.basis_selection import choose
 from calibration.fit.fit import Fit, Progress, fit
-from calibration.fit.noise import with_estimated_noise
+from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
 from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import TARGETS, is_log, moving_axes, priors, with_effects
@@ -86,7 +86,16 @@ class Base:
         """The fit of the base and of accepted candidates, each with its linear sizes in units of the typical ones.
 
         The noise is estimated where the residuals contradict the specification; it holds the variance factor then.
+        Errors that the model lacks are no noise.
         """
+        found = self.fit_as_noisy(measurement, accepted, variance)
+        noisy = with_noise_of_visits(found)
+        return found if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet", found)
+
+    def cautious_fit(
+        self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
+    ) -> Fit:
+        """The same, its uncertainty enlarged by errors that the model lacks."""
         found = self.fit_as_noisy(measurement, accepted, variance)
         noisy = with_estimated_noise(found)
         return found if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet", found)
