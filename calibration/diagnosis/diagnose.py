@@ -41,6 +41,8 @@ from calibration.diagnosis.verdict import (
 )
 from calibration.fit.acceptance import disagreement, refuse_few, relative_deviations, significant_share
 from calibration.fit.identifiability import Identifiability, identifiability
+from calibration.fit.set_up.target_positions import at_positions, target_positions
+from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import is_log, moving_axes
@@ -298,6 +300,10 @@ def diagnose(
 def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
     """The measurement with times from its first row, and the findings about it; UserError where it cannot be used."""
     findings = usable(measurement)
+    # one at another position than stated is a cause
+    unknown = [each for each in target_positions(measurement) if not each.stated]
+    findings += target_findings(measurement, unknown)
+    measurement = at_positions(measurement, unknown)
     measurement, late = _from_its_start(_with_station(measurement))
     if late:
         text = f"time_s begins at {late:.10g}: times are counted from the first row"

@@ -17,7 +17,16 @@ from calibration.diagnosis.search.spectra import aliases, resolved
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes
-from kinematics.effects import Backlash, Cyclic, Effect, Outliers, QuantisedCompensation, Settling, Unnamed
+from kinematics.effects import (
+    Backlash,
+    Cyclic,
+    Effect,
+    Outliers,
+    QuantisedCompensation,
+    Settling,
+    TargetOffset,
+    Unnamed,
+)
 
 Verdict = Literal["strong", "tied", "weak"]
 ALIKE = 0.9
@@ -287,6 +296,13 @@ def notes(linearised: LinearisedFit, effect: Effect) -> Iterator[str]:
             f"a negative share: the axis is beyond its command by {-effect.share_ppm:.2g} ppm of its last move; the "
             "position loop overshoots, or the reading came early, while the axis still swung back: check the dwell "
             "time before a reading, and the gain of the position loop"
+        )
+    if isinstance(effect, TargetOffset) and effect.since_s is None:
+        size = ", ".join(f"{1e-3 * value:.3f}" for value in effect.offset_um)
+        u = 2e-3 * max(effect.uncertainties)
+        yield (
+            f"target {effect.target}: its position on the tool differs by ({size}) mm +- {u:.2g} mm (k=2) from the "
+            "stated one: measure it, and correct the header"
         )
     if isinstance(effect, Cyclic):
         others = aliases(linearised.positions(effect.axis), effect.period)

@@ -148,7 +148,7 @@ def relative_deviations(model: ErrorModel, measurement: Measurement) -> Relative
     if measures_angles(measurement):
         tool = np.full((len(measurement), 3), ARM)
         return relative_at_most(model, measurement.machine, measurement.state, tool)
-    on_tool = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
+    on_tool = np.array([target.carrier == "tool" for target in measurement.targets.values()])[measurement.target_number]
     rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
     tool = np.tile(_usual_target(measurement), (len(rows), 1))
     return relative_at_most(model, measurement.machine, measurement.state.rows(rows), tool)
@@ -197,7 +197,7 @@ def _without_clamp(points: Array) -> Array:
 def _usual_target(measurement: Measurement) -> tuple[float, ...]:
     """Position, mm, of the target on the tool with the most rows; zero if there is none."""
     targets = list(measurement.targets.values())
-    on_tool = np.array([target.known for target in targets])[measurement.target_number]
+    on_tool = np.array([target.carrier == "tool" for target in targets])[measurement.target_number]
     if not on_tool.any():
         return (0.0, 0.0, 0.0)
     return tuple(targets[int(np.bincount(measurement.target_number[on_tool]).argmax())].position)

@@ -28,6 +28,8 @@ from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.location_errors import split_locations, transformed
 from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
+from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
+from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes, stated_bases, with_effects
 from calibration.observation.normal_equations import whitened, whiteners
@@ -59,6 +61,8 @@ class Calibration:
     cross_validation: CrossValidation | None
     findings: tuple[Finding, ...]
     """Anomalies of the data."""
+    targets: tuple[TargetPosition, ...]
+    """Targets on the tool that are not at a stated position."""
     relative_deviation: RelativeDeviation
     """Predicted deviations at the measured states relative to their mean, with uncertainties."""
     objection: str
@@ -113,6 +117,9 @@ def calibrate(
     NotAccepted for a calibration that is no improvement, or with which too many rows disagree, without `force`.
     """
     findings = usable(measurement)
+    positions = target_positions(measurement)
+    findings += target_findings(measurement, positions)
+    measurement = at_positions(measurement, positions)
     choice = _choice(measurement, basis, effects, prior_scale, progress)
     if basis.startswith(AUTO):
         choice = finer(choice, measurement, margin)
@@ -142,6 +149,7 @@ def calibrate(
         tuple(dependences(found)),
         held_out,
         tuple(findings),
+        tuple(positions),
         relative_deviations(written, kept),
         too_many or reason_against(found, before, held_out),
         force,

@@ -24,7 +24,7 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 POSE = 6
-"""Smallest number of rows that locates a set-up, or a target on table or bed, well enough to predict other rows."""
+"""Smallest number of rows that locates a set-up, or a target of unknown position, well enough to predict other rows."""
 OWN_ZERO = 4
 """Smallest number of rows of a run of an interferometer that show its zero and predict one another beside it."""
 MOSTLY = 0.75
@@ -197,7 +197,7 @@ def diagonals(measurement: Measurement) -> np.ndarray | None:
 
 
 def registered(measurement: Measurement, others: np.ndarray) -> np.ndarray:
-    """True `(n,)` for rows whose set-up, and target on table or bed, have enough rows among the `others`.
+    """True `(n,)` for rows whose set-up, and target of unknown position, have enough rows among the `others`.
 
     The zero of a run of an interferometer may also come from its own rows, where it has OWN_ZERO or more.
     """

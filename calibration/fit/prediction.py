@@ -21,6 +21,7 @@ from calibration.measurement.states import (
     check_machine,
     note_unknown_keys,
     read_states,
+    refuse_unstated,
     state_columns,
 )
 from calibration.measurement.text_table import Table, read_table
@@ -167,6 +168,7 @@ def read_points(path: Path, machine: Machine) -> Points:
     observed = dict.fromkeys(name for names in (*OBSERVED.values(), ["scatter_um"]) for name in names)
     allow_columns(table, [*state_columns(machine), *observed])
     states = read_states(table, machine, notes)
+    refuse_unstated(table, states.targets, "a prediction")
     for name, target in states.targets.items():
         if target.carrier != "tool":
             raise UserError(

@@ -24,6 +24,7 @@ from calibration.measurement.states import (
     check_machine,
     note_unknown_keys,
     read_states,
+    refuse_unstated,
     state_columns,
 )
 from calibration.measurement.text_table import Table, read_table
@@ -74,6 +75,8 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     states = read_states(table, machine, notes)
     _check_component_uncertainties(table, instrument, states)
     observed = _observed(table, machine, kind, states)
+    if kind != "laser-tracker":
+        refuse_unstated(table, states.targets, kind)
     if kind != "laser-tracker" and not all(target.known for target in states.targets.values()):
         raise UserError(
             f"{table.source}: only a laser tracker can have targets on the table or on the bed, but the instrument is "
@@ -232,7 +235,8 @@ def header_lines(measurement: Measurement) -> Iterator[str]:
     for name, target in measurement.targets.items():
         if not PLAIN_NAME.fullmatch(name):
             raise UserError(f"target {name!r}: its name must not contain blanks, commas or colons")
-        yield f"{keys[target.carrier]}.{name}: {_numbers(target.position)}"
+        if not target.free:
+            yield f"{keys[target.carrier]}.{name}: {_numbers(target.position)}"
 
 
 def _columns(measurement: Measurement) -> dict[str, np.ndarray]:

@@ -31,8 +31,8 @@ class Target:
 
     @property
     def known(self) -> bool:
-        """False on the table and on the bed, where the position is a first value for the registration."""
-        return self.carrier == "tool"
+        """False where the position is a first value for the registration: on the table, on the bed, and where free."""
+        return self.carrier == "tool" and not self.free
 
 
 SPINDLE_NOSE = Target((0.0, 0.0, 0.0))

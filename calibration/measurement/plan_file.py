@@ -16,6 +16,7 @@ from calibration.measurement.states import (
     allow_columns,
     check_machine,
     read_states,
+    refuse_unstated,
     state_columns,
 )
 from calibration.measurement.text_table import read_table
@@ -59,6 +60,7 @@ def read_plan(path: Path, machine: Machine) -> Plan:
     check_machine(table, machine, notes)
     allow_columns(table, [*state_columns(machine), "axis", "target_mm", "target_deg"])
     states = read_states(table, machine, notes)
+    refuse_unstated(table, states.targets, "a plan")
     names = table.texts([name for name in (POINT,) if name in table.names])
     count = np.arange(1, len(table) + 1).astype(str)
     strategy = table.entries["strategy"].value if "strategy" in table.entries else path.name

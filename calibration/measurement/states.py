@@ -25,6 +25,8 @@ CARRIERS: Mapping[str, Carrier] = {"target": "tool", "table": "table", "bed": "b
 STANDS_ON: Mapping[str, Literal["workpiece", "bed"]] = {"workpiece": "workpiece", "bed": "bed"}
 OF_A_PLAN = ("strategy", "minutes")
 """Header keys of a plan, which a measurement file made from it may keep."""
+FITTED = 6
+"""Least number of rows of a target on the tool whose position is fitted because the header does not give it."""
 DIRECTIONS = {"+1": 1, "1": 1, "+": 1, "forward": 1, "-1": -1, "-": -1, "backward": -1}
 PLAIN_NAME = re.compile(r'[^\s,:"]+')
 SAME_POSITION = 1e-6
@@ -291,11 +293,31 @@ def read_targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.
             )
         return targets, np.full(len(table), next(iter(targets)))
     column = table.texts(["target"])["target"]
-    unknown = np.flatnonzero(~np.isin(column, list(targets)))
-    if len(unknown):
-        row = int(unknown[0])
-        table.fault(row, "target", f"{str(column[row])!r} is not in the header, which has {', '.join(targets)}")
+    names, rows, counts = np.unique(column, return_index=True, return_counts=True)
+    stated, on_tool = ", ".join(targets), any(target.known for target in targets.values())
+    for name, row, count in zip(names.tolist(), rows.tolist(), counts.tolist(), strict=True):
+        if name in targets:
+            continue
+        if count < FITTED or not on_tool:
+            table.fault(
+                row,
+                "target",
+                f"{name!r} is not in the header, which has {stated}: state its position (# target.{name}: x y z); "
+                f"beside a stated target on the tool, with {FITTED} rows or more, it would be fitted",
+            )
+        targets[name] = Target((0.0, 0.0, 0.0), free=True)
+        notes.append(f"the header does not give the position of target {name}: a fit determines it beside {stated}")
     return targets, column
+
+
+def refuse_unstated(table: Table, targets: Mapping[str, Target], purpose: str) -> None:
+    """UserError for a target on the tool whose position the header does not give, which `purpose` needs."""
+    for name, target in targets.items():
+        if target.free:
+            raise UserError(
+                f"{table.source}: the header does not give the position of target {name} (# target.{name}: x y z), "
+                f"which {purpose} needs"
+            )
 
 
 def _tool(targets: Mapping[str, Target], names: np.ndarray | None) -> Array:

@@ -219,7 +219,7 @@ def _mean_zero(measurement: Measurement, mine: np.ndarray, trusted: np.ndarray) 
 
 def _first_targets(measurement: Measurement, registration: Registration) -> dict[str, Array]:
     """Positions `(3,)`, mm, of free targets and targets on table and bed: medians over their rows, with first poses."""
-    unknown = [name for name, target in measurement.targets.items() if target.free or not target.known]
+    unknown = [name for name, target in measurement.targets.items() if not target.known]
     found = {name: np.array(measurement.targets[name].position) for name in unknown}
     if not found:
         return found

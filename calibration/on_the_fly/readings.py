@@ -19,6 +19,7 @@ from calibration.measurement.states import (
     read_stands_on,
     read_targets,
     read_temperatures,
+    refuse_unstated,
 )
 from calibration.measurement.text_table import Table
 from kinematics.machine import Machine
@@ -93,6 +94,7 @@ def read_readings(table: Table, machine: Machine) -> Readings:
     numbers = table.numbers(["time_s", "x", "y", "z"])
     time = numbers["time_s"]
     targets, target = read_targets(table, notes)
+    refuse_unstated(table, targets, "a path")
     moving = [name for name, each in targets.items() if each.carrier != "tool"]
     if moving:
         raise UserError(

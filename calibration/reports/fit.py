@@ -76,6 +76,7 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         "failed_stations": list(fitted.failed),
         "significant_share": found.significant_share,
         "u_um": found.relative_deviation.json(),
+        "targets": [each.json() for each in found.targets],
         "sanity": [{"what": finding.check, "says": finding.message} for finding in found.findings],
         "locations": {
             e.name: {"value_urad" if e.angular else "value_um": e.value, "u": e.uncertainties[0]}

@@ -1,0 +1,231 @@
+"""Positions of targets on the tool: unknown ones are fitted, and stated ones are compared with the data.
+
+A constant offset of each target, in the tool's directions, is estimated beside coarse error motions of all axes and the
+registration. A shift common to all targets is not visible: the pose of the instrument and the location errors of rotary
+axes absorb it. Turns of all targets about the tool reference point are told from error motions by the priors of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+from scipy import linalg, special
+
+from calibration.fit.fit import Fit, fit
+from calibration.measurement.measurement import Measurement, Target
+from calibration.observation.full_model import (
+    BasisChoice,
+    distinct_positions,
+    moving_axes,
+    priors,
+    rigid_model,
+)
+from calibration.observation.outliers import first_registration
+from calibration.plausibility.checks import Finding
+from kinematics.effects import TargetOffset
+from kinematics.machine import Vector
+from kinematics.transforms import Array
+
+SIGNIFICANCE = 1e-6
+"""Chance that one target whose position is right is found to be wrong."""
+LEAST_UM = 1.0
+"""Length, um, below which a difference is ignored: positions are stated to 1 um at best."""
+ALIKE = 10.0
+"""Difference of two chi2 below which the data do not show which of two targets is wrong: odds of 150 to 1."""
+NODES = 8
+"""Most nodes of an error motion beside the offsets."""
+ROWS = 3000
+"""Most rows in the comparison, chosen at random."""
+FAR_UM = 1e4
+"""Prior standard deviation of an offset, um."""
+COVERAGE = 2.0
+ONE_TARGET = (
+    "one target on the tool: an error of its stated position cannot be separated from the pose of the instrument (with "
+    "rotary axes: from their location errors); a second target would show it"
+)
+
+
+@dataclass(frozen=True)
+class TargetPosition:
+    """Position of a target on the tool by the data."""
+
+    name: str
+    offset: Array
+    """Offset `(3,)`, mm, from the stated position, or from zero where none is stated."""
+    u: Array
+    """Standard uncertainties `(3,)`, mm."""
+    stated: bool
+    others: tuple[str, ...]
+    """Targets, one of which may be wrong by the opposite instead."""
+    at_once: bool
+    """True where all its rows are in sequence, so that the instrument may have moved instead."""
+
+    @property
+    def text(self) -> str:
+        """The result in one sentence, without a full stop."""
+        size, u = _vector(self.offset), f"{COVERAGE * float(self.u.max()):.2g} mm (k=2)"
+        if not self.stated:
+            return f"target {self.name}: its position on the tool is not stated, and fitted: {size} +- {u}"
+        which = f"; or that of {' or '.join(self.others)} by the opposite: these data do not show which" * bool(
+            self.others
+        )
+        moved = "; or the instrument moved when this target was put in" * self.at_once
+        return (
+            f"target {self.name}: its position on the tool differs by {size} +- {u} from the stated one{which}{moved}. "
+            "The fit uses the position by the data: correct the header"
+        )
+
+    def json(self) -> dict[str, Any]:
+        """The result for programs; `or`: other targets that may be wrong instead."""
+        return {
+            "name": self.name,
+            "stated": self.stated,
+            "offset_um": (1e3 * self.offset).tolist(),
+            "u_um": (1e3 * self.u).tolist(),
+            "or": list(self.others),
+        }
+
+
+def target_positions(measurement: Measurement) -> list[TargetPosition]:
+    """The targets on the tool whose position is not stated, and those that are not at their stated position."""
+    on_tool = _on_tool(measurement)
+    unknown = [name for name in on_tool if measurement.targets[name].free]
+    if len(on_tool) < 2 or measurement.instrument.components < 3:
+        return []
+    part = _some(_with_first_positions(measurement))
+    found = _with_offsets(part, on_tool)
+    offsets = _Offsets.of(found, len(on_tool))
+    chosen = [on_tool.index(name) for name in unknown]
+    others: dict[int, tuple[str, ...]] = {}
+    while len(chosen) < len(on_tool) - 1:
+        gains = {k: offsets.gain([*chosen, k]) - offsets.gain(chosen) for k in range(len(on_tool)) if k not in chosen}
+        best = max(gains, key=lambda k: (round(gains[k], 3), k))
+        if special.chdtrc(3, gains[best]) > SIGNIFICANCE / len(on_tool):
+            break
+        others[best] = tuple(on_tool[k] for k, gain in gains.items() if k != best and gain > gains[best] - ALIKE)
+        chosen.append(best)
+    values, u = offsets.of_targets(chosen)
+    result = []
+    for k, own, uncertainty in zip(chosen, values, u, strict=True):
+        stated = not measurement.targets[on_tool[k]].free
+        if stated and np.linalg.norm(own) < LEAST_UM:
+            continue
+        first = np.zeros(3) if stated else np.array(part.targets[on_tool[k]].position)
+        at_once = stated and _in_sequence(measurement, on_tool[k])
+        result.append(
+            TargetPosition(on_tool[k], first + 1e-3 * own, 1e-3 * uncertainty, stated, others.get(k, ()), at_once)
+        )
+    return result
+
+
+def at_positions(measurement: Measurement, found: Sequence[TargetPosition]) -> Measurement:
+    """The measurement with these targets at the positions found; the registration estimates them further."""
+    changed = {}
+    for each in found:
+        own = measurement.targets[each.name]
+        x, y, z = each.offset + (np.array(own.position) if each.stated else 0.0)
+        changed[each.name] = replace(own, position=(float(x), float(y), float(z)), free=True)
+    return replace(measurement, targets={**measurement.targets, **changed})
+
+
+def findings(measurement: Measurement, found: Sequence[TargetPosition]) -> Iterator[Finding]:
+    """Findings on the positions of targets; also where a wrong position could not be seen."""
+    for each in found:
+        yield Finding("targets", each.text, False)
+    if measurement.instrument.components == 3 and len(_on_tool(measurement)) == 1:
+        yield Finding("targets", ONE_TARGET, False)
+
+
+def _on_tool(measurement: Measurement) -> list[str]:
+    """Names of the targets on the tool that were measured."""
+    names, used = list(measurement.targets), np.unique(measurement.target_number).tolist()
+    return [names[k] for k in used if measurement.targets[names[k]].carrier == "tool"]
+
+
+def _with_first_positions(measurement: Measurement) -> Measurement:
+    """The measurement with unknown targets at first positions from the nominal machine."""
+    if not any(target.free for target in measurement.targets.values()):
+        return measurement
+    first = first_registration(measurement)[0].targets
+    targets: Mapping[str, Target] = {
+        name: replace(target, position=_as_vector(first[name]), free=False) if target.free else target
+        for name, target in measurement.targets.items()
+    }
+    return replace(measurement, targets=targets)
+
+
+def _as_vector(values: Array) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _some(measurement: Measurement) -> Measurement:
+    if len(measurement) <= ROWS:
+        return measurement
+    rows = np.random.default_rng(0).choice(len(measurement), ROWS, replace=False)
+    return measurement.rows(np.sort(rows))
+
+
+def _with_offsets(measurement: Measurement, on_tool: Sequence[str]) -> Fit:
+    """The fit of coarse error motions and an offset of each target, the noise estimated from the residuals."""
+    bases = {
+        axis: BasisChoice("b-spline", max(2, min(NODES, distinct_positions(measurement, axis))))
+        for axis in moving_axes(measurement)
+    }
+    rigid = rigid_model(measurement, bases)
+    offsets = [TargetOffset(name, (0.0, 0.0, 0.0)) for name in on_tool]
+    model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *offsets))
+    prior = np.append(priors(rigid), np.full(3 * len(on_tool), FAR_UM))
+    return fit(measurement, model, prior=prior, variance="estimate")
+
+
+@dataclass(frozen=True)
+class _Offsets:
+    """Offsets of all targets to second order, error motions and registration eliminated."""
+
+    information: Array
+    """Information `(3 k, 3 k)`, in um^-2."""
+    right: Array
+    """Its product with the estimate `(3 k,)`."""
+
+    @classmethod
+    def of(cls, found: Fit, count: int) -> _Offsets:
+        """The offsets of a fit whose last effects are those of `count` targets."""
+        whole = found.solved.information
+        n = len(whole) - 3 * count
+        motions = linalg.cho_factor(whole[:n, :n] + np.eye(n))
+        own = whole[n:, n:] - whole[n:, :n] @ linalg.cho_solve(motions, whole[:n, n:]) + np.eye(3 * count)
+        own = own / FAR_UM**2
+        return cls(own, own @ found.model.parameters[n:])
+
+    def gain(self, chosen: Sequence[int]) -> float:
+        """Reduction of chi2 by the offsets of these targets."""
+        some = _columns(chosen)
+        if not len(some):
+            return 0.0
+        return float(self.right[some] @ linalg.solve(self.information[np.ix_(some, some)], self.right[some]))
+
+    def of_targets(self, chosen: Sequence[int]) -> tuple[Array, Array]:
+        """Offsets `(k, 3)` of these targets where the others have none, and their standard uncertainties, um."""
+        some = _columns(chosen)
+        covariance = linalg.inv(self.information[np.ix_(some, some)]) if len(some) else np.zeros((0, 0))
+        values = covariance @ self.right[some]
+        return values.reshape(-1, 3), np.sqrt(np.diag(covariance)).reshape(-1, 3)
+
+
+def _columns(chosen: Sequence[int]) -> np.ndarray:
+    return np.array([3 * k + i for k in chosen for i in range(3)], int)
+
+
+def _in_sequence(measurement: Measurement, name: str) -> bool:
+    """True where the rows of a target follow one another."""
+    rows = np.flatnonzero(measurement.target_number == list(measurement.targets).index(name))
+    return bool(np.ptp(rows) == len(rows) - 1)
+
+
+def _vector(values: Array) -> str:
+    return "(" + ", ".join(f"{value:.3f}" for value in values) + ") mm"
