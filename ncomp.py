@@ -344,10 +344,10 @@ def fit(
     """Fit the errors of a machine to measured points, with uncertainties; `model` of the result is the calibration.
 
     basis: that of the error motions (`auto`, `legendre:5`, `X=b-spline:12,...`); effects: others of docs/effects.md
-    (`backlash:axis=X,width=0`); noise: standard uncertainty of the instrument, as stated or estimated from the
-    residuals; prior_scale: size of the errors, times the typical 30 um and urad; reversal: for data taken on the fly,
-    `constant` or `curves` that depend on the direction of motion; force: accept the result although there is a
-    reason against it.
+    (`backlash:axis=X,width=0`); noise: standard uncertainty of the instrument, as stated unless the residuals
+    contradict it, or estimated from them; prior_scale: size of the errors, times the typical 30 um and urad; reversal:
+    for data taken on the fly, `constant` or `curves` that depend on the direction of motion; force: accept the result
+    although there is a reason against it.
 
     UserError for too few data; `calibration.fit.calibrate.NotAccepted`, a UserError with the result in `found`, where
     too many rows disagree, and where the fit does not predict held-out lines better than the nominal machine does.

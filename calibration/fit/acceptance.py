@@ -13,6 +13,7 @@ from calibration.fit.cross_validation import CrossValidation, uncorrected
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability
 from calibration.fit.prediction import RelativeDeviation, relative_at_most
+from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes
 from calibration.observation.normal_equations import whitened, whiteners
@@ -123,7 +124,9 @@ def reason_against(found: Fit, before: Array, held_out: CrossValidation | None) 
         )
     kept = found.measurement.rows(np.flatnonzero(found.kept))
     rms_um = float(np.sqrt(np.mean((before * kept.per_micro) ** 2)))
-    if found.rms_um > rms_um and found.chi2 > float(np.sum(whitened(whiteners(kept), before) ** 2)):
+    white = whiteners(kept)
+    squares = float(np.sum(Decorrelation.of(kept.noise, white).apply(whitened(white, before)) ** 2))
+    if found.rms_um > rms_um and found.chi2 > squares:
         return f"the fit leaves {found.rms_um:.3g} um RMS, more than the nominal machine ({rms_um:.3g} um). {advice}"
     if held_out is not None and not held_out.gains.better:
         return f"{not_better('the fit of the others', held_out, 'the nominal machine')}. {advice}"

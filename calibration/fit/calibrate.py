@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 
@@ -26,6 +26,7 @@ from calibration.fit.datum import to_datum
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.location_errors import split_locations, transformed
+from calibration.fit.noise import with_estimated_noise
 from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
@@ -120,17 +121,16 @@ def calibrate(
     positions = target_positions(measurement)
     findings += target_findings(measurement, positions)
     measurement = at_positions(measurement, positions)
-    choice = _choice(measurement, basis, effects, prior_scale, progress)
-    if basis.startswith(AUTO):
-        choice = finer(choice, measurement, margin)
-    model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
-    found = fit(measurement, model, prior=prior, variance=variance, progress=progress)
+    chosen = partial(_choice, basis=basis, margin=margin, effects=effects, prior_scale=prior_scale, progress=progress)
+    choice, found, variance = _fitted(measurement, chosen, effects, variance, progress)
+    measurement, prior = found.measurement, found.prior
     before = nominal_residuals(found)
     progress("identifiability")
     identified = identifiability(found)
     refuse_few(found, identified)
     progress("held-out residuals")
-    held_out = cross_validate(measurement, model, prior, found.kept, variance) if hold_out else None
+    start, _ = with_effects(measurement, choice.bases, effects, choice.prior_scale)
+    held_out = cross_validate(measurement, start, prior, found.kept, variance) if hold_out else None
     too_many = disagreement(found)
     if too_many:
         findings.append(Finding("outliers", too_many, False))
@@ -145,7 +145,7 @@ def calibrate(
         identified,
         float(np.sqrt(np.mean(before_um**2))),
         float(np.linalg.norm(before_um, axis=1).max()),
-        float(np.sum(whitened(whiteners(kept), before) ** 2)) / freedom,
+        float(np.sum(whitened(whiteners(replace(kept, noise=None)), before) ** 2)) / freedom,
         tuple(dependences(found)),
         held_out,
         tuple(findings),
@@ -159,9 +159,41 @@ def calibrate(
     return result
 
 
+def _fitted(
+    measurement: Measurement,
+    chosen: Callable[[Measurement], Choice],
+    effects: Sequence[Effect],
+    variance: Variance,
+    progress: Callable[[str], None],
+) -> tuple[Choice, Fit, Variance]:
+    """The bases and the fit, with the noise that the residuals show where they contradict the specification.
+
+    An axis that does not repeat looks like an error motion of any basis: then the bases are selected again. The
+    estimated noise includes the variance factor.
+    """
+
+    def fitted(data: Measurement, choice: Choice, by: Variance) -> Fit:
+        model, prior = with_effects(data, choice.bases, effects, choice.prior_scale)
+        return fit(data, model, prior=prior, variance=by, progress=progress)
+
+    choice = chosen(measurement)
+    found = fitted(measurement, choice, variance)
+    progress("estimating the noise")
+    noisy = with_estimated_noise(found)
+    if noisy.noise is not None and noisy.noise.non_repeatability:
+        choice = chosen(noisy)
+        noisy = with_estimated_noise(fitted(noisy, choice, "sheet"))
+        if noisy.noise is None:
+            found = fitted(measurement, choice, variance)
+    if noisy.noise is None:
+        return choice, found, variance
+    return choice, fitted(noisy, choice, "sheet"), "sheet"
+
+
 def _choice(
     measurement: Measurement,
     basis: str,
+    margin: int,
     effects: Sequence[Effect],
     prior_scale: float | None,
     progress: Callable[[str], None],
@@ -171,7 +203,7 @@ def _choice(
         kinds = AUTOMATIC_KINDS if basis == AUTO else (basis.removeprefix(f"{AUTO}:"),)
         rotary_kind = ROTARY_KIND if basis == AUTO else None
         unexplained = None if diagonals(measurement) is None else partial(_unexplained, measurement, effects)
-        return choose(
+        found = choose(
             measurement,
             kinds,
             rotary_kind=rotary_kind,
@@ -180,6 +212,7 @@ def _choice(
             unexplained=unexplained,
             progress=progress,
         )
+        return finer(found, measurement, margin)
     return Choice(stated_bases(basis, axes), prior_scale or 1.0)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import special
 
 from calibration.fit.problem import Point, Problem, Solved
+from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation.full_model import priors
@@ -105,13 +106,25 @@ class Fit:
 
     @property
     def p_value(self) -> float:
-        """One-sided p of chi2: small when the model lacks an effect, or the specified uncertainties are too small."""
+        """One-sided p of chi2 by the noise of the fit: small when the model lacks an effect, or this noise is small."""
         return float(special.chdtrc(self.degrees_of_freedom, self.chi2))
 
     @property
     def doubtful(self) -> bool:
-        """True where the residuals are larger than the instrument specification allows."""
+        """True where the residuals are larger than the noise of the fit allows."""
         return self.variance_factor == 1.0 and self.p_value < DOUBTFUL_P
+
+    @property
+    def widening(self) -> float:
+        """Factor on the variances of the fit by which its uncertainties are widened; 1 unless it is doubtful."""
+        return self.chi2 / self.degrees_of_freedom if self.doubtful else 1.0
+
+    @property
+    def white(self) -> Array:
+        """Residuals `(n, d)` of all rows in units of the noise of the fit; those of one stop are independent."""
+        own = whiteners(self.measurement)
+        decorrelation = Decorrelation.of(self.measurement.noise, own)
+        return np.asarray(decorrelation.apply(whitened(own, self.residual)) / self.variance_factor**0.5)
 
     @property
     def rms_um(self) -> float:
@@ -210,7 +223,7 @@ def fit(
         chi2,
         factor,
     )
-    covariance = problem.covariance(solved, found.chi2 / found.degrees_of_freedom if found.doubtful else 1.0)
+    covariance = problem.covariance(solved, found.widening)
     return replace(found, model=found.model.with_parameters(point.parameters, covariance))
 
 

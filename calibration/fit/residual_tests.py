@@ -9,7 +9,7 @@ import numpy as np
 from scipy import special
 
 from calibration.fit.fit import Fit
-from calibration.observation.normal_equations import whitened, whiteners
+from calibration.measurement.instruments import Part
 from kinematics.transforms import Array
 
 SIGNIFICANCE = 1e-3
@@ -35,7 +35,7 @@ def dependences(fit: Fit) -> list[DependenceTest]:
     measurement = fit.measurement
     # a missing effect may have made rows outliers: they count, but CLIP limits the influence of each
     rows = ~fit.copies & ~np.isin(measurement.groups, fit.failed)
-    white = np.clip(whitened(whiteners(measurement), fit.residual)[rows], -CLIP, CLIP)
+    white = np.clip(fit.white[rows], -CLIP, CLIP)
     looked_at = list(_variables(fit))
     limit = SIGNIFICANCE / max(len(looked_at), 1)
     found = [DependenceTest(variable, _p_value(white, values[rows]), hint) for variable, values, hint in looked_at]
@@ -51,7 +51,10 @@ def _variables(fit: Fit) -> Iterator[tuple[str, Array, str]]:
         for i, axis in enumerate(machine.names):
             yield f"the direction of {axis}", state.approach[:, i], f"--effect backlash:axis={axis},width=0"
     if state.time is not None:
-        yield "time", state.time, "--effect thermal-drift:component=Z,rate=0 or thermal-scale:axis=...,rate=0"
+        hint = "--effect thermal-drift:component=Z,rate=0 or thermal-scale:axis=...,rate=0"
+        if isinstance(fit.measurement.instrument, Part):  # its clock is that of the measuring machine
+            hint = "--effect tracker-drift, a drift of the part on the measuring machine"
+        yield "time", state.time, hint
     for name, temperature in state.temperatures.items():
         hint = (
             f"--effect thermal-scale-sensor:axis=...,sensor={name},coefficient=0 or thermal-drift-sensor:component=..."

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,6 +68,18 @@ class EstimatedNoise:
                 "visit of a position: the model lacks errors of that size, which the uncertainty contains."
             )
         return " ".join(parts)
+
+    def json(self) -> dict[str, Any]:
+        """The estimate for programs: factor on the uncertainties of the instrument; um or urad by axis."""
+
+        def micro(sizes: Mapping[str, float]) -> dict[str, float]:
+            return {axis: size * (1e6 if axis[0] in "ABC" else 1e3) for axis, size in sizes.items()}
+
+        return {
+            "instrument_factor": self.instrument_factor**0.5,
+            "non_repeatability": micro(self.non_repeatability),
+            "misfit": micro(self.misfit),
+        }
 
 
 def _with_unit(axis: str, size: float) -> str:

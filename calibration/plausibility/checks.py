@@ -24,6 +24,7 @@ from calibration.plausibility.recording_mistakes import (
     worst_rms,
 )
 from calibration.plausibility.repeated_positions import position_numbers
+from calibration.plausibility.times import paused, repeated_times
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -77,7 +78,7 @@ def sanity(measurement: Measurement) -> list[Finding]:
     copies = duplicates(measurement)
     own = measurement.rows(np.flatnonzero(~copies))
     mistakes = [*_order(own), *_temperatures(own), *_dead(own), *_far_targets(own)]
-    odd = [*_copies(measurement, copies)]
+    odd = [*_copies(measurement, copies), *_times(own)]
     if measurement.across is None:  # otherwise the alignment with the path finds them
         mistakes += list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
     if measurement.across is None and not any(finding.fatal for finding in mistakes):
@@ -116,6 +117,13 @@ def _order(measurement: Measurement) -> Iterator[Finding]:
             "which the directions of approach follow; sort them by time",
             True,
         )
+
+
+def _times(measurement: Measurement) -> Iterator[Finding]:
+    """Pauses, and times that stand for several stops; those of continuous records are their readings' own."""
+    if measurement.across is None:
+        texts = (*repeated_times(measurement), *paused(measurement))
+        yield from (Finding("times", text, False) for text in texts)
 
 
 def _temperatures(measurement: Measurement) -> Iterator[Finding]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -57,7 +57,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "before": figures_json(found.figures[0]),
         "after": figures_json(found.figures[1]),
         "noise_um": found.noise_um,
-        "estimated_noise": _estimated_noise(found),
+        "estimated_noise": None if fit.measurement.noise is None else fit.measurement.noise.json(),
         "n_observations": fit.observations,
         "n_parameters": len(fit.model.parameters),
         "rank": fit.solved.rank - fit.solved.registered,
@@ -230,22 +230,6 @@ def _facts(found: Diagnosis) -> Iterator[tuple[str, str]]:
         yield "estimated", noise.text
     significant = [f"{test.name} p = {test.p_value:.1g}" for test in found.tests if test.p_value < 1e-3]
     yield "residual", "; ".join([f"chi2/dof {fit.chi2_reduced:.3g}", *shortened(significant, LISTED, "tests")])
-
-
-def _estimated_noise(found: Diagnosis) -> dict[str, Any] | None:
-    """Noise that the residuals show, um or urad by axis; None where it is as specified."""
-    noise = found.after.fit.measurement.noise
-    if noise is None:
-        return None
-
-    def micro(sizes: Mapping[str, float]) -> dict[str, float]:
-        return {axis: size * (1e6 if axis[0] in "ABC" else 1e3) for axis, size in sizes.items()}
-
-    return {
-        "instrument_factor": noise.instrument_factor**0.5,
-        "non_repeatability": micro(noise.non_repeatability),
-        "misfit": micro(noise.misfit),
-    }
 
 
 def _causes(found: Diagnosis) -> Iterator[Section]:

@@ -15,7 +15,6 @@ from calibration.fit.datum import error_motions
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Unidentifiable
 from calibration.observation.equations import covariance
-from calibration.observation.normal_equations import whitened, whiteners
 from calibration.on_the_fly.along_path import OnTheFly
 from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
 from kinematics.effects import Effect, ErrorMotion, LocationError
@@ -55,6 +54,7 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         "forced": found.objection if found.forced else "",
         "held_out": None if held is None else held_out_json(held),
         "noise_factor": fitted.variance_factor**0.5,
+        "estimated_noise": None if measurement.noise is None else measurement.noise.json(),
         "n_observations": fitted.observations,
         "n_parameters": identified.parameters,
         "effective_parameters": fitted.effective_parameters,
@@ -181,17 +181,28 @@ def _locations(found: Calibration) -> list[LocationError]:
 
 
 def _verdict(fitted: Fit) -> Iterator[str]:
-    text = f"chi2/dof {fitted.chi2_reduced:.3g} by the instrument specification, p = {fitted.p_value:.2g}."
+    noise = fitted.measurement.noise
+    by = "by the instrument specification" if noise is None else "by the noise of the fit"
+    text = f"chi2/dof {fitted.chi2 / fitted.degrees_of_freedom:.3g} {by}, p = {fitted.p_value:.2g}."
+    if noise is not None:
+        yield (
+            f"chi2/dof {fitted.chi2_reduced:.3g} by the instrument specification, which the residuals contradict. The "
+            f"noise of the fit is that of the residuals: {noise.text}"
+        )
+        if noise.instrument_factor > 1.0:
+            yield "Or the model is incomplete: a missing effect looks like noise (ncomp diagnose searches for it)."
     if fitted.variance_factor != 1.0:
         factor = fitted.variance_factor**0.5
         yield f"{text} The noise was estimated from the data: {factor:.3g} times the instrument specification."
     elif fitted.doubtful:
         yield (
             f"{text} The model is incomplete, or the specified noise is too small: uncertainties are widened by "
-            f"{fitted.chi2_reduced**0.5:.3g}."
+            f"{fitted.widening**0.5:.3g}."
         )
-    else:
+    elif noise is None:
         yield f"{text} The model explains the data down to the noise."
+    else:
+        yield text
 
 
 def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
@@ -302,8 +313,7 @@ def _motion(panel: Axes, effect: ErrorMotion, own: Array) -> None:
 
 def in_uncertainties(fitted: Fit) -> Array:
     """Residuals of the rows that are kept, in standard uncertainties."""
-    white = whitened(whiteners(fitted.measurement), fitted.residual)[fitted.kept]
-    return np.asarray(white / fitted.variance_factor**0.5)
+    return np.asarray(fitted.white[fitted.kept])
 
 
 def _distribution(fitted: Fit, canvas: Figure) -> None:

@@ -174,10 +174,15 @@ def _of_drive(measurement: Measurement, axis: str, interval: Interval) -> Iterat
 
 
 def _thermal(measurement: Measurement, axes: dict[str, Interval]) -> Iterator[Cause]:
-    state = measurement.state
+    """Drift and growth with time and with temperatures.
+
+    None with the time of a part: that is the measuring machine's, and the machine tool's at its cuts is unknown.
+    """
+    state, of_machine = measurement.state, not isinstance(measurement.instrument, Part)
     span = float(np.ptp(state.time)) if state.time is not None else 0.0
     courses: list[dict[str, Any]] = [{"rate": 0.0}]
     courses += [{"amplitudes": (0.0,), "time_constants_s": (max(share * span, 1.0),)} for share in TIME_CONSTANTS]
+    courses = courses if of_machine else []
     linear = [axis for axis in axes if axis[0] not in "ABC"]
     along = {own_component(axis) for axis in axes}
     if measurement.component is not None:
@@ -189,10 +194,9 @@ def _thermal(measurement: Measurement, axes: dict[str, Interval]) -> Iterator[Ca
             yield Cause(ThermalDrift(component=component, **course), shapes, 1.0 + PER_SHAPE * shapes)
         for axis in linear:
             yield Cause(GrowthWithTime(axis=axis, **course), shapes, 1.0 + PER_SHAPE * shapes)
-    lags = [max(share * span, 1.0) for share in LAGS] if given(state, "time") else []
-    if not isinstance(measurement.instrument, Part):
-        for axis in linear if lags else []:
-            yield from (Cause(GrowthWithDuty(axis, 0.0, lag), 1, 1.0 + PER_SHAPE) for lag in lags)
+    lags = [max(share * span, 1.0) for share in LAGS] if of_machine and given(state, "time") else []
+    for axis in linear if lags else []:
+        yield from (Cause(GrowthWithDuty(axis, 0.0, lag), 1, 1.0 + PER_SHAPE) for lag in lags)
     for sensor in _warming(state, WARMER):
         for lag in (None, *lags):
             shapes = 0 if lag is None else 1
@@ -285,7 +289,12 @@ def _of_tracker(measurement: Measurement) -> Iterator[Cause]:
 
 
 def _of_measuring_machine(measurement: Measurement) -> Iterator[Cause]:
-    """Errors of the measuring machine; of a part in one position on it they are those of the machine tool."""
+    """Errors of the measuring machine; of a part in one position on it they are those of the machine tool.
+
+    The times of a part are those of its measurement, so that the part, or the measuring machine, may have drifted.
+    """
+    if given(measurement.state, "time"):
+        yield Cause(TrackerDrift())
     if len(np.unique(measurement.groups)) > 1:
         letters = "xyz"[: measurement.instrument.components]
         for letter in letters:

@@ -29,6 +29,7 @@ from calibration.observation.full_model import (
     observed_components,
     repeated_targets,
 )
+from calibration.plausibility.times import pauses
 from kinematics.basis import BSpline
 from kinematics.effects import (
     Component,
@@ -249,11 +250,15 @@ def reversals(linearised: LinearisedFit) -> Iterator[Candidate]:
 
 
 def breaks(linearised: LinearisedFit) -> Iterator[Candidate]:
-    """Jumps, each at its likeliest moment: the change point at which it explains most."""
+    """Jumps, each at its likeliest moment, the change point at which it explains most, and after its likeliest pause.
+
+    There are fewer pauses than moments, so that the same gain is the better evidence after a pause.
+    """
     measurement = linearised.measurement
     if measurement.state.time is None:
         return
     time = measurement.state.time[linearised.rows]
+    after_pauses = measurement.state.time[pauses(measurement)]
     spanned = linearised.spanned.reshape(len(time), -1, linearised.spanned.shape[1])
     residual = linearised.residual.reshape(len(time), -1)
     for effect in jumps(measurement):
@@ -272,8 +277,11 @@ def breaks(linearised: LinearisedFit) -> Iterator[Candidate]:
         schur = squares - np.swapaxes(through, 1, 2) @ through + np.eye(here.shape[2]) / GENEROUS**2
         gains = np.einsum("nk,nk->n", along, np.linalg.solve(schur, along[:, :, None])[:, :, 0])
         inside = slice(LEAST_ROWS, len(moments) - LEAST_ROWS)
-        since = float(moments[inside][np.argmax(gains[inside])])
-        yield Candidate(msgspec.structs.replace(effect, since_s=since), 1, float(len(moments)))
+        paused = np.isin(moments[inside], after_pauses)
+        for possible, trials in ((np.ones(len(paused), bool), len(moments)), (paused, np.count_nonzero(paused))):
+            if possible.any():
+                since = float(moments[inside][np.argmax(np.where(possible, gains[inside], -np.inf))])
+                yield Candidate(msgspec.structs.replace(effect, since_s=since), 1, float(trials))
 
 
 def _from_each(values: Array, starts: np.ndarray) -> Array:

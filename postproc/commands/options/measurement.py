@@ -38,7 +38,10 @@ HeaderLines = Annotated[
 
 Noise = Annotated[
     Literal["sheet", "estimate"],
-    option("Instrument's uncertainty: by its specification, or estimated from the residuals.", default="sheet"),
+    option(
+        "Instrument's uncertainty: by its specification unless the residuals contradict it, or estimated from them.",
+        default="sheet",
+    ),
 ]
 
 Force = Annotated[

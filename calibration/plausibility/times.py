@@ -1,0 +1,65 @@
+"""Times of the rows: pauses, after which the thermal state is unknown, and times that stand for several rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from calibration.measurement.measurement import Measurement
+from calibration.observation.stops_and_lines import stops
+
+LEAST_S = 600.0
+"""Least duration of a pause, s: a machine tool's time constants begin at some minutes."""
+LONGER = 10.0
+"""Least duration of a pause, as a multiple of the time that most steps between stops do not exceed."""
+USUAL = 0.9
+"""Quantile of the steps between stops that are usual."""
+LISTED = 3
+REPEATED = 0.1
+"""Share of the stops with the time of the stop before above which the clock is too coarse."""
+
+
+def pauses(measurement: Measurement) -> np.ndarray:
+    """Numbers of the rows that follow a pause; none without times."""
+    time = measurement.state.time
+    if time is None or len(time) < 3:
+        return np.zeros(0, int)
+    steps = np.diff(time)
+    moved = np.diff(stops(measurement)) > 0
+    usual = float(np.quantile(steps[moved], USUAL)) if moved.any() else np.inf
+    return np.flatnonzero(steps > max(LEAST_S, LONGER * usual)) + 1
+
+
+def repeated_times(measurement: Measurement) -> Iterator[str]:
+    """Statement, without a full stop, on stops with the time of the stop before; none where they are few."""
+    time = measurement.state.time
+    if time is None or len(time) < 3:
+        return
+    if not np.ptp(time):
+        yield f"time_s is {time[0]:.10g} in all rows: they show no drift with time"
+        return
+    first = np.unique(stops(measurement), return_index=True)[1]
+    same = int(np.count_nonzero(np.diff(time[first]) == 0.0))
+    if same > REPEATED * len(first):
+        step = float(np.median(np.diff(np.unique(time))))
+        yield (
+            f"{same} of {len(first)} stops have the time of the stop before them: time_s is in steps of {step:.4g} s, or "
+            "stands for several positions. Faster changes are not visible, and moments of jumps are uncertain by a step"
+        )
+
+
+def paused(measurement: Measurement) -> Iterator[str]:
+    """Statements on pauses, without a full stop."""
+    time, rows = measurement.state.time, pauses(measurement)
+    if time is None or not len(rows):
+        return
+    lengths = [
+        f"{(time[row] - time[row - 1]) / 60.0:.3g} min before {measurement.where(int(row))}" for row in rows[:LISTED]
+    ]
+    more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""
+    yield (
+        f"the measurement paused for {', '.join(lengths)}{more}: the thermal state of the machine, and the pose of the "
+        "instrument, may differ afterwards from a course with time. Measure some positions of before once more after a "
+        "pause"
+    )
