@@ -41,6 +41,7 @@ from calibration.diagnosis.verdict import (
 )
 from calibration.fit.acceptance import disagreement, refuse_few, relative_deviations, significant_share
 from calibration.fit.identifiability import Identifiability, identifiability
+from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.instruments import LaserTracker
@@ -265,6 +266,7 @@ def diagnose(
     evaluated = found.evaluated or tuple(evaluate(after.linearised, candidates))
     added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
     acceptance = Acceptance.of(before, after, calibration, force=force)
+    findings += zero_findings(run_zeros(after.fit))
     if too_many := disagreement(after.fit):
         findings.append(Finding("outliers", too_many, False))
     model = new_calibration(selector.base, after.fit, added, calibration)

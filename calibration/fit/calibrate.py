@@ -29,6 +29,7 @@ from calibration.fit.location_errors import split_locations, transformed
 from calibration.fit.noise import with_estimated_noise
 from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
+from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.measurement import Measurement
@@ -132,6 +133,7 @@ def calibrate(
     start, _ = with_effects(measurement, choice.bases, effects, choice.prior_scale)
     held_out = cross_validate(measurement, start, prior, found.kept, variance) if hold_out else None
     too_many = disagreement(found)
+    findings += zero_findings(run_zeros(found))
     if too_many:
         findings.append(Finding("outliers", too_many, False))
     written = _written(found, valid_days)

@@ -44,7 +44,7 @@ def repeated_times(measurement: Measurement) -> Iterator[str]:
     if same > REPEATED * len(first):
         step = float(np.median(np.diff(np.unique(time))))
         yield (
-            f"{same} of {len(first)} stops have the time of the stop before them: time_s is in steps of {step:.4g} s, or "
+            f"{same} of {len(first)} stops have the time of the stop before: time_s is in steps of {step:.4g} s, or "
             "stands for several positions. Faster changes are not visible, and moments of jumps are uncertain by a step"
         )
 

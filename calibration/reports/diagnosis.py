@@ -12,11 +12,13 @@ from calibration.diagnosis.diagnose import LEFT, Diagnosis
 from calibration.diagnosis.improvement import Figures
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.verdict import Named
+from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.reports import cause_text as words
 from calibration.reports.cause_figures import cause_figure
 from calibration.reports.cause_views import views
 from calibration.reports.fit import acceptance, held_out_json, insignificant
 from calibration.reports.residual_figures import against_noise, before_and_after, share_chart, unexplained_shape
+from calibration.reports.run_zeros import zeros_section
 from calibration.reports.separability import separability_json, separability_section
 from kinematics.effects import CrossAxis
 from rendering.report import Report, Section, Table, facts, shortened
@@ -80,6 +82,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "origin": found.base.origin,
         "basis": {} if found.base.choice is None else {a: str(b) for a, b in found.base.choice.bases.items()},
         "sanity": [{"what": finding.check, "says": finding.message} for finding in found.findings],
+        "zeros": [zero.json() for zero in run_zeros(fit)],
         "noise_from_repeats": None if found.repeats is None else found.repeats.text,
         "whiteness": {"before": _tests_json(found.tests), "after": _tests_json(found.tests_after)},
         "closure": found.closure,
@@ -193,6 +196,7 @@ def _sections(found: Diagnosis) -> Iterator[Section]:
     yield from _causes(found)
     yield from _residuals(found)
     yield from _not_shown(found)
+    yield from zeros_section(found.after.fit)
     if left_out := list(_left_out(found)):
         yield Section("Left out", "\n".join(left_out))
     if notes := list(_notes(found)):

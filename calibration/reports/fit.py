@@ -14,9 +14,11 @@ from calibration.fit.cross_validation import CrossValidation
 from calibration.fit.datum import error_motions
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Unidentifiable
+from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.observation.equations import covariance
 from calibration.on_the_fly.along_path import OnTheFly
 from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
+from calibration.reports.run_zeros import zeros_section
 from kinematics.effects import Effect, ErrorMotion, LocationError
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, against_normal, band, dots, some
@@ -77,6 +79,7 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         "significant_share": found.significant_share,
         "u_um": found.relative_deviation.json(),
         "targets": [each.json() for each in found.targets],
+        "zeros": [zero.json() for zero in run_zeros(fitted)],
         "sanity": [{"what": finding.check, "says": finding.message} for finding in found.findings],
         "locations": {
             e.name: {"value_urad" if e.angular else "value_um": e.value, "u": e.uncertainties[0]}
@@ -231,6 +234,7 @@ def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
     if hidden := unidentifiable(found.identifiability.unidentifiable):
         head = ("effect", "reason", "measurement that would show it")
         yield Section("Unidentifiable effects", "NOT VISIBLE in these data.", Table(head, hidden))
+    yield from zeros_section(fitted)
     if left_out := list(_left_out(fitted)):
         yield Section(
             "Rows that disagree, or repeat",

@@ -1,0 +1,107 @@
+"""Zeros of the runs of an interferometer: each fit estimates them, so that what they hold is not in the errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from calibration.fit.fit import Fit
+from calibration.measurement.measurement import Measurement
+from calibration.observation.equations import specified_covariance
+from calibration.plausibility.checks import Finding
+
+SIGNIFICANCE = 1e-3
+"""Chance that zeros which differ by noise alone are said to spread."""
+
+
+@dataclass(frozen=True)
+class RunZero:
+    """Reading of one run for an axis without error."""
+
+    run: str
+    """Axis and run, and the error motion if one is named."""
+    axis: str
+    value: float
+    """Zero, um or urad."""
+    u: float
+    """Standard uncertainty relative to the other runs of the axis, um or urad."""
+    unit: str
+    positioning: bool
+    """False for straightness and angles, whose zero is the alignment of the optics."""
+    direction: float
+    """Direction of approach of all its rows: 1 or -1; 0 where both occur, or it is unknown."""
+
+    def json(self) -> dict[str, Any]:
+        """The zero for programs."""
+        return {"run": self.run, f"zero_{self.unit}": self.value, f"u_{self.unit}": self.u}
+
+
+def run_zeros(found: Fit) -> list[RunZero]:
+    """The zeros of the runs of an interferometer, in the order of the runs; none for other instruments."""
+    measurement = found.measurement
+    if measurement.axis is None:
+        return []
+    groups, per_micro = measurement.groups, measurement.per_micro[:, 0]
+    specified = np.sqrt(specified_covariance(measurement)[:, 0, 0])
+    result = []
+    for name, first in sorted(zip(*_first(groups), strict=True), key=lambda each: each[1]):
+        rows = np.flatnonzero((groups == name) & found.kept)
+        if name not in found.registration.zeros or not len(rows):
+            continue
+        axis, factor = str(measurement.axis[first]), float(per_micro[first])
+        # the scatter of all runs of an axis is the better known
+        alike = (measurement.axis == axis) & (per_micro == factor) & found.kept
+        noise = max(float(specified[rows].mean()), float(np.sqrt(np.mean(found.residual[alike] ** 2))))
+        result.append(
+            RunZero(
+                name,
+                axis,
+                factor * found.registration.zeros[name],
+                factor * noise / len(rows) ** 0.5,
+                "um" if factor < 1e6 else "urad",
+                bool(measurement.positioning[first]),
+                _direction(measurement, rows, axis),
+            )
+        )
+    return result
+
+
+def zero_findings(zeros: Sequence[RunZero]) -> Iterator[Finding]:
+    """A finding for each axis whose runs have zeros that differ by more than noise allows."""
+    for axis in dict.fromkeys(zero.axis for zero in zeros):
+        own = [zero for zero in zeros if zero.axis == axis and zero.positioning]
+        value, u = (np.array([getattr(zero, field) for zero in own]) for field in ("value", "u"))
+        if len(own) < 2:
+            continue
+        chi2 = float(np.sum(((value - np.average(value, weights=u**-2)) / u) ** 2))
+        p_value = float(special.chdtrc(len(own) - 1, chi2))
+        if p_value < SIGNIFICANCE:
+            one_way = " Each run has one direction, so that its zero also holds the backlash." * all(
+                zero.direction for zero in own
+            )
+            yield Finding(
+                "zeros",
+                f"the zeros of the {len(own)} runs of {axis} spread from {value.min():.3g} to {value.max():.3g} "
+                f"{own[0].unit}, more than noise allows ({u.mean():.2g} {own[0].unit}, p = {p_value:.1g}): the zero of "
+                "the instrument, or the axis, drifted between the runs, or the display was zeroed anew. The fit "
+                f"removes these zeros, and with them a drift of the axis from run to run.{one_way}",
+                False,
+            )
+
+
+def _first(groups: np.ndarray) -> tuple[list[str], list[int]]:
+    """Names of the groups, and the first row of each."""
+    names, first = np.unique(groups, return_index=True)
+    return names.tolist(), first.tolist()
+
+
+def _direction(measurement: Measurement, rows: np.ndarray, axis: str) -> float:
+    approach = measurement.state.approach
+    if approach is None:
+        return 0.0
+    own = np.unique(approach[rows, measurement.machine.index(axis)])
+    return float(own[0]) if len(own) == 1 else 0.0

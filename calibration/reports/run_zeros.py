@@ -1,0 +1,21 @@
+"""Zeros of the runs of an interferometer in a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from calibration.fit.fit import Fit
+from calibration.fit.set_up.run_zeros import run_zeros
+from rendering.report import Section, Table
+
+TEXT = (
+    "Reading of each run for an axis without error. The fit estimates these zeros with the errors and removes them: a "
+    "difference between runs is in no error motion. Standard uncertainty (k=1) relative to the other runs of the axis."
+)
+
+
+def zeros_section(found: Fit) -> Iterator[Section]:
+    """The table of the zeros; none where there are no runs with zeros."""
+    rows = [(zero.run, f"{zero.value:.3f}", f"{zero.u:.3f}", zero.unit) for zero in run_zeros(found)]
+    if rows:
+        yield Section("Zeros of the runs", TEXT, Table(("axis and run", "zero", "u", ""), rows), detail=True)
