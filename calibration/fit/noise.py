@@ -28,7 +28,7 @@ from calibration.observation.outliers import outlying, robust_factor
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects.base import own_motion, unit_of
 from kinematics.error_model.model import Design
-from kinematics.transforms import Array
+from kinematics.transforms import Array, blocks
 
 CERTAIN = 4.0
 """Standard errors by which a variance must differ from the specification: 1 in 30,000 by chance."""
@@ -157,13 +157,16 @@ def _likeliest(components: _Components, variances: Array, active: np.ndarray) ->
 
 def _arms(found: Fit, measurement: Measurement, axes: Sequence[str]) -> Array:
     """Change of the observations `(n, d, axes)`, mm, by an error of `TYPICAL` along each axis' own motion."""
-    transform = equations.transform(measurement, found.registration)
     columns, units = [], []
     for axis in axes:
         i, component, _ = own_motion(measurement.machine, axis)
         columns.append(6 * i + component)
         units.append(TYPICAL * unit_of(axis)[1])
-    return np.asarray(transform[:, :, columns] * np.array(units))
+    arms = [
+        equations.transform(measurement.rows(rows), found.registration)[:, :, columns]
+        for rows in blocks(len(measurement))
+    ]
+    return np.asarray(np.concatenate(arms) * np.array(units))
 
 
 def _limited(variance: float, least: float, values: Array, own: Array, same: np.ndarray) -> float:
