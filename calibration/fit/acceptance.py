@@ -117,7 +117,7 @@ def reason_against(found: Fit, before: Array, held_out: CrossValidation | None) 
     predict the held-out blocks better (`Gains.better`). before: as `nominal_residuals`.
     """
     advice = "No calibration is written: check the data and the model (ncomp diagnose), or measure more"
-    if found.chi2_reduced < QUIET:
+    if found.chi2_reduced < QUIET and found.measurement.noise is None:
         advice += (
             f"; chi2/dof is {found.chi2_reduced:.2g}: the stated uncertainty of the instrument is too large for these "
             "data; 'ncomp fit --noise estimate' takes it from the residuals"

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import linalg, special
 
 from calibration.fit.fit import Fit, fit
+from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.full_model import (
     BasisChoice,
@@ -136,7 +137,7 @@ def findings(measurement: Measurement, found: Sequence[TargetPosition]) -> Itera
     """Findings on the positions of targets; also where a wrong position could not be seen."""
     for each in found:
         yield Finding("targets", each.text, False)
-    if measurement.instrument.components == 3 and len(_on_tool(measurement)) == 1:
+    if isinstance(measurement.instrument, LaserTracker) and len(_on_tool(measurement)) == 1:
         yield Finding("targets", ONE_TARGET, False)
 
 
