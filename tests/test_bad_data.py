@@ -230,15 +230,14 @@ def test_a_fit_that_predicts_worse_than_nothing_is_not_written(good, tmp_path):
         assert not (tmp_path / "cal.json").exists()
 
 
-def test_a_correction_that_is_mostly_not_significant_says_so_first(good, tmp_path):
-    """An instrument that is a thousand times less certain."""
+def test_an_instrument_that_is_far_more_certain_than_stated_is_said(good, tmp_path):
+    """By a thousand times: the residuals contradict the header, and their noise is that of the fit."""
     uncertain = header(r"(u_\w+): (\S+)", r"\1: \g<2>e3")
     path = spoiled(good["part"], uncertain, tmp_path / "bad.csv")
     done = run_command(*arguments("fit", path, "cframe", tmp_path / "cal.json"))
-    if done.status:
-        assert "worse" in done.err
-    else:
-        assert done.out.startswith(b"NOT SIGNIFICANT")
+    assert done.status == 0, done.err
+    assert "by the instrument specification, which the residuals contradict" in done.shown
+    assert re.search(r"The instrument scatters 0\.00\d+ times as much as specified", done.shown)
 
 
 def test_commands_in_a_small_part_of_the_travel_are_asked_for_their_unit(good, tmp_path):
