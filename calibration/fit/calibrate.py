@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib.metadata import version
 
 import msgspec
@@ -19,27 +18,25 @@ from calibration.fit.acceptance import (
     relative_deviations,
     significant_share,
 )
-from calibration.fit.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Choice
-from calibration.fit.basis_selection import choose, finer
-from calibration.fit.cross_validation import CrossValidation, cross_validate, diagonals
+from calibration.fit.basis_search import AUTO, Choice
+from calibration.fit.cross_validation import CrossValidation, cross_validate
 from calibration.fit.datum import to_datum
-from calibration.fit.fit import Fit, fit
+from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.location_errors import split_locations, transformed
-from calibration.fit.noise import with_estimated_noise
 from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
+from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes, stated_bases, with_effects
+from calibration.observation.full_model import with_effects
 from calibration.observation.normal_equations import whitened, whiteners
-from calibration.observation.outliers import Variance, duplicates
+from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, Provenance
-from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 
@@ -122,9 +119,10 @@ def calibrate(
     positions = target_positions(measurement)
     findings += target_findings(measurement, positions)
     measurement = at_positions(measurement, positions)
-    chosen = partial(_choice, basis=basis, margin=margin, effects=effects, prior_scale=prior_scale, progress=progress)
-    choice, found, variance = _fitted(measurement, chosen, effects, variance, progress)
+    wanted = Wanted(basis, margin, tuple(effects), prior_scale, variance, progress)
+    choice, found = with_bases_and_noise(measurement, wanted)
     measurement, prior = found.measurement, found.prior
+    variance = variance if measurement.noise is None else "sheet"
     before = nominal_residuals(found)
     progress("identifiability")
     identified = identifiability(found)
@@ -159,73 +157,6 @@ def calibrate(
     if not result.accepted:
         raise NotAccepted(result)
     return result
-
-
-def _fitted(
-    measurement: Measurement,
-    chosen: Callable[[Measurement], Choice],
-    effects: Sequence[Effect],
-    variance: Variance,
-    progress: Callable[[str], None],
-) -> tuple[Choice, Fit, Variance]:
-    """The bases and the fit, with the noise that the residuals show where they contradict the specification.
-
-    An axis that does not repeat looks like an error motion of any basis: then the bases are selected again. The
-    estimated noise includes the variance factor.
-    """
-
-    def fitted(data: Measurement, choice: Choice, by: Variance) -> Fit:
-        model, prior = with_effects(data, choice.bases, effects, choice.prior_scale)
-        return fit(data, model, prior=prior, variance=by, progress=progress)
-
-    choice = chosen(measurement)
-    found = fitted(measurement, choice, variance)
-    progress("estimating the noise")
-    noisy = with_estimated_noise(found)
-    if noisy.noise is not None and noisy.noise.non_repeatability:
-        choice = chosen(noisy)
-        noisy = with_estimated_noise(fitted(noisy, choice, "sheet"))
-        if noisy.noise is None:
-            found = fitted(measurement, choice, variance)
-    if noisy.noise is None:
-        return choice, found, variance
-    return choice, fitted(noisy, choice, "sheet"), "sheet"
-
-
-def _choice(
-    measurement: Measurement,
-    basis: str,
-    margin: int,
-    effects: Sequence[Effect],
-    prior_scale: float | None,
-    progress: Callable[[str], None],
-) -> Choice:
-    axes = list(moving_axes(measurement))
-    if basis == AUTO or basis.startswith(f"{AUTO}:"):
-        kinds = AUTOMATIC_KINDS if basis == AUTO else (basis.removeprefix(f"{AUTO}:"),)
-        rotary_kind = ROTARY_KIND if basis == AUTO else None
-        unexplained = None if diagonals(measurement) is None else partial(_unexplained, measurement, effects)
-        found = choose(
-            measurement,
-            kinds,
-            rotary_kind=rotary_kind,
-            effects=effects,
-            prior_scale=prior_scale,
-            unexplained=unexplained,
-            progress=progress,
-        )
-        return finer(found, measurement, margin)
-    return Choice(stated_bases(basis, axes), prior_scale or 1.0)
-
-
-def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Choice, _: np.ndarray) -> Array:
-    """Mean squared residual `(1,)` of held-out lines under fits of a choice, minus that of the nominal machine.
-
-    In units of the instrument's variance; infinite where no line can be held out.
-    """
-    model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
-    held_out = cross_validate(measurement, model, prior, ~duplicates(measurement))
-    return np.array([np.inf if held_out is None else -held_out.improvement])
 
 
 def in_datum(found: Fit) -> ErrorModel:

@@ -27,6 +27,7 @@ from calibration.observation.outliers import (
     duplicates,
     first_registration,
     huber_weights,
+    largest_distance,
     outlying,
     refuse_lines,
     robust_factor,
@@ -158,6 +159,18 @@ class Fit:
         own = float(np.sum(self.away**2))
         scale = self.observations * float(np.log(self.variance_factor))
         return -0.5 * (self.chi2 / self.variance_factor + own + self.solved.log_determinant + scale)
+
+    @property
+    def log_probability(self) -> float:
+        """Log evidence with the volume of the noise: comparable between fits of the same rows under other noise.
+
+        A row that was left out counts with the distance from which rows are left out.
+        """
+        white = whiteners(self.measurement)
+        volume = float(np.sum(np.linalg.slogdet(white[~self.copies])[1]))
+        volume += Decorrelation.of(self.measurement.noise, white, self.kept.astype(float)).log_determinant
+        lost = np.count_nonzero(~self.kept & ~self.copies)
+        return self.log_evidence + volume - 0.5 * lost * largest_distance(len(self.kept), self.residual.shape[1])
 
 
 def fit(

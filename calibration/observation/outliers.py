@@ -103,8 +103,12 @@ def huber_weights(distances: Array, components: int, factor: float) -> Array:
 
 def outlying(distances: Array, components: int, factor: float) -> np.ndarray:
     """True `(n,)` for outliers, by the rule of this module."""
-    limit = special.chdtri(components, SIGNIFICANCE / max(len(distances), 1))
-    return np.asarray(distances > limit * factor)
+    return np.asarray(distances > largest_distance(len(distances), components) * factor)
+
+
+def largest_distance(rows: int, components: int) -> float:
+    """Squared distance from which one of so many rows is an outlier."""
+    return float(special.chdtri(components, SIGNIFICANCE / max(rows, 1)))
 
 
 def failed_stations(measurement: Measurement, bad: np.ndarray) -> list[str]:

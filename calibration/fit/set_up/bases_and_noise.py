@@ -1,0 +1,105 @@
+"""Bases of the error motions and the noise of the data, which depend on each other.
+
+An axis that does not repeat looks like an error motion of many parameters, and a fine error motion like an axis that
+does not repeat: where both explain the data, the more probable one is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from calibration.fit.basis_search import AUTO, AUTOMATIC_KINDS, FINEST, ROTARY_KIND, Choice
+from calibration.fit.basis_selection import choose, finer
+from calibration.fit.cross_validation import cross_validate, diagonals
+from calibration.fit.fit import Fit, Progress, fit
+from calibration.fit.noise import with_estimated_noise
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import moving_axes, stated_bases, with_effects
+from calibration.observation.outliers import Variance, duplicates
+from kinematics.effects import Effect
+from kinematics.transforms import Array
+
+COARSE = 8
+"""Most parameters of an error motion that cannot imitate an axis which does not repeat."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a fit is asked for; fields as the arguments of `calibration.fit.calibrate.calibrate`."""
+
+    basis: str
+    margin: int
+    effects: tuple[Effect, ...]
+    prior_scale: float | None
+    variance: Variance
+    progress: Progress
+
+    @property
+    def automatic(self) -> bool:
+        """True where the evidence selects the bases."""
+        return self.basis == AUTO or self.basis.startswith(f"{AUTO}:")
+
+    def choice(self, measurement: Measurement, finest: int = FINEST) -> Choice:
+        """The bases of all axes under the noise of the measurement, of at most so many parameters on linear axes."""
+        if not self.automatic:
+            return Choice(stated_bases(self.basis, list(moving_axes(measurement))), self.prior_scale or 1.0)
+        found = choose(
+            measurement,
+            AUTOMATIC_KINDS if self.basis == AUTO else (self.basis.removeprefix(f"{AUTO}:"),),
+            rotary_kind=ROTARY_KIND if self.basis == AUTO else None,
+            effects=self.effects,
+            prior_scale=self.prior_scale,
+            finest=finest,
+            unexplained=None if diagonals(measurement) is None else partial(_unexplained, measurement, self.effects),
+            progress=self.progress,
+        )
+        return finer(found, measurement, self.margin)
+
+    def fit(self, measurement: Measurement, choice: Choice) -> Fit:
+        """The fit with these bases; estimated noise holds the variance factor."""
+        model, prior = with_effects(measurement, choice.bases, self.effects, choice.prior_scale)
+        variance = self.variance if measurement.noise is None else "sheet"
+        return fit(measurement, model, prior=prior, variance=variance, progress=self.progress)
+
+
+def with_bases_and_noise(measurement: Measurement, wanted: Wanted) -> tuple[Choice, Fit]:
+    """The bases and the fit, with the noise that the residuals show where they contradict the specification."""
+    choice = wanted.choice(measurement)
+    first = wanted.fit(measurement, choice)
+    wanted.progress("estimating the noise")
+    found = [_noisy(first, choice, wanted)]
+    if wanted.automatic and any(basis.size > COARSE for basis in choice.bases.values()):
+        coarse = with_estimated_noise(wanted.fit(measurement, wanted.choice(measurement, COARSE)))
+        if coarse.noise is not None and coarse.noise.non_repeatability:
+            found.append(_again(coarse, wanted))
+    return max(found, key=lambda each: each[1].log_probability)
+
+
+def _noisy(found: Fit, choice: Choice, wanted: Wanted) -> tuple[Choice, Fit]:
+    """A fit by the specification, or one with the noise that it shows; for axes that do not repeat with other bases."""
+    noisy = with_estimated_noise(found)
+    if noisy.noise is None:
+        return choice, found
+    if noisy.noise.non_repeatability and wanted.automatic:
+        return _again(noisy, wanted)
+    return choice, wanted.fit(noisy, choice)
+
+
+def _again(noisy: Measurement, wanted: Wanted) -> tuple[Choice, Fit]:
+    """Bases selected under estimated noise, and the fit with the noise that is estimated beside these."""
+    choice = wanted.choice(noisy)
+    return choice, wanted.fit(with_estimated_noise(wanted.fit(noisy, choice)), choice)
+
+
+def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Choice, _: np.ndarray) -> Array:
+    """Mean squared residual `(1,)` of held-out lines under fits of a choice, minus that of the nominal machine.
+
+    In units of the instrument's variance; infinite where no line can be held out.
+    """
+    model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
+    held_out = cross_validate(measurement, model, prior, ~duplicates(measurement))
+    return np.array([np.inf if held_out is None else -held_out.improvement])
