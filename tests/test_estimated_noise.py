@@ -46,6 +46,14 @@ def test_an_axis_that_does_not_repeat_is_found_by_name_and_size(rows_of_a_stop):
     assert "X repeats to" in found.text
 
 
+def test_all_axes_that_do_not_repeat_are_found_where_three_rows_share_a_stop():
+    """Errors of stops that are several times the noise of the instrument."""
+    found = with_estimated_noise(fitted(with_stops(3, dict.fromkeys(range(3), 0.05)))).noise
+    assert found is not None
+    assert found.instrument_factor == 1.0
+    assert list(found.non_repeatability.values()) == pytest.approx([0.05] * 3, rel=0.25)
+
+
 def test_decorrelated_rows_of_a_stop_are_white():
     """The transform turns the covariance of a stop, instrument and shared errors, into the identity."""
     data = with_stops(3, {0: 0.01})

@@ -41,6 +41,10 @@ ROUNDS = 4
 STEPS = 25
 CONVERGED = 0.01
 """Step in standard errors of the variances below which the iteration ends."""
+MULTIPLIED = 50
+"""Most steps of an iteration that multiplies the variances."""
+ALIKE = 0.02
+"""Relative change of the standard deviations below which it ends."""
 FARTHEST = 100.0
 """Factor by which a variance changes in one step at most."""
 SHARED = 1e-6
@@ -139,16 +143,27 @@ def _estimate(components: _Components, start: Array) -> _Estimate | None:
 
 
 def _likeliest(components: _Components, variances: Array, active: np.ndarray) -> tuple[Array, Array]:
-    """The likeliest variances `(1 + axes,)`, of the active ones, and their information, by Fisher's scoring."""
-    for _ in range(STEPS):
+    """The likeliest variances `(1 + axes,)`, of the active ones, and their information.
+
+    By Fisher's scoring; where rows share a stop, its information is approximate, and its steps would not converge: by
+    an iteration that multiplies the variances (Zhou et al. 2019, MM algorithms for variance components).
+    """
+    shared = len(components.starts) < len(components.stop)
+    for _ in range(MULTIPLIED if shared else STEPS):
         moments = components.moments(variances)
         slope = 0.5 * (moments.observed - moments.expected)
         free = np.flatnonzero(active & ((variances > NOTHING) | (slope > 0.0)))
+        variances = variances.copy()
+        if shared:
+            ratio = np.sqrt(moments.observed[free] / np.maximum(moments.expected[free], 1e-300))
+            variances[free] = np.maximum(variances[free] * ratio, NOTHING)
+            if np.all(np.abs(ratio - 1.0) < ALIKE):
+                break
+            continue
         scale = np.sqrt(np.diag(moments.information)[free])
         scaled = moments.information[np.ix_(free, free)] / np.outer(scale, scale)
         step = np.linalg.solve(scaled + SHARED * np.eye(len(free)), slope[free] / scale)
         moved = variances[free] + step / scale
-        variances = variances.copy()
         variances[free] = np.clip(moved, np.maximum(variances[free] / FARTHEST, NOTHING), variances[free] * FARTHEST)
         if np.abs(step).max() < CONVERGED:
             break
