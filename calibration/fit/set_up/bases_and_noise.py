@@ -59,11 +59,11 @@ class Wanted:
         )
         return finer(found, measurement, self.margin)
 
-    def fit(self, measurement: Measurement, choice: Choice) -> Fit:
-        """The fit with these bases; estimated noise holds the variance factor."""
+    def fit(self, measurement: Measurement, choice: Choice, near: Fit | None = None) -> Fit:
+        """The fit with these bases; estimated noise holds the variance factor. near: the fit with another noise."""
         model, prior = with_effects(measurement, choice.bases, self.effects, choice.prior_scale)
         variance = self.variance if measurement.noise is None else "sheet"
-        return fit(measurement, model, prior=prior, variance=variance, progress=self.progress)
+        return fit(measurement, model, prior=prior, variance=variance, near=near, progress=self.progress)
 
 
 def with_bases_and_noise(measurement: Measurement, wanted: Wanted) -> tuple[Choice, Fit]:
@@ -74,7 +74,7 @@ def with_bases_and_noise(measurement: Measurement, wanted: Wanted) -> tuple[Choi
     found = [_noisy(first, choice, wanted)]
     if wanted.automatic and any(basis.size > COARSE for basis in choice.bases.values()):
         coarse = with_estimated_noise(wanted.fit(measurement, wanted.choice(measurement, COARSE)))
-        if coarse.noise is not None and coarse.noise.non_repeatability:
+        if coarse.noise is not None and coarse.noise.arms.shape[2]:
             found.append(_again(coarse, wanted))
     return max(found, key=lambda each: each[1].log_probability)
 
@@ -84,15 +84,16 @@ def _noisy(found: Fit, choice: Choice, wanted: Wanted) -> tuple[Choice, Fit]:
     noisy = with_estimated_noise(found)
     if noisy.noise is None:
         return choice, found
-    if noisy.noise.non_repeatability and wanted.automatic:
+    if noisy.noise.arms.shape[2] and wanted.automatic:
         return _again(noisy, wanted)
-    return choice, wanted.fit(noisy, choice)
+    return choice, wanted.fit(noisy, choice, found)
 
 
 def _again(noisy: Measurement, wanted: Wanted) -> tuple[Choice, Fit]:
     """Bases selected under estimated noise, and the fit with the noise that is estimated beside these."""
     choice = wanted.choice(noisy)
-    return choice, wanted.fit(with_estimated_noise(wanted.fit(noisy, choice)), choice)
+    first = wanted.fit(noisy, choice)
+    return choice, wanted.fit(with_estimated_noise(first), choice, first)
 
 
 def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Choice, _: np.ndarray) -> Array:
