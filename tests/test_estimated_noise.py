@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, data_with, fitted
+from support.diagnosis_cases import CFRAME, data_with, fitted, with_stops
 from support.virtual_measurements import ONE, positions
 
 from calibration.fit.noise import with_estimated_noise
@@ -16,20 +16,6 @@ from calibration.observation.stops_and_lines import stops
 from calibration.simulation.simulate import observe
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
-
-
-def with_stops(rows_of_a_stop, sizes, seed=3):
-    """A measurement of a C-frame with several rows at each stop, its axes off by random amounts from stop to stop."""
-    rng = np.random.default_rng(seed)
-    data = data_with(n=200, seed=seed)
-    exact = fitted(data)
-    data = replace(data, observed=data.observed - exact.residual).rows(np.repeat(np.arange(len(data)), rows_of_a_stop))
-    noise = rng.standard_normal((len(data), 3))
-    observed = data.observed + np.einsum("nij,nj->ni", np.linalg.cholesky(specified_covariance(data)), noise)
-    rotation = exact.registration.rotations(data)
-    for k, size in sizes.items():
-        observed += rotation[:, :, k] * (size * rng.standard_normal(int(stops(data).max()) + 1))[stops(data), None]
-    return replace(data, observed=observed, state=replace(data.state, observed=observed))
 
 
 def test_data_as_specified_keep_their_noise():

@@ -4,8 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import data_with
-from test_estimated_noise import with_stops
+from support.diagnosis_cases import data_with, with_stops
 
 from calibration.fit.calibrate import calibrate
 from calibration.fit.fit import fit

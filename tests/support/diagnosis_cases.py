@@ -1,5 +1,7 @@
 """Virtual measurements with causes in them, and fits that lack these, for the tests of the diagnosis."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 
@@ -10,7 +12,9 @@ from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
 from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import fit
+from calibration.observation.equations import specified_covariance
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
+from calibration.observation.stops_and_lines import stops
 from kinematics.error_model.model import no_errors
 from support.virtual_measurements import THREE, measured, positions
 
@@ -31,6 +35,20 @@ def fitted(data, *effects, prior=None):
     own = [GENEROUS * quantity.typical for effect in effects for quantity in effect.parameter_table]
     model = msgspec.structs.replace(base, effects=(*base.effects, *effects))
     return fit(data, model, prior=np.concatenate([priors(base), own]) if prior is None else prior)
+
+
+def with_stops(rows_of_a_stop, sizes, seed=3):
+    """A measurement of a C-frame with several rows at each stop, its axes off by random amounts from stop to stop."""
+    rng = np.random.default_rng(seed)
+    data = data_with(n=200, seed=seed)
+    exact = fitted(data)
+    data = replace(data, observed=data.observed - exact.residual).rows(np.repeat(np.arange(len(data)), rows_of_a_stop))
+    noise = rng.standard_normal((len(data), 3))
+    observed = data.observed + np.einsum("nij,nj->ni", np.linalg.cholesky(specified_covariance(data)), noise)
+    rotation = exact.registration.rotations(data)
+    for k, size in sizes.items():
+        observed += rotation[:, :, k] * (size * rng.standard_normal(int(stops(data).max()) + 1))[stops(data), None]
+    return replace(data, observed=observed, state=replace(data.state, observed=observed))
 
 
 def framed(*effects, **how):
