@@ -7,7 +7,7 @@ from support.effect_examples import BACKWARD, deviation_of
 
 import machines
 from kinematics.basis import BSpline, Polynomial
-from kinematics.effects import CrossAxis, LocationError, LocationJump, Racking, Wobble
+from kinematics.effects import CrossAxis, LocationError, LocationJump, Racking, Scale, Wobble
 from kinematics.forward import forward
 from kinematics.state import State
 from kinematics.transforms import turn
@@ -99,6 +99,15 @@ def test_a_first_harmonic_that_turns_with_the_table_is_a_shift_of_the_workpiece(
     q[:, machine.index("C")] = np.linspace(0.0, 3.0, 7)
     found = deviation_of(Wobble("C", "radial", 1, sense, 3.0, 0.0), machine, State(q)).position
     assert found == pytest.approx(np.array([[3e-3, 0.0, 0.0]] * 7), abs=1e-12)
+
+
+@pytest.mark.parametrize("machine", [machines.load("gantry"), BACKWARD], ids=["gantry", "backward"])
+def test_an_axis_with_a_large_scale_goes_farther_than_commanded(machine):
+    q = np.zeros((3, len(machine.axes)))
+    q[:, machine.index("X")] = [-200.0, 0.0, 300.0]
+    commanded = tool_point(machine, q, np.zeros(3))
+    found = deviation_of(Scale("X", 50.0), machine, State(q)).position
+    assert found == pytest.approx((commanded - commanded[1]) * 50e-6, abs=1e-9)
 
 
 def test_a_cross_term_is_the_product_of_legendre_polynomials_and_holds_its_end_values():

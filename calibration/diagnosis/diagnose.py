@@ -344,7 +344,7 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> _Found:
 
     def selected(known: Sequence[Accepted]) -> tuple[Selection, Stage]:
         """The causes beside those known, and the stage compared with siblings; once for the same base and causes."""
-        key = repr((selector.base.choice, [(each.candidate.effect, each.size.tolist()) for each in known]))
+        key = repr((selector.base.bases, [(each.candidate.effect, each.size.tolist()) for each in known]))
         if key not in done:
             selection = selector.select(known)
             done[key] = selection, selector.against_siblings(selection.stages[-1])

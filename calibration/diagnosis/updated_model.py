@@ -10,17 +10,27 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from calibration.diagnosis.search.nested_bases import contained, embedding
 from calibration.diagnosis.search.start_model import Base
 from calibration.fit.calibrate import in_datum
+from calibration.fit.datum import to_datum
 from calibration.fit.fit import Fit
-from calibration.fit.location_errors import transformed
-from kinematics.effects import Effect, LocationJump
+from calibration.fit.location_errors import split_locations, transformed
+from calibration.observation.full_model import priors
+from kinematics.effects import UM, Effect, ErrorMotion, LocationJump, Scale
+from kinematics.effects.base import own_component, own_motion
 from kinematics.error_model.model import ErrorModel, Provenance
+from kinematics.machine import Machine
+from kinematics.transforms import Array
 
 
 def new_calibration(base: Base, fit: Fit, causes: Sequence[str], present: ErrorModel | None) -> ErrorModel:
     """The new calibration from a fit; its provenance lists `causes` and the inputs of the calibration `present`."""
-    model = merged(fit.model) if base.origin == "updated" else in_datum(fit)
+    calibrated = base.present
+    if calibrated is None:
+        model = in_datum(fit)
+    else:
+        model = merged(fit.measurement.machine, fit.model, len(calibrated.model.effects))
     found = f"; added: {', '.join(causes)}" if causes else ""
     before = {} if present is None else {**present.provenance.inputs, "present calibration": present.id}
     provenance = Provenance(
@@ -31,13 +41,13 @@ def new_calibration(base: Base, fit: Fit, causes: Sequence[str], present: ErrorM
         valid_days=msgspec.UNSET if present is None else present.provenance.valid_days,
         temperatures_degC=_temperatures(fit, present) or msgspec.UNSET,
     )
-    machine = model.part(lambda effect: effect.ACTS_ON != "instrument")
+    own = model.part(lambda effect: effect.ACTS_ON != "instrument")
     # after its moment a jump is permanent, whenever the clock of later data begins
     jumped = (
         msgspec.structs.replace(effect, since_s=None) if isinstance(effect, LocationJump) else effect
-        for effect in machine.effects
+        for effect in own.effects
     )
-    return msgspec.structs.replace(machine, effects=tuple(jumped), provenance=provenance, demonstration=False)
+    return msgspec.structs.replace(own, effects=tuple(jumped), provenance=provenance, demonstration=False)
 
 
 def _temperatures(fit: Fit, present: ErrorModel | None) -> dict[str, tuple[float, float]]:
@@ -50,22 +60,58 @@ def _temperatures(fit: Fit, present: ErrorModel | None) -> dict[str, tuple[float
     return ranges
 
 
-def merged(model: ErrorModel) -> ErrorModel:
-    """The model in which effects that differ only in linear parameters are one, with the sum of their parameters."""
-    numbers: dict[str, int] = {}
-    effects: list[Effect] = []
-    of: list[int] = []
-    for effect in model.effects:
-        key = _identity(effect)
-        if key not in numbers:
-            numbers[key] = len(effects)
-            effects.append(effect)
-        of.append(numbers[key])
-    kept = msgspec.structs.replace(model, effects=tuple(effects), covariance=None).slices
-    matrix = np.zeros((sum(part.stop - part.start for part in kept), len(model.parameters)))
-    for number, part in zip(of, model.slices, strict=True):
-        matrix[kept[number], part] += np.eye(part.stop - part.start)
-    return transformed(model, tuple(effects), matrix)
+def merged(machine: Machine, model: ErrorModel, calibrated: int) -> ErrorModel:
+    """The model with one error motion for each axis and component, in the finest of its nested bases.
+
+    A scale becomes part of the positioning error. Effects that differ only in linear parameters are one, with the sum
+    of their parameters. calibrated: number of effects of the present calibration, which come first and keep their
+    datum. What was added to them is moved into the datum, and its mean lines become location errors.
+    """
+    kept, into = _joined(machine, model.effects)
+    whole = msgspec.structs.replace(model, effects=kept, covariance=None)
+    located, split = split_locations(machine, whole)
+    matrix = np.eye(len(split), len(into), len(into) - len(split)) @ into
+    end = sum(len(effect.parameters) for effect in model.effects[:calibrated])
+    if any(isinstance(effect, (ErrorMotion, Scale)) for effect in model.effects[calibrated:]):
+        matrix[:, end:] = split @ to_datum(machine, whole, priors(whole)) @ into[:, end:]
+    final, together = _joined(machine, located)
+    return transformed(model, final, together @ matrix)
+
+
+def _joined(machine: Machine, effects: Sequence[Effect]) -> tuple[tuple[Effect, ...], Array]:
+    """Effects that contain all others, in their order, and the matrix `(q, p)` from the parameters of all to theirs."""
+    containing: dict[int, tuple[int, Array]] = {}
+    roots: list[int] = []
+    for i in sorted(range(len(effects)), key=lambda i: -len(effects[i].parameters)):
+        found = ((root, _within(machine, effects[i], effects[root])) for root in roots)
+        root, matrix = next(((root, matrix) for root, matrix in found if matrix is not None), (i, None))
+        if matrix is None:
+            roots.append(i)
+        containing[i] = root, np.eye(len(effects[i].parameters)) if matrix is None else matrix
+    order = sorted(roots)
+    starts = np.cumsum([0, *(len(effects[root].parameters) for root in order)])
+    whole = np.zeros((int(starts[-1]), sum(len(effect.parameters) for effect in effects)))
+    end = 0
+    for i in range(len(effects)):
+        root, matrix = containing[i]
+        start = int(starts[order.index(root)])
+        whole[start : start + matrix.shape[0], end : end + matrix.shape[1]] += matrix
+        end += matrix.shape[1]
+    return tuple(effects[root] for root in order), whole
+
+
+def _within(machine: Machine, effect: Effect, other: Effect) -> Array | None:
+    """The matrix `(q, p)` from the parameters of an effect to those of another that contains it; None if it does not."""
+    if isinstance(other, ErrorMotion):
+        if isinstance(effect, ErrorMotion) and effect.name == other.name:
+            return embedding(effect.basis, other.basis)
+        if isinstance(effect, Scale) and (effect.axis, own_component(effect.axis)) == (other.axis, other.component):
+            size = own_motion(machine, effect.axis)[2] * UM
+            return contained(lambda x: size * x[:, None], other.basis, other.basis)
+        return None
+    if type(effect) is type(other) and _identity(effect) == _identity(other):
+        return np.eye(len(effect.parameters))
+    return None
 
 
 def _identity(effect: Effect) -> str:

@@ -31,7 +31,7 @@ from kinematics.effects.drive import (
     Settling,
 )
 from kinematics.effects.friction import Hysteresis, LateralPlay, ReversalSpike, ServoMismatch
-from kinematics.effects.geometric import CrossAxis, ErrorMotion, LocationError, LocationJump, Racking, Wobble
+from kinematics.effects.geometric import CrossAxis, ErrorMotion, LocationError, LocationJump, Racking, Scale, Wobble
 from kinematics.effects.instrument import (
     AirDrift,
     AirScale,
@@ -62,6 +62,7 @@ Effect = (
     ErrorMotion
     | LocationError
     | LocationJump
+    | Scale
     | CrossAxis
     | Racking
     | Wobble
@@ -151,6 +152,7 @@ __all__ = [
     "Remedy",
     "Reversal",
     "ReversalSpike",
+    "Scale",
     "ServoMismatch",
     "Settling",
     "StationShift",

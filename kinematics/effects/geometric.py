@@ -18,6 +18,7 @@ from kinematics.effects.base import (
     EffectBase,
     Parameter,
     Remedy,
+    own_motion,
     unit_of,
 )
 from kinematics.machine import Machine
@@ -128,6 +129,31 @@ class LocationJump(EffectBase, frozen=True, tag="location-jump"):
         after = 1.0 if self.since_s is None else (state.need("time", self.name) >= self.since_s)[:, None]
         for column in _of_line(machine, state, self.component, self.axis):
             yield column._replace(values=column.values * after)
+
+
+class Scale(EffectBase, frozen=True, tag="scale"):
+    """The scale of a linear axis: it goes too far by the scale times its position, E_YY = scale y.
+
+    Mean slope of the positioning error over the travel (ISO 230-2, mean bidirectional positional deviation). Positive:
+    the axis goes farther than commanded. In a calibration it is part of the error motion; it is a change since then.
+    """
+
+    TITLE: ClassVar[str] = "scale of a linear axis (mean slope of its positioning error)"
+    REMEDY: ClassVar[Remedy] = "table"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("scale", "um/m", 20.0),)
+
+    axis: str
+    scale: float
+
+    def __post_init__(self) -> None:
+        if self.axis[0] in "ABC":
+            raise ValueError(f"{self.name}: {self.axis} is no linear axis")
+        super().__post_init__()
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `EffectBase.columns`."""
+        i, k, sign = own_motion(machine, self.axis)
+        yield Columns(i, k, sign * UM * 1e-3 * state.positions[:, [i]])
 
 
 class CrossAxis(EffectBase, frozen=True, tag="cross-axis"):

@@ -44,6 +44,7 @@ from kinematics.effects import (
     RangeOffset,
     Reversal,
     ReversalSpike,
+    Scale,
     ServoMismatch,
     Settling,
     StationShift,
@@ -112,6 +113,8 @@ EXAMPLES = [
     Example(LocationError("Z", "Z", 6.0), "E_Z0Z", "um", "value_um", "E_ZZ"),
     Example(LocationError("X", "C", 6.0), "E_X0C", "um", "value_um", "E_XC"),
     Example(LocationError("A", "B", 6.0), "E_A0B", "urad", "value_urad", "E_AB"),
+    Example(Scale("Y", -12.0, u=(0.5,)), "scale Y", "um/m", "scale_um_per_m", "E_YY"),
+    Example(Scale("U", 12.0), "scale U", "um/m", "scale_um_per_m", "E_XU", BACKWARD),
     Example(
         CrossAxis("Z", "X", "Y", (-250.0, 250.0), (-225.0, 225.0), 1, 2, (3.0, -1.0, 2.0, 0.5), u=(1.0,) * 4),
         "E_ZX(Y)", "um um um um", "coefficients_um", "E_ZX",

@@ -18,7 +18,18 @@ from calibration.diagnosis.search.linearised_fit import GENEROUS
 from calibration.fit.datum import along_own_line
 from calibration.measurement.measurement import Measurement
 from kinematics.basis import Interval, Legendre
-from kinematics.effects import Component, Effect, ErrorMotion, LocationError, Racking, Reversal, Wobble
+from kinematics.effects import (
+    Component,
+    ControlTable,
+    Effect,
+    ErrorMotion,
+    LocationError,
+    Racking,
+    Reversal,
+    Scale,
+    Unnamed,
+    Wobble,
+)
 from kinematics.effects.base import own_component
 from kinematics.effects.geometric import Motion
 from kinematics.error_model.model import ErrorModel
@@ -41,8 +52,12 @@ RARE_KINDS = (
     "thermal-scale-duty", "tracker-range-drift", "air-scale-drift", "racking", "wobble", "joint-compliance", "ram-sag",
 )  # fmt: skip
 """Kinds that also imitate a common cause: backlash, a thermal drift, a knock at the tracker, a change of geometry."""
+FEW = 3
+"""Most parameters of a simple cause."""
 WOBBLES = (1, 2)
 """Harmonics of wobbles that a calibrated machine may have got."""
+SQUARE_BY_DATUM = ("E_C0X", "E_B0X", "E_A0Y")
+"""Orientations that are zero by the datum: X is x, and Y lies in the x y plane."""
 BRIDGE = 1000.0
 """Least length, mm, of a bridge that is driven on both sides."""
 
@@ -60,11 +75,18 @@ class Candidate:
     """Name of the error motion of the model that it refines."""
     prior: tuple[float, ...] = ()
     """Prior standard deviations of its linear parameters, in typical sizes; empty: the data determine its size."""
+    changes: Effect | None = None
+    """Effect of the present calibration that it changes; None where it is a cause of its own."""
 
     @property
     def kind(self) -> str:
         """Kind in the contract of the diagnosis."""
         return HIGHER_FREQUENCY if self.replaces else contract_kind(self.effect)
+
+    @property
+    def simple(self) -> bool:
+        """True for a common cause with few parameters, none of which was searched for."""
+        return not self.shapes and not self.rarity and len(self.effect.parameters) <= FEW
 
     @property
     def rarity(self) -> float:
@@ -137,22 +159,21 @@ def library(measurement: Measurement, model: ErrorModel) -> tuple[list[Candidate
 
 
 def changes(model: ErrorModel) -> Iterator[Candidate]:
-    """Changes of a machine since its calibration: error motions, location errors of their axes, wobble and racking.
+    """Changes of a machine since its calibration, other than of the course of its error motions.
 
-    A first calibration contains wobble and racking as error motions of an axis.
+    Scales, location errors, wobble and racking, which a first calibration contains as error motions; and a change of
+    each other effect that the calibration has, at zero.
     """
     axes = {effect.axis: effect for effect in model.effects if isinstance(effect, ErrorMotion)}
-    for effect in model.effects:
-        if isinstance(effect, ErrorMotion):
-            zero = (0.0,) * effect.basis.size
-            yield Candidate(ErrorMotion(effect.component, effect.axis, effect.basis, zero, u=zero))
     for axis in axes:
-        own = along_own_line(axis) if axis[0] in "ABC" else None
-        for component in get_args(Component):
-            if (component not in own) if own else (component in "ABC" and component != _about(axis)):
-                yield Candidate(LocationError(component, axis, 0.0))
-        if axis[0] in "ABC":
-            yield from _wobbles(axis)
+        rotary = axis[0] in "ABC"
+        own = along_own_line(axis) if rotary else "XYZ" + _about(axis)
+        lines = (LocationError(component, axis, 0.0) for component in get_args(Component) if component not in own)
+        yield from (Candidate(line) for line in lines if line.name not in SQUARE_BY_DATUM)
+        yield from _wobbles(axis) if rotary else [Candidate(Scale(axis, 0.0))]
+    for effect in model.effects:
+        if not isinstance(effect, (ErrorMotion, LocationError, ControlTable, Unnamed)) and effect.ACTS_ON != "instrument":
+            yield Candidate(at_zero(effect), changes=effect)
     yield from _racking(model, {axis: motion.basis.interval for axis, motion in axes.items()})
 
 

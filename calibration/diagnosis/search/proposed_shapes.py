@@ -198,8 +198,11 @@ def _steps_along(linearised: LinearisedFit, whole: LinearisedFit, axis: str) -> 
 def finer(linearised: LinearisedFit) -> Iterator[Candidate]:
     """A finer basis for each error motion: the lowest delta-BIC that also predicts better, if any does.
 
-    None for the log of a moving axis: a fine basis would imitate its waves.
+    None for the log of a moving axis: a fine basis would imitate its waves. None where a calibration of other data is
+    the prior knowledge: its refinement has chosen the bases.
     """
+    if linearised.fit.prior.ndim == 2:
+        return iter(())
     motions = [effect for effect in linearised.fit.model.effects if isinstance(effect, ErrorMotion)]
     motions = [motion for motion in motions if not is_log(linearised.measurement, motion.axis)]
     return chain.from_iterable(each(partial(_finer_than, linearised), motions))

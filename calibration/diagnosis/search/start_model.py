@@ -3,7 +3,8 @@
 - Without a calibration: six error motions of each axis. Their bases are selected by the evidence, up to a limit above
   which they could imitate a missing cause.
 - A calibration of these very data (by its provenance): its structure, fitted again, so that nothing counts twice.
-- A calibration of other data: its parameters with their covariance as prior knowledge, which the data may change.
+- A calibration of other data: its parameters with their covariance as prior knowledge, and finer error motions whose
+  bases and sizes are chosen by the evidence of the data (`refinement`).
 """
 
 from __future__ import annotations
@@ -16,8 +17,10 @@ import msgspec
 import numpy as np
 from scipy.linalg import block_diag
 
-from calibration.diagnosis.search.candidates import Candidate, at_zero
+from calibration.diagnosis.search import refinement
+from calibration.diagnosis.search.candidates import Candidate, at_zero, changes, library
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.refinement import GENEROUS, Refinement
 from calibration.fit.basis_search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.basis_selection import choose
 from calibration.fit.fit import Fit, Progress, fit
@@ -60,9 +63,19 @@ class Base:
     choice: Choice | None = None
     known: dict[str, Base] = field(default_factory=dict, compare=False, repr=False)
     """Bases that were selected already, by what they were selected for."""
+    present: Base | None = None
+    """The base without a refinement, where it is that of a calibration of other data."""
+    refinement: Refinement | None = None
+
+    @property
+    def bases(self) -> object:
+        """The bases of the error motions, as far as the evidence chooses them."""
+        return self.choice, self.refinement
 
     def chosen_again(self, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
         """The base with bases selected again by the evidence, together with the effects found."""
+        if self.present is not None:
+            return _refined(self.present, measurement, effects, progress)
         if self.choice is None:
             return self
         return _automatic(measurement, effects, _finest(measurement, effects), progress, self.known)
@@ -108,8 +121,7 @@ class Base:
         near: Fit | None = None,
     ) -> Fit:
         """The same with the noise of the measurement; near: the fit with another noise."""
-        # with a prior covariance the calibrated motion stays, and the finer one is added to it
-        finer = {c.replaces: c.effect for c, _ in accepted if c.replaces and self.prior.ndim == 1}
+        finer = {c.replaces: c.effect for c, _ in accepted if c.replaces}
         effects, prior = list(self.model.effects), self.prior
         if finer:
             parts = [prior[part] for part in self.model.slices]
@@ -130,7 +142,7 @@ class Base:
         Where the candidate refined an error motion, the base's own motion replaces it.
         """
         without = linearised.without(number)
-        if not (candidate.replaces and self.prior.ndim == 1):
+        if not candidate.replaces:
             return without
         return without.along(self.model.effects[number], self.prior[self.model.slices[number]])
 
@@ -139,7 +151,7 @@ class Base:
         names = [effect.name for effect in self.model.effects]
         found, last = [], len(names)
         for candidate, _ in accepted:
-            if candidate.replaces and self.prior.ndim == 1:
+            if candidate.replaces:
                 found.append(names.index(candidate.replaces))
             else:
                 found.append(last)
@@ -161,7 +173,8 @@ def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: 
         )
     if measurement.fingerprint and measurement.fingerprint in calibration.provenance.inputs.values():
         return _refitted(machine_effects, unknown_approaches(measurement))
-    return _updated(machine_effects, unknown_approaches(measurement))
+    present = _updated(machine_effects, unknown_approaches(measurement))
+    return _refined(present, measurement, (), progress)
 
 
 def _finest(measurement: Measurement, effects: Sequence[Effect]) -> int:
@@ -237,6 +250,36 @@ def _updated(calibration: ErrorModel, unknown: Sequence[Effect]) -> Base:
         root = vectors * np.sqrt(np.maximum(values, EXACT**2))
     model = msgspec.structs.replace(calibration, effects=(*calibration.effects, *unknown), covariance=None)
     return Base(model, block_diag(root, np.diag(priors(model)[len(root) :])), "updated")
+
+
+def _refined(present: Base, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
+    """The base with error motions added, as the evidence chooses them beside the effects found and common causes."""
+    progress("choosing the refinement of the calibration")
+    common = [*changes(present.model), *library(measurement, present.model)[0]]
+    known = {effect.name for effect in effects}
+    free = [each.effect for each in common if each.simple and each.effect.name not in known]
+    axes = dict.fromkeys(effect.axis for effect in present.model.effects if isinstance(effect, ErrorMotion))
+    generous = _with_added(present, measurement, dict.fromkeys(axes, GENEROUS))
+    besides = [*effects, *free]
+    model = refinement.with_more(generous.model, besides)
+    wide = refinement.WIDE * priors(model)[len(generous.prior) :]
+    first = Base(model, block_diag(generous.prior, np.diag(wide)), "updated").fit(measurement, (), "estimate")
+    chosen = refinement.chosen(first, present.model, present.prior, [at_zero(effect) for effect in besides])
+    return _with_added(present, measurement, chosen)
+
+
+def _with_added(present: Base, measurement: Measurement, chosen: Refinement) -> Base:
+    """The base of a calibration with the error motions of a refinement."""
+    found = [
+        (effect, own.scale)
+        for axis, own in chosen.items()
+        if own.scale
+        for effect in refinement.added(measurement, present.model, axis, own.level)
+    ]
+    model = refinement.with_more(present.model, [effect for effect, _ in found])
+    scales = np.repeat([scale for _, scale in found], [effect.basis.size for effect, _ in found])
+    own = scales * priors(model)[len(present.prior) :]
+    return Base(model, block_diag(present.prior, np.diag(own)), "updated", present=present, refinement=chosen)
 
 
 def _prior(candidate: Candidate, size: np.ndarray) -> np.ndarray:
