@@ -13,6 +13,7 @@ import numpy as np
 from calibration.diagnosis.acceptance import Acceptance
 from calibration.diagnosis.conclusion import Conclusion
 from calibration.diagnosis.improvement import Figures, Volume, by_direction, closure, figures, volume
+from calibration.diagnosis.machine_change import MachineChange, machine_change
 from calibration.diagnosis.next.ranking import ProposedMeasurement, proposed_measurements
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual import unexplained as unexplained_residual
@@ -108,6 +109,8 @@ class Diagnosis:
     """Comparison with no correction and with the present model on held-out blocks."""
     design: tuple[Separability, ...]
     """Causes that the design of these data can show and separate, without the readings."""
+    machine_change: MachineChange | None
+    """Change of the machine since its present calibration; None without one of other data."""
 
     @property
     def reason(self) -> str:
@@ -270,6 +273,9 @@ def diagnose(
     if too_many := disagreement(after.fit):
         findings.append(Finding("outliers", too_many, False))
     model = new_calibration(selector.base, after.fit, added, calibration)
+    change = None
+    if selector.base.present is not None and calibration is not None:
+        change = machine_change(selector.measurement, after.fit.kept, calibration, model)
     if acceptance.confirmed and calibration is not None:
         model = calibration
     return Diagnosis(
@@ -296,6 +302,7 @@ def diagnose(
         tuple(proposed_measurements(found.stage, causes, dependence)),
         acceptance,
         tuple(separability(before.linearised, candidates)),
+        change,
     )
 
 

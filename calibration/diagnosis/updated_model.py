@@ -101,7 +101,7 @@ def _joined(machine: Machine, effects: Sequence[Effect]) -> tuple[tuple[Effect, 
 
 
 def _within(machine: Machine, effect: Effect, other: Effect) -> Array | None:
-    """The matrix `(q, p)` from the parameters of an effect to those of another that contains it; None if it does not."""
+    """The matrix `(q, p)` from the parameters of an effect to those of another that contains it; else None."""
     if isinstance(other, ErrorMotion):
         if isinstance(effect, ErrorMotion) and effect.name == other.name:
             return embedding(effect.basis, other.basis)

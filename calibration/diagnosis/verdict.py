@@ -111,6 +111,8 @@ class Named:
     """Share of its signal that neither the model nor the registration can imitate."""
     alternatives: tuple[Alternative, ...] = ()
     notes: tuple[str, ...] = ()
+    present: Effect | None = None
+    """Effect of the present calibration that it changes; None where it is a cause of its own."""
 
     @property
     def where(self) -> str:
@@ -179,6 +181,7 @@ def named(stage: Stage, before: LinearisedFit) -> list[Named]:
                 each.visible,
                 alternatives,
                 tuple(notes(stage.linearised, effect)),
+                each.candidate.changes,
             )
         )
     return sorted(found, key=lambda cause: (isinstance(cause.effect, Unnamed), cause.delta_bic))

@@ -14,9 +14,11 @@ from kinematics.effects import (
     GrowthWithDuty,
     GrowthWithSensor,
     GrowthWithTime,
+    LocationError,
     LocationJump,
     Parameter,
     QuadraticGrowth,
+    Scale,
     StationShift,
     TargetOffset,
     Unnamed,
@@ -52,14 +54,17 @@ def title(cause: Named) -> str:
         return f"{cause.effect.name} needs a higher spatial frequency"
     if isinstance(cause.effect, Unnamed):
         return f"{cause.effect.name}: no cause"
-    change = "change of " if cause.kind == "error-motion" else ""
-    name = cause.effect.name if change or cause.kind == "location" else in_full(cause.effect.name)
-    meaning = _meaning(cause.effect)
+    changed = cause.present is not None or isinstance(cause.effect, (LocationError, Scale))
+    change = "change of " if changed else ""
+    name = cause.effect.name if cause.kind == "location" else in_full(cause.effect.name)
+    meaning = meaning_of(cause.effect)
     return f"{change}{name}" + (f" ({meaning})" if meaning else " (instrument)" if cause.where == "instrument" else "")
 
 
-def _meaning(effect: Effect) -> str:
-    """Meaning of the symbol of a location error that jumps or of an error motion that changes; empty for others."""
+def meaning_of(effect: Effect) -> str:
+    """Meaning of the symbol of a location error or of an error motion that changes; empty for others."""
+    if isinstance(effect, LocationError):
+        return _line(effect.component, effect.axis)
     if not isinstance(effect, (LocationJump, DistortionWithTime, DistortionWithSensor)):
         return ""
     axis, component = effect.axis, effect.component
@@ -70,6 +75,29 @@ def _meaning(effect: Effect) -> str:
     if component in "ABC":
         return f"roll, pitch or yaw of {axis}"
     return f"squareness of {axis}" if effect.degree == 1 else f"straightness of {axis}"
+
+
+def _line(component: str, axis: str) -> str:
+    """Name of a location error by ISO 230-1: squareness of two linear axes, position and tilt of a rotary axis."""
+    along = own_component(axis)
+    if component == along:
+        return f"zero of {axis}"
+    if axis[0] in "ABC":
+        return f"{'position' if component in 'XYZ' else 'tilt'} of the line of {axis} " + (
+            f"in {component}" if component in "XYZ" else f"about {'XYZ'['ABC'.index(component)]}"
+        )
+    (other,) = (letter for letter in "XYZ" if letter not in (along, "XYZ"["ABC".index(component)]))
+    return f"squareness of {axis} to {other}"
+
+
+def present(cause: Named) -> Iterator[str]:
+    """Parameters in the present calibration of an effect that has changed, and their new values."""
+    if cause.present is None:
+        return
+    table = zip(cause.present.parameter_table, cause.present.parameters, cause.effect.parameters, strict=True)
+    for quantity, before, change in table:
+        if quantity.linear:
+            yield f"{quantity_name(quantity)} {before:.4g} {quantity.unit}, now {before + change:.4g} {quantity.unit}"
 
 
 def in_full(name: str) -> str:

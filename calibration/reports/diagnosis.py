@@ -17,6 +17,7 @@ from calibration.reports import cause_text as words
 from calibration.reports.cause_figures import cause_figure
 from calibration.reports.cause_views import views
 from calibration.reports.fit import acceptance, held_out_json, insignificant
+from calibration.reports.machine_change import change_sections, change_sentences, machine_change_json
 from calibration.reports.residual_figures import against_noise, before_and_after, share_chart, unexplained_shape
 from calibration.reports.run_zeros import zeros_section
 from calibration.reports.separability import separability_json, separability_section
@@ -96,6 +97,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "significant_share": found.significant_share,
         "calibration": found.model.id,
         "design": separability_json(found.design),
+        "machine_change": machine_change_json(found.machine_change),
     }
 
 
@@ -151,6 +153,7 @@ def _cause_json(cause: Named) -> dict[str, Any]:
             for other in cause.alternatives
         ],
         "notes": list(cause.notes),
+        "present": None if cause.present is None else cause.present.by_key(cause.present.parameters),
     }
 
 
@@ -162,7 +165,12 @@ def diagnosis_report(found: Diagnosis, command: str) -> Report:
     """The diagnosis for people; `command`: the command that made it."""
     title = f"Diagnosis of {found.measurement.machine.name}"
     lead = f"{found.measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
-    verdict = [*_confirmed(found), *insignificant(found.significant_share), _verdict(found)]
+    verdict = [
+        *_confirmed(found),
+        *change_sentences(found.machine_change),
+        *insignificant(found.significant_share),
+        _verdict(found),
+    ]
     refusal, design = "\n".join(acceptance(found.acceptance)), [separability_section(found.design)]
     return Report(title, lead, list(_sections(found)), "\n".join(verdict), refusal, design)
 
@@ -194,6 +202,7 @@ def _sections(found: Diagnosis) -> Iterator[Section]:
         table = Table(("standard uncertainty (k=1)", "from repeats", "specified", ""), rows)
         yield Section("Noise of the instrument", table=table, detail=True)
     yield from _causes(found)
+    yield from change_sections(found.machine_change)
     yield from _residuals(found)
     yield from _not_shown(found)
     yield from zeros_section(found.after.fit)
@@ -281,6 +290,7 @@ def _about(cause: Named) -> Iterator[str]:
         drawn = HOW_DRAWN["map" if isinstance(effect, CrossAxis) else "dots"]
         yield f"Model and registration cannot imitate {cause.visible:.0%} of its signal. {drawn}"
     yield f"Remedy: {words.remedy(effect)}"
+    yield from (f"Present calibration: {text}." for text in words.present(cause))
     yield from (f"Note: {note}." for note in cause.notes)
 
 

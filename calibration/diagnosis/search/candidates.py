@@ -172,7 +172,10 @@ def changes(model: ErrorModel) -> Iterator[Candidate]:
         yield from (Candidate(line) for line in lines if line.name not in SQUARE_BY_DATUM)
         yield from _wobbles(axis) if rotary else [Candidate(Scale(axis, 0.0))]
     for effect in model.effects:
-        if not isinstance(effect, (ErrorMotion, LocationError, ControlTable, Unnamed)) and effect.ACTS_ON != "instrument":
+        if (
+            not isinstance(effect, (ErrorMotion, LocationError, ControlTable, Unnamed))
+            and effect.ACTS_ON != "instrument"
+        ):
             yield Candidate(at_zero(effect), changes=effect)
     yield from _racking(model, {axis: motion.basis.interval for axis, motion in axes.items()})
 

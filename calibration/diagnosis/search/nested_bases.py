@@ -56,4 +56,4 @@ def contained(functions: Callable[[Array], Array], coarse: Basis, fine: Basis) -
     columns, values = fine.columns(x), functions(x)
     parameters, *_ = np.linalg.lstsq(columns, values, rcond=None)
     misfit = float(np.abs(columns @ parameters - values).max(initial=0.0))
-    return parameters if misfit <= EXACT * float(np.abs(values).max(initial=0.0)) else None
+    return np.asarray(parameters) if misfit <= EXACT * float(np.abs(values).max(initial=0.0)) else None

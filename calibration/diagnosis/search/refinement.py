@@ -151,4 +151,3 @@ class _Evidence:
 def with_more(model: ErrorModel, effects: Sequence[Effect]) -> ErrorModel:
     """The model with further effects and without covariance."""
     return msgspec.structs.replace(model, effects=(*model.effects, *effects), covariance=None)
-

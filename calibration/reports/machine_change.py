@@ -1,0 +1,81 @@
+"""Change of a machine since its present calibration, as text and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from calibration.diagnosis.machine_change import MachineChange
+from calibration.reports import cause_text as words
+from kinematics.effects import LocationError, Scale
+from rendering.report import Section, Table, shortened
+
+LISTED = 4
+"""Most changed lines in a sentence; the table has all."""
+
+
+def machine_change_json(change: MachineChange | None) -> dict[str, Any] | None:
+    """The change for programs; None without a present calibration of other data."""
+    if change is None:
+        return None
+    changed = [line.name for line in change.changed]
+    return {
+        "rms_um": change.rms_um,
+        "u_um": change.u_um,
+        "max_um": change.max_um,
+        "significant": change.significant,
+        "lines": [
+            {
+                "name": line.name,
+                "meaning": _meaning(line),
+                "axis": line.axis,
+                "value": line.parameters[0],
+                "u": line.uncertainties[0],
+                "unit": line.parameter_table[0].unit,
+                "significant": line.name in changed,
+            }
+            for line in change.lines
+        ],
+    }
+
+
+def change_sentences(change: MachineChange | None) -> Iterator[str]:
+    """The change in a sentence or two; none without a present calibration of other data."""
+    if change is None:
+        return
+    size = f"{change.rms_um:.2g} um RMS over the measured volume (at most {change.max_um:.2g} um)"
+    lines = [f"{_meaning(line)} {_size(line)}" for line in change.changed]
+    if not change.significant and not lines:
+        yield (
+            f"No change of the machine: new and present model differ by {size}; their uncertainties alone explain "
+            f"{change.u_um:.2g} um."
+        )
+        return
+    start = "CHANGED since the present calibration" if change.significant else "Hardly changed"
+    listed = f" {'; '.join(shortened(lines, LISTED, 'lines'))}." if lines else ""
+    yield f"{start}: {size}, where the uncertainties alone explain {change.u_um:.2g} um.{listed}"
+
+
+def change_sections(change: MachineChange | None) -> Iterator[Section]:
+    """The table of all location errors and scales."""
+    if change is None or not change.lines:
+        return
+    changed = [line.name for line in change.changed]
+    rows = [
+        (_meaning(line), line.name, _size(line), "changed" if line.name in changed else "")
+        for line in sorted(change.lines, key=lambda line: line.name not in changed)
+    ]
+    text = (
+        "New model minus present calibration. Scale: mean slope of a positioning error. Location errors by ISO 230-1 "
+        f"in the datum of the calibration; U (k={words.COVERAGE}) of the difference of both."
+    )
+    yield Section("Change since the present calibration", text, Table(("", "symbol", "change ± U", ""), rows))
+
+
+def _meaning(line: LocationError | Scale) -> str:
+    return f"scale of {line.axis}" if isinstance(line, Scale) else words.meaning_of(line)
+
+
+def _size(line: LocationError | Scale) -> str:
+    value, unit = line.parameters[0], line.parameter_table[0].unit
+    return f"{'+' if value > 0.0 else ''}{words.with_uncertainty(value, line.uncertainties[0])} {unit}"
