@@ -8,7 +8,7 @@ from support.effect_examples import BACKWARD, deviation_of
 import machines
 from kinematics.basis import BSpline, Polynomial
 from kinematics.effects import CrossAxis, LocationError, LocationJump, Racking, Scale, Wobble
-from kinematics.forward import forward
+from kinematics.forward import forward, tool_point
 from kinematics.state import State
 from kinematics.transforms import turn
 
@@ -105,7 +105,7 @@ def test_a_first_harmonic_that_turns_with_the_table_is_a_shift_of_the_workpiece(
 def test_an_axis_with_a_large_scale_goes_farther_than_commanded(machine):
     q = np.zeros((3, len(machine.axes)))
     q[:, machine.index("X")] = [-200.0, 0.0, 300.0]
-    commanded = tool_point(machine, q, np.zeros(3))
+    commanded = tool_point(machine, State(q).positions, np.zeros(3))
     found = deviation_of(Scale("X", 50.0), machine, State(q)).position
     assert found == pytest.approx((commanded - commanded[1]) * 50e-6, abs=1e-9)
 
