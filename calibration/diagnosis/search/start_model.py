@@ -75,7 +75,8 @@ class Base:
     def chosen_again(self, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
         """The base with bases selected again by the evidence, together with the effects found."""
         if self.present is not None:
-            return _refined(self.present, measurement, effects, progress)
+            again = _refined(self.present, measurement, effects, progress)
+            return self if again.refinement == self.refinement else again
         if self.choice is None:
             return self
         return _automatic(measurement, effects, _finest(measurement, effects), progress, self.known)
@@ -263,7 +264,7 @@ def _refined(present: Base, measurement: Measurement, effects: Sequence[Effect],
     besides = [*effects, *free]
     model = refinement.with_more(generous.model, besides)
     wide = refinement.WIDE * priors(model)[len(generous.prior) :]
-    first = Base(model, block_diag(generous.prior, np.diag(wide)), "updated").fit(measurement, (), "estimate")
+    first = Base(model, block_diag(generous.prior, np.diag(wide)), "updated").cautious_fit(measurement, (), "estimate")
     chosen = refinement.chosen(first, present.model, present.prior, [at_zero(effect) for effect in besides])
     return _with_added(present, measurement, chosen)
 
