@@ -7,7 +7,7 @@ does not repeat: where both explain the data, the more probable one is taken.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -18,11 +18,13 @@ from calibration.fit.cross_validation import cross_validate, diagonals
 from calibration.fit.fit import Fit, Progress, fit
 from calibration.fit.noise import with_estimated_noise
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes, stated_bases, with_effects
+from calibration.observation.full_model import distinct_positions, moving_axes, stated_bases, with_effects
 from calibration.observation.outliers import Variance, duplicates
 from kinematics.effects import Effect
 from kinematics.transforms import Array
 
+FEWEST = 6
+"""Least size of a basis under the noise of axes that do not repeat."""
 COARSE = 8
 """Most parameters of an error motion that cannot imitate an axis which does not repeat."""
 
@@ -91,9 +93,24 @@ def _noisy(found: Fit, choice: Choice, wanted: Wanted) -> tuple[Choice, Fit]:
 
 def _again(noisy: Measurement, wanted: Wanted) -> tuple[Choice, Fit]:
     """Bases selected under estimated noise, and the fit with the noise that is estimated beside these."""
-    choice = wanted.choice(noisy)
+    choice = _resolving(wanted.choice(noisy), noisy)
     first = wanted.fit(noisy, choice)
     return choice, wanted.fit(with_estimated_noise(first), choice, first)
+
+
+def _resolving(choice: Choice, noisy: Measurement) -> Choice:
+    """The choice, with FEWEST or more sizes of the bases of linear axes, where the positions permit.
+
+    The evidence tolerates a misfit of the order of the uncertainty, which is large where an axis does not repeat, and
+    does not contain this misfit. The prior limits the parameters that the data do not determine.
+    """
+    bases = {
+        axis: replace(basis, size=max(basis.size, min(FEWEST, distinct_positions(noisy, axis) - 1)))
+        if axis[0] not in "ABC"
+        else basis
+        for axis, basis in choice.bases.items()
+    }
+    return replace(choice, bases=bases)
 
 
 def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Choice, _: np.ndarray) -> Array:
