@@ -326,14 +326,22 @@ class Selector:
     def chosen_again(self, stage: Stage) -> Base:
         """The base with bases selected again by the evidence, together with the causes that the stage adds to it.
 
-        The base as it is where the other one predicts held-out blocks worse.
+        Where they predict held-out blocks worse, only the bases of single axes that predict them better.
         """
         besides = [stage.fit.model.effects[i] for i in stage.numbers if i >= len(self.base.model.effects)]
         base = self.base.chosen_again(self.measurement, besides, self.progress)
         if base.choice == self.base.choice:
             return self.base
-        worse = self.on(base).stage(chosen_of(stage.accepted)).predicts_worse_than(stage)
-        return self.base if worse else base
+        chosen = chosen_of(stage.accepted)
+        if not self.on(base).stage(chosen).predicts_worse_than(stage):
+            return base
+        best = stage
+        while True:
+            tried = [self.on(each).stage(chosen) for each in best.base.with_bases_of(base, self.measurement)]
+            finer = min(tried, key=lambda each: each.held_out_um, default=best)
+            if finer.held_out_um >= best.held_out_um:
+                return best.base
+            best = finer
 
     def joined(self, stage: Stage) -> Stage:
         """The stage with one cyclic error for two, where one is a harmonic of the other.

@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import msgspec
@@ -80,6 +80,18 @@ class Base:
         if self.choice is None:
             return self
         return _automatic(measurement, effects, _finest(measurement, effects), progress, self.known)
+
+    def with_bases_of(self, other: Base, measurement: Measurement) -> list[Base]:
+        """The base with the basis of one axis as another base has it, for each axis in which they differ."""
+        if self.choice is None or other.choice is None:
+            return []
+        bases = self.choice.bases
+        choices = [
+            replace(self.choice, bases={**bases, axis: basis})
+            for axis, basis in other.choice.bases.items()
+            if basis != bases[axis]
+        ]
+        return [_of_choice(measurement, choice, self.known) for choice in choices]
 
     def fine(self, measurement: Measurement) -> bool:
         """True where it may imitate a cause, so that its residuals may not show the cause."""
@@ -206,15 +218,19 @@ def _automatic(
 def _selected(
     measurement: Measurement, effects: Sequence[Effect], finest: int, progress: Progress, known: dict[str, Base]
 ) -> Base:
-    unknown = unknown_approaches(measurement)
     choice = choose(
         measurement,
         AUTOMATIC_KINDS,
         rotary_kind=ROTARY_KIND,
-        effects=(*unknown, *effects),
+        effects=(*unknown_approaches(measurement), *effects),
         finest=finest,
         progress=progress,
     )
+    return _of_choice(measurement, choice, known)
+
+
+def _of_choice(measurement: Measurement, choice: Choice, known: dict[str, Base]) -> Base:
+    unknown = unknown_approaches(measurement)
     model, prior = with_effects(measurement, choice.bases, unknown, choice.prior_scale)
     # backlash, which the fit of an interferometer includes, is a cause to be found here
     kept = np.array([not isinstance(effect, Backlash) for effect in model.effects])
