@@ -235,7 +235,7 @@ def diagnose(
     candidates += changes(base.model) if base.origin == "updated" else []
     # in the log of a moving axis waves are no rare causes, and larger than others
     log = all(is_log(measurement, axis) for axis in moving_axes(measurement))
-    search = Search(proposed_shapes.proposals if log else proposed_shapes.events)
+    search = Search(proposed_shapes.proposals if log else proposed_shapes.dominant)
     selector = Selector(measurement, base, candidates, variance, progress, search)
     noise = repeats(measurement, selector.bare.fit.kept)
     if variance == "sheet" and noise is not None and _contradicted(noise):

@@ -94,20 +94,21 @@ class Search:
         rotary_kind: str | None,
         prior_scale: float | None,
         finest: int = FINEST,
+        finest_turn: float = np.inf,
     ) -> Search:
         """The search for a measurement: no axis gets more parameters than it has positions in the data.
 
-        No linear axis gets more than `finest`, but an axis with at most AT_TARGETS times as many targets, which runs
-        visit again and again, gets a node at each: repeats determine it there, and it imitates nothing that depends on
-        direction, time or run. UserError for an unknown kind.
+        No linear axis gets more than `finest` and no rotary axis more than `finest_turn`, but an axis with at most
+        AT_TARGETS times as many targets, which runs visit again and again, gets a node at each: repeats determine it
+        there, and it imitates nothing that depends on direction, time or run. UserError for an unknown kind.
         """
         unknown = [kind for kind in kinds if not SIZES.get(kind)]
         if unknown:
             known = ", ".join(kind for kind, sizes in SIZES.items() if sizes)
             raise UserError(f"basis auto:{unknown[0]}: the kind is unknown; known kinds are ({known})")
         most = {axis: distinct_positions(measurement, axis) for axis in moving_axes(measurement)}
-        free = "ABC" if measurement.axis is None else ""
-        few = {axis: number if axis[0] in free else min(number, finest) for axis, number in most.items()}
+        turning = "ABC" if measurement.axis is None else ""
+        few = {axis: int(min(n, finest_turn if axis[0] in turning else finest)) for axis, n in most.items()}
         targets = {axis: len(repeated_targets(measurement, axis)) for axis in most}
         targets = {axis: number for axis, number in targets.items() if 0 < number <= AT_TARGETS * finest}
         return cls(kinds, rotary_kind, prior_scale, few, targets)

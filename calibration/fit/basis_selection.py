@@ -52,6 +52,7 @@ def choose(
     effects: Sequence[Effect] = (),
     prior_scale: float | None = None,
     finest: int = FINEST,
+    finest_turn: float = np.inf,
     unexplained: Unexplained | None = None,
     progress: Progress = lambda _: None,
 ) -> Choice:
@@ -61,7 +62,7 @@ def choose(
     fit finds outliers, registration and, where the specified uncertainties are too small (p < DOUBT), the size of the
     noise.
     """
-    search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest)
+    search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest, finest_turn)
     fine = {axis: BasisChoice("b-spline", max(2, min(FINE, number))) for axis, number in search.most.items()}
     first = fit(measurement, with_effects(measurement, fine, effects, 1.0)[0], variance="estimate")
     evidence = LinearEvidence(first, effects)

@@ -65,6 +65,8 @@ SAME = 0.01
 """Relative difference below which two periods are the same."""
 FINE = (6, 8, 12, 16, 24, 32, 48)
 """Sizes of finer bases."""
+MOST = 0.5
+"""Share of the squares beyond the noise that is most of them."""
 LEAST_ROWS = 8
 """Least number of moments before and after a jump."""
 
@@ -75,6 +77,22 @@ def events(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[
     yield from breaks(some)
     yield from fixed_points(some, library)
     yield from reversals(some)
+
+
+def dominant(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:
+    """`events`, and the steps and waves that explain most of the squares beyond the noise, where these are most.
+
+    Causes of the library would imitate such a shape one after the other.
+    """
+    some = linearised.thinned(SCANNED)
+    yield from events(some, library)
+    beyond = some.squares - some.degrees_of_freedom
+    if beyond < some.degrees_of_freedom:
+        return
+    for candidate in chain(steps(some, linearised), waves(some)):
+        projected = some.projected(some.columns(candidate.effect))
+        if some.score(projected, candidate.shapes).squares > MOST * beyond:
+            yield candidate
 
 
 def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:

@@ -79,7 +79,7 @@ class Base:
             return self if again.refinement == self.refinement else again
         if self.choice is None:
             return self
-        return _automatic(measurement, effects, _finest(measurement, effects), progress, self.known)
+        return _automatic(measurement, effects, (_finest(measurement, effects), np.inf), progress, self.known)
 
     def with_bases_of(self, other: Base, measurement: Measurement) -> list[Base]:
         """The base with the basis of one axis as another base has it, for each axis in which they differ."""
@@ -97,14 +97,16 @@ class Base:
         """True where it may imitate a cause, so that its residuals may not show the cause."""
         most = coarse(measurement)
         return self.choice is not None and any(
-            basis.size > most * (AT_TARGETS if basis.kind == TARGETS else 1) for basis in self.choice.bases.values()
+            basis.over((0.0, 1.0)).size > most * (AT_TARGETS if basis.kind == TARGETS else 1)
+            for basis in self.choice.bases.values()
         )
 
     def coarser(self, measurement: Measurement, progress: Progress) -> Base:
         """The base for the search for causes, too coarse to imitate one with an error motion."""
         if not self.fine(measurement):
             return self
-        return _automatic(measurement, (), coarse(measurement), progress, self.known)
+        most = coarse(measurement)
+        return _automatic(measurement, (), (most, float(most)), progress, self.known)
 
     def fit(
         self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
@@ -175,7 +177,7 @@ class Base:
 def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: Progress) -> Base:
     """The base for these data; UserError where the calibration has no error motions of an axis that moves in them."""
     if calibration is None:
-        return _automatic(measurement, (), FINEST, progress, {})
+        return _automatic(measurement, (), (FINEST, np.inf), progress, {})
     machine_effects = calibration.part(lambda effect: effect.ACTS_ON != "instrument")
     known = {effect.axis for effect in machine_effects.effects if isinstance(effect, ErrorMotion)}
     unknown = [axis for axis in moving_axes(measurement) if axis not in known]
@@ -206,9 +208,16 @@ def coarse(measurement: Measurement) -> int:
 
 
 def _automatic(
-    measurement: Measurement, effects: Sequence[Effect], finest: int, progress: Progress, known: dict[str, Base]
+    measurement: Measurement,
+    effects: Sequence[Effect],
+    finest: tuple[int, float],
+    progress: Progress,
+    known: dict[str, Base],
 ) -> Base:
-    """The base with bases selected by the evidence; of the same instrument and effects the one known already."""
+    """The base with bases selected by the evidence; of the same instrument and effects the one known already.
+
+    finest: most parameters of linear and of rotary axes.
+    """
     key = repr((measurement.instrument, finest, effects))
     if key not in known:
         known[key] = _selected(measurement, effects, finest, progress, known)
@@ -216,14 +225,19 @@ def _automatic(
 
 
 def _selected(
-    measurement: Measurement, effects: Sequence[Effect], finest: int, progress: Progress, known: dict[str, Base]
+    measurement: Measurement,
+    effects: Sequence[Effect],
+    finest: tuple[int, float],
+    progress: Progress,
+    known: dict[str, Base],
 ) -> Base:
     choice = choose(
         measurement,
         AUTOMATIC_KINDS,
         rotary_kind=ROTARY_KIND,
         effects=(*unknown_approaches(measurement), *effects),
-        finest=finest,
+        finest=finest[0],
+        finest_turn=finest[1],
         progress=progress,
     )
     return _of_choice(measurement, choice, known)
