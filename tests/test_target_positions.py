@@ -10,7 +10,9 @@ import machines
 from calibration.fit.calibrate import calibrate
 from calibration.fit.set_up.target_positions import at_positions, findings, target_positions
 from calibration.measurement.file import read_measurement
+from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Target
+from calibration.single_axis.three_points import identify
 from kinematics.user_error import UserError
 
 CFRAME = machines.load("cframe")
@@ -97,6 +99,19 @@ def test_a_file_may_lack_the_position_of_a_target(tmp_path):
     assert any("target 3" in note for note in found.notes)
     again = read_measurement(written(found, tmp_path / "again.csv"), CFRAME)
     assert again.targets == found.targets
+
+
+def test_of_several_files_one_may_state_the_position():
+    stated, unknown = data(seed=1), data(seed=2, stated={"3": Target((0.0, 0.0, 0.0), free=True)})
+    for pair in ((stated, unknown), (unknown, stated)):
+        each = [replace(one, source=f"{i}.csv", fingerprint=str(i)) for i, one in enumerate(pair)]
+        assert joined(each).targets == THREE
+
+
+def test_three_points_need_stated_targets():
+    unknown = data(stated={"3": Target((0.0, 0.0, 0.0), free=True)})
+    with pytest.raises(UserError, match="does not give the position of target 3"):
+        identify(replace(unknown, stands_on="bed"))
 
 
 def test_no_prediction_for_a_target_without_position(tmp_path):

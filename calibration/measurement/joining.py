@@ -131,11 +131,13 @@ def _named(names: list[str], columns: Sequence[np.ndarray | None], measurements:
 
 
 def _targets(measurements: Sequence[Measurement], names: list[str]) -> dict[str, Target]:
-    """All targets; UserError if two files disagree on one."""
+    """All targets, stated in one file or more, or in none; UserError if two files disagree on one."""
     found: dict[str, Target] = {}
     for file, m in zip(names, measurements, strict=True):
         for name, target in m.targets.items():
-            if found.setdefault(name, target) != target:
+            if name not in found or found[name].free:
+                found[name] = target
+            elif not target.free and found[name] != target:
                 raise UserError(
                     f"{file}: target {name} is at {_shown(target)}, in another file at {_shown(found[name])}: give the "
                     "two targets different names"

@@ -216,6 +216,12 @@ def _check(measurement: Measurement) -> None:
             f"{measurement.source}: three-point identification needs the tracker on the bed (stands_on: bed), "
             "where it observes one axis at a time"
         )
+    for name, target in measurement.targets.items():
+        if target.free:
+            raise UserError(
+                f"{measurement.source}: the header does not give the position of target {name} "
+                f"(# target.{name}: x y z), which a three-point identification needs"
+            )
 
 
 def _side(machine: Machine, carrier: str) -> np.ndarray:
