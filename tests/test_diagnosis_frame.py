@@ -8,7 +8,7 @@ import pytest
 from support.diagnosis_cases import LEGENDRE, data_with, fitted
 
 from calibration.diagnosis.search.candidates import at_zero
-from calibration.diagnosis.search.linearised_fit import GENEROUS, LIKELY, LinearisedFit
+from calibration.diagnosis.search.linearised_fit import GENEROUS, LIKELY, LinearisedFit, correlation_length
 from calibration.diagnosis.search.proposed_shapes import waves
 from calibration.fit.fit import fit
 from calibration.observation.full_model import priors, rigid_model
@@ -197,3 +197,18 @@ def test_some_rows_judge_as_all_do_but_less_surely():
     u = float(some.candidate(candidate).schur[0, 0]) ** -0.5
     assert part.size == pytest.approx(whole.size, abs=3 * u)
     assert part.gain < whole.gain
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6, 0.95])
+def test_the_correlation_length_is_that_of_an_autoregressive_process(rho):
+    rng = np.random.default_rng(2)
+    drawn = rng.standard_normal((4000, 3))
+    for row in range(1, len(drawn)):
+        drawn[row] = rho * drawn[row - 1] + np.sqrt(1.0 - rho**2) * drawn[row]
+    assert correlation_length(drawn) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.15)
+
+
+def test_an_odd_function_of_single_rows_has_the_length_of_noise():
+    assert correlation_length(np.zeros((50, 3))) == 1.0
+    assert correlation_length((-1.0) ** np.arange(50)[:, None]) == 1.0
+    assert correlation_length(np.ones((2, 3))) == 1.0

@@ -172,3 +172,18 @@ def test_false_discoveries_are_held_as_benjamini_and_hochberg_say(p_values):
     ordered = sorted(p_values)
     allowed = [p for k, p in enumerate(ordered, 1) if p <= selection.FALSE * k / len(ordered)]
     assert limit == (max(allowed) if allowed else 0.0)
+
+
+def test_a_cause_takes_the_form_that_explains_more():
+    """A linear drift, taken for one that comes to rest, is replaced; another cause is not tried for the difference."""
+    data = data_with(ThermalDrift("Z", amplitudes=(60.0,), time_constants_s=(300.0,)))
+    forms = (
+        Candidate(ThermalDrift("Z", rate=0.0)),
+        Candidate(ThermalDrift("Z", amplitudes=(0.0,), time_constants_s=(600.0,)), 1, 3.0),
+    )
+    chooses = alone(forms, data)
+    linear = chooses.stage([(forms[0], np.array([1.0]))])
+    refined = chooses.refined(linear)
+    assert refined.accepted[0].candidate.effect.time_constants_s
+    assert refined.cost < linear.cost
+    assert chooses.refined(refined) is refined

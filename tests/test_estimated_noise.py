@@ -2,18 +2,20 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from support.diagnosis_cases import CFRAME, data_with, fitted, with_stops
-from support.virtual_measurements import ONE, positions
+from support.virtual_measurements import ONE, THREE, measured, positions
 
-from calibration.fit.noise import with_estimated_noise
+from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
 from calibration.measurement.instruments import Part
 from calibration.observation.equations import specified_covariance
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.stops_and_lines import stops
 from calibration.simulation.simulate import observe
+from kinematics.effects import Cyclic
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
 
@@ -38,6 +40,23 @@ def test_all_axes_that_do_not_repeat_are_found_where_three_rows_share_a_stop():
     assert found is not None
     assert found.instrument_factor == 1.0
     assert list(found.non_repeatability.values()) == pytest.approx([0.05] * 3, rel=0.25)
+
+
+def test_an_error_that_recurs_at_each_visit_is_misfit_and_no_lack_of_repeatability():
+    rng = np.random.default_rng(4)
+    wave = Cyclic("X", "X", 40.0, (20.0,), (0.0,))
+    model = msgspec.structs.replace(no_errors(CFRAME), effects=(wave,))
+    q = rng.permutation(np.repeat(positions(CFRAME, 70, rng), 3, axis=0))
+    found = fitted(measured(CFRAME, q, THREE, model, rng))
+    visits, whole = with_noise_of_visits(found).noise, with_estimated_noise(found).noise
+    assert visits is not None
+    assert whole is not None
+    assert not visits.non_repeatability
+    assert visits.arms.shape[2] == 0
+    assert visits.misfit["X"] == pytest.approx(0.02 / np.sqrt(2.0), rel=0.3)
+    assert whole.misfit == visits.misfit
+    assert np.linalg.norm(whole.arms[:, :, 0], axis=1) == pytest.approx(visits.misfit["X"], rel=1e-3)
+    assert "The model lacks errors of X of" in visits.text
 
 
 def test_decorrelated_rows_of_a_stop_are_white():
