@@ -356,13 +356,14 @@ class LinearisedFit:
         """Score of a candidate; `shapes` of its parameters were searched for, in `trials` trials.
 
         Only the reduction of the data's squares counts: a candidate that merely relieves the priors of the model, whose
-        signal it shares, explains nothing. Correlated residuals that it leaves count once.
+        signal it shares, explains nothing. Correlated residuals count once, as far
+        as they are correlated both without it and with it.
         """
         score = self.rated(candidate.schur, candidate.columns.T @ self.residual, candidate.through, shapes, trials)
         if not score.gain > BARELY or self._correlation_length == 1.0:
             return score
         left = self.residual - candidate.columns @ score.size + self.spanned @ (candidate.through @ score.size)
-        correlated = correlation_length(left.reshape(len(self.rows), -1))
+        correlated = min(correlation_length(left.reshape(len(self.rows), -1)), self._correlation_length)
         return self._scored(score.squares, score.effective_parameters, trials, score.size, correlated)
 
     @cached_property
