@@ -10,6 +10,7 @@ from support.virtual_measurements import ONE, positions
 from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.causes import causes
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.verdict import notes
 from calibration.fit.calibrate import calibrate
 from calibration.fit.fit import fit
 from calibration.measurement.instruments import Part
@@ -104,3 +105,10 @@ def test_the_hint_on_a_drift_of_a_part_names_the_measuring_machine():
         each.hint for each in calibrate(drifting, force=True, basis="legendre:1").dependences if each.variable == "time"
     ]
     assert "on the measuring machine" in hint
+
+
+def test_a_drift_of_a_part_is_not_blamed_on_the_machine_tool():
+    data = part(20.0 * np.arange(120))
+    linearised = LinearisedFit.of(fit(data, rigid_model(data, dict.fromkeys("XY", BasisChoice("legendre", 1)))))
+    (note,) = notes(linearised, TrackerDrift((5.0, 0.0, 0.0)))
+    assert "the machine tool has no part in it" in note

@@ -15,6 +15,7 @@ from calibration.diagnosis.search.sawtooth import saw_uncertainty
 from calibration.diagnosis.search.selection import SEEN, WORTH, Accepted, Evaluated, Sibling, Stage
 from calibration.diagnosis.search.spectra import aliases, resolved
 from calibration.fit.fit import Fit
+from calibration.measurement.instruments import Part
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes
 from kinematics.effects import (
@@ -25,6 +26,7 @@ from kinematics.effects import (
     QuantisedCompensation,
     Settling,
     TargetOffset,
+    TrackerDrift,
     Unnamed,
 )
 
@@ -299,6 +301,11 @@ def notes(linearised: LinearisedFit, effect: Effect) -> Iterator[str]:
             f"a negative share: the axis is beyond its command by {-effect.share_ppm:.2g} ppm of its last move; the "
             "position loop overshoots, or the reading came early, while the axis still swung back: check the dwell "
             "time before a reading, and the gain of the position loop"
+        )
+    if isinstance(effect, TrackerDrift) and isinstance(linearised.measurement.instrument, Part):
+        yield (
+            "the part, or the measuring machine, drifted while the part was measured; the machine tool has no part in it: "
+            "let the part reach the temperature of the room, and measure some features once more at the end"
         )
     if isinstance(effect, TargetOffset) and effect.since_s is None:
         size = ", ".join(f"{1e-3 * value:.3f}" for value in effect.offset_um)
