@@ -129,3 +129,19 @@ def test_one_target_shows_nothing_of_its_position():
     assert target_positions(one) == []
     (said,) = findings(one, [])
     assert "a second target would show it" in said.message
+
+
+def test_a_wrong_position_is_a_cause_of_a_diagnosis():
+    """Tied with the other one of two targets; the fit of the residuals has its position."""
+    from calibration.diagnosis.misplaced_targets import misplaced_targets
+
+    wrong = data(TWO, stated=moved("2", 0.5, 0.0, 0.0))
+    found = target_positions(wrong)
+    fitted = calibrate(wrong, basis="legendre:4", hold_out=False).fit
+    (cause,) = misplaced_targets(found, fitted)
+    assert (cause.kind, cause.where, cause.axis, cause.verdict) == ("target-offset", "instrument", "2", "tied")
+    assert cause.effect.parameters == pytest.approx([-500.0, 0.0, 0.0], abs=15.0)
+    assert cause.delta_bic < -1000.0
+    assert cause.share > 0.99
+    assert cause.alternatives[0].axis == "1"
+    assert cause.alternatives[0].tied

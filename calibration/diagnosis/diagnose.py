@@ -14,6 +14,7 @@ from calibration.diagnosis.acceptance import Acceptance
 from calibration.diagnosis.conclusion import Conclusion
 from calibration.diagnosis.improvement import Figures, Volume, by_direction, closure, figures, volume
 from calibration.diagnosis.machine_change import MachineChange, machine_change
+from calibration.diagnosis.misplaced_targets import misplaced_targets
 from calibration.diagnosis.next.ranking import ProposedMeasurement, proposed_measurements
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual import unexplained as unexplained_residual
@@ -43,7 +44,7 @@ from calibration.diagnosis.verdict import (
 from calibration.fit.acceptance import disagreement, refuse_few, relative_deviations, significant_share
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
-from calibration.fit.set_up.target_positions import at_positions, target_positions
+from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
@@ -228,7 +229,7 @@ def diagnose(
     UserError when the data are not plausible or cannot be fitted.
     """
     progress("checking the data")
-    measurement, findings = _checked(measurement)
+    measurement, findings, positions = _checked(measurement)
     base = base_of(measurement, calibration, progress)
     progress("fitting the present model")
     candidates, untested = library(measurement, base.model)
@@ -265,7 +266,7 @@ def diagnose(
     causes = named(after, bare)
     # an unexplained dependence makes outliers too
     lost = outliers(after.fit, bare) if dependence is None else None
-    causes += [] if lost is None else [lost]
+    causes += [*([] if lost is None else [lost]), *misplaced_targets(positions, after.fit)]
     evaluated = found.evaluated or tuple(evaluate(after.linearised, candidates))
     added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
     acceptance = Acceptance.of(before, after, calibration, force=force)
@@ -306,18 +307,21 @@ def diagnose(
     )
 
 
-def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
-    """The measurement with times from its first row, and the findings about it; UserError where it cannot be used."""
+def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding], list[TargetPosition]]:
+    """The measurement with times from its first row, and targets at their positions by the data, which come with it.
+
+    In between the findings about it. UserError where it cannot be used.
+    """
     findings = usable(measurement)
-    # one at another position than stated is a cause
-    unknown = [each for each in target_positions(measurement) if not each.stated]
-    findings += target_findings(measurement, unknown)
-    measurement = at_positions(measurement, unknown)
+    # where all rows of a target are in sequence, the search compares its offset with a knock at the instrument
+    found = [each for each in target_positions(measurement) if not each.at_once]
+    findings += target_findings(measurement, found)
+    measurement = at_positions(measurement, found)
     measurement, late = _from_its_start(_with_station(measurement))
     if late:
         text = f"time_s begins at {late:.10g}: times are counted from the first row"
         findings.append(Finding("epoch", text, False))
-    return measurement, findings
+    return measurement, findings, found
 
 
 def _causes(selector: Selector) -> _Found:

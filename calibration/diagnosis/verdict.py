@@ -304,8 +304,8 @@ def notes(linearised: LinearisedFit, effect: Effect) -> Iterator[str]:
         )
     if isinstance(effect, TrackerDrift) and isinstance(linearised.measurement.instrument, Part):
         yield (
-            "the part, or the measuring machine, drifted while the part was measured; the machine tool has no part in it: "
-            "let the part reach the temperature of the room, and measure some features once more at the end"
+            "the part, or the measuring machine, drifted while it measured; the machine tool has no part in it: let "
+            "the part reach the temperature of the room, and measure some features once more at the end"
         )
     if isinstance(effect, TargetOffset) and effect.since_s is None:
         size = ", ".join(f"{1e-3 * value:.3f}" for value in effect.offset_um)

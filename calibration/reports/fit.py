@@ -192,7 +192,7 @@ def _verdict(fitted: Fit) -> Iterator[str]:
             f"chi2/dof {fitted.chi2_reduced:.3g} by the instrument specification, which the residuals contradict. The "
             f"noise of the fit is that of the residuals: {noise.text}"
         )
-        if noise.instrument_factor > 1.0:
+        if noise.instrument_factor > 1.0 or noise.arms.shape[2]:
             yield "Or the model is incomplete: a missing effect looks like noise (ncomp diagnose searches for it)."
     if fitted.variance_factor != 1.0:
         factor = fitted.variance_factor**0.5

@@ -62,6 +62,8 @@ class TargetPosition:
     stated: bool
     others: tuple[str, ...]
     """Targets, one of which may be wrong by the opposite instead."""
+    gain: float
+    """Reduction of chi2 by this offset."""
     at_once: bool
     """True where all its rows are in sequence, so that the instrument may have moved instead."""
 
@@ -102,12 +104,14 @@ def target_positions(measurement: Measurement) -> list[TargetPosition]:
     offsets = _Offsets.of(found, len(on_tool))
     chosen = [on_tool.index(name) for name in unknown]
     others: dict[int, tuple[str, ...]] = {}
+    reductions: dict[int, float] = {}
     while len(chosen) < len(on_tool) - 1:
         gains = {k: offsets.gain([*chosen, k]) - offsets.gain(chosen) for k in range(len(on_tool)) if k not in chosen}
         best = max(gains, key=lambda k: (round(gains[k], 3), k))
         if special.chdtrc(3, gains[best]) > SIGNIFICANCE / len(on_tool):
             break
         others[best] = tuple(on_tool[k] for k, gain in gains.items() if k != best and gain > gains[best] - ALIKE)
+        reductions[best] = gains[best]
         chosen.append(best)
     values, u = offsets.of_targets(chosen)
     result = []
@@ -118,7 +122,15 @@ def target_positions(measurement: Measurement) -> list[TargetPosition]:
         first = np.zeros(3) if stated else np.array(part.targets[on_tool[k]].position)
         at_once = stated and _in_sequence(measurement, on_tool[k])
         result.append(
-            TargetPosition(on_tool[k], first + 1e-3 * own, 1e-3 * uncertainty, stated, others.get(k, ()), at_once)
+            TargetPosition(
+                on_tool[k],
+                first + 1e-3 * own,
+                1e-3 * uncertainty,
+                stated,
+                others.get(k, ()),
+                reductions.get(k, 0.0),
+                at_once,
+            )
         )
     return result
 
