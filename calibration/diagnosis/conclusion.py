@@ -46,6 +46,8 @@ class Conclusion:
     specified: bool
     """True where the noise is specified, not estimated from the residuals."""
     degrees_of_freedom: float
+    model: str = "the present model"
+    """Name of the model without the causes."""
 
     @property
     def condition(self) -> Condition:
@@ -97,7 +99,7 @@ class Conclusion:
             return f"No cause was found, but too few data are left for a test of the residuals ({self._freedom})"
         used = " that were used" if self.failed else ""
         start = "No missing cause was found" if self.failed else "Nothing is missing that these data can show"
-        return f"{start}: the present model explains the data{used} down to their noise"
+        return f"{start}: {self.model} explains the data{used} down to their noise"
 
     def _not_used(self) -> Iterator[str]:
         if self.failed:

@@ -40,6 +40,7 @@ from calibration.diagnosis.verdict import (
     not_visible,
     outliers,
     smallest_sizes,
+    with_changed_lines,
 )
 from calibration.fit.acceptance import disagreement, refuse_few, relative_deviations, significant_share
 from calibration.fit.identifiability import Identifiability, identifiability
@@ -76,7 +77,7 @@ class Diagnosis:
     measurement: Measurement
     base: Base
     before: Stage
-    """Fit of the present model."""
+    """Fit of the present model; of a calibration of other data as it is."""
     named: Stage
     """Fit with the causes found, errors that the model lacks no part of its noise."""
     after: Stage
@@ -196,6 +197,7 @@ class Diagnosis:
             fit.chi2_reduced,
             fit.variance_factor == 1.0,
             fit.degrees_of_freedom,
+            "the present model" if self.base.present is None else "the present calibration, updated by these data,",
         )
 
     @property
@@ -212,7 +214,7 @@ class _Found(NamedTuple):
     evaluated: tuple[Evaluated, ...]
 
 
-def diagnose(
+def diagnose(  # noqa: PLR0915  one step after the other
     measurement: Measurement,
     calibration: ErrorModel | None = None,
     *,
@@ -274,15 +276,19 @@ def diagnose(
     if too_many := disagreement(after.fit):
         findings.append(Finding("outliers", too_many, False))
     model = new_calibration(selector.base, after.fit, added, calibration)
-    change = None
-    if selector.base.present is not None and calibration is not None:
+    given, change = before, None
+    if base.present is not None and calibration is not None:
+        given = first.on(base.as_it_is).bare
+        tests = unexplained_residual.tests(given.linearised)
         change = machine_change(selector.measurement, after.fit.kept, calibration, model)
-    if acceptance.confirmed and calibration is not None:
-        model = calibration
+        if acceptance.confirmed:
+            model = calibration
+        elif dependence is None:
+            causes = with_changed_lines(causes, change, given, after)
     return Diagnosis(
         selector.measurement,
         selector.base,
-        before,
+        given,
         found.stage,
         after,
         model,
@@ -299,7 +305,7 @@ def diagnose(
         unnamed,
         evaluated,
         closure(after.linearised),
-        volume(before, after),
+        volume(given, after),
         tuple(proposed_measurements(found.stage, causes, dependence)),
         acceptance,
         tuple(separability(before.linearised, candidates)),

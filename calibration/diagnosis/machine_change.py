@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from calibration.evaluation.volumetric import rigid_columns
@@ -21,7 +22,7 @@ from calibration.measurement.measurement import Measurement
 from kinematics.deviation import exact_deviation
 from kinematics.effects import LocationError, Scale
 from kinematics.effects.base import own_component, own_motion
-from kinematics.error_model.model import Design, ErrorModel
+from kinematics.error_model.model import Design, ErrorModel, no_errors
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
@@ -48,6 +49,8 @@ class MachineChange:
     """RMS standard uncertainty of the difference, k = 1: the figure that the uncertainties alone would give."""
     lines: tuple[LocationError | Scale, ...]
     """Differences of the location errors and scales of all axes, with their standard uncertainties."""
+    moved_um: tuple[float, ...]
+    """RMS length, um, of the displacement by each of them."""
 
     @property
     def significant(self) -> bool:
@@ -80,13 +83,20 @@ def machine_change(measurement: Measurement, kept: np.ndarray, present: ErrorMod
         apart = rigid.removed(design.reshape(len(deviation), -1)).reshape(design.shape)
         return rigid.removed(deviation)[:, 0] * UM, (own.propagated(apart).reshape(-1) * UM) ** 2
 
+    def moved(line: LocationError | Scale) -> float:
+        alone = msgspec.structs.replace(no_errors(machine), effects=(line,))
+        columns = alone.design(machine, some.state, transform).reshape(-1, 1) * line.parameters[0]
+        return float(np.linalg.norm(rigid.removed(columns)) / np.sqrt(len(rows))) * UM
+
+    lines = tuple(_differences(machine, present, new))
     (now, u_now), (before, u_before) = predicted(new), predicted(present)
     squares = np.sum((now - before).reshape(-1, 3) ** 2, axis=1)
     return MachineChange(
         float(np.sqrt(squares.mean())),
         float(np.sqrt(squares.max())),
         float(np.sqrt((u_now + u_before).sum() / len(rows))),
-        tuple(_differences(machine, present, new)),
+        lines,
+        tuple(moved(line) for line in lines),
     )
 
 

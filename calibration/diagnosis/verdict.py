@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
+from calibration.diagnosis.machine_change import MachineChange
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, contract_kind, where
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import saw_uncertainty
@@ -187,6 +188,35 @@ def named(stage: Stage, before: LinearisedFit) -> list[Named]:
             )
         )
     return sorted(found, key=lambda cause: (isinstance(cause.effect, Unnamed), cause.delta_bic))
+
+
+def with_changed_lines(causes: Sequence[Named], change: MachineChange, given: Stage, after: Stage) -> list[Named]:
+    """The causes, and the scales and location errors that differ from the calibration as it was given.
+
+    Where a line is a cause already, its size becomes that of the whole difference.
+    """
+    lines = {line.name: line for line in change.lines}
+    sized = [replace(cause, effect=lines.get(cause.effect.name, cause.effect)) for cause in causes]
+    known = {cause.effect.name for cause in causes}
+    return [*sized, *(each for each in _changed_lines(change, given, after) if each.effect.name not in known)]
+
+
+def _changed_lines(change: MachineChange, given: Stage, after: Stage) -> Iterator[Named]:
+    """Scales and location errors that differ from the calibration as it was given, with odds as of a cause.
+
+    Their gain on held-out rows is that of all changes and causes together; the share is that of the squares of the
+    residuals of the calibration as it was given, a rigid motion apart.
+    """
+    gain = given.held_out_um - after.held_out_um
+    squares = given.fit.rms_um**2 * given.fit.measurement.components
+    for line, moved_um in zip(change.lines, change.moved_um, strict=True):
+        z = line.parameters[0] / max(line.uncertainties[0], 1e-300)
+        delta_bic = math.log(after.linearised.scalars) - z**2
+        if delta_bic < WORTH:
+            kind = contract_kind(line)
+            verdict: Verdict = "strong" if delta_bic < CLEAR * WORTH and gain > 0.0 else "weak"
+            share = min(moved_um**2 / max(squares, 1e-300), 1.0)
+            yield Named(kind, line, delta_bic, gain, share, verdict, 1.0)
 
 
 def in_terms_of(before: LinearisedFit, linearised: LinearisedFit) -> float:

@@ -44,16 +44,18 @@ def change_sentences(change: MachineChange | None) -> Iterator[str]:
     if change is None:
         return
     size = f"{change.rms_um:.2g} um RMS over the measured volume (at most {change.max_um:.2g} um)"
-    lines = [f"{_meaning(line)} {_size(line)}" for line in change.changed]
-    if not change.significant and not lines:
+    if not change.significant:
         yield (
             f"No change of the machine: new and present model differ by {size}; their uncertainties alone explain "
             f"{change.u_um:.2g} um."
         )
         return
-    start = "CHANGED since the present calibration" if change.significant else "Hardly changed"
-    listed = f" {'; '.join(shortened(lines, LISTED, 'lines'))}." if lines else ""
-    yield f"{start}: {size}, where the uncertainties alone explain {change.u_um:.2g} um.{listed}"
+    lines = shortened([f"{_meaning(line)} {_size(line)}" for line in change.changed], LISTED, "lines")
+    listed = f" {'; '.join(lines)}." if lines else ""
+    yield (
+        f"CHANGED since the present calibration: {size}, where the uncertainties alone explain {change.u_um:.2g} um."
+        f"{listed}"
+    )
 
 
 def change_sections(change: MachineChange | None) -> Iterator[Section]:

@@ -76,7 +76,7 @@ def add_unnamed(selector: Selector, named: Stage, dependence: Unexplained) -> Ad
         return Added(selector, named, f"{over} was not added: with it held-out blocks are not predicted better.")
     for _ in range(AGAIN):
         base = selector.chosen_again(stage)
-        if base.choice == selector.base.choice:
+        if base.bases == selector.base.bases:
             break
         # the error motions had become too fine, to imitate part of the function
         other = replace(selector, base=base)

@@ -187,7 +187,7 @@ class Selector:
     @property
     def bare(self) -> Stage:
         """The fit of the base alone."""
-        key = repr(self.base.choice)
+        key = repr(self.base.bases)
         if key not in self.bare_stages:
             self.bare_stages.update({known: stage.at_rest for known, stage in self.bare_stages.items()})
             self.bare_stages[key] = self.stage(())
@@ -330,7 +330,7 @@ class Selector:
         """
         besides = [stage.fit.model.effects[i] for i in stage.numbers if i >= len(self.base.model.effects)]
         base = self.base.chosen_again(self.measurement, besides, self.progress)
-        if base.choice == self.base.choice:
+        if base.bases == self.base.bases:
             return self.base
         chosen = chosen_of(stage.accepted)
         if not self.on(base).stage(chosen).predicts_worse_than(stage):

@@ -72,6 +72,15 @@ class Base:
         """The bases of the error motions, as far as the evidence chooses them."""
         return self.choice, self.refinement
 
+    @property
+    def as_it_is(self) -> Base:
+        """The base of the calibration of other data with its parameters held."""
+        present = self.present or self
+        model = msgspec.structs.replace(present.model, covariance=None)
+        held = [not isinstance(effect, UnknownApproach) for effect in model.effects]
+        each = np.repeat(held, [part.stop - part.start for part in model.slices])
+        return Base(model, np.where(each, FIXED, priors(model)), self.origin)
+
     def chosen_again(self, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
         """The base with bases selected again by the evidence, together with the effects found."""
         if self.present is not None:
