@@ -46,6 +46,8 @@ ENOUGH_ROWS = 20_000
 STEPS = 30
 CONVERGED = 1e-3
 """Length of a step, in standard uncertainties, below which the iteration ends."""
+RENEWED = 3
+"""Steps in which derivatives are calculated anew where they depend on the parameters; then the last ones serve."""
 AHEAD = 1.9
 """Over-relaxation of every other step: with Huber weights a Gauss-Newton step is too short. Below 2 the objective
 cannot rise by it."""
@@ -249,14 +251,18 @@ def _iterate(
     """
     components = problem.measurement.components
     factor, effective_parameters, least = 1.0, 0.0, 1.0
+    renewed = RENEWED if any(not q.linear for effect in problem.model.effects for q in effect.parameter_table) else 1
+    derivatives = None
     for step in range(STEPS):
+        if step < renewed:
+            derivatives = problem.derivatives(point)
         distances = problem.distances(point)
         weights = huber_weights(
             distances, components, robust_factor(distances, components, effective_parameters, least, stop)
         )
         # amplitudes first: a period or time constant is undetermined without one
         held = shapes_held and not step
-        solved = (problem.shapes_fixed() if held else problem).solve(point, weights, factor)
+        solved = (problem.shapes_fixed() if held else problem).solve(point, weights, factor, derivatives)
         aim = solved.step * (AHEAD if step % 2 else 1.0)
         before, point, effective_parameters = (
             point,

@@ -96,6 +96,13 @@ def designs(
         yield rows, design.reshape(-1, design.shape[2])
 
 
+def derivatives(measurement: Measurement, model: ErrorModel, registration: Registration) -> Array:
+    """Derivatives `(n, d, registration + parameters)` of the observations of all rows, not whitened."""
+    of_model = Design(model, measurement.machine, measurement.state, with_instrument=True)
+    own = equations.registration_design(measurement, registration)
+    return np.concatenate([own, of_model.of(slice(None), equations.transform(measurement, registration))], axis=2)
+
+
 def residuals(measurement: Measurement, model: ErrorModel, registration: Registration) -> Array:
     """Observed minus expected `(n, d)`, mm and rad, by the exact kinematics."""
     effects = model.observation(measurement.machine, measurement.state)

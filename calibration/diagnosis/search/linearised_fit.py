@@ -370,6 +370,18 @@ class LinearisedFit:
     def _correlation_length(self) -> float:
         return correlation_length(self.residual.reshape(len(self.rows), -1))
 
+    def squares_of_all(self, candidates: Sequence[Projected]) -> float:
+        """Reduction of the sum of squares by all of these candidates together, of any size."""
+        if not candidates:
+            return 0.0
+        columns = np.concatenate([each.columns for each in candidates], axis=1)
+        through = np.concatenate([each.through for each in candidates], axis=1)
+        schur, along = columns.T @ columns - through.T @ through, columns.T @ self.residual
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(schur), RIDGE))
+        values, vectors = np.linalg.eigh(schur * np.outer(scale, scale))
+        values = np.maximum(values, 0.0) + RIDGE * len(values)
+        return float(np.sum((vectors.T @ (scale * along)) ** 2 / values))
+
     def rated(self, schur: Array, along: Array, through: Array, shapes: int = 0, trials: float = 1.0) -> Score:
         """Score of columns with Schur complement `schur` `(k, k)` and the residual `along` them `(k,)`.
 

@@ -22,6 +22,7 @@ from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
+from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Cyclic, FollowingError
 from kinematics.transforms import Array
 
@@ -44,6 +45,10 @@ LARGEST = 100.0
 """Physical limit of a cause's size, as a multiple of the typical one, unless the cause is CLEAR."""
 CLEAR = 0.1
 """Least visible share of the signal of a lag or a wave that an interferometer shows with any size."""
+IRREPLACEABLE = 100.0
+"""Growth of the BIC without a cause, but with all others at once, above which none is searched for in its place."""
+UNSEEN = 1e-12
+"""Least sum of squares that is not zero."""
 MOST = 12
 """Most causes that are named."""
 LOOKED_AT = 8
@@ -300,8 +305,8 @@ class Selector:
 
     def commoner(self, stage: Stage) -> Stage:
         """The stage with common causes in place of a rare one, where these explain as much."""
-        for own in stage.accepted:
-            if not own.candidate.rarity:
+        for i, own in enumerate(stage.accepted):
+            if not own.candidate.rarity or self._irreplaceable(stage, i):
                 continue
             others = [each for each in stage.accepted if each is not own]
             library = [candidate for candidate in self.library if candidate.cause != own.candidate.cause]
@@ -309,6 +314,17 @@ class Selector:
             if trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity:
                 return self.commoner(trial)
         return stage
+
+    def _irreplaceable(self, stage: Stage, index: int) -> bool:
+        """True where all visible candidates together, in place of a cause, explain much less than the cause does."""
+        own, without = stage.accepted[index], stage.without(index)
+        others = [each for each in self._evaluated(without, stage.accepted) if each.projected.visible >= SEEN]
+        explained = without.squares_of_all([each.projected for each in others]) / max(own.score.squares, UNSEEN)
+        missing = own.score.gain * max(1.0 - explained, 0.0)
+        # noise of one axis from stop to stop may take the place of the cause
+        count = len(np.unique(stops(without.measurement)[without.rows]))
+        spared = 2.0 * own.candidate.rarity + own.score.effective_parameters * float(np.log(without.scalars))
+        return count * float(np.log1p(missing / count)) > spared + IRREPLACEABLE
 
     def leaner(self, stage: Stage) -> Stage:
         """The stage without causes that a full fit of the others replaces: their shapes were refined beside them."""
