@@ -39,12 +39,8 @@ ROWS = 5000
 ROUNDS = 4
 """Most rounds in which rows that disagree under the last estimate are left out of the next."""
 STEPS = 25
-CONVERGED = 0.01
+CONVERGED = 0.03
 """Step in standard errors of the variances below which the iteration ends."""
-MULTIPLIED = 50
-"""Most steps of an iteration that multiplies the variances."""
-ALIKE = 0.02
-"""Relative change of the standard deviations below which it ends."""
 FARTHEST = 100.0
 """Factor by which a variance changes in one step at most."""
 SHARED = 1e-6
@@ -143,23 +139,12 @@ def _estimate(components: _Components, start: Array) -> _Estimate | None:
 
 
 def _likeliest(components: _Components, variances: Array, active: np.ndarray) -> tuple[Array, Array]:
-    """The likeliest variances `(1 + axes,)`, of the active ones, and their information.
-
-    By Fisher's scoring; where rows share a stop, its information is approximate, and its steps would not converge: by
-    an iteration that multiplies the variances (Zhou et al. 2019, MM algorithms for variance components).
-    """
-    shared = len(components.starts) < len(components.stop)
-    for _ in range(MULTIPLIED if shared else STEPS):
+    """The likeliest variances `(1 + axes,)`, of the active ones, and their information, by Fisher's scoring."""
+    for _ in range(STEPS):
         moments = components.moments(variances)
         slope = 0.5 * (moments.observed - moments.expected)
         free = np.flatnonzero(active & ((variances > NOTHING) | (slope > 0.0)))
         variances = variances.copy()
-        if shared:
-            ratio = np.sqrt(moments.observed[free] / np.maximum(moments.expected[free], 1e-300))
-            variances[free] = np.maximum(variances[free] * ratio, NOTHING)
-            if np.all(np.abs(ratio - 1.0) < ALIKE):
-                break
-            continue
         scale = np.sqrt(np.diag(moments.information)[free])
         scaled = moments.information[np.ix_(free, free)] / np.outer(scale, scale)
         step = np.linalg.solve(scaled + SHARED * np.eye(len(free)), slope[free] / scale)
@@ -267,9 +252,11 @@ class _Components:
         )
 
     @cached_property
-    def starts(self) -> np.ndarray:
-        """First row of each stop."""
-        return np.flatnonzero(np.append(True, np.diff(self.stop) != 0))
+    def stops_alike(self) -> list[np.ndarray]:
+        """Rows `(stops, m)` of the stops of m rows, for each m."""
+        starts = np.flatnonzero(np.append(True, np.diff(self.stop) != 0))
+        counts = np.diff(np.append(starts, len(self.stop)))
+        return [starts[counts == m][:, None] + np.arange(m) for m in np.unique(counts).tolist()]
 
     def rows(self, index: np.ndarray) -> _Components:
         """The same for some of the rows."""
@@ -322,36 +309,28 @@ class _Components:
         posterior = Posterior(design.T @ design, self.limited)
         whole = whole - design @ posterior.solve(design.T @ whole - self.limited * self.away)
         spanned, residual = posterior.spanned(design).reshape(n, d, -1), whole.reshape(n, d)
-        absorbed = spanned @ np.swapaxes(spanned, 1, 2)
-        arms = decorrelation.apply(white @ self.arms)
-        turned = np.swapaxes(arms, 1, 2)
-        along = self._by_stop((turned @ residual[:, :, None])[:, :, 0])
-        if len(self.starts) == n:
-            own = turned @ (arms - absorbed @ arms)
-        else:
-            through = self._by_stop(turned @ spanned)
-            own = self._by_stop(turned @ arms) - through @ np.swapaxes(through, 1, 2)
-        # the instrument's part of each row; the rows of a stop are taken as independent in it
-        roots = decorrelation.apply(white @ np.linalg.cholesky(self.specified))
-        parts = np.einsum("ndi,nd->ni", roots, residual)
-        seen = np.swapaxes(roots, 1, 2)
-        free, mixed = seen @ (roots - absorbed @ roots), seen @ (arms - absorbed @ arms)
-        observed = np.append(np.sum(parts**2), np.sum(along**2, axis=0))
-        expected = np.append(np.einsum("nii->", free), np.einsum("skk->k", own))
+        arms, roots = decorrelation.apply(white @ self.arms), white @ np.linalg.cholesky(self.specified)
         k = len(variances)
-        information = np.zeros((k, k))
-        information[0, 0] = np.sum(free**2)
-        information[1:, 1:] = np.sum(own**2, axis=0)
-        information[0, 1:] = information[1:, 0] = np.sum(mixed**2, axis=(0, 1))
+        observed, expected, information = np.zeros(k), np.zeros(k), np.zeros((k, k))
+        shared = {some.rows.shape[1]: some.matrices for some in decorrelation.stops}
+        for rows in self.stops_alike:
+            count, m = rows.shape
+            absorbing = spanned[rows].reshape(count, m * d, q)
+            free = np.eye(m * d) - absorbing @ np.swapaxes(absorbing, 1, 2)
+            # the errors of the instrument are independent in the rows of a stop, those of an axis are the same
+            own = np.zeros((count, m, d, m, d))
+            own[:, np.arange(m), :, np.arange(m)] = np.swapaxes(roots[rows], 0, 1)
+            instrument = own.reshape(count, m * d, m * d)
+            instrument = shared[m] @ instrument if m in shared else instrument
+            axes = arms[rows].reshape(count, m * d, k - 1)
+            left = residual[rows].reshape(count, m * d, 1)
+            by_instrument, by_axes = np.swapaxes(instrument, 1, 2) @ free, np.swapaxes(axes, 1, 2) @ free
+            squares = np.sum((np.swapaxes(axes, 1, 2) @ left)[:, :, 0] ** 2, axis=0)
+            observed += np.append(np.sum((np.swapaxes(instrument, 1, 2) @ left) ** 2), squares)
+            of_instrument, of_axes = by_instrument @ instrument, by_axes @ axes
+            expected += np.append(np.einsum("sii->", of_instrument), np.einsum("skk->k", of_axes))
+            information[0, 0] += np.sum(of_instrument**2)
+            information[1:, 1:] += np.sum(of_axes**2, axis=0)
+            information[0, 1:] += np.sum((by_instrument @ axes) ** 2, axis=(0, 1))
+        information[1:, 0] = information[0, 1:]
         return _Moments(observed, expected, 0.5 * information)
-
-    def _by_stop(self, table: Array) -> Array:
-        """Sums `(stops, ...)` of the rows `(n, ...)` of each stop."""
-        if len(self.starts) == len(table):
-            return table
-        result = np.empty((len(self.starts), *table.shape[1:]))
-        counts = np.diff(np.append(self.starts, len(table)))
-        for m in np.unique(counts).tolist():
-            some = np.flatnonzero(counts == m)
-            result[some] = table[self.starts[some][:, None] + np.arange(m)].sum(axis=1)
-        return result
