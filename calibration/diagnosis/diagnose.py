@@ -235,7 +235,9 @@ def diagnose(  # noqa: PLR0915  one step after the other
     base = base_of(measurement, calibration, progress)
     progress("fitting the present model")
     candidates, untested = library(measurement, base.model)
-    candidates += changes(base.model) if base.origin == "updated" else []
+    if base.present is not None:
+        free = [line.name for line in base.lines]
+        candidates += [each for each in changes(base.present.model) if each.effect.name not in free]
     # in the log of a moving axis waves are no rare causes, and larger than others
     log = all(is_log(measurement, axis) for axis in moving_axes(measurement))
     search = Search(proposed_shapes.proposals if log else proposed_shapes.dominant)

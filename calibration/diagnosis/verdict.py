@@ -23,8 +23,10 @@ from kinematics.effects import (
     Backlash,
     Cyclic,
     Effect,
+    LocationError,
     Outliers,
     QuantisedCompensation,
+    Scale,
     Settling,
     TargetOffset,
     TrackerDrift,
@@ -42,6 +44,8 @@ SIGNAL = 0.02
 """Signal period of a linear encoder, mm: glass scales have 4 to 40 um."""
 EVERYWHERE = 6
 """Number of held-out blocks from which a gain in every one of them is clear, however uneven: chance 1 in 64."""
+NOT_OF_THE_LIBRARY = Cyclic | QuantisedCompensation | LocationError | Scale
+"""Effects that are proposed from the residual, or that are differences from a calibration."""
 REMEDIES = {
     "backlash": "positions approached from both sides, in an order in which neither side comes later",
     "settling": "moves of different lengths to the same positions, and dwell times",
@@ -248,8 +252,8 @@ def not_visible(evaluated: Sequence[Evaluated]) -> list[NotVisible]:
     """Causes of the library of whose signal the model and the registration leave a share below `SEEN`."""
     best: dict[str, tuple[float, str]] = {}
     for each in evaluated:
-        if each.candidate.replaces or isinstance(each.candidate.effect, Cyclic | QuantisedCompensation):
-            continue  # proposed from the residual, not part of the library
+        if each.candidate.replaces or isinstance(each.candidate.effect, NOT_OF_THE_LIBRARY):
+            continue
         name, share = each.candidate.effect.name, each.projected.visible
         if name not in best or share > best[name][0]:
             best[name] = (share, each.candidate.kind)

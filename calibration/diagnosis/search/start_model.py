@@ -36,6 +36,7 @@ from kinematics.effects import (
     ErrorMotion,
     LocationError,
     QuantisedCompensation,
+    Scale,
     UnknownApproach,
 )
 from kinematics.error_model.model import ErrorModel
@@ -47,6 +48,8 @@ COARSE, COARSE_OF_A_LOG = 8, 4
 """The same during the search for causes, and for a log: a finer basis would imitate missing causes."""
 WIDE = 10.0
 """Prior of an accepted effect, as a multiple of the size found: the data determine its size."""
+CHANGED = 10.0
+"""Logarithmic evidence, twice, for a change of a scale or of a location error since the calibration (Kass, Raftery)."""
 EXACT = 1e-3
 """Least standard uncertainty of a calibrated parameter, um or urad."""
 Origin = Literal["automatic", "refitted", "updated"]
@@ -70,7 +73,13 @@ class Base:
     @property
     def bases(self) -> object:
         """The bases of the error motions, as far as the evidence chooses them."""
-        return self.choice, self.refinement
+        return self.choice, self.refinement, [effect.name for effect in self.lines]
+
+    @property
+    def lines(self) -> list[Effect]:
+        """Scales and location errors that are free because they have changed since the calibration."""
+        first = len(self.model.effects) if self.present is None else len(self.present.model.effects)
+        return [effect for effect in self.model.effects[first:] if isinstance(effect, (LocationError, Scale))]
 
     @property
     def as_it_is(self) -> Base:
@@ -85,7 +94,7 @@ class Base:
         """The base with bases selected again by the evidence, together with the effects found."""
         if self.present is not None:
             again = _refined(self.present, measurement, effects, progress)
-            return self if again.refinement == self.refinement else again
+            return self if again.bases == self.bases else again
         if self.choice is None:
             return self
         return _automatic(measurement, effects, (_finest(measurement, effects), np.inf), progress, self.known)
@@ -293,7 +302,10 @@ def _updated(calibration: ErrorModel, unknown: Sequence[Effect]) -> Base:
 
 
 def _refined(present: Base, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
-    """The base with error motions added, as the evidence chooses them beside the effects found and common causes."""
+    """The base with error motions added, as the evidence chooses them beside the effects found and common causes.
+
+    Scales and location errors that have changed beyond chance are free, so that the calibration does not hold them.
+    """
     progress("choosing the refinement of the calibration")
     common = [*changes(present.model), *library(measurement, present.model)[0]]
     known = {effect.name for effect in effects}
@@ -301,11 +313,25 @@ def _refined(present: Base, measurement: Measurement, effects: Sequence[Effect],
     axes = dict.fromkeys(effect.axis for effect in present.model.effects if isinstance(effect, ErrorMotion))
     generous = _with_added(present, measurement, dict.fromkeys(axes, GENEROUS))
     besides = [*effects, *free]
-    model = refinement.with_more(generous.model, besides)
-    wide = refinement.WIDE * priors(model)[len(generous.prior) :]
-    first = Base(model, block_diag(generous.prior, np.diag(wide)), "updated").cautious_fit(measurement, (), "estimate")
+    first = _with_free(generous, besides).cautious_fit(measurement, (), "estimate")
     chosen = refinement.chosen(first, present.model, present.prior, [at_zero(effect) for effect in besides])
-    return _with_added(present, measurement, chosen)
+    base = _with_added(present, measurement, chosen)
+    found = _with_free(base, besides).cautious_fit(measurement, (), "estimate")
+    limit = np.log(found.observations) + CHANGED
+    lines = [
+        at_zero(effect)
+        for effect in found.model.effects[len(base.model.effects) + len(effects) :]
+        if isinstance(effect, (LocationError, Scale))
+        and effect.parameters[0] ** 2 > limit * effect.uncertainties[0] ** 2
+    ]
+    return _with_free(base, lines)
+
+
+def _with_free(base: Base, effects: Sequence[Effect]) -> Base:
+    """The base with further effects, whose size the data determine."""
+    model = refinement.with_more(base.model, effects)
+    wide = refinement.WIDE * priors(model)[len(base.prior) :]
+    return replace(base, model=model, prior=block_diag(base.prior, np.diag(wide)))
 
 
 def _with_added(present: Base, measurement: Measurement, chosen: Refinement) -> Base:
