@@ -91,7 +91,7 @@ def test_a_station_of_few_rows_is_fitted_and_not_predicted(rows):
 
 
 def test_neighbours_predict_a_position_of_an_interferometer():
-    measurement = laser("dmu50", "XB", runs=2)
+    measurement = laser("dmu50", "XB", runs=1)
     held = calibrate(measurement, basis="cubic:6").cross_validation
     assert held.name == "sets of positions"
     assert held.rms_um < 1.0

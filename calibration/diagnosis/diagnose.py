@@ -347,7 +347,7 @@ def _causes(selector: Selector) -> _Found:
 
     def by_chance(linearised: LinearisedFit, evaluated: Evaluated) -> bool:
         """True where the same search finds as much in residuals with random signs."""
-        if evaluated.candidate.effect.kind not in SEARCHES:
+        if evaluated.candidate.kind not in SEARCHES:
             return False
         if not latest or latest[0].linearised is not linearised:
             latest[:] = [Chance(linearised, selector.library)]

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calibration.diagnosis.search import proposed_shapes as scans
-from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, Candidate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 
 SMOOTH = (
@@ -30,8 +30,9 @@ SEARCHES: Mapping[str, Callable[[LinearisedFit], Iterable[Candidate]]] = {
     "cyclic": scans.waves,
     "quantised-compensation": scans.steps,
     "station-shift": scans.breaks,
+    HIGHER_FREQUENCY: scans.finer,
 }
-"""Search for shapes, by kind of effect."""
+"""Search for shapes, by kind of cause."""
 
 
 @dataclass
@@ -43,7 +44,7 @@ class Chance:
     library: Sequence[Candidate]
     _draws: dict[str, Iterator[float]] = field(init=False, default_factory=dict)
     _known: dict[str, list[float]] = field(init=False, default_factory=dict)
-    """Largest gain of each draw so far, by kind of effect."""
+    """Largest gain of each draw so far, by kind of cause."""
 
     def finds(self, candidate: Candidate, gain: float) -> bool:
         """True where one of the draws reaches the gain of a candidate.
@@ -53,7 +54,7 @@ class Chance:
         """
         if gain > self.linearised.squares:
             return False  # no draw has as many squares
-        kind = candidate.effect.kind
+        kind = candidate.kind
         if kind not in self._draws:
             self._draws[kind] = self._shapes(SEARCHES[kind]) if kind in SEARCHES else self._of_library(candidate)
         known = self._known.setdefault(kind, [])
@@ -75,7 +76,7 @@ class Chance:
 
     def _of_library(self, candidate: Candidate) -> Iterator[float]:
         rng, linearised = np.random.default_rng(SEED), self.linearised
-        others = [each for each in self.library if each.effect.kind not in SMOOTH and each.effect.kind not in SEARCHES]
+        others = [each for each in self.library if each.effect.kind not in SMOOTH and each.kind not in SEARCHES]
         tried = [candidate, *others]
         responses = linearised.responses([each.effect for each in tried])
         for _ in range(DRAWS):

@@ -101,7 +101,7 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
         each
         for each in stage.accepted
         if not any(each is other for other in blamed)
-        and (each.candidate.effect.kind not in SMOOTH or each.candidate.effect.kind in SEARCHES)
+        and (each.candidate.effect.kind not in SMOOTH or each.candidate.kind in SEARCHES)
         and chance.finds(each.candidate, each.score.gain)
     ]
 

@@ -340,12 +340,12 @@ class Selector:
         return stage
 
     def chosen_again(self, stage: Stage) -> Base:
-        """The base with bases selected again by the evidence, together with the causes that the stage adds to it.
+        """The base with bases selected again by the evidence, with the noise and the added causes of the stage.
 
         Where they predict held-out blocks worse, only the bases of single axes that predict them better.
         """
         besides = [stage.fit.model.effects[i] for i in stage.numbers if i >= len(self.base.model.effects)]
-        base = self.base.chosen_again(self.measurement, besides, self.progress)
+        base = self.base.chosen_again(stage.fit.measurement, besides, self.progress)
         if base.bases == self.base.bases:
             return self.base
         chosen = chosen_of(stage.accepted)

@@ -232,11 +232,13 @@ def _automatic(
     progress: Progress,
     known: dict[str, Base],
 ) -> Base:
-    """The base with bases selected by the evidence; of the same instrument and effects the one known already.
+    """The base with bases selected by the evidence; of the same noise and effects the one known already.
 
     finest: most parameters of linear and of rotary axes.
     """
-    key = repr((measurement.instrument, finest, effects))
+    noise = measurement.noise
+    estimated = None if noise is None else (noise.instrument_factor, noise.non_repeatability)
+    key = repr((measurement.instrument, estimated, finest, effects))
     if key not in known:
         known[key] = _selected(measurement, effects, finest, progress, known)
     return known[key]
