@@ -119,7 +119,7 @@ def _estimate(components: _Components, start: Array) -> _Estimate | None:
     start: variances `(1 + axes,)` at which the iteration begins.
     """
     moments = components.moments(np.append(1.0, np.zeros(len(components.axes))))
-    clear = (moments.observed - moments.expected) / moments.uncertainty
+    clear = (moments.observed - moments.expected) / np.maximum(moments.uncertainty, 1e-300)
     if abs(clear[0]) < CERTAIN and clear[1:].max() < CERTAIN:
         return None
     variances, active = start, np.ones(len(start), bool)
@@ -186,7 +186,8 @@ def _limited(variance: float, least: float, values: Array, own: Array, same: np.
     without = 0.0 if least else float(own[repeated].mean())
     if variance <= scatter + chance - without:
         return variance
-    return scatter - without if abs(scatter - without - least) > chance else least
+    repeated_only = max(scatter - without, 0.0)
+    return repeated_only if abs(repeated_only - least) > chance else least
 
 
 class _Moments(NamedTuple):

@@ -61,6 +61,8 @@ NEARLY = 0.05
 """Share of the delta-BIC by which a simpler cause may be less likely: what it lacks is found after it."""
 WORSE = 1.02
 """Ratio by which the held-out RMS may rise by chance with a cause, or with finer bases, that are there."""
+MANY = 8
+"""Blocks from which the fit of the others has nearly all data, so that it judges bases as the whole does."""
 PASSES = 2
 """Most rounds in which a sibling replaces a cause."""
 Progress = Callable[[str], None]
@@ -342,14 +344,15 @@ class Selector:
     def chosen_again(self, stage: Stage) -> Base:
         """The base with bases selected again by the evidence, with the noise and the added causes of the stage.
 
-        Where they predict held-out blocks worse, only the bases of single axes that predict them better.
+        Where they predict many held-out blocks worse, only the bases of single axes that predict them better.
         """
         besides = [stage.fit.model.effects[i] for i in stage.numbers if i >= len(self.base.model.effects)]
         base = self.base.chosen_again(stage.fit.measurement, besides, self.progress)
         if base.bases == self.base.bases:
             return self.base
         chosen = chosen_of(stage.accepted)
-        if not self.on(base).stage(chosen).predicts_worse_than(stage):
+        few = len(stage.linearised.blocks) < MANY
+        if few or not self.on(base).stage(chosen).predicts_worse_than(stage):
             return base
         best = stage
         while True:

@@ -1,8 +1,9 @@
 """Positions of targets on the tool: unknown ones are fitted, and stated ones are compared with the data.
 
 A constant offset of each target, in the tool's directions, is estimated beside coarse error motions of all axes and the
-registration. A shift common to all targets is not visible: the pose of the instrument and the location errors of rotary
-axes absorb it. Turns of all targets about the tool reference point are told from error motions by the priors of these.
+registration; it must be significant also beside errors of a tracker. A shift common to all targets is not visible: the
+pose of the instrument and the location errors of rotary axes absorb it. Turns of all targets about the tool reference
+point are told from error motions by the priors of these.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from calibration.observation.full_model import (
 )
 from calibration.observation.outliers import first_registration
 from calibration.plausibility.checks import Finding
-from kinematics.effects import TargetOffset
+from kinematics.effects import AirScale, AngleHarmonic, Effect, RangeOffset, TargetOffset
 from kinematics.machine import Vector
 from kinematics.transforms import Array
 
@@ -43,6 +44,14 @@ ROWS = 3000
 """Most rows in the comparison, chosen at random."""
 FAR_UM = 1e4
 """Prior standard deviation of an offset, um."""
+TRACKER: tuple[Effect, ...] = (
+    RangeOffset(0.0),
+    AirScale(0.0),
+    *(AngleHarmonic(circle, harmonic, 0.0, 0.0) for circle in ("azimuth", "elevation") for harmonic in (1, 2)),
+)
+"""Errors of a tracker beside which an offset must be significant too."""
+WIDE = 5.0
+"""Prior standard deviation of these, in typical sizes."""
 COVERAGE = 2.0
 ONE_TARGET = (
     "one target on the tool: an error of its stated position cannot be separated from the pose of the instrument (with "
@@ -100,15 +109,18 @@ def target_positions(measurement: Measurement) -> list[TargetPosition]:
     if len(on_tool) < 2 or measurement.instrument.components < 3:
         return []
     part = _some(_with_first_positions(measurement))
-    found = _with_offsets(part, on_tool)
-    offsets = _Offsets.of(found, len(on_tool))
+    offsets = _Offsets.of(_with_offsets(part, on_tool), len(on_tool))
+    of_tracker, beside = isinstance(measurement.instrument, LaserTracker), None
     chosen = [on_tool.index(name) for name in unknown]
     others: dict[int, tuple[str, ...]] = {}
     reductions: dict[int, float] = {}
     while len(chosen) < len(on_tool) - 1:
         gains = {k: offsets.gain([*chosen, k]) - offsets.gain(chosen) for k in range(len(on_tool)) if k not in chosen}
         best = max(gains, key=lambda k: (round(gains[k], 3), k))
-        if special.chdtrc(3, gains[best]) > SIGNIFICANCE / len(on_tool):
+        if not _significant(gains[best], len(on_tool)):
+            break
+        beside = beside or _Offsets.of(_with_offsets(part, on_tool, TRACKER if of_tracker else ()), len(on_tool))
+        if not _significant(beside.gain([*chosen, best]) - beside.gain(chosen), len(on_tool)):
             break
         others[best] = tuple(on_tool[k] for k, gain in gains.items() if k != best and gain > gains[best] - ALIKE)
         reductions[best] = gains[best]
@@ -183,16 +195,21 @@ def _some(measurement: Measurement) -> Measurement:
     return measurement.rows(np.sort(rows))
 
 
-def _with_offsets(measurement: Measurement, on_tool: Sequence[str]) -> Fit:
-    """The fit of coarse error motions and an offset of each target, the noise estimated from the residuals."""
+def _significant(gain: float, targets: int) -> bool:
+    return bool(special.chdtrc(3, max(gain, 0.0)) <= SIGNIFICANCE / targets)
+
+
+def _with_offsets(measurement: Measurement, on_tool: Sequence[str], others: Sequence[Effect] = ()) -> Fit:
+    """The fit of coarse error motions, other effects, and an offset of each target; the noise from the residuals."""
     bases = {
         axis: BasisChoice("b-spline", max(2, min(NODES, distinct_positions(measurement, axis))))
         for axis in moving_axes(measurement)
     }
     rigid = rigid_model(measurement, bases)
+    wide = [WIDE * quantity.typical for effect in others for quantity in effect.parameter_table]
     offsets = [TargetOffset(name, (0.0, 0.0, 0.0)) for name in on_tool]
-    model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *offsets))
-    prior = np.append(priors(rigid), np.full(3 * len(on_tool), FAR_UM))
+    model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *others, *offsets))
+    prior = np.concatenate([priors(rigid), wide, np.full(3 * len(on_tool), FAR_UM)])
     return fit(measurement, model, prior=prior, variance="estimate")
 
 
