@@ -98,7 +98,7 @@ def test_what_no_cause_explains_is_predicted_and_leaves_the_machine_alone(seed, 
     assert [cause.kind for cause in found.causes if isinstance(cause.effect, Unnamed)] == ["unnamed"]
     (own,) = (cause for cause in found.causes if isinstance(cause.effect, Unnamed))
     assert own.effect.component == draw.causes[0].component
-    assert own.verdict == "strong"
+    assert own.heldout_gain_um > 0.2 * told.after.held_out_um
     assert own.effect.name in {effect.name for effect in found.model.effects}
     said = diagnosis_json(found)
     assert set(said["unexplained"]["variables"]) == {"X", "Z", "time"}
@@ -108,8 +108,10 @@ def test_what_no_cause_explains_is_predicted_and_leaves_the_machine_alone(seed, 
     assert missed_um(found.model, draw, draw.causes, tmp_path) < 0.8 * missed_um(
         told.model, draw, draw.causes, tmp_path
     )
+    # in the one the effect is a function of its own, in the other it is noise of the axis along which it acts
     machine = found.model.part(lambda effect: not isinstance(effect, Unnamed))
-    assert missed_um(machine, draw, (), tmp_path) < missed_um(told.model, draw, (), tmp_path)
+    for model in (machine, told.model):
+        assert missed_um(model, draw, (), tmp_path) < 0.15 * draw.causes[0].size
 
 
 @pytest.mark.statistical
