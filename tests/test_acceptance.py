@@ -98,7 +98,7 @@ def test_the_same_machine_again_confirms_its_calibration():
     assert again.acceptance.none.gains.better
 
 
-@pytest.mark.integration
+@pytest.mark.statistical
 def test_a_calibration_of_another_machine_is_replaced_by_one_that_predicts_better():
     _, first = data(n=150)
     present = calibrate(first, basis="b-spline:4").model

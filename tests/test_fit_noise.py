@@ -56,7 +56,7 @@ def test_noise_that_is_larger_than_specified_may_be_a_missing_effect():
     assert [each.variable for each in found.dependences] == ["the direction of X"]
 
 
-@pytest.mark.integration
+@pytest.mark.statistical
 def test_an_axis_that_does_not_repeat_is_no_fine_error_motion():
     """Random stops with three rows each: a fine basis would follow the error of each stop."""
     found = calibrate(with_stops(3, dict.fromkeys(range(3), 0.02)), hold_out=False, force=True)

@@ -43,6 +43,7 @@ def test_lines_of_diagonals_are_found(strategy, choices, number):
     assert (None if found is None else found.max() + 1) == number
 
 
+@pytest.mark.statistical
 def test_a_fit_on_space_diagonals_does_not_make_the_volume_worse():
     """A basis that errs between the lines would leave nine tenths and more of the volumetric error."""
     truth, data = measured("space-diagonals", 200)

@@ -70,7 +70,7 @@ def test_scale_and_squareness_are_told_in_words_with_their_sizes():
     assert len(set(names)) == len(names)
 
 
-@pytest.mark.integration
+@pytest.mark.statistical
 def test_a_backlash_that_has_grown_is_a_change_with_its_size_then_and_now():
     found = again((Backlash("Y", 30.0),), before=(BACKLASH,))
     (cause,) = found.causes

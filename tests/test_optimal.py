@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from support.tiers import drawn
 
@@ -94,6 +94,7 @@ def test_exchange_helps_and_keeps_number_and_limits(seed):
 # ---- what is in the way
 
 
+@example((0.0, 2.0, 1.0), (0.0, 2.0, 0.0))
 @given(st.tuples(*[st.floats(-5, 5)] * 3), st.tuples(*[st.floats(-5, 5)] * 3))
 def test_a_beam_crosses_a_box_where_one_of_its_points_is_inside(origin, end):
     box = Obstacle((-1.0, -2.0, -np.inf), (1.0, 2.0, 0.5))

@@ -121,7 +121,7 @@ def test_links_off_by_tenths_are_fitted(read):
     assert np.sqrt(np.mean(left**2)) < 0.02
 
 
-@pytest.mark.integration
+@pytest.mark.statistical
 def test_nothing_is_named_of_a_robot_whose_links_are_off(command):
     joints = robot.random_joints(100)
     Path("robot.toml").write_text(robot.toml())

@@ -40,10 +40,13 @@ class Obstacle:
 
     def between(self, origin: Array, points: Array) -> np.ndarray:
         """Mask `(n,)` of the lines from the origin `(3,)` to points `(n, 3)` that cross the box (slab method)."""
-        directions = points - origin
-        directions = np.where(np.abs(directions) < 1e-9, 1e-9, directions)
-        ends = np.stack([(np.array(self.low) - origin) / directions, (np.array(self.high) - origin) / directions])
-        enters, leaves = ends.min(axis=0).max(axis=1), ends.max(axis=0).min(axis=1)
+        low, high, directions = np.array(self.low), np.array(self.high), points - origin
+        along = np.abs(directions) < 1e-9
+        ends = np.stack([low - origin, high - origin])[:, None] / np.where(along, 1.0, directions)
+        # a line along the faces of a slab is in it from end to end, or nowhere
+        within = np.where((low <= origin) & (origin <= high), np.inf, -np.inf)
+        enters = np.where(along, -within, ends.min(axis=0)).max(axis=1)
+        leaves = np.where(along, within, ends.max(axis=0)).min(axis=1)
         return np.asarray((enters <= leaves) & (leaves >= 0.0) & (enters <= 1.0))
 
 
