@@ -274,9 +274,9 @@ class Selector:
                 without = stage.without(i)
                 others = self._evaluated(without, [*stage.accepted[:i], *stage.accepted[i + 1 :]])
                 accepted.append(replace(own, siblings=tuple(siblings(without, own, others))))
-                first = self._best(without, others)
-                likelier = next(iter(accepted[-1].siblings), None)
-                if first is None or first.score.delta_bic >= own.score.delta_bic + BETTER:
+                ahead = [each for each in others if each.score.delta_bic < own.score.delta_bic + BETTER]
+                first, likelier = self._best(without, ahead), next(iter(accepted[-1].siblings), None)
+                if first is None:
                     first = likelier.evaluated if likelier and likelier.log_odds < 0.0 else None
                 if better is None and first:
                     better = chosen_of(stage.accepted)
