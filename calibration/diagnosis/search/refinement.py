@@ -56,7 +56,7 @@ class Added(NamedTuple):
 Refinement = Mapping[str, Added]
 """By axis."""
 GENEROUS = Added(1, 0.2)
-"""Of each axis in the fit about which the evidence is linearised."""
+"""Refinement of each axis in the fit at which the evidence is linearised."""
 
 
 def added(measurement: Measurement, calibration: ErrorModel, axis: str, level: int) -> list[ErrorMotion]:
@@ -80,7 +80,7 @@ def added(measurement: Measurement, calibration: ErrorModel, axis: str, level: i
 def chosen(found: Fit, present: ErrorModel, root: Array, besides: Sequence[Effect]) -> Refinement:
     """The refinement of the greatest evidence, by axis.
 
-    found: a fit, about which the evidence is linearised. present: the calibration and what is fitted with it, at its
+    found: the fit at which the evidence is linearised. present: the calibration and what is fitted with it, at its
     start, with a root `(p, p)` of its prior covariance. besides: changes that have a name, free in the evidence.
     """
     evidence = _Evidence(found, present, root, besides)

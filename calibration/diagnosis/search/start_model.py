@@ -65,7 +65,7 @@ class Base:
     origin: Origin
     choice: Choice | None = None
     known: dict[str, Base] = field(default_factory=dict, compare=False, repr=False)
-    """Bases that were selected already, by what they were selected for."""
+    """Bases that were selected already, by noise, finest size and effects."""
     present: Base | None = None
     """The base without a refinement, where it is that of a calibration of other data."""
     refinement: Refinement | None = None
@@ -240,27 +240,17 @@ def _automatic(
     estimated = None if noise is None else (noise.instrument_factor, noise.non_repeatability)
     key = repr((measurement.instrument, estimated, finest, effects))
     if key not in known:
-        known[key] = _selected(measurement, effects, finest, progress, known)
+        choice = choose(
+            measurement,
+            AUTOMATIC_KINDS,
+            rotary_kind=ROTARY_KIND,
+            effects=(*unknown_approaches(measurement), *effects),
+            finest=finest[0],
+            finest_turn=finest[1],
+            progress=progress,
+        )
+        known[key] = _of_choice(measurement, choice, known)
     return known[key]
-
-
-def _selected(
-    measurement: Measurement,
-    effects: Sequence[Effect],
-    finest: tuple[int, float],
-    progress: Progress,
-    known: dict[str, Base],
-) -> Base:
-    choice = choose(
-        measurement,
-        AUTOMATIC_KINDS,
-        rotary_kind=ROTARY_KIND,
-        effects=(*unknown_approaches(measurement), *effects),
-        finest=finest[0],
-        finest_turn=finest[1],
-        progress=progress,
-    )
-    return _of_choice(measurement, choice, known)
 
 
 def _of_choice(measurement: Measurement, choice: Choice, known: dict[str, Base]) -> Base:

@@ -1,4 +1,4 @@
-"""Zeros of the runs of an interferometer: each fit estimates them, so that what they hold is not in the errors."""
+"""Zeros of the runs of an interferometer: each fit estimates them, so that the errors do not contain them."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class TargetPosition:
     """Standard uncertainties `(3,)`, mm."""
     stated: bool
     others: tuple[str, ...]
-    """Targets, one of which may be wrong by the opposite instead."""
+    """Other targets: one of them may be wrong by the opposite instead."""
     gain: float
     """Reduction of chi2 by this offset."""
     at_once: bool
