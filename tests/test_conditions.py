@@ -18,6 +18,7 @@ from kinematics.effects import (
     Settling,
     StationShift,
     ThermalDrift,
+    WorkpieceDrift,
 )
 from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions, make_conditions
@@ -68,6 +69,21 @@ def test_values_from_options():
         "elapsed_s": 7200.0, "temperatures_degC": {"spindle": 30.0, "bed": 22.5}, "log": None,
     }  # fmt: skip
     assert conditions.text() == "7200 s after time zero, spindle 30 degC, bed 22.5 degC, held over the program"
+
+
+def test_a_shift_of_the_part_turns_with_its_table():
+    """The tool is 60 um too far along X of the part: at C = 90 deg that is -Y of the machine."""
+    out, machine = io.BytesIO(), load("trunnion_ac")
+    model = model_of(machine, WorkpieceDrift(component="X", rate=60.0))
+    source = source_of("G21 G90\nG0 X30.0 Y20.0 Z100.0 A0.0 C0.0\nG0 X30.0 Y20.0 Z100.0 A0.0 C90.0\n")
+    dialect, setup = find_dialect("iso", "", ""), make_setup(machine, zero=True)
+    job = Job(source, dialect, machine, model, setup, conditions=Conditions(3600.0))
+    report = Pipeline(job).run(out, lambda _: None)
+    first, second = out.getvalue().decode(ENCODING).splitlines()[-2:]
+    assert first.startswith("G0 X29.9400 Y20.0")
+    assert second.startswith("G0 X30.0 Y20.0600")
+    assert report.before.largest == pytest.approx(60.0, abs=0.1)
+    assert report.after.largest < 0.1
 
 
 def test_a_lag_runs_over_the_log(log):

@@ -18,6 +18,7 @@ from calibration.diagnosis.search.selection import Accepted, evaluate, siblings
 from calibration.diagnosis.search.start_model import Base
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, below_spacing
+from calibration.fit.fit import fit
 from calibration.measurement.instruments import Part
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.reports.cause_text import title
@@ -46,7 +47,9 @@ from kinematics.effects import (
     StationShift,
     TargetOffset,
     ThermalDrift,
+    TrackerDrift,
     Wobble,
+    WorkpieceDrift,
 )
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
@@ -159,6 +162,57 @@ def test_a_joint_yields_under_the_tool():
     assert Candidate(effect).cause not in {Candidate(*c).cause for c in causes(measured(HEAD_HEAD, q, ONE, model, rng))}
 
 
+def on_the_table(*effects, standing=(), stands_on="workpiece", n=120):
+    """Random positions of the DMU 50; rotary axes may stand still at 0."""
+    machine, rng = machines.load("dmu50"), np.random.default_rng(3)
+    q = positions(machine, n, rng)
+    q[:, [machine.index(axis) for axis in standing]] = 0.0
+    model = msgspec.structs.replace(no_errors(machine), effects=effects)
+    return measured(machine, q, THREE, model, rng, stands_on=stands_on)
+
+
+def of_workpiece(data):
+    """Directions in which a drift of the workpiece is tried."""
+    return {cause.effect.component for cause in causes(data) if isinstance(cause.effect, WorkpieceDrift)}
+
+
+def test_a_drift_of_the_workpiece_is_tried_where_rotary_axes_turn_it():
+    assert of_workpiece(on_the_table()) == set("XYZ")
+    assert of_workpiece(on_the_table(standing="B")) == set("XY")
+    assert of_workpiece(on_the_table(standing="BC")) == of_workpiece(data_with(n=40)) == set()
+    assert of_workpiece(on_the_table(stands_on="bed")) == set()
+
+
+RISE = {"amplitudes": (40.0,), "time_constants_s": (500.0,)}
+
+
+@pytest.mark.parametrize("effect", [WorkpieceDrift(component="Z", **RISE), ThermalDrift(component="Z", **RISE)])
+def test_the_side_of_a_drift_is_found_where_rotary_axes_move(effect):
+    data = on_the_table(effect)
+    linearised = LinearisedFit.of(fit(data, rigid_model(data, dict.fromkeys("XYZBC", BasisChoice("legendre", 1)))))
+    evaluated = evaluate(linearised, library(data, linearised.fit.model)[0])
+    best = evaluated[0]
+    assert best.candidate.cause == Candidate(effect).cause
+    side = type(effect)
+    drifts = [e for e in evaluated if e.candidate.kind == "thermal-drift" and not isinstance(e.candidate.effect, side)]
+    assert best.score.gain > 1.2 * max(each.score.gain for each in drifts)
+
+
+def test_a_drift_of_the_workpiece_at_a_constant_rate_may_be_one_of_the_tracker():
+    """The tracker stands on the workpiece: its own drift is the opposite."""
+    effect = WorkpieceDrift(component="Z", rate=80.0)
+    data = on_the_table(effect)
+    linearised = LinearisedFit.of(fit(data, rigid_model(data, dict.fromkeys("XYZBC", BasisChoice("legendre", 1)))))
+    evaluated = evaluate(linearised, library(data, linearised.fit.model)[0])
+    own = next(each for each in evaluated if each.candidate.effect.name == effect.name)
+    accepted = Accepted(own.candidate, own.score.size, own.score, own.projected.visible, np.zeros(1))
+    (drift,) = (
+        each for each in siblings(linearised, accepted, evaluated)
+        if isinstance(each.evaluated.candidate.effect, TrackerDrift)
+    )  # fmt: skip
+    assert drift.cosine == pytest.approx(1.0, abs=1e-3)
+
+
 def test_wobble_and_racking_are_changes_of_a_calibrated_machine():
     def kinds(machine):
         q = positions(machine, 20, np.random.default_rng(1))
@@ -219,6 +273,10 @@ def test_errors_of_a_measuring_machine_are_tried_on_a_part_in_two_positions():
         (EXPLAINED["bow with time"][0], "thermal-distortion E_ZX 2 (straightness of X)"),
         (EXPLAINED["roll with time"][0], "thermal-distortion E_AX 1 (roll, pitch or yaw of X)"),
         (RangeDrift(1.0), "tracker-range-drift (instrument)"),
+        (
+            WorkpieceDrift(component="Z", rate=1.0),
+            "thermal-drift-workpiece Z (of the table, the fixture or the part, in the workpiece's directions)",
+        ),
     ],
 )
 def test_titles_say_what_a_symbol_means(effect, expected):

@@ -79,7 +79,7 @@ def test_class_facts_are_complete(effect_class):
     assert not effect_class.TITLE.endswith(".")
     assert effect_class.__doc__
     assert re.fullmatch(r"[a-z]+(-[a-z]+)*", effect_class.__struct_config__.tag)
-    assert effect_class.ACTS_ON in ("axis", "tool", "instrument")
+    assert effect_class.ACTS_ON in ("axis", "tool", "workpiece", "instrument")
     assert effect_class.REMEDY in get_args(Remedy)
     assert effect_class.ACTS_ON != "instrument" or effect_class.REMEDY == "none"
     assert set(effect_class.NEEDS) < COLUMNS - {"positions"}

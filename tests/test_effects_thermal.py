@@ -17,6 +17,7 @@ from kinematics.effects import (
     GrowthWithTime,
     QuadraticGrowth,
     ThermalDrift,
+    WorkpieceDrift,
 )
 from kinematics.effects.thermal import lagged
 from kinematics.state import State
@@ -49,6 +50,19 @@ def test_drift_is_in_the_directions_of_the_tool():
     found = deviation_of(ThermalDrift(component="Z", rate=-20.0), machine, state, (0.0, 0.0, -80.0))
     assert found.position == pytest.approx(np.array([[-20e-3, 0.0, 0.0]]), abs=1e-12)
     assert found.orientation == pytest.approx(np.zeros((1, 3)), abs=1e-15)
+
+
+@pytest.mark.parametrize("name", ["dmu50", "head_head", "gantry"])
+@pytest.mark.parametrize("component", "XYZ")
+def test_drift_of_the_workpiece_is_in_its_own_directions_wherever_the_axes_stand(name, component):
+    """By the exact matrix product, in the workpiece frame."""
+    machine, rng = machines.load(name), np.random.default_rng(3)
+    travel = np.where(machine.rotary, np.clip(machine.travel, -np.pi, np.pi), machine.travel)
+    state = State(rng.uniform(*travel, (9, len(machine.axes))), time=np.linspace(0.0, 2 * HOUR, 9))
+    found = deviation_of(WorkpieceDrift(component=component, rate=-20.0), machine, state, (30.0, 0.0, -80.0))
+    expected = np.outer(np.linspace(0.0, -40e-3, 9), np.eye(3)["XYZ".index(component)])
+    assert found.position == pytest.approx(expected, abs=1e-10)
+    assert found.orientation == pytest.approx(np.zeros((9, 3)), abs=1e-15)
 
 
 def test_a_tool_that_tilts_does_so_about_its_reference_point():

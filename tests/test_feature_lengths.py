@@ -5,6 +5,7 @@ import pytest
 from support.effect_examples import EXAMPLES, full_state
 
 from kinematics.effects import QuantisedCompensation
+from kinematics.error_model.model import LONGEST_FEATURE
 
 STEPS = 4
 """In which moves are looked at on a bend length."""
@@ -27,7 +28,8 @@ def along(effect, machine, axis, points):
 def test_second_differences_bound_what_lies_between(example):
     effect, machine = example.effect, example.machine
     for axis in machine.axes:
-        length = effect.feature_lengths.get(axis.name)
+        turns = axis.rotary and effect.ACTS_ON == "workpiece"  # the path of a part on a rotary axis
+        length = effect.feature_lengths.get(axis.name, np.rad2deg(LONGEST_FEATURE) if turns else None)
         if effect.HAS_MEMORY or isinstance(effect, QuantisedCompensation):
             continue  # depends on rows before; jumps, which nothing bounds
         low, high = np.clip(axis.travel, -360.0, 360.0)

@@ -133,7 +133,7 @@ class Named:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Further fields that distinguish it from others: component, other axis, sensor, harmonic, station."""
+        """Further fields that distinguish it from others: component, other axis, sensor, side, ..."""
         names = (
             "component",
             "other",
@@ -150,6 +150,7 @@ class Named:
             "variables",
             "ranges",
             "terms",
+            "side",
         )
         return {name: getattr(self.effect, name) for name in names if getattr(self.effect, name, None) is not None}
 

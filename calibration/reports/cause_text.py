@@ -22,6 +22,8 @@ from kinematics.effects import (
     StationShift,
     TargetOffset,
     Unnamed,
+    WorkpieceDrift,
+    WorkpieceDriftWithSensor,
 )
 from kinematics.effects.base import HOUR, own_component
 from rendering.report import shortened
@@ -62,16 +64,17 @@ def title(cause: Named) -> str:
 
 
 def meaning_of(effect: Effect) -> str:
-    """Meaning of the symbol of a location error or of an error motion that changes; empty for others."""
+    """Meaning of a location error, of an error motion that changes, of a drift of the workpiece; empty for others."""
     if isinstance(effect, LocationError):
         return _line(effect.component, effect.axis)
+    if isinstance(effect, (WorkpieceDrift, WorkpieceDriftWithSensor)):
+        return "of the table, the fixture or the part, in the workpiece's directions"
     if not isinstance(effect, (LocationJump, DistortionWithTime, DistortionWithSensor)):
         return ""
     axis, component = effect.axis, effect.component
-    if axis[0] in "ABC":
-        return f"zero of {axis}" if component == axis[0] else f"line of {axis}"
-    if isinstance(effect, LocationJump):
-        return f"zero of {axis}" if component == own_component(axis) else f"squareness of {axis}"
+    if axis[0] in "ABC" or isinstance(effect, LocationJump):
+        other = "line" if axis[0] in "ABC" else "squareness"
+        return f"{'zero' if component == own_component(axis) else other} of {axis}"
     if component in "ABC":
         return f"roll, pitch or yaw of {axis}"
     return f"squareness of {axis}" if effect.degree == 1 else f"straightness of {axis}"

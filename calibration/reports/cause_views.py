@@ -64,10 +64,13 @@ from kinematics.effects import (
     UnknownApproach,
     Unnamed,
     Wobble,
+    WorkpieceDrift,
+    WorkpieceDriftWithSensor,
     unit_of,
 )
 from kinematics.effects.base import own_motion
 from kinematics.effects.friction import way_since_reversal
+from kinematics.effects.thermal import workpiece_direction
 from kinematics.state import REFERENCE, TIME, State
 from kinematics.transforms import Array
 from rendering.figures import clock
@@ -290,6 +293,17 @@ def _by_heat(cause: _Cause) -> Iterator[View]:
     yield from map(_lined, cause.over(*_drive_of_heat(cause)))
 
 
+def _of_workpiece(cause: _Cause) -> Iterator[View]:
+    """Along the drift's own direction, which turns with the workpiece in the frame of the axis that carries it."""
+    letter = cause.effect.component
+    direction = workpiece_direction(cause.linearised.measurement.machine, cause.state, letter)
+    motions = _motions(cause.effect, cause.linearised.measurement.state, cause.linearised)
+    values = sum(row[cause.linearised.rows] * direction[:, k] for (_, k), row in motions.items())
+    arm = (cause.linearised.transform[:, :, :3] @ direction[:, :, None])[:, :, 0]
+    title = f"workpiece {letter}"
+    yield _lined(cause.along(arm, np.asarray(values), UM, (title, f"{title}, um"), _drive_of_heat(cause)))
+
+
 def _growth(cause: _Cause) -> Iterator[View]:
     """Growth per metre of distance from the fixed point; rows near it are not shown."""
     axis = cause.effect.axis
@@ -434,6 +448,8 @@ VIEWS: Mapping[type, Callable[[_Cause], Iterator[View]]] = {
     FirstCycle: _by_cycle,
     ThermalDrift: _by_heat,
     DriftWithSensor: _by_heat,
+    WorkpieceDrift: _of_workpiece,
+    WorkpieceDriftWithSensor: _of_workpiece,
     GrowthWithTime: _growth,
     GrowthWithSensor: _growth,
     Unnamed: _by_variable,

@@ -53,7 +53,7 @@ def separability_json(design: Sequence[Separability]) -> list[dict[str, Any]]:
 
 def _place(each: Separability) -> str:
     """Axis, component or circle of a cause; `yes` where it is the only one of its family."""
-    return each.name.removeprefix(each.kind).strip() or "yes"
+    return each.name.removeprefix(each.kind).lstrip("- ") or "yes"
 
 
 def _ties(family: Sequence[Separability], kinds: Mapping[str, str]) -> Iterator[str]:

@@ -55,6 +55,8 @@ from kinematics.effects.thermal import (
     GrowthWithTime,
     QuadraticGrowth,
     ThermalDrift,
+    WorkpieceDrift,
+    WorkpieceDriftWithSensor,
 )
 from kinematics.effects.unnamed import Unnamed
 
@@ -82,6 +84,8 @@ Effect = (
     | FirstCycle
     | ThermalDrift
     | DriftWithSensor
+    | WorkpieceDrift
+    | WorkpieceDriftWithSensor
     | GrowthWithTime
     | GrowthWithSensor
     | QuadraticGrowth
@@ -162,5 +166,7 @@ __all__ = [
     "UnknownApproach",
     "Unnamed",
     "Wobble",
+    "WorkpieceDrift",
+    "WorkpieceDriftWithSensor",
     "unit_of",
 ]

@@ -109,7 +109,7 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """
 
     TITLE: ClassVar[str]
-    ACTS_ON: ClassVar[Literal["axis", "tool", "instrument"]] = "axis"
+    ACTS_ON: ClassVar[Literal["axis", "tool", "workpiece", "instrument"]] = "axis"
     """An effect of the instrument is in the data only; it never enters a correction."""
     NEEDS: ClassVar[tuple[str, ...]] = ()
     """Columns of State, besides positions."""

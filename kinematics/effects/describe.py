@@ -15,13 +15,13 @@ HEAD = """# Effects: the physical causes of error
 
 Written by `python -m kinematics.effects > docs/effects.md` from the classes in `kinematics/effects/`; do not edit.
 
-An effect of the *machine* (it acts on an axis or on the tool) is corrected; one of the *instrument* is removed from
-the data and never enters the machine. An error is actual minus nominal, tool relative to workpiece (signs and frames:
-[conventions](conventions.md)); of the instrument, observed minus true. Parameters are in um and urad unless another
-unit is given, positions in mm and degrees. The typical size is the standard deviation of the prior in a fit. *Needs*
-lists the variables that must be known besides the axis positions. The remedy is the simplest one that corrects the
-effect; a corrected program can do everything that a table can. In a diagnosis a parameter's name carries its unit:
-`width_um`.
+An effect of the *machine* (it acts on an axis, on the tool or on the workpiece) is corrected; one of the *instrument*
+is removed from the data and never enters the machine. An error is actual minus nominal, tool relative to workpiece
+(signs and frames: [conventions](conventions.md)); of the instrument, observed minus true. Parameters are in um and urad
+unless another unit is given, positions in mm and degrees. The typical size is the standard deviation of the prior in a
+fit. *Needs* lists the variables that must be known besides the axis positions. The remedy is the simplest one that
+corrects the effect; a corrected program can do everything that a table can. In a diagnosis a parameter's name carries
+its unit: `width_um`.
 """
 NEEDS = {"approach": "direction of approach", "last_move": "last move", "observed": "observed point"}
 """Descriptions of the columns of State whose name is not self-explanatory."""

@@ -1,4 +1,4 @@
-"""Heat: drift of the tool point, growth of axes; by time, or by a temperature with its lag.
+"""Heat: drift of the tool or of the workpiece, growth of axes; by time, or by a temperature with its lag.
 
 Temperatures count from 20 degC, at which the growth is zero. Time counts from the start of the data, at which the
 drift is zero.
@@ -7,7 +7,7 @@ drift is zero.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -25,10 +25,12 @@ from kinematics.effects.base import (
     own_motion,
     unit_of,
 )
+from kinematics.forward import axis_pose
 from kinematics.machine import Machine
 from kinematics.state import State
-from kinematics.transforms import Array
+from kinematics.transforms import Array, turn
 
+Direction = Literal["X", "Y", "Z"]
 MINUTES_30 = 1800.0
 """s: time constant of a spindle or a column, in order of magnitude."""
 
@@ -149,6 +151,54 @@ class DriftWithSensor(CourseOfSensor, frozen=True, tag="thermal-drift-sensor"):
         yield Columns(TOOL, COMPONENTS.index(self.component), self._course(state) * unit_of(self.component)[1])
 
 
+class WorkpieceDrift(Course, frozen=True, tag="thermal-drift-workpiece"):
+    """The table, the fixture or the part grows or shifts with time: a drift in the workpiece's own directions.
+
+    rate t + sum of amplitude (1 - exp(-t / time constant)). The drift is that of the tool relative to the workpiece: a
+    table that rises brings the tool to -Z. The direction turns with the rotary axes that carry the workpiece, that of a
+    drift of the tool point with those of the head. ISO 230-3 (thermal distortion of tables and rotary axes); Mayr et
+    al., CIRP Annals 61/2 (2012).
+    """
+
+    TITLE: ClassVar[str] = "thermal drift of the workpiece's side with time (linear, exponential, two time constants)"
+    ACTS_ON = "workpiece"
+    side: ClassVar[Literal["workpiece"]] = "workpiece"
+    """The drift is not one of the tool's side."""
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("rate", "um/h", 20.0),
+        Parameter("amplitudes", "um", 20.0),
+        Parameter("time_constants_s", "s", MINUTES_30, linear=False, lower=0.0),
+    )
+
+    component: Direction
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `EffectBase.columns`."""
+        yield from _of_workpiece(machine, state, self.component, self._course(state))
+
+
+class WorkpieceDriftWithSensor(CourseOfSensor, frozen=True, tag="thermal-drift-workpiece-sensor"):
+    """The table, the fixture or the part follows a temperature, with or without lag, in the workpiece's own directions.
+
+    The drift is that of the tool relative to the workpiece: a table that rises brings the tool to -Z. ISO 230-3.
+    """
+
+    TITLE: ClassVar[str] = "thermal drift of the workpiece's side with a temperature, with lag"
+    ACTS_ON = "workpiece"
+    side: ClassVar[Literal["workpiece"]] = "workpiece"
+    """The drift is not one of the tool's side."""
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("coefficient", "um/K", 5.0),
+        Parameter("lag_s", "s", MINUTES_30, linear=False, lower=0.0, closed=True),
+    )
+
+    component: Direction
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `EffectBase.columns`."""
+        yield from _of_workpiece(machine, state, self.component, self._course(state))
+
+
 class GrowthWithTime(Course, frozen=True, tag="thermal-scale"):
     """The scale of a linear axis grows with time: forward of its fixed point the tool is too far forward.
 
@@ -267,6 +317,24 @@ class GrowthWithDuty(EffectBase, frozen=True, tag="thermal-scale-duty"):
         faded = self.time_constant_s * late[at]
         changed = self.growth * (late[at] + self.time_constant_s * slope[at])
         yield _growth(machine, state, self.axis, self.fixed_point, np.stack([faded, changed], axis=1))
+
+
+def workpiece_direction(machine: Machine, state: State, component: Direction) -> Array:
+    """A direction of the workpiece `(n, 3)` in the error frame of the machine's first axis.
+
+    Errors of an axis that carries the workpiece lie behind its own turn.
+    """
+    axis, own = machine.axes[0], np.eye(3)[["XYZ".index(component)]]
+    if axis.side == "workpiece":
+        own = turn(axis_pose(axis, state.positions[:, 0]).inverse().rotation, own)
+    return np.asarray(np.broadcast_to(own, (len(state), 3)) @ axis.error_frame)
+
+
+def _of_workpiece(machine: Machine, state: State, component: Direction, course: Array) -> Iterator[Columns]:
+    """Columns of a displacement along a direction of the workpiece, whose course is in um."""
+    for k, share in enumerate(workpiece_direction(machine, state, component).T):
+        if share.any():
+            yield Columns(0, k, share[:, None] * course * UM)
 
 
 def _check_linear(axis: str, name: str) -> None:

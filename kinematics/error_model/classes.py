@@ -8,7 +8,7 @@ Every effect belongs to one elementary class, by its axis and the direction of i
 | L-STR, R-RAX | straightness; radial and axial error motions | linear, rotary |
 | L-SQU, R-POR | squareness; position and orientation of the axis line | linear, rotary |
 | L-ANG, R-ANG | angular error motions; tilt error motions | linear, rotary |
-| SPEC | errors outside the report's classes: displacement of the tool itself | - |
+| SPEC | errors outside the report's classes: displacement of the tool or of the workpiece | - |
 
 L-VOL and R-VOL hold all four, L-VOL+ and R-VOL+ the functional orientation (FOR) as well, which the rotary axes must
 correct. Lines "along which" L-POS, L-STR and L-SQU hold are those through the reference points of the axes. The slope

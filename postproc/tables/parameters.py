@@ -11,7 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.effects import UM, Backlash, GrowthWithSensor, GrowthWithTime, LocationError, ThermalDrift
+from kinematics.effects import (
+    UM,
+    Backlash,
+    GrowthWithSensor,
+    GrowthWithTime,
+    LocationError,
+    ThermalDrift,
+    WorkpieceDrift,
+)
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from postproc.tables.format import Content
@@ -88,7 +96,7 @@ def parameter_rows(model: ErrorModel, content: Content, family: str) -> list[Row
         elif isinstance(effect, GrowthWithSensor):
             value = f"{effect.coefficient:.4f} um/m/K of sensor {effect.sensor}, fixed at {effect.fixed_point:g}"
             rows.append(Row(f"growth of {effect.axis}", value, control_parameters.get("growth", ""), NOT_HELD))
-        elif isinstance(effect, GrowthWithTime | ThermalDrift):
+        elif isinstance(effect, GrowthWithTime | ThermalDrift | WorkpieceDrift):
             parts = zip(effect.parameter_table, effect.parameters, strict=True)
             value = ", ".join(f"{p.name} {v:.4f} {p.unit}" for p, v in parts)
             rows.append(Row(effect.name, value, control_parameters.get("growth", ""), NOT_HELD))

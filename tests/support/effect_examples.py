@@ -54,6 +54,8 @@ from kinematics.effects import (
     UnknownApproach,
     Unnamed,
     Wobble,
+    WorkpieceDrift,
+    WorkpieceDriftWithSensor,
 )
 from kinematics.error_model.model import no_errors
 from kinematics.machine import Machine
@@ -164,6 +166,13 @@ EXAMPLES = [
     Example(
         DriftWithSensor(component="B", sensor="column", coefficient=-6.0, lag_s=700.0),
         "thermal-drift-sensor B column", "urad/K s", "coefficient_urad_per_k lag_s", "tool B",
+    ),
+    Example(WorkpieceDrift(component="Z", rate=-25.0), "thermal-drift-workpiece Z", "um/h", "rate_um_per_h", "E_ZC"),
+    Example(WorkpieceDrift(component="X", **TWO), "thermal-drift-workpiece X", "um/h um um s s", "rate_um_per_h amplitudes_um time_constants_s", "E_XC, E_YC", BACKWARD),
+    Example(WorkpieceDrift(component="Y", **RISE), "thermal-drift-workpiece Y", "um s", "amplitudes_um time_constants_s", "E_YX", HEAD_HEAD),
+    Example(
+        WorkpieceDriftWithSensor(component="Y", sensor="column", coefficient=-6.0, lag_s=700.0),
+        "thermal-drift-workpiece-sensor Y column", "um/K s", "coefficient_um_per_k lag_s", "E_XC, E_YC",
     ),
     Example(GrowthWithTime(axis="X", rate=15.0, fixed_point=-250.0), "thermal-scale X", "um/m/h", "rate_um_per_m_per_h", "E_XX"),
     Example(GrowthWithTime(axis="Y", **RISE), "thermal-scale Y", "um/m s", "amplitudes_um_per_m time_constants_s", "E_YY", BACKWARD),

@@ -20,6 +20,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 
 SMOOTH = (
     *("error-motion", "location", "cross-axis", "thermal-drift", "thermal-scale", "thermal-drift-sensor"),
+    *("thermal-drift-workpiece", "thermal-drift-workpiece-sensor"),
     *("thermal-scale-sensor", "station-shift", "tracker-drift", "tracker-range", "air-scale", "tracker-angle"),
 )
 """Kinds that another smooth function of their variables could imitate."""

@@ -38,6 +38,8 @@ from kinematics.transforms import Array
 
 KINDS = {
     "thermal-drift-sensor": "thermal-drift",
+    "thermal-drift-workpiece": "thermal-drift",
+    "thermal-drift-workpiece-sensor": "thermal-drift",
     "thermal-scale-sensor": "thermal-scale",
     "thermal-scale-quadratic": "thermal-scale",
     "thermal-distortion-sensor": "thermal-distortion",
@@ -50,6 +52,7 @@ RARE_KINDS = (
     "settling", "first-cycle", "late-read-back", "tracker-drift", "reversal", "lateral-play", "hysteresis",
     "reversal-spike", "servo-mismatch", "location-jump", "thermal-distortion", "thermal-distortion-sensor",
     "thermal-scale-duty", "tracker-range-drift", "air-scale-drift", "racking", "wobble", "joint-compliance", "ram-sag",
+    "thermal-drift-workpiece", "thermal-drift-workpiece-sensor",
 )  # fmt: skip
 """Kinds that also imitate a common cause: backlash, a thermal drift, a knock at the tracker, a change of geometry."""
 FEW = 3
@@ -105,13 +108,13 @@ class Candidate:
 
     @property
     def cause(self) -> tuple[str, str | None, str | None]:
-        """Key that all variants of one cause share: kind, axis, component, and other axis, degree or moment.
+        """Key that all variants of one cause share: kind, axis, component, and other axis, degree, side or moment.
 
         A reversal along its own axis is a backlash that changes with the position.
         """
         if isinstance(self.effect, Reversal) and self.effect.component == own_component(self.effect.axis):
             return BACKLASH, self.axis, None
-        fields = (getattr(self.effect, field, None) for field in ("component", "other", "degree", "motion"))
+        fields = (getattr(self.effect, field, None) for field in ("component", "other", "degree", "motion", "side"))
         moment = None if getattr(self.effect, "since_s", None) is None else "since"
         return self.kind, self.axis, "".join(str(field) for field in (*fields, moment) if field is not None) or None
 

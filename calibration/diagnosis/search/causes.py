@@ -7,7 +7,7 @@ wobble and the sag of a ram with its own overhang (see `candidates.changes`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations, permutations
 from typing import Any, NamedTuple, cast, get_args
 
@@ -52,9 +52,13 @@ from kinematics.effects import (
     TargetOffset,
     ThermalDrift,
     TrackerDrift,
+    WorkpieceDrift,
+    WorkpieceDriftWithSensor,
 )
 from kinematics.effects.base import own_component
 from kinematics.effects.friction import way_since_reversal
+from kinematics.effects.thermal import Direction
+from kinematics.forward import forward
 from kinematics.state import State
 
 TIME_CONSTANTS = (0.1, 0.2, 0.4, 0.8)
@@ -69,6 +73,8 @@ WARMER = 0.2
 """Range of a temperature, K, above which candidates depend on it."""
 CURVED = 2.0
 """Range of a temperature, K, above which a growth may be curved."""
+TURNED = 0.1
+"""Least change of a direction, rad, by which the sides of tool and workpiece differ."""
 HARMONICS = (1, 2)
 OWN_DEGREE, OTHER_DEGREE = 1, 2
 """Degrees of error motions that depend on another axis."""
@@ -188,10 +194,13 @@ def _thermal(measurement: Measurement, axes: dict[str, Interval]) -> Iterator[Ca
     if measurement.component is not None:
         along |= {cast(Component, str(letter)) for letter in np.unique(measurement.component) if letter}
     components = [c for c in get_args(Component) if measurement.axis is None or c in along]
+    turning = _turning(measurement)
     for course in courses:
         shapes = len(course) - 1
         for component in components:
             yield Cause(ThermalDrift(component=component, **course), shapes, 1.0 + PER_SHAPE * shapes)
+        for direction in turning:
+            yield Cause(WorkpieceDrift(component=direction, **course), shapes, 1.0 + PER_SHAPE * shapes)
         for axis in linear:
             yield Cause(GrowthWithTime(axis=axis, **course), shapes, 1.0 + PER_SHAPE * shapes)
     lags = [max(share * span, 1.0) for share in LAGS] if of_machine and given(state, "time") else []
@@ -199,16 +208,34 @@ def _thermal(measurement: Measurement, axes: dict[str, Interval]) -> Iterator[Ca
         yield from (Cause(GrowthWithDuty(axis, 0.0, lag), 1, 1.0 + PER_SHAPE) for lag in lags)
     for sensor in _warming(state, WARMER):
         for lag in (None, *lags):
-            shapes = 0 if lag is None else 1
-            for component in components:
-                if lag is None or component in "XYZ":
-                    drift = DriftWithSensor(component=component, sensor=sensor, coefficient=0.0, lag_s=lag)
-                    yield Cause(drift, shapes, 1.0 + PER_SHAPE * shapes)
-            for axis in linear:
-                growth = GrowthWithSensor(axis=axis, sensor=sensor, coefficient=0.0, lag_s=lag)
-                yield Cause(growth, shapes, 1.0 + PER_SHAPE * shapes)
+            late, shapes = {"sensor": sensor, "coefficient": 0.0, "lag_s": lag}, 0 if lag is None else 1
+            for effect in _with_sensor(late, components, turning, linear):
+                yield Cause(effect, shapes, 1.0 + PER_SHAPE * shapes)
     for sensor in _warming(state, CURVED):
         yield from (Cause(QuadraticGrowth(axis, sensor, 0.0, 0.0)) for axis in linear)
+
+
+def _with_sensor(
+    course: dict[str, Any], components: Sequence[Component], turning: Sequence[Direction], linear: Sequence[str]
+) -> Iterator[Effect]:
+    """Drifts of the tool, without the tilts if late, and of the workpiece, and growth of axes, by one sensor."""
+    for component in components:
+        if course["lag_s"] is None or component in "XYZ":
+            yield DriftWithSensor(component=component, **course)
+    yield from (WorkpieceDriftWithSensor(component=direction, **course) for direction in turning)
+    yield from (GrowthWithSensor(axis=axis, **course) for axis in linear)
+
+
+def _turning(measurement: Measurement) -> list[Direction]:
+    """Directions of the workpiece that turn against the tool in the data, where the instrument sees the workpiece move.
+
+    Elsewhere a drift of the workpiece along them is one of the tool.
+    """
+    on_table = any(target.carrier == "table" for target in measurement.targets.values())
+    if measurement.axis is not None or (measurement.stands_on == "bed" and not on_table):
+        return []
+    turned = np.ptp(forward(measurement.machine, measurement.state.positions).rotation, axis=0)
+    return [letter for letter, row in zip(get_args(Direction), turned, strict=True) if row.max() > TURNED]
 
 
 def _warming(state: State, least: float) -> list[str]:
