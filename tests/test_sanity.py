@@ -14,10 +14,12 @@ import machines
 from calibration.measurement.instruments import Interferometer
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.measurement.readers import read_any
+from calibration.plausibility.chain_order import other_chains
 from calibration.plausibility.checks import Finding, sanity
 from calibration.simulation.simulate import Faults, observe, spoil
 from kinematics.effects import Backlash, FollowingError
 from kinematics.error_model.model import no_errors
+from kinematics.machine import split_chain
 from kinematics.state import State
 
 MACHINES = {name: machines.load(name) for name in machines.names()} | {"montavon": MONTAVON}
@@ -71,6 +73,44 @@ def test_nothing_wrong_with_the_real_slit_axis(slit_log):
     single = machines.load(str(Path(__file__).parents[1] / "examples" / "single_axis.toml"))
     names = {"command": "IOC_TEST:Axis1-PosAct", "observed": "IOC_TEST:ec0-s4-EL7211-Enc-PosAct"}
     assert sanity(read_any(slit_log, single, header={**names, "axis": "X", "u_um": "0.5"})) == []
+
+
+# ---- the chain of the machine's file
+
+
+def in_the_file(m: Measurement, chain: str) -> Measurement:
+    """The measurement as read with a machine's file of another chain."""
+    machine, places = m.machine, split_chain(chain)
+    other = replace(machine, axes=tuple(replace(machine.axes[machine.index(name)], side=side) for name, side in places))
+    positions = m.state.positions[:, [machine.index(name) for name in other.names]]
+    return replace(m, machine=other, state=State(positions, target=m.state.target, observed=m.observed))
+
+
+@pytest.mark.parametrize(
+    ("name", "chain", "found"),
+    [
+        ("trunnion_ac", "w A C b X Y Z t", "w C A b X Y Z t"),
+        ("head_head", "w b X Y Z B C t", "w b X Y Z C B t"),
+        ("dmu50", "w C b X Y Z B t", "w C B b X Y Z t"),
+        ("head_table", "w b X Y Z B C t", "w C b X Y Z B t"),
+    ],
+)
+def test_a_wrong_order_of_the_axes_is_found(name, chain, found):
+    m = in_the_file(virtual(MACHINES[name], n=120), chain)
+    finding = the_only(sanity(m))
+    assert (finding.check, finding.fatal) == ("chain", True)
+    expected = f"with the axes in the order {found} (the machine's file has {chain}: check it against the machine)"
+    assert finding.message.endswith(expected)
+
+
+def test_orders_with_the_same_nominal_points_are_tried_once():
+    """Linear axes, rotary axes that stand still, C beside Z, and the bed where nothing on it is observed."""
+    q = positions(DMU50, 20, np.random.default_rng(1))
+    m = moved(virtual(DMU50, n=20), np.where(np.array(DMU50.names) == "C", 0.0, q))
+    chains = [other.measurement.machine.chain for other in other_chains(m)]
+    assert chains == ["w C b X B Y Z t", "w C b X Y B Z t", "w C b X Y Z B t"]
+    assert not list(other_chains(virtual(GANTRY, n=20)))
+    assert len(list(other_chains(replace(m, stands_on="bed")))) > len(chains)
 
 
 # ---- mistakes of points

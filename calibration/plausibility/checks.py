@@ -1,7 +1,8 @@
 """Checks of the plausibility of a measurement, without a model of the machine's errors.
 
-A recording mistake is found if its reversal reduces the residual of the nominal machine by a factor of FALLS, to a
-value that is usual for machines (PLAUSIBLE). Machine errors of 0.1 mm and 0.1 mrad do not cause a finding.
+A recording mistake, or a wrong order of the axes in the machine's file, is found if its reversal reduces the residual
+of the nominal machine by a factor of FALLS, to a value that is usual for machines (PLAUSIBLE). Machine errors of 0.1 mm
+and 0.1 mrad do not cause a finding.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from scipy import special
 
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import duplicates
+from calibration.plausibility.chain_order import other_chains
 from calibration.plausibility.recording_mistakes import (
     Alternative,
     alternatives,
@@ -181,7 +183,7 @@ def _small_volume(measurement: Measurement) -> Iterator[Finding]:
 
 
 def _mistakes(measurement: Measurement) -> Iterator[Finding]:
-    """Recording mistakes of points, each reversed in turn; otherwise stations or whole measurements that do not fit."""
+    """Recording mistakes of points, and other chains, each tried in turn; otherwise stations that do not fit."""
     rows = np.arange(len(measurement))
     if len(rows) > ROWS:
         rows = np.sort(np.random.default_rng(0).choice(rows, ROWS, replace=False))
@@ -190,7 +192,7 @@ def _mistakes(measurement: Measurement) -> Iterator[Finding]:
     before = worst_rms(some, residual)
     if before < SUSPICIOUS:
         return
-    for kinds in (alternatives, misplaced):
+    for kinds in (alternatives, other_chains, misplaced):
         tried = [(worst_rms(other.measurement, misfit(other.measurement)[0]), other) for other in kinds(some)]
         best = min((after for after, _ in tried), default=np.inf)
         if best < before / FALLS and best < PLAUSIBLE:
