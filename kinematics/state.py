@@ -45,6 +45,8 @@ class State:
     """`(n,)`, s."""
     temperatures: Mapping[str, Array] = field(default_factory=dict)
     """By sensor `(n,)`, K from 20 degC."""
+    spindle_speed: Array | None = None
+    """Mean speed of the spindle since the row before `(n,)`, rpm."""
     cycle: Array | None = None
     """Number of the measuring cycle `(n,)`, from 0."""
     station: np.ndarray | None = None

@@ -29,6 +29,7 @@ from kinematics.effects import (
     Backlash,
     DistortionWithSensor,
     DistortionWithTime,
+    DriftWithDuty,
     DriftWithSensor,
     GrowthWithDuty,
     GrowthWithSensor,
@@ -59,6 +60,7 @@ N = 100
 X, Y, Z = (CFRAME.axes[CFRAME.index(name)].travel for name in "XYZ")
 WARM = {"temperatures": {"column": 6.0 * np.sin(np.arange(N) / 12.0) ** 2}}
 MOVING = {"velocity": np.random.default_rng(5).normal(0.0, 40.0, (N, 3))}
+TURNING = {"spindle_speed": np.repeat([0.0, 9000.0, 3000.0, 0.0, 12000.0], N // 5)}
 MIDDLE = 15.0 * N / 2
 
 EXPLAINED = {
@@ -79,6 +81,7 @@ EXPLAINED = {
     "late sensor, growth": (GrowthWithSensor(axis="X", sensor="column", coefficient=80.0, lag_s=400.0), WARM),
     "quadratic growth": (QuadraticGrowth("X", "column", 2.0, 8.0), WARM),
     "duty": (GrowthWithDuty("X", 40.0, 300.0), {}),
+    "spindle": (DriftWithDuty("Z", -4.0, 300.0), TURNING),
     "range drift": (RangeDrift(400.0), {}),
     "air drift": (AirDrift(40.0), {}),
     "zero of an axis": (LocationJump("X", "X", 25.0, MIDDLE), {}),
@@ -235,6 +238,15 @@ def test_an_error_between_the_signals_of_an_encoder_is_listed_as_not_visible():
     x = np.column_stack([np.arange(300) * 0.002, np.zeros(300), np.zeros(300)])
     fine = measured(CFRAME, x, ONE, no_errors(CFRAME), np.random.default_rng(1))
     assert not list(below_spacing(fine))
+
+
+def test_heat_of_a_spindle_needs_its_speeds():
+    def tried_on(**columns):
+        return any(isinstance(cause.effect, DriftWithDuty) for cause in causes(data_with(n=N, **columns)))
+
+    assert tried_on(**TURNING)
+    assert not tried_on()
+    assert not tried_on(spindle_speed=np.full(N, 9000.0))  # a drift with time
 
 
 def test_a_jump_needs_the_stations_of_a_tracker():

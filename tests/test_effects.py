@@ -35,7 +35,7 @@ ROOT = Path(__file__).parents[1]
 COLUMNS = {field.name for field in fields(State) if field.init}
 UNITS = {
     "um", "urad", "um/m", "um/K", "um/m/K", "um/h", "um/m/h", "urad/rad", "urad/K", "urad/h", "mm", "deg", "s", "ms",
-    "ms2", "ppm", "urad/m", "um/m3", "um/m/K2", "um/m/m",
+    "ms2", "ppm", "urad/m", "um/m3", "um/m/K2", "um/m/m", "um/krpm", "urad/krpm",
 }  # fmt: skip
 
 every_class = pytest.mark.parametrize("effect_class", EFFECTS, ids=[effect.__name__ for effect in EFFECTS])

@@ -11,6 +11,7 @@ import machines
 from kinematics.effects import (
     DistortionWithSensor,
     DistortionWithTime,
+    DriftWithDuty,
     DriftWithSensor,
     GrowthWithDuty,
     GrowthWithSensor,
@@ -111,6 +112,16 @@ def test_duty_warms_a_screw_that_cools_at_rest():
             scale += (end - start) / steps * (growth * v - scale / tau)
         expected.append(scale)
     assert found == pytest.approx(np.array(expected) * x * 1e-6, rel=1e-4, abs=1e-9)
+
+
+def test_a_spindle_grows_while_it_turns_and_shrinks_at_rest():
+    """d drift/dt = (growth x speed - drift) / tau: 8000 rpm for 1.5 tau, a rest of tau, 12,000 rpm for 0.1 tau."""
+    tau = 900.0
+    state = standing(4, time=np.array([100.0, 1450.0, 2350.0, 2440.0]), spindle_speed=np.array([5e3, 8e3, 0.0, 12e3]))
+    found = deviation_of(DriftWithDuty("Z", -3.0, tau), GANTRY, state).position[:, 2] * 1e3
+    hot = -24.0 * (1 - np.exp(-1.5))
+    cold = hot * np.exp(-1.0)
+    assert found == pytest.approx([0.0, hot, cold, -36.0 + (36.0 + cold) * np.exp(-0.1)])
 
 
 def test_rows_of_one_moment_add_no_duty():

@@ -106,6 +106,14 @@ def test_optional_columns(read):
     assert m.rows(slice(1, 2)).feed == [1200]
 
 
+def test_speed_of_the_spindle(read):
+    m = read(replaced(TRACKER, ("temp_scale", "spindle_rpm"), ("20.50", "12000")))
+    assert m.state.spindle_speed.tolist() == [20.0, 12000.0, 21.0]
+    assert not m.notes
+    timeless = read(replaced(TRACKER, ("temp_scale", "spindle_rpm"), ("time_s", "temp_bed")))
+    assert timeless.notes == ("the speed of the spindle is not used: its heat needs the column time_s",)
+
+
 def test_interferometer(read):
     m = read(INTERFEROMETER, DMU50)
     assert m.instrument == Interferometer(0.3, 0.5)
@@ -240,6 +248,9 @@ BROKEN = [
     (TRACKER, [("389.2", "")], "m.csv:10 column x: empty"),
     (TRACKER, [(",t2,", ",,")], "m.csv:10 column target: empty"),
     (TRACKER, [("20.50", "warm")], "m.csv:10 column temp_scale: 'warm' is no number"),
+    (TRACKER, [("temp_scale", "spindle_rpm"), ("20.50", "-500")], "m.csv:10 column spindle_rpm: is below 0: a speed is positive"),
+    (TRACKER, [("temp_scale", "spindle_rpm"), ("20.50", "2e6")], "m.csv:10 column spindle_rpm: is more than 1e+06, and no speed"),
+    (TRACKER, [("temp_scale", "spindle_rpm"), ("20.50", "")], "m.csv:10 column spindle_rpm: empty"),
     (TRACKER, [("389.2", "389,2")], "m.csv:10: 10 cells, but 9 columns have names (a decimal comma?)"),
     (TRACKER, [(",20.50", "")], "m.csv:10: 8 cells, but 9 columns have names"),
     (TRACKER, [("8.0,500.0", '8.0,"500.0')], "m.csv:10: unexpected end of data"),
@@ -378,6 +389,7 @@ def measurements(draw, exact: bool = True):
         positions(),
         time=time,
         temperatures={name: np.array([v - 20.0 for v in column()]) for name in sensors},
+        spindle_speed=None if time is None else maybe(lambda: np.minimum(np.abs(column()), 1e6)),
         cycle=cycle,
         station=maybe(lambda: column(names)),
         target=column(st.sampled_from(list(targets))),
@@ -391,7 +403,8 @@ def measurements(draw, exact: bool = True):
         state = with_moves(state, approach)
     elif approach is not None:
         state = State(state.positions, approach=approach, **{
-            name: getattr(state, name) for name in ("time", "temperatures", "cycle", "station", "target", "observed")
+            name: getattr(state, name)
+            for name in ("time", "temperatures", "spindle_speed", "cycle", "station", "target", "observed")
         })  # fmt: skip
     zero = draw(vectors) if kind == "part" else (0.0, 0.0, 0.0)
     return Measurement(

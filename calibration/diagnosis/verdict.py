@@ -72,6 +72,7 @@ REMEDIES = {
     "reversal-spike": "positions at short steps behind a reversal",
     "servo-mismatch": "a circle or a line at 45 degrees in both directions, at two feeds",
     "thermal-scale-duty": "a log of the axis' temperature, and the same positions once more after a rest",
+    "thermal-drift-duty": "the same positions after spells of different spindle speeds and after rests, with times",
     "thermal-distortion": "positions in shuffled order, or measured once more backwards, with times and temperatures",
     "joint-compliance": "the same pose with another weight at the tool, and with the arm stretched and folded",
     "ram-sag": "both axes of the ram in and out, independently of each other",

@@ -256,7 +256,7 @@ def _columns(measurement: Measurement) -> dict[str, np.ndarray]:
         columns |= {xyz: measurement.observed[:, i] for i, xyz in enumerate("xyz"[: instrument.components])}
     if measurement.scatter is not None:
         columns["scatter_um"] = _in_units(measurement.scatter, UM)
-    columns["feed"] = measurement.feed
+    columns |= {"feed": measurement.feed, "spindle_rpm": state.spindle_speed}
     if measurement.actual is not None:
         for i in np.flatnonzero(~np.isnan(measurement.actual).any(axis=0)).tolist():
             columns[f"actual_{machine.names[i]}"] = _in_units(measurement.actual[:, i], machine.scale[i])

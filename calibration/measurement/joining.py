@@ -93,6 +93,7 @@ def _state(measurements: Sequence[Measurement], names: list[str], notes: list[st
         acceleration=column("acceleration", "the acceleration"),
         time=_time(measurements, names, notes),
         temperatures=_temperatures(states, names, notes),
+        spindle_speed=column("spindle_speed", "the speed of the spindle"),
         cycle=column("cycle", "run as a cycle"),
         station=None if measurements[0].axis is not None else stations,
         target=column("target", "the target"),

@@ -29,6 +29,8 @@ FITTED = 6
 """Least number of rows of a target on the tool whose position is fitted because the header does not give it."""
 DIRECTIONS = {"+1": 1, "1": 1, "+": 1, "forward": 1, "-1": -1, "-": -1, "backward": -1}
 PLAIN_NAME = re.compile(r'[^\s,:"]+')
+FASTEST = 1e6
+"""Largest accepted speed of a spindle, rpm."""
 SAME_POSITION = 1e-6
 """Difference, mm or rad, up to which two columns for one axis agree."""
 NOMINAL_AGREES = 1e-3
@@ -59,7 +61,19 @@ def state_columns(machine: Machine) -> list[str]:
     """Names of the columns that any file may have; `temp_<name>` represents all sensors; `point` is a comment."""
     axes = machine.names
     directions, actual = (f"dir_{name}" for name in axes), (f"actual_{name}" for name in axes)
-    return [*axes, "time_s", "feed", "target", "station", "run", "point", *directions, *actual, "temp_<name>"]
+    return [
+        *axes,
+        "time_s",
+        "feed",
+        "spindle_rpm",
+        "target",
+        "station",
+        "run",
+        "point",
+        *directions,
+        *actual,
+        "temp_<name>",
+    ]
 
 
 def allow_columns(table: Table, known: list[str]) -> None:
@@ -107,6 +121,7 @@ def read_states(table: Table, machine: Machine, notes: list[str]) -> Measurement
         positions,
         time=_ordered(table, optional.get("time_s"), notes),
         temperatures=read_temperatures(table),
+        spindle_speed=_spindle_speed(table, notes),
         cycle=None if run is None else _in_order(run).astype(float),
         station=texts.get("station"),
         target=target,
@@ -341,6 +356,20 @@ def read_temperatures(table: Table) -> dict[str, Array]:
     """Temperatures `(n,)`, K from 20 degC, by sensor."""
     columns = table.numbers([name for name in table.names if name.startswith("temp_")])
     return {name.removeprefix("temp_"): column - REFERENCE for name, column in columns.items()}
+
+
+def _spindle_speed(table: Table, notes: list[str]) -> Array | None:
+    """Mean speed of the spindle since the row before `(n,)`, rpm; None without the column."""
+    if "spindle_rpm" not in table.names:
+        return None
+    speed = table.numbers(["spindle_rpm"])["spindle_rpm"]
+    if np.any(speed < 0.0):
+        table.fault(int(np.argmax(speed < 0.0)), "spindle_rpm", "is below 0: a speed is positive in both directions")
+    if np.any(speed > FASTEST):
+        table.fault(int(np.argmax(speed > FASTEST)), "spindle_rpm", f"is more than {FASTEST:g}, and no speed in rpm")
+    if "time_s" not in table.names:
+        notes.append("the speed of the spindle is not used: its heat needs the column time_s")
+    return speed
 
 
 def _actual(table: Table, machine: Machine) -> Array | None:

@@ -49,6 +49,7 @@ from kinematics.effects.instrument import (
 )
 from kinematics.effects.load import JointCompliance, RamSag
 from kinematics.effects.thermal import (
+    DriftWithDuty,
     DriftWithSensor,
     GrowthWithDuty,
     GrowthWithSensor,
@@ -84,6 +85,7 @@ Effect = (
     | FirstCycle
     | ThermalDrift
     | DriftWithSensor
+    | DriftWithDuty
     | WorkpieceDrift
     | WorkpieceDriftWithSensor
     | GrowthWithTime
@@ -128,6 +130,7 @@ __all__ = [
     "Cyclic",
     "DistortionWithSensor",
     "DistortionWithTime",
+    "DriftWithDuty",
     "DriftWithSensor",
     "Effect",
     "EffectBase",

@@ -310,13 +310,43 @@ class GrowthWithDuty(EffectBase, frozen=True, tag="thermal-scale-duty"):
         """See `EffectBase.columns`."""
         time, position = state.need("time", self.name), state.positions[:, machine.index(self.axis)] * 1e-3
         step, way = np.diff(time), np.abs(np.diff(position))
-        speed = np.divide(way, step, out=np.zeros_like(way), where=step > 0)
-        # a speed that jumps is two rows of the same time
-        twice, at = np.repeat(time, 2)[: 2 * len(time) - 1], np.arange(0, 2 * len(time) - 1, 2)
-        late, slope = lagged(np.append(0.0, np.repeat(speed, 2))[: len(twice)], twice, self.time_constant_s)
-        faded = self.time_constant_s * late[at]
-        changed = self.growth * (late[at] + self.time_constant_s * slope[at])
+        late, slope = _at_speed(
+            np.divide(way, step, out=np.zeros_like(way), where=step > 0), time, self.time_constant_s
+        )
+        faded = self.time_constant_s * late
+        changed = self.growth * (late + self.time_constant_s * slope)
         yield _growth(machine, state, self.axis, self.fixed_point, np.stack([faded, changed], axis=1))
+
+
+class DriftWithDuty(EffectBase, frozen=True, tag="thermal-drift-duty"):
+    """The tool point follows the speed of the spindle, whose bearings and motor warm up. In the tool's own directions.
+
+    d drift/dt = (growth x speed - drift) / time constant, from zero at the first row: growth is the drift in um per
+    1000 rpm after several time constants at that speed. The speed of a row is the mean one since the row before. A
+    spindle that grows brings the tool to -Z. Rotations are about the tool reference point. ISO 230-3 (thermal
+    distortion caused by the rotating spindle).
+    """
+
+    TITLE: ClassVar[str] = "thermal drift of the tool point with the speed of the spindle (duty)"
+    ACTS_ON = "tool"
+    NEEDS: ClassVar[tuple[str, ...]] = ("spindle_speed", "time")
+    REMEDY: ClassVar[Remedy] = "none"
+    HAS_MEMORY: ClassVar[bool] = True
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("growth", "um/krpm or urad/krpm", 2.0),
+        Parameter("time_constant_s", "s", MINUTES_30, linear=False, lower=0.0),
+    )
+
+    component: Component
+    growth: float
+    time_constant_s: float
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002  the same on any machine
+        """See `EffectBase.columns`."""
+        speed, time = state.need("spindle_speed", self.name), state.need("time", self.name)
+        late, slope = _at_speed(speed[1:] * 1e-3, time, self.time_constant_s)
+        course = np.stack([late, self.growth * slope], axis=1)
+        yield Columns(TOOL, COMPONENTS.index(self.component), course * unit_of(self.component)[1])
 
 
 def workpiece_direction(machine: Machine, state: State, component: Direction) -> Array:
@@ -346,6 +376,14 @@ def _growth(machine: Machine, state: State, axis: str, fixed_point: float, cours
     """Columns of a growth whose course is in um per m of the distance from the fixed point, mm."""
     i, component, forward = own_motion(machine, axis)
     return Columns(i, component, course * (forward * 1e-3 * UM) * (state.positions[:, [i]] - fixed_point))
+
+
+def _at_speed(speed: Array, time: Array, lag: float) -> tuple[Array, Array]:
+    """`lagged` from zero, for a speed `(n - 1,)` that is constant from one of `n` rows to the next."""
+    # a speed that jumps is two rows of the same time
+    twice = np.repeat(time, 2)[: 2 * len(time) - 1]
+    late, slope = lagged(np.append(0.0, np.repeat(speed, 2))[: len(twice)], twice, lag)
+    return late[::2], slope[::2]
 
 
 def lagged(temperature: Array, time: Array, lag: float, start: Filtered | None = None) -> tuple[Array, Array]:

@@ -26,6 +26,7 @@ from kinematics.effects import (
     CrossAxis,
     DistortionWithSensor,
     DistortionWithTime,
+    DriftWithDuty,
     DriftWithSensor,
     Effect,
     FirstCycle,
@@ -204,8 +205,10 @@ def _thermal(measurement: Measurement, axes: dict[str, Interval]) -> Iterator[Ca
         for axis in linear:
             yield Cause(GrowthWithTime(axis=axis, **course), shapes, 1.0 + PER_SHAPE * shapes)
     lags = [max(share * span, 1.0) for share in LAGS] if of_machine and given(state, "time") else []
-    for axis in linear if lags else []:
-        yield from (Cause(GrowthWithDuty(axis, 0.0, lag), 1, 1.0 + PER_SHAPE) for lag in lags)
+    for constant in lags:
+        yield from (Cause(GrowthWithDuty(axis, 0.0, constant), 1, 1.0 + PER_SHAPE) for axis in linear)
+        if given(state, "spindle_speed"):
+            yield from (Cause(DriftWithDuty(c, 0.0, constant), 1, 1.0 + PER_SHAPE) for c in components if c in "XYZ")
     for sensor in _warming(state, WARMER):
         for lag in (None, *lags):
             late, shapes = {"sensor": sensor, "coefficient": 0.0, "lag_s": lag}, 0 if lag is None else 1
