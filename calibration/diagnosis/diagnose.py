@@ -18,6 +18,7 @@ from calibration.diagnosis.misplaced_targets import misplaced_targets
 from calibration.diagnosis.next.ranking import ProposedMeasurement, proposed_measurements
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual import unexplained as unexplained_residual
+from calibration.diagnosis.residual.cancelling import cancelling
 from calibration.diagnosis.residual.absorber import absorbed
 from calibration.diagnosis.residual.chance_level import SEARCHES, Chance
 from calibration.diagnosis.residual.dependence import Unexplained
@@ -394,12 +395,14 @@ def _dependence(stage: Stage) -> Unexplained | None:
 def _without_impostors(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
     """The result without impostors, the tests of its residuals, and the dependence that no cause explains.
 
-    Impostors are causes that were accepted only because they imitate this dependence.
+    Impostors are causes that were accepted only because they imitate this dependence, alone or together.
     """
     while True:
         tests = unexplained_residual.tests(found.stage.linearised)
         dependence = _dependence(found.stage)
-        blamed = unexplained_residual.impostors(found.stage, dependence, found.selector.library) if dependence else []
+        blamed = cancelling(found.selector.without_causes(found.stage), found.stage.accepted)
+        if not blamed and dependence:
+            blamed = unexplained_residual.impostors(found.stage, dependence, found.selector.library)
         if not blamed:
             return found, tests, dependence
         kept: Sequence[tuple[Candidate, np.ndarray]] = [

@@ -23,7 +23,7 @@ from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.observation.stops_and_lines import stops
-from kinematics.effects import Cyclic, FollowingError
+from kinematics.effects import Cyclic, FollowingError, LocationJump
 from kinematics.transforms import Array
 
 WORTH = -10.0
@@ -388,7 +388,10 @@ class Selector:
         """Candidates for causes besides those accepted, the best first."""
         causes = {each.candidate.cause for each in accepted}
         left = [candidate for candidate in self.library if candidate.cause not in causes]
-        return evaluate(linearised, [*left, *self.search.proposals(linearised, left)])
+        proposed = self.search.proposals(linearised, left)
+        # a quantity of the machine that jumps again and again wanders: no cause of the library
+        once = [each for each in proposed if each.cause not in causes or not isinstance(each.effect, LocationJump)]
+        return evaluate(linearised, [*left, *once])
 
     def _best(self, linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Evaluated | None:
         """The likeliest candidate that may be named; of several nearly as likely the commonest and simplest."""
