@@ -13,7 +13,7 @@ from calibration.diagnosis.machine_change import MachineChange
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, contract_kind, where
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import saw_uncertainty
-from calibration.diagnosis.search.selection import SEEN, WORTH, Accepted, Evaluated, Sibling, Stage
+from calibration.diagnosis.search.selection import EVEN, SEEN, WORTH, Accepted, Evaluated, Sibling, Stage
 from calibration.diagnosis.search.spectra import aliases, resolved
 from calibration.fit.fit import Fit
 from calibration.measurement.instruments import Part
@@ -36,8 +36,6 @@ from kinematics.effects import (
 Verdict = Literal["strong", "tied", "weak"]
 ALIKE = 0.9
 """Cosine from which two causes can be tied."""
-EVEN = 5.0
-"""Logarithm of the odds below which two causes are tied: 150 to 1."""
 CLEAR = 2.0
 """Standard errors of the held-out gain, and multiples of the required delta-BIC, of a strong verdict."""
 SIGNAL = 0.02

@@ -55,6 +55,10 @@ LOOKED_AT = 8
 """Best candidates of a round for which the held-out gain is computed."""
 RELATED = 0.7
 """Cosine of the signals of two causes from which they are siblings."""
+SAME = 0.95
+"""Cosine of two signals from which odds are compared by fits."""
+EVEN = 5.0
+"""Logarithm of the odds below which two causes are tied: 150 to 1."""
 BETTER = -4.0
 """Difference of delta-BIC from which a sibling replaces a cause."""
 NEARLY = 0.05
@@ -273,7 +277,8 @@ class Selector:
                 self.progress(f"siblings of {own.candidate.effect.name}")
                 without = stage.without(i)
                 others = self._evaluated(without, [*stage.accepted[:i], *stage.accepted[i + 1 :]])
-                accepted.append(replace(own, siblings=tuple(siblings(without, own, others))))
+                near = [self._fitted(stage, i, each) for each in siblings(without, own, others)]
+                accepted.append(replace(own, siblings=tuple(sorted(near, key=lambda each: each.log_odds))))
                 ahead = [each for each in others if each.score.delta_bic < own.score.delta_bic + BETTER]
                 first, likelier = self._best(without, ahead), next(iter(accepted[-1].siblings), None)
                 if first is None:
@@ -289,6 +294,19 @@ class Selector:
             stage = trial
         kept = self.leaner(self.pruned(stage))
         return stage._replace(accepted=tuple(accepted)) if kept is stage else self.against_siblings(kept)
+
+    def _fitted(self, stage: Stage, index: int, sibling: Sibling) -> Sibling:
+        """The sibling of an accepted cause, its odds by a fit with it where linear terms may decide on them.
+
+        Of two causes with the same signal the odds would be those of the second order of large errors.
+        """
+        own = stage.accepted[index]
+        if sibling.cosine < SAME or not EVEN < sibling.log_odds < NEARLY * own.score.gain:
+            return sibling
+        chosen = chosen_of(stage.accepted)
+        chosen[index] = (sibling.evaluated.candidate, sibling.evaluated.score.size)
+        rarer = sibling.evaluated.candidate.rarity - own.candidate.rarity
+        return sibling._replace(log_odds=(self.stage(chosen).cost - stage.cost) / 2 + rarer)
 
     def refined(self, stage: Stage) -> Stage:
         """The stage with another form of a cause (time constants, course along an axis) that explains more."""
