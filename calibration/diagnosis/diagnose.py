@@ -18,8 +18,8 @@ from calibration.diagnosis.misplaced_targets import misplaced_targets
 from calibration.diagnosis.next.ranking import ProposedMeasurement, proposed_measurements
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual import unexplained as unexplained_residual
-from calibration.diagnosis.residual.cancelling import cancelling
 from calibration.diagnosis.residual.absorber import absorbed
+from calibration.diagnosis.residual.cancelling import cancelling
 from calibration.diagnosis.residual.chance_level import SEARCHES, Chance
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.distance_correlation import Dependence
