@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -64,22 +63,10 @@ def unexplained(linearised: LinearisedFit) -> Unexplained | None:
     found = explaining_variables(white, given, np.random.default_rng(SEED))
     if found is None:
         return None
-    lengths = fitted_variables(_evenly_noisy(linearised), found, list(given))
+    lengths = fitted_variables(linearised.evenly_noisy, found, list(given))
     if set(lengths) == set(found.variables):
         return found
     return of_variables(white, given, lengths, found.p_value, np.random.default_rng(SEED))
-
-
-def _evenly_noisy(linearised: LinearisedFit) -> LinearisedFit:
-    """The same fit with the specified noise, enlarged in all directions to the size of the residuals.
-
-    Estimated non-repeatability of an axis holds a dependence that acts along that axis.
-    """
-    fit = linearised.fit
-    if fit.measurement.noise is None:
-        return linearised
-    measurement = replace(fit.measurement, noise=None)
-    return LinearisedFit.of(replace(fit, measurement=measurement, variance_factor=max(fit.chi2_reduced, 1.0)))
 
 
 def one_by_one(linearised: LinearisedFit) -> list[Dependence]:

@@ -44,6 +44,8 @@ ASTRAY = 300.0
 """Median residual, um, above which a rejected station has failed; below it, the model may be at fault."""
 LOST = 5000.0
 """Residual, um, above which an outlier is excluded: no cause of the library is so large."""
+UNSEEN = 1e-12
+"""Least length of a signal that has a direction."""
 RIDGE = 1e-9
 """Ridge on the diagonal of H; columns of the registration have unit length."""
 GENEROUS = 5.0
@@ -243,6 +245,18 @@ class LinearisedFit:
         return self._with_residual(self.residual * signs, self.away)._at_rest()
 
     @property
+    def evenly_noisy(self) -> LinearisedFit:
+        """The same fit with the specified noise, enlarged in all directions to the size of the residuals.
+
+        Estimated non-repeatability of an axis holds a dependence that acts along that axis.
+        """
+        fit = self.fit
+        if fit.measurement.noise is None:
+            return self
+        specified = replace(fit.measurement, noise=None)
+        return LinearisedFit.of(replace(fit, measurement=specified, variance_factor=max(fit.chi2_reduced, 1.0)))
+
+    @property
     def measurement(self) -> Measurement:
         """The measurement of the fit, all rows."""
         return self.fit.measurement
@@ -356,14 +370,17 @@ class LinearisedFit:
         """Score of a candidate; `shapes` of its parameters were searched for, in `trials` trials.
 
         Only the reduction of the data's squares counts: a candidate that merely relieves the priors of the model, whose
-        signal it shares, explains nothing. Correlated residuals count once, as far
-        as they are correlated both without it and with it.
+        signal it shares, explains nothing. Residuals that are correlated in the direction of its signal count once, as
+        far as they are correlated both without it and with it.
         """
         score = self.rated(candidate.schur, candidate.columns.T @ self.residual, candidate.through, shapes, trials)
         if not score.gain > BARELY or self._correlation_length == 1.0:
             return score
-        left = self.residual - candidate.columns @ score.size + self.spanned @ (candidate.through @ score.size)
-        correlated = min(correlation_length(left.reshape(len(self.rows), -1)), self._correlation_length)
+        signal = candidate.columns @ score.size - self.spanned @ (candidate.through @ score.size)
+        ways = signal.reshape(len(self.rows), -1)
+        ways = ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), UNSEEN)
+        along = (np.sum(each.reshape(ways.shape) * ways, axis=1) for each in (self.residual, self.residual - signal))
+        correlated = min(correlation_length(each[:, None]) for each in along)
         return self._scored(score.squares, score.effective_parameters, trials, score.size, correlated)
 
     @cached_property

@@ -8,11 +8,12 @@ dropped. At the end each cause is compared with its siblings, and replaced by on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from calibration.diagnosis.search import proposed_shapes as scans
@@ -23,7 +24,7 @@ from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.observation.stops_and_lines import stops
-from kinematics.effects import Cyclic, FollowingError, LocationJump
+from kinematics.effects import Cyclic, DriftWithSensor, FollowingError, LocationJump, ThermalDrift
 from kinematics.transforms import Array
 
 WORTH = -10.0
@@ -220,19 +221,19 @@ class Selector:
         while True:
             now = stages[-1]
             self.progress(f"trying causes; found: {_listed(now.accepted)}")
-            linearised = self.search.absorbed(now.linearised)
-            evaluated = self._evaluated(linearised, now.accepted)
-            allowed = [each for each in evaluated if _key(each.candidate) not in refused]
-            best = self._best(linearised, allowed) if len(now.accepted) < MOST else None
-            if best is None:
+            evaluated, found = self._found(now.linearised, now.accepted, refused)
+            if not found:
                 last_round = (each._replace(projected=each.projected.summary) for each in evaluated)
                 return Selection(tuple(stages), tuple(last_round))
-            refused.add(_key(best.candidate))
-            self.progress(f"fitting {best.candidate.effect.name} along; found: {_listed(now.accepted)}")
-            trial = self.stage([*chosen_of(now.accepted), (best.candidate, best.score.size)])
+            refused.update(_key(each.candidate) for each in found)
+            trials = []
+            for each in found:
+                self.progress(f"fitting {each.candidate.effect.name} along; found: {_listed(now.accepted)}")
+                trials.append(self.stage([*chosen_of(now.accepted), (each.candidate, each.score.size)]))
+            trial = min(trials, key=lambda trial: trial.cost + 2.0 * trial.rarity)
             other = self.refined(now)
             if other is not now and other.cost < trial.cost:
-                refused.discard(_key(best.candidate))
+                refused.difference_update(_key(each.candidate) for each in found)
                 stages[-1] = other
                 continue
             if trial.accepted[-1].score.delta_bic < WORTH and not trial.predicts_worse_than(now):
@@ -330,10 +331,30 @@ class Selector:
                 continue
             others = [each for each in stage.accepted if each is not own]
             library = [candidate for candidate in self.library if candidate.cause != own.candidate.cause]
-            trial = replace(self, library=library).select(others).stages[-1]
-            if trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity:
-                return self.commoner(trial)
+            lacking = replace(self, library=library)
+            for known in (lacking._drifting(stage.without(i), others), others):
+                trial = lacking.select(known).stages[-1] if known is not None else stage
+                if trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity:
+                    return self.commoner(trial)
         return stage
+
+    def _drifting(self, linearised: LinearisedFit, others: Sequence[Accepted]) -> Sequence[Accepted] | None:
+        """The causes with a thermal drift along X, Y and Z, in the course that explains most; None without one.
+
+        A drift is a vector: its directions, one by one, leave the others' part and seem to explain little.
+        """
+        known = {each.candidate.cause for each in others}
+        courses: dict[str, list[Candidate]] = {}
+        for candidate in self.library:
+            effect = candidate.effect
+            drift = isinstance(effect, (ThermalDrift, DriftWithSensor)) and effect.component in "XYZ"
+            if drift and candidate.cause not in known:
+                courses.setdefault(repr(msgspec.structs.replace(effect, component="X")), []).append(candidate)
+        tried = [evaluate(linearised, candidates) for candidates in courses.values()]
+        if not tried:
+            return None
+        best = max(tried, key=lambda vector: linearised.squares_of_all([each.projected for each in vector]))
+        return self.stage([*chosen_of(others), *((each.candidate, each.score.size) for each in best)]).accepted
 
     def _irreplaceable(self, stage: Stage, index: int) -> bool:
         """True where all visible candidates together, in place of a cause, explain much less than the cause does."""
@@ -401,6 +422,25 @@ class Selector:
             ):
                 return self.joined(trial)
         return stage
+
+    def _found(
+        self, linearised: LinearisedFit, accepted: Sequence[Accepted], refused: Set[tuple[str, ...]]
+    ) -> tuple[list[Evaluated], list[Evaluated]]:
+        """All candidates, the best first; and of those not refused the likeliest cause, none without one.
+
+        Two where another one is likelier if noise is even: the noise of an axis hides a cause that acts along it.
+        """
+        found: list[Evaluated] = []
+        first: list[Evaluated] = []
+        for noisy in {id(each): each for each in (linearised, linearised.evenly_noisy)}.values():
+            absorbing = self.search.absorbed(noisy)
+            evaluated = self._evaluated(absorbing, accepted)
+            first = first or evaluated
+            allowed = [each for each in evaluated if _key(each.candidate) not in refused]
+            best = self._best(absorbing, allowed) if len(accepted) < MOST else None
+            if best and all(best.candidate.cause != each.candidate.cause for each in found):
+                found.append(best)
+        return first, found
 
     def _evaluated(self, linearised: LinearisedFit, accepted: Sequence[Accepted]) -> list[Evaluated]:
         """Candidates for causes besides those accepted, the best first."""
