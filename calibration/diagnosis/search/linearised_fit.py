@@ -377,9 +377,8 @@ class LinearisedFit:
         if not score.gain > BARELY or self._correlation_length == 1.0:
             return score
         signal = candidate.columns @ score.size - self.spanned @ (candidate.through @ score.size)
-        ways = signal.reshape(len(self.rows), -1)
-        ways = ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), UNSEEN)
-        along = (np.sum(each.reshape(ways.shape) * ways, axis=1) for each in (self.residual, self.residual - signal))
+        lines = _lines_of(signal.reshape(len(self.rows), -1))
+        along = (np.sum(each.reshape(lines.shape) * lines, axis=1) for each in (self.residual, self.residual - signal))
         correlated = min(correlation_length(each[:, None]) for each in along)
         return self._scored(score.squares, score.effective_parameters, trials, score.size, correlated)
 
@@ -515,6 +514,13 @@ class Derivatives(NamedTuple):
     """`(n * d, registration)`"""
     by_model: Array
     """`(n * d, parameters)`, in units of their priors."""
+
+
+def _lines_of(signal: Array) -> Array:
+    """Unit vectors `(n, d)` along a signal `(n, d)`, of any sign: each turned to the side of the one before."""
+    lines = signal / np.maximum(np.linalg.norm(signal, axis=1, keepdims=True), UNSEEN)
+    turned = np.sum(lines[1:] * lines[:-1], axis=1) < 0.0
+    return np.asarray(lines * np.cumprod(np.append(1.0, np.where(turned, -1.0, 1.0)))[:, None])
 
 
 def correlation_length(residual: Array) -> float:
