@@ -13,7 +13,7 @@ from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.proposed_shapes import finer, joined
 from calibration.diagnosis.search.selection import Evaluated, chosen_of, evaluate, passing, predicts, siblings
 from kinematics.basis import Fourier
-from kinematics.effects import Backlash, Cyclic, ErrorMotion, ThermalDrift
+from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationJump, ThermalDrift, TrackerDrift
 
 BACKLASH = Backlash("X", 12.0)
 SECOND = Backlash("Z", 16.0)
@@ -187,3 +187,34 @@ def test_a_cause_takes_the_form_that_explains_more():
     assert refined.accepted[0].candidate.effect.time_constants_s
     assert refined.cost < linear.cost
     assert chooses.refined(refined) is refined
+
+
+def test_a_drift_along_three_axes_is_not_one_of_the_tracker():
+    """A common cause replaces a rare one, although each of its directions alone explains much less."""
+    sizes = {"X": 20.0, "Y": -15.0, "Z": 40.0}
+    vector = (ThermalDrift(c, amplitudes=(size,), time_constants_s=(600.0,)) for c, size in sizes.items())
+    forms = [Candidate(ThermalDrift(c, amplitudes=(0.0,), time_constants_s=(600.0,)), 1, 4.0) for c in sizes]
+    made = alone([*forms, Candidate(TrackerDrift())], data_with(*vector))
+    (rare,) = evaluate(made.bare.linearised, made.library[3:])
+    assert len(made._drifting(made.bare.linearised, ())) == len(sizes)
+    found = made.commoner(made.stage([(rare.candidate, rare.score.size)]))
+    assert {each.candidate.kind for each in found.accepted} == {"thermal-drift"}
+
+
+@pytest.mark.usefixtures("no_shapes")
+def test_a_quantity_of_the_machine_jumps_once():
+    first, second = (Candidate(LocationJump("X", "X", 0.0, since), 1, 90.0) for since in (400.0, 900.0))
+    made = alone([], data_with(LocationJump("X", "X", 40.0, 400.0), LocationJump("X", "X", 60.0, 900.0)))
+    stage = made.stage([(first, np.array([2.0]))])
+    proposing = replace(made, search=replace(made.search, proposals=lambda *_: [second]))
+    assert proposing._evaluated(stage.linearised, ())
+    assert not proposing._evaluated(stage.linearised, stage.accepted)
+
+
+def test_the_noise_of_an_axis_does_not_hide_a_cause_along_it():
+    """What an estimated non-repeatability of Z contains is tried with even noise as well."""
+    data = data_with(ThermalDrift("Z", rate=60.0))
+    made = alone([Candidate(ThermalDrift("Z", rate=0.0)), *SOME], data)
+    found = made._found(made.bare.linearised, (), set())[1]
+    assert [each.candidate.axis for each in found] == ["Z"]
+    assert made.bare.linearised.evenly_noisy.measurement.noise is None
