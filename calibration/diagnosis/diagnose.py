@@ -207,6 +207,17 @@ class Diagnosis:
         return _noise_um(self.after.linearised)
 
 
+class _Start(NamedTuple):
+    """What a search starts from."""
+
+    selector: Selector
+    findings: list[Finding]
+    positions: list[TargetPosition]
+    """Positions of targets by the data."""
+    noise: Repeats | None
+    untested: list[Untested]
+
+
 class _Found(NamedTuple):
     """State of the search: its selector, the present stage and the candidates evaluated last."""
 
@@ -215,7 +226,7 @@ class _Found(NamedTuple):
     evaluated: tuple[Evaluated, ...]
 
 
-def diagnose(  # noqa: PLR0915  one step after the other
+def diagnose(
     measurement: Measurement,
     calibration: ErrorModel | None = None,
     *,
@@ -231,6 +242,82 @@ def diagnose(  # noqa: PLR0915  one step after the other
 
     UserError when the data are not plausible or cannot be fitted.
     """
+    start = _start(measurement, calibration, variance, progress)
+    first, findings, before = start.selector, start.findings, start.selector.bare
+    if calibration is None:
+        refuse_few(before.fit, identifiability(before.fit))
+    tests = unexplained_residual.tests(before.linearised)
+    found = _Found(first, before, ())
+    if combined(tests, GATE) or len(before.fit.outliers) or first.base.fine(first.measurement):
+        found = _causes(first)
+    progress("testing the residual")
+    found, tests_after, dependence = _without_impostors(found)
+    complete, unnamed = found, ""
+    if dependence is not None and left_over == "add":
+        progress("adding unnamed effects")
+        selector, after, unnamed = add_unnamed(found.selector, found.stage, dependence)
+        complete = found._replace(selector=selector, stage=after)
+    selector, after = complete.selector, complete.stage
+    if after is not found.stage:
+        tests_after = unexplained_residual.tests(after.linearised)
+    unchanged, before = after is before, first.cautious(before)
+    after = before if unchanged else selector.cautious(after)
+    bare = after.linearised if not after.accepted else selector.without_causes(after)
+    causes = named(after, bare)
+    # an unexplained dependence makes outliers too
+    lost = outliers(after.fit, bare) if dependence is None else None
+    causes += [*([] if lost is None else [lost]), *misplaced_targets(start.positions, after.fit)]
+    evaluated = found.evaluated or tuple(evaluate(after.linearised, first.library))
+    added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
+    acceptance = Acceptance.of(before, after, calibration, force=force)
+    findings += zero_findings(run_zeros(after.fit))
+    if too_many := disagreement(after.fit):
+        findings.append(Finding("outliers", too_many, False))
+    model = new_calibration(selector.base, after.fit, added, calibration)
+    given, change = before, None
+    if first.base.present is not None and calibration is not None:
+        given = first.on(first.base.as_it_is).bare
+        tests = unexplained_residual.tests(given.linearised)
+        change = machine_change(selector.measurement, after.fit.kept, calibration, model)
+        if acceptance.confirmed:
+            model = calibration
+        elif dependence is None:
+            causes = with_changed_lines(causes, change, given, after)
+    return Diagnosis(
+        selector.measurement,
+        selector.base,
+        given,
+        found.stage,
+        after,
+        model,
+        tuple(findings),
+        start.noise,
+        tuple(tests),
+        tuple(tests_after),
+        tuple(causes),
+        after.linearised.squares / in_terms_of(bare, after.linearised),
+        (*not_visible(evaluated), *below_spacing(selector.measurement)),
+        tuple(start.untested),
+        identifiability(after.fit) if after.fit.prior.ndim == 1 else None,
+        dependence,
+        unnamed,
+        evaluated,
+        closure(after.linearised),
+        volume(given, after),
+        tuple(proposed_measurements(found.stage, causes, dependence)),
+        acceptance,
+        tuple(separability(before.linearised, first.library)),
+        change,
+    )
+
+
+def _start(
+    measurement: Measurement,
+    calibration: ErrorModel | None,
+    variance: Variance,
+    progress: Callable[[str], None],
+) -> _Start:
+    """The start of the search; UserError where the data are not plausible or cannot be fitted."""
     progress("checking the data")
     measurement, findings, positions = _checked(measurement)
     base = base_of(measurement, calibration, progress)
@@ -248,72 +335,7 @@ def diagnose(  # noqa: PLR0915  one step after the other
         selector = replace(selector, measurement=_as_noisy_as(measurement, noise), bare_stages={})
         text = f"repeats contradict the instrument specification, its noise is taken from them: {noise.text}"
         findings.append(Finding("noise", text, False))
-    first, before = selector, selector.bare
-    if calibration is None:
-        refuse_few(before.fit, identifiability(before.fit))
-    tests = unexplained_residual.tests(before.linearised)
-    found = _Found(selector, before, ())
-    if combined(tests, GATE) or len(before.fit.outliers) or base.fine(measurement):
-        found = _causes(selector)
-    progress("testing the residual")
-    found, tests_after, dependence = _without_impostors(found)
-    complete, unnamed = found, ""
-    if dependence is not None and left_over == "add":
-        progress("adding unnamed effects")
-        selector, after, unnamed = add_unnamed(found.selector, found.stage, dependence)
-        complete = found._replace(selector=selector, stage=after)
-    selector, after = complete.selector, complete.stage
-    if after is not found.stage:
-        tests_after = unexplained_residual.tests(after.linearised)
-    unchanged, before = after is before, first.cautious(before)
-    after = before if unchanged else selector.cautious(after)
-    bare = after.linearised if not after.accepted else selector.without_causes(after)
-    causes = named(after, bare)
-    # an unexplained dependence makes outliers too
-    lost = outliers(after.fit, bare) if dependence is None else None
-    causes += [*([] if lost is None else [lost]), *misplaced_targets(positions, after.fit)]
-    evaluated = found.evaluated or tuple(evaluate(after.linearised, candidates))
-    added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
-    acceptance = Acceptance.of(before, after, calibration, force=force)
-    findings += zero_findings(run_zeros(after.fit))
-    if too_many := disagreement(after.fit):
-        findings.append(Finding("outliers", too_many, False))
-    model = new_calibration(selector.base, after.fit, added, calibration)
-    given, change = before, None
-    if base.present is not None and calibration is not None:
-        given = first.on(base.as_it_is).bare
-        tests = unexplained_residual.tests(given.linearised)
-        change = machine_change(selector.measurement, after.fit.kept, calibration, model)
-        if acceptance.confirmed:
-            model = calibration
-        elif dependence is None:
-            causes = with_changed_lines(causes, change, given, after)
-    return Diagnosis(
-        selector.measurement,
-        selector.base,
-        given,
-        found.stage,
-        after,
-        model,
-        tuple(findings),
-        noise,
-        tuple(tests),
-        tuple(tests_after),
-        tuple(causes),
-        after.linearised.squares / in_terms_of(bare, after.linearised),
-        (*not_visible(evaluated), *below_spacing(selector.measurement)),
-        tuple(untested),
-        identifiability(after.fit) if after.fit.prior.ndim == 1 else None,
-        dependence,
-        unnamed,
-        evaluated,
-        closure(after.linearised),
-        volume(given, after),
-        tuple(proposed_measurements(found.stage, causes, dependence)),
-        acceptance,
-        tuple(separability(before.linearised, candidates)),
-        change,
-    )
+    return _Start(selector, findings, positions, noise, untested)
 
 
 def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding], list[TargetPosition]]:
