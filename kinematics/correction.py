@@ -6,9 +6,11 @@ import itertools
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from kinematics.columns import ChainColumns, minus, plus, rows_of, vector
 from kinematics.error_transform import pose_slopes
-from kinematics.forward import forward, tool_point
+from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
@@ -33,7 +35,7 @@ def correct_position(
     tool: Array,
     movable: NDArrayBool,
     start: Array | None = None,
-    shift: Array | float = 0.0,
+    shift: ArrayLike = (0.0, 0.0, 0.0),
     precision: float = CONVERGED,
 ) -> Array:
     """Axis positions `(n, axes)`, mm and rad, whose actual tool point is where the nominal one is at `nominal`.
@@ -41,23 +43,32 @@ def correct_position(
     tool `(n, 3)` mm; movable `(n, axes)`: axes that may move, of which only the translators do. start `(n, axes)`:
     positions that all other axes take (default: nominal). shift `(n, 3)`, mm, workpiece frame: from the nominal tool
     point to the target. The target of the nominal machine is shifted by the tool point error of the exact model until
-    this error vanishes: each iteration reduces it by about the slope of the errors (1e-4). If the errors jump and the
-    target lies in the jump, the side with the smaller error is taken. precision: last step of the iteration, mm.
-    UserError if the iteration does not converge.
+    this error vanishes: each iteration reduces it by about the slope of the errors (1e-4). A row stops after a step
+    below `precision`, mm, whatever the rows beside it need. If the errors jump and the target lies in the jump, the
+    side with the smaller error is taken. UserError if the iteration does not converge.
     """
-    target = tool_point(machine, nominal, tool) + shift
-    aim = target.copy()
+    n, tip = len(nominal), vector(tool)
+    translators = machine.translators
     moving = np.zeros_like(movable)
-    moving[:, machine.translators] = movable[:, machine.translators]
-    q = others = nominal if start is None else start
+    moving[:, translators] = movable[:, translators]
+    others = nominal if start is None else start
+    unmoved = others.copy()
+    unmoved[:, translators] = 0.0
+    fixed, target = ChainColumns(machine, unmoved), plus(ChainColumns(machine, nominal).point(tip), vector(shift))
+    aim, base, q = target, fixed.point(tip), np.ascontiguousarray(others.T)
+    unsettled = np.ones(n, bool)
     for _ in range(MAX_ROUNDS):
-        aim = aim - (tool_point(machine, q, tool, errors(q)) - target)
-        following = np.where(moving, linear_positions(machine, q, aim, tool), others)
-        steps = np.abs(following - q).max(axis=1, initial=0.0)
+        aim = minus(aim, minus(ChainColumns(machine, q.T, fixed).point(tip, errors(q.T)), target))
+        following, steps = q.copy(), np.zeros(n)
+        for k, position in zip(translators, fixed.linear_steps(minus(aim, base)), strict=True):
+            following[k] = np.where(moving[:, k] & unsettled, position, q[k])
+            steps = np.maximum(steps, np.abs(following[k] - q[k]))
         q = following
-        if steps.max(initial=0.0) < precision:
-            return q
-    return _beside_jumps(machine, errors, q, (target, tool, moving, others), steps >= precision)
+        unsettled &= steps >= precision
+        if not unsettled.any():
+            return np.ascontiguousarray(q.T)
+    targets = rows_of(target, n), np.broadcast_to(tool, (n, 3)), moving, others
+    return _beside_jumps(machine, errors, np.ascontiguousarray(q.T), targets, unsettled)
 
 
 def _beside_jumps(
@@ -111,11 +122,12 @@ def correct_orientation(machine: Machine, errors: Errors, nominal: Array, movabl
     have to turn far to tilt the tool a little, it turns at most error / (2 DAMPING), and on the pole not at all.
     """
     rotary = np.flatnonzero(machine.rotary)
-    target = forward(machine, nominal).rotation[:, :, 2]
+    n = len(nominal)
+    target = rows_of(ChainColumns(machine, nominal).tool_axis(), n)
     q = nominal.copy()
     free = movable[:, rotary].astype(float)
     for _ in range(MAX_ROUNDS):
-        actual = forward(machine, q, errors(q)).rotation[:, :, 2]
+        actual = rows_of(ChainColumns(machine, q).tool_axis(errors(q)), n)
         lines = pose_slopes(machine, q)[:, 3:, rotary]
         slopes = np.cross(lines, actual[:, :, None], axis=1) * free[:, None, :]
         gradient = np.einsum("nci,nc->ni", slopes, actual - target) + DAMPING**2 * (q - nominal)[:, rotary]

@@ -27,8 +27,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinematics.columns import ChainColumns, minus, vector
 from kinematics.error_transform import pose_slopes
-from kinematics.forward import axis_frames, forward
+from kinematics.forward import forward
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array, read_only, rotation_about, turn
 
@@ -142,12 +143,10 @@ def linear_positions(machine: Machine, q: ArrayLike, position: ArrayLike, tool: 
     n = np.broadcast_shapes((len(given),), (len(points),), (len(tips),))[0]
     moved = np.array(np.broadcast_to(given, (n, given.shape[1])))
     moved[:, columns] = 0.0
-    *before, pose = axis_frames(machine, moved)
-    lines = [np.broadcast_to(turn(before[i].rotation, machine.axes[i].unit_direction), (n, 3)) for i in columns]
-    spans = np.abs(np.sum(np.cross(lines[0], lines[1]) * lines[2], axis=1)) > FLAT
-    solvable = np.where(spans[:, None, None], np.stack(lines, axis=2), np.eye(3))
-    solution = np.linalg.solve(solvable, (points - pose.apply(tips))[..., None])[..., 0]
-    moved[:, columns] = np.where(spans[:, None], solution, np.nan)
+    chain = ChainColumns(machine, moved)
+    missing = minus(vector(points), chain.point(vector(tips)))
+    for k, steps in zip(columns, chain.linear_steps(missing), strict=True):
+        moved[:, k] = steps
     return moved
 
 

@@ -102,3 +102,16 @@ def spread_beyond(arc: Interval, x: Array) -> Array:
     half = np.deg2rad(SPREAD_HARMONIC * min(gap_of(arc), TURN / 2 / SPREAD_HARMONIC) / 2)
     inward = np.minimum(np.deg2rad(SPREAD_HARMONIC * beyond(arc, x)), half)
     return np.asarray(np.cos(half - inward) - np.cos(half))
+
+
+def knots_of(axis: Axis, basis: Basis, low: float, high: float) -> list[float]:
+    """Positions from `low` to `high`, mm or degrees, between which the functions of `columns_of` are smooth."""
+    if isinstance(basis, Harmonics):
+        return []
+    nodes = basis.nodes if isinstance(basis, BSpline) else basis.interval
+    if not axis.turns_fully:
+        return list(nodes)
+    first = basis.interval[0]
+    turns = np.arange(np.floor((low - first) / TURN), np.ceil((high - first) / TURN) + 1.0)
+    within = first + np.mod(np.array([*nodes, first]) - first, TURN)
+    return [float(x) for x in (within[:, None] + TURN * turns).ravel() if low < x < high]

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, cast
 import msgspec
 import numpy as np
 
-from kinematics.basis import Interval
+from kinematics.basis import Basis, Interval
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -178,6 +178,16 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     def feature_lengths(self) -> Mapping[str, float]:
         """Shortest feature length of its errors by axis, mm or degrees; without axes on which they are straight."""
         return {}
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None] | None:
+        """The axis on whose position alone its errors depend, at constant conditions and directions of approach.
+
+        They are error motions of this axis, smooth between the nodes of the basis, or everywhere without a basis. Empty
+        for a constant displacement of the tool. None for all other effects: of several axes, with jumps, or with a
+        memory of the moves.
+        """
+        return None
 
     def quantities(self) -> tuple[Parameter, ...]:
         """The fields that hold its parameters, with their units and typical sizes."""

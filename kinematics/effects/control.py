@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from kinematics.basis import BSpline
+from kinematics.basis import Basis, BSpline
 from kinematics.effects.base import BY_DIRECTION, Columns, EffectBase, Parameter, Remedy, own_motion, unit_of
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -63,6 +63,12 @@ class ControlTable(EffectBase, frozen=True, tag="control-table"):
         """See `EffectBase.feature_lengths`: between two nodes."""
         spaced = zip(self.of, self.nodes, strict=True)
         return {axis: float(np.diff(nodes).min()) for axis, nodes in spaced if len(nodes) > 1}
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None] | None:
+        """See `EffectBase.position_bases`."""
+        nodes = self.nodes[0]
+        return {self.axis: BSpline(nodes, 1) if len(nodes) > 1 else None} if self.of == (self.axis,) else None
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""

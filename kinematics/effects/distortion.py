@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from kinematics.basis import Interval, Legendre
+from kinematics.basis import Basis, Interval, Legendre
 from kinematics.effects.base import (
     BY_DIRECTION,
     COMPONENTS,
@@ -45,6 +45,11 @@ class _Shape:
     def feature_lengths(self) -> Mapping[str, float]:
         """See `EffectBase.feature_lengths`."""
         return {self.axis: Legendre(self.interval, self.degree).feature_length} if self.degree > 1 else {}
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: Legendre(self.interval, self.degree)}
 
     def _columns(self, machine: Machine, state: State, course: Array) -> Columns:
         shape = state.basis_columns(machine, self.axis, Legendre(self.interval, self.degree))[:, -1:]

@@ -47,6 +47,11 @@ class Backlash(EffectBase, frozen=True, tag="backlash"):
     width: float
     windup: float | None = None
 
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: None}
+
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
         i, component, forward = own_motion(machine, self.axis)
@@ -83,6 +88,11 @@ class Reversal(EffectBase, frozen=True, tag="reversal"):
     def intervals(self) -> Mapping[str, Interval]:
         """See `EffectBase.intervals`."""
         return {self.axis: self.basis.interval}
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: self.basis}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
@@ -121,6 +131,11 @@ class Cyclic(EffectBase, frozen=True, tag="cyclic"):
     def feature_lengths(self) -> Mapping[str, float]:
         """See `EffectBase.feature_lengths`: half the shortest wave."""
         return {self.axis: self.period / (2 * len(self.sine))}
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: None}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
 import numpy as np
 
+from kinematics.basis import Basis
 from kinematics.effects.base import (
     BY_AXIS,
     BY_DIRECTION,
@@ -45,6 +46,11 @@ class LateralPlay(EffectBase, frozen=True, tag="lateral-play"):
         if self.component == own_component(self.axis):
             raise ValueError(f"{self.name}: along its own line the play of an axis is its backlash")
         super().__post_init__()
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: None}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""

@@ -66,6 +66,11 @@ class ErrorMotion(EffectBase, frozen=True, tag="error-motion"):
         """See `EffectBase.feature_lengths`."""
         return {self.axis: self.basis.feature_length}
 
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: self.basis}
+
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
         values = state.basis_columns(machine, self.axis, self.basis) * unit_of(self.component)[1]
@@ -91,6 +96,11 @@ class LocationError(EffectBase, frozen=True, tag="location"):
     def name(self) -> str:
         """E_C0Y, E_X0C, ..."""
         return f"E_{self.component}0{self.axis}"
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: None}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
@@ -124,6 +134,11 @@ class LocationJump(EffectBase, frozen=True, tag="location-jump"):
         """Time only with `since_s`."""
         return () if self.since_s is None else self.NEEDS
 
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: None}
+
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
         after = 1.0 if self.since_s is None else (state.need("time", self.name) >= self.since_s)[:, None]
@@ -149,6 +164,11 @@ class Scale(EffectBase, frozen=True, tag="scale"):
         if self.axis[0] in "ABC":
             raise ValueError(f"{self.name}: {self.axis} is no linear axis")
         super().__post_init__()
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: None}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
@@ -245,6 +265,11 @@ class Racking(EffectBase, frozen=True, tag="racking"):
         """See `EffectBase.feature_lengths`."""
         return {self.axis: self.basis.feature_length}
 
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: self.basis}
+
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
         i = machine.index(self.axis)
@@ -297,6 +322,11 @@ class Wobble(EffectBase, frozen=True, tag="wobble"):
     def feature_lengths(self) -> Mapping[str, float]:
         """See `EffectBase.feature_lengths`."""
         return {self.axis: 180.0 / self.harmonic}
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: None}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""

@@ -6,11 +6,12 @@ drift is zero.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
+from kinematics.basis import Basis
 from kinematics.effects.base import (
     BY_DIRECTION,
     COMPONENTS,
@@ -125,6 +126,11 @@ class ThermalDrift(Course, frozen=True, tag="thermal-drift"):
 
     component: Component
 
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {}
+
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002  the same on any machine
         """See `EffectBase.columns`."""
         yield Columns(TOOL, COMPONENTS.index(self.component), self._course(state) * unit_of(self.component)[1])
@@ -145,6 +151,11 @@ class DriftWithSensor(CourseOfSensor, frozen=True, tag="thermal-drift-sensor"):
     )
 
     component: Component
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002  the same on any machine
         """See `EffectBase.columns`."""
@@ -219,6 +230,11 @@ class GrowthWithTime(Course, frozen=True, tag="thermal-scale"):
         _check_linear(self.axis, self.name)
         super().__post_init__()
 
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: None}
+
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
         yield _growth(machine, state, self.axis, self.fixed_point, self._course(state))
@@ -242,6 +258,11 @@ class GrowthWithSensor(CourseOfSensor, frozen=True, tag="thermal-scale-sensor"):
     def __post_init__(self) -> None:
         _check_linear(self.axis, self.name)
         super().__post_init__()
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: None}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
@@ -273,6 +294,11 @@ class QuadraticGrowth(EffectBase, frozen=True, tag="thermal-scale-quadratic"):
     def __post_init__(self) -> None:
         _check_linear(self.axis, self.name)
         super().__post_init__()
+
+    @property
+    def position_bases(self) -> Mapping[str, Basis | None]:
+        """See `EffectBase.position_bases`."""
+        return {self.axis: None}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +17,8 @@ import numpy as np
 
 from kinematics.error_model.model import ErrorModel
 from kinematics.files import read_input
+from kinematics.machine import Machine
+from kinematics.pieces import ErrorMotions
 from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -25,6 +28,8 @@ ABSOLUTE_ZERO = -273.15
 """Absolute zero, degC."""
 TEMPERATURE = "temp_"
 """Prefix of the temperature columns of a log."""
+MODELS = 4
+"""Number of models whose tables of error motions are kept."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,9 @@ class Conditions:
     """Log file of `past`; empty for none."""
     unread: tuple[str, ...] = ()
     """Columns of the log that are neither time nor temperature."""
+    _motions: deque[ErrorMotions] = field(
+        default_factory=lambda: deque(maxlen=MODELS), init=False, repr=False, compare=False
+    )
 
     def state(self, positions: Array, approach: Array | None = None) -> State:
         """The state at axis positions `(n, axes)`, mm and rad, approached in directions `approach` `(n, axes)`."""
@@ -50,9 +58,17 @@ class Conditions:
             positions, approach, time=np.full(n, self.elapsed or 0.0), temperatures=temperatures, past=self.past
         )
 
-    def states(self, approach: Array | None = None) -> Callable[[Array], State]:
+    def states(self, approach: Array | None = None) -> States:
         """The state as a function of positions, for moves with these approach directions `(n, axes)`."""
-        return lambda positions: self.state(positions, approach)
+        return States(self, approach)
+
+    def errors(self, machine: Machine, model: ErrorModel) -> ErrorMotions:
+        """The error motions by a model, whose tables are kept for the models used last."""
+        for known in self._motions:
+            if known.machine is machine and known.model is model:
+                return known
+        self._motions.appendleft(motions := ErrorMotions(machine, model, self.state))
+        return motions
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form."""
@@ -94,6 +110,24 @@ class Conditions:
                 f"{', '.join(steady)}: a steady state at the given temperature is assumed; --log gives its history"
             )
         return notes
+
+
+@dataclass(frozen=True)
+class States:
+    """The state of the machine as a function of positions, for moves with their approach directions."""
+
+    conditions: Conditions
+    approach: Array | None = None
+    """Directions `(n, axes)`."""
+
+    def __call__(self, positions: Array) -> State:
+        """The state at axis positions `(n, axes)`, mm and rad."""
+        return self.conditions.state(positions, self.approach)
+
+    def errors(self, machine: Machine, model: ErrorModel) -> Callable[[Array], Array]:
+        """Error motions `(n, axes + 1, 6)` by a model, mm and rad, as a function of axis positions `(n, axes)`."""
+        motions = self.conditions.errors(machine, model)
+        return lambda positions: motions.at(positions, self.approach)
 
 
 def make_conditions(

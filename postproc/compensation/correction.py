@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from kinematics.correction import CONVERGED, Errors, correct_orientation, correct_position
+from kinematics.columns import ChainColumns, length, minus, rows_of, vector
+from kinematics.correction import CONVERGED, correct_orientation, correct_position
 from kinematics.error_model.model import ErrorModel
-from kinematics.forward import forward
 from kinematics.machine import Machine, NDArrayBool
-from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.compensation.conditions import Conditions
+from postproc.compensation.conditions import Conditions, States
 from postproc.compensation.datum import datum_shifts
 from postproc.motion.circles import middle_share
 from postproc.motion.motions import Motions
 from postproc.motion.segments import arc_turned
 
-States = Callable[[Array], State]
-"""The state of the machine at axis positions `(n, axes)`, mm and rad."""
 COLD = Conditions()
 """Conditions for an error model that depends on positions alone."""
+AT_REST = COLD.states()
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def corrected_positions(
     nominal: Array,
     tool: Array,
     movable: NDArrayBool,
-    shift: Array | float = 0.0,
+    shift: ArrayLike = (0.0, 0.0, 0.0),
     precision: float = CONVERGED,
 ) -> Array:
     """Axis positions `(n, axes)`, mm and rad, with the actual pose equal to the nominal pose at `nominal` `(n, axes)`.
@@ -94,12 +92,11 @@ def corrected_positions(
     workpiece frame: displacement of the part from its nominal position. precision: last step of the iteration, mm.
     """
 
-    def errors_of(which: ErrorModel) -> Errors:
-        return lambda q: which.errors(machine, states(q))
-
     model, orientation = models
-    start = None if orientation is None else correct_orientation(machine, errors_of(orientation), nominal, movable)
-    return correct_position(machine, errors_of(model), nominal, tool, movable, start, shift, precision)
+    start = None
+    if orientation is not None:
+        start = correct_orientation(machine, states.errors(machine, orientation), nominal, movable)
+    return correct_position(machine, states.errors(machine, model), nominal, tool, movable, start, shift, precision)
 
 
 class PoseErrors(NamedTuple):
@@ -122,20 +119,21 @@ def pose_errors(
     q: Array,
     nominal: Array,
     tool: Array,
-    states: States = State,
-    shift: Array | float = 0.0,
+    states: States = AT_REST,
+    shift: ArrayLike = (0.0, 0.0, 0.0),
 ) -> PoseErrors:
     """Pose errors of the machine at `q` against the nominal pose at `nominal`, both `(n, axes)`, mm and rad.
 
-    By the exact matrix product. tool `(n, 3)`, mm. shift `(n, 3)`, mm, workpiece frame: displacement of the part from
+    By the exact model. tool `(n, 3)`, mm. shift `(n, 3)`, mm, workpiece frame: displacement of the part from
     its nominal position (`datum_shifts`).
     """
-    actual, aim = forward(machine, q, model.errors(machine, states(q))), forward(machine, nominal)
-    there = aim.apply(tool)
-    apart = actual.apply(tool) - there
-    leaning = np.linalg.norm(actual.rotation[:, :, 2] - aim.rotation[:, :, 2], axis=1)
-    point, absolute = (np.linalg.norm(vector, axis=1) for vector in (apart - shift, apart))
-    return PoseErrors(point * 1e3, leaning * 1e6, absolute * 1e3, there, apart)
+    n, tip, errors = len(q), vector(tool), states.errors(machine, model)(q)
+    actual, aim = ChainColumns(machine, q), ChainColumns(machine, nominal)
+    there = aim.point(tip)
+    apart = minus(actual.point(tip, errors), there)
+    point, absolute = length(minus(apart, vector(shift))), length(apart)
+    leaning = length(minus(actual.tool_axis(errors), aim.tool_axis()))
+    return PoseErrors(point * 1e3, leaning * 1e6, absolute * 1e3, rows_of(there, n), rows_of(apart, n))
 
 
 def _arc_middles(

@@ -10,8 +10,7 @@ from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
-from postproc.compensation.conditions import Conditions
-from postproc.compensation.correction import States
+from postproc.compensation.conditions import Conditions, States
 from postproc.compensation.datum import datum_shifts
 from postproc.motion.motions import Motions
 from postproc.motion.reversals import (

@@ -19,9 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kinematics.columns import ChainColumns, minus, rows_of, vector
 from kinematics.error_model.model import ErrorModel
-from kinematics.forward import tool_point
-from kinematics.inverse import linear_positions
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions
@@ -73,14 +72,12 @@ class CorrectedPaths:
         bare, machine = self._bare.take(rows), self.motions.machine
         q = bare.in_machine(positions_along(self.motions, rows, shares))
         states = self.conditions.states(None if self._heading is None else self._heading[rows])
-        aim = tool_point(machine, q, bare.tool)
-        errors = tool_point(machine, q, bare.tool, self.models[0].errors(machine, states(q))) - aim
-        errors -= self._datum[rows]
-        turned = self.turned[rows]
-        if turned.any():
-            there = linear_positions(machine, q[turned], aim[turned] + errors[turned], bare.tool[turned])
-            errors[turned] = (there - q[turned])[:, machine.translators]
-        return np.asarray(errors)
+        chain, tip = ChainColumns(machine, q), vector(bare.tool)
+        apart = minus(chain.point(tip, states.errors(machine, self.models[0])(q)), chain.point(tip))
+        errors = minus(apart, vector(self._datum[rows]))
+        along, turned = chain.linear_steps(errors), self.turned[rows]
+        x, y, z = (np.where(turned, there, here) for there, here in zip(along, errors, strict=True))
+        return rows_of((x, y, z), len(rows))
 
     @cached_property
     def turned(self) -> NDArrayBool:

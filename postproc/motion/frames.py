@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinematics.forward import tool_point
+from kinematics.columns import ChainColumns, rows_of, vector
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.touch_off import TouchOff
@@ -111,7 +111,8 @@ def to_program(machine: Machine, frame: Frame, q: Array) -> Array:
     """Programmed positions `(n, axes)`, mm and degrees, of axis positions `(n, axes)`, mm and rad."""
     shifted = np.asarray(q / machine.scale)
     if frame.tcp:
-        shifted[:, cartesian(machine)] = tool_point(machine, q, frame.tool)
+        tips = ChainColumns(machine, q).point(vector(frame.tool))
+        shifted[:, cartesian(machine)] = rows_of(tips, len(q))
     program = np.asarray(shifted - np.asarray(frame.offset))
     if frame.turn is not None:
         x_y_z = list(cartesian(machine))

@@ -74,7 +74,7 @@ def stages(
         return correct_position(machine, errors, points.q, points.tool, np.ones(points.q.shape, bool))
 
     def left(q: Array) -> PoseErrors:
-        return pose_errors(machine, model, q, points.q, points.tool, lambda q: State(q, points.approach))
+        return pose_errors(machine, model, q, points.q, points.tool, COLD.states(points.approach))
 
     with_tables = tables(points.q, points.approach)
     shift = np.array([datum.get(axis.name, 0.0) for axis in machine.axes]) * machine.scale

@@ -1,0 +1,256 @@
+"""Error motions at constant conditions as piecewise polynomials of the position of each axis.
+
+A table holds the six error motions of an axis, in its error frame, on the union of the nodes of all its
+effects; pieces are halved until they agree with `ErrorModel.errors` to EXACT. With play, an axis has a table for each
+direction of approach. Effects that no table holds (of several axes, with jumps, with a memory of the moves) are
+evaluated as they are and added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.effects import Effect
+from kinematics.error_model.model import ErrorModel
+from kinematics.machine import TURN, Axis, Machine
+from kinematics.state import State
+from kinematics.transforms import Array
+from kinematics.turn import knots_of
+
+DEGREE = 6
+EXACT = 1e-12
+"""mm and rad."""
+MARGIN = 5.0
+"""mm or degrees beyond the travel to which tables reach; further outside the model itself is evaluated."""
+ENDLESS_TURNS, ENDLESS_MM = 2.0, 5000.0
+"""Reach of the tables of axes without end on either side of zero."""
+MOST_FEATURES = 500.0
+"""Features of an effect along the travel, above which it is not put into a table."""
+HALVINGS = 12
+FEW = 24
+"""Pieces among rows up to which they are evaluated one after the other."""
+NODES = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
+TESTS = np.linspace(-1.0, 1.0, 16) * (1.0 - 1e-9)
+"""Where a piece is fitted and where it is tested, in its own coordinate -1 ... 1."""
+FIT = np.linalg.inv(np.vander(NODES, DEGREE + 1, increasing=True))
+AT_TESTS = np.vander(TESTS, DEGREE + 1, increasing=True)
+
+ConstantConditions = Callable[[Array, Array | None], State]
+"""The state at positions `(n, axes)`, mm and rad, approached in directions `(n, axes)`."""
+
+
+class Table(NamedTuple):
+    """Pieces of the error motions of an axis; in the directions backward, 0 and forward one after the other if there is
+    play."""
+
+    breaks: Array
+    """Ends of the pieces `(pieces + 1,)`, mm or rad."""
+    coefficients: Array
+    """`(DEGREE + 1, 6, directions * pieces)`, mm and rad, by powers of the coordinate of a piece."""
+    directed: bool
+
+    def at(self, x: Array, approach: Array | None) -> Array:
+        """Error motions `(6, n)` at positions `(n,)` inside the breaks, approached in directions `(n,)`.
+
+        A row is evaluated in the same steps, whichever rows there are beside it.
+        """
+        pieces = len(self.breaks) - 1
+        piece = np.searchsorted(self.breaks[1:-1], x, side="right")
+        if self.directed and approach is not None:
+            piece += pieces * (approach.astype(int) + 1)
+        low = int(piece.min())
+        present = low + np.flatnonzero(np.bincount(piece - low))
+        if len(present) == 1:
+            return self._in(present, x)
+        if len(present) > FEW:
+            return self._in(piece, x)
+        values = np.empty((6, len(x)))
+        for one in present:
+            rows = np.flatnonzero(piece == one)
+            values[:, rows] = self._in(np.array([one]), x[rows])
+        return values
+
+    def _in(self, piece: np.ndarray, x: Array) -> Array:
+        """Error motions `(6, n)` at positions `(n,)` in pieces `(n,)`, or in one piece `(1,)` (Horner)."""
+        first = piece % (len(self.breaks) - 1)
+        low, high = self.breaks[first], self.breaks[first + 1]
+        u = (x - (low + high) / 2.0) / ((high - low) / 2.0)
+        values = self.coefficients[DEGREE][:, piece] * u
+        for power in range(DEGREE - 1, 0, -1):
+            values += self.coefficients[power][:, piece]
+            values *= u
+        values += self.coefficients[0][:, piece]
+        return np.asarray(values)
+
+
+class ErrorMotions:
+    """Error motions of a machine by a model at constant conditions."""
+
+    def __init__(self, machine: Machine, model: ErrorModel, state: ConstantConditions) -> None:
+        self.machine, self.model, self._state = machine, model, state
+        self._last: dict[int, tuple[Array, Array | None, Array]] = {}
+        """By axis: positions, directions and error motions of the last evaluation."""
+        left = {i for i, effect in enumerate(model.effects) if _axis_of(effect, machine) is None}
+        while True:
+            held, self._rest = _divided(model, left)
+            tables, failed = _tables(machine, held, state)
+            if not failed:
+                break
+            left |= {i for i, effect in enumerate(model.effects) if _axis_of(effect, machine) in failed}
+        self.tables = tables
+        """By column of the axis."""
+        directions = np.zeros((1, len(machine.axes)))
+        self._tool = held.errors(machine, state(np.zeros_like(directions), directions))[:, len(machine.axes)].T
+
+    @property
+    def complete(self) -> bool:
+        """True if tables hold all errors."""
+        return not self._rest.effects
+
+    def at(self, q: Array, approach: Array | None = None) -> Array:
+        """Error motions `(n, axes + 1, 6)` at positions `(n, axes)`, mm and rad, approached in directions `(n, axes)`.
+
+        As `ErrorModel.errors` at the constant conditions, to EXACT. UserError if the model needs directions and there
+        are none.
+        """
+        if not self._holds(q, approach):
+            return self.model.errors(self.machine, self._state(q, approach))
+        axes = len(self.machine.axes)
+        errors = np.zeros((axes + 1, 6, len(q)))
+        for i, table in self.tables.items():
+            errors[i] = self._of(i, table, q, approach)
+        errors[axes] = self._tool
+        result = np.moveaxis(errors, 2, 0)
+        if self._rest.effects:
+            result += self._rest.errors(self.machine, self._state(q, approach))
+        return result
+
+    def _of(self, i: int, table: Table, q: Array, approach: Array | None) -> Array:
+        """Error motions of one axis; those of the last evaluation if the axis has not moved since."""
+        x = np.ascontiguousarray(q[:, i])
+        came = approach[:, i] if table.directed and approach is not None else None
+        known = self._last.get(i)
+        if known is not None and all(map(_equal, known[:2], (x, came))):
+            return known[2]
+        values = table.at(x, came)
+        self._last[i] = x.copy(), None if came is None else came.copy(), values
+        return values
+
+    def _holds(self, q: Array, approach: Array | None) -> bool:
+        """True if the tables reach to these positions and have the directions that they need."""
+        if not len(q) or (approach is None and any(table.directed for table in self.tables.values())):
+            return False
+        low, high = q.min(axis=0), q.max(axis=0)
+        return all(low[i] >= table.breaks[0] and high[i] <= table.breaks[-1] for i, table in self.tables.items())
+
+
+def _equal(column: Array | None, other: Array | None) -> bool:
+    return column is other or (column is not None and other is not None and np.array_equal(column, other))
+
+
+def _axis_of(effect: Effect, machine: Machine) -> int | None:
+    """Column of the axis in whose table an effect belongs, -1 for a constant of the tool; None if no table holds it."""
+    bases = effect.position_bases
+    if effect.ACTS_ON == "instrument" or bases is None or len(bases) > 1:
+        return None
+    for name in bases:
+        low, high = _reach(machine.axes[machine.index(name)])
+        if effect.feature_lengths.get(name, np.inf) * MOST_FEATURES < high - low:
+            return None
+        return machine.index(name)
+    return -1
+
+
+def _reach(axis: Axis) -> tuple[float, float]:
+    """Lower and upper end of the table of an axis, mm or degrees."""
+    endless = ENDLESS_TURNS * TURN if axis.rotary else ENDLESS_MM
+    low, high = axis.travel
+    return (low - MARGIN if np.isfinite(low) else -endless), (high + MARGIN if np.isfinite(high) else endless)
+
+
+def _divided(model: ErrorModel, left: set[int]) -> tuple[ErrorModel, ErrorModel]:
+    """The effects for tables, and those of the machine beside them."""
+    numbers = {id(effect): i for i, effect in enumerate(model.effects)}
+    held = model.part(lambda effect: numbers[id(effect)] not in left)
+    return held, model.part(lambda effect: numbers[id(effect)] in left and effect.ACTS_ON != "instrument")
+
+
+def _tables(machine: Machine, model: ErrorModel, state: ConstantConditions) -> tuple[dict[int, Table], set[int]]:
+    """Tables by column of the axis, and the axes for which no table becomes exact."""
+    breaks: dict[int, Array] = {}
+    directed = set()
+    for effect in model.effects:
+        for name, basis in (effect.position_bases or {}).items():
+            i = machine.index(name)
+            axis = machine.axes[i]
+            low, high = _reach(axis)
+            knots = [] if basis is None else knots_of(axis, basis, low, high)
+            nodes = np.array([low, *axis.travel, high, *knots]) * machine.scale[i]
+            breaks[i] = np.concatenate([breaks.get(i, np.empty(0)), nodes[np.isfinite(nodes)]])
+            if "approach" in effect.needs:
+                directed.add(i)
+    open_pieces = {i: _distinct(found) for i, found in breaks.items()}
+    done: dict[int, list[tuple[Array, Array, Array]]] = {i: [] for i in breaks}
+    for _ in range(HALVINGS):
+        found = _fitted(machine, model, state, open_pieces, directed)
+        open_pieces = {}
+        for i, (first, last, coefficients, exact) in found.items():
+            done[i].append((first[exact], last[exact], coefficients[..., exact]))
+            if not exact.all():
+                low, high = first[~exact], last[~exact]
+                middle = (low + high) / 2.0
+                open_pieces[i] = np.stack([np.concatenate([low, middle]), np.concatenate([middle, high])])
+        if not open_pieces:
+            break
+    tables = {}
+    for i, parts in done.items():
+        first, last, coefficients = (np.concatenate(column, axis=-1) for column in zip(*parts, strict=True))
+        order = np.argsort(first)
+        ordered = coefficients[..., order].swapaxes(0, 2).swapaxes(0, 1)  # degree, components, directions, pieces
+        flat = np.ascontiguousarray(ordered.reshape(DEGREE + 1, 6, -1))
+        tables[i] = Table(np.append(first[order], last[order][-1:]), flat, i in directed)
+    return tables, set(open_pieces)
+
+
+def _distinct(nodes: Array) -> Array:
+    """First and last ends of pieces `(2, pieces)` between nodes."""
+    ordered = np.unique(nodes)
+    kept = ordered[np.append(True, np.diff(ordered) > 1e-9)]
+    return np.stack([kept[:-1], kept[1:]])
+
+
+def _fitted(
+    machine: Machine,
+    model: ErrorModel,
+    state: ConstantConditions,
+    pieces: dict[int, Array],
+    directed: set[int],
+) -> dict[int, tuple[Array, Array, Array, np.ndarray]]:
+    """By axis: ends of its pieces, coefficients `(directions, degree, 6, pieces)`, and true for exact pieces.
+
+    All axes are sampled together, because their errors do not depend on each other.
+    """
+    samples = np.concatenate([NODES, TESTS])
+    points = {
+        i: ((first + last) / 2.0 + samples[:, None] * ((last - first) / 2.0)).ravel()
+        for i, (first, last) in pieces.items()
+    }
+    q = np.zeros((max(map(len, points.values()), default=0), len(machine.axes)))
+    for i, x in points.items():
+        q[: len(x), i], q[len(x) :, i] = x, x[0]
+    errors = {
+        way: model.errors(machine, state(q, np.full_like(q, way))) for way in ((-1.0, 0.0, 1.0) if directed else (0.0,))
+    }
+    found = {}
+    for i, (first, last) in pieces.items():
+        ways = (-1.0, 0.0, 1.0) if i in directed else (0.0,)
+        values = np.array([errors[way][: len(points[i]), i] for way in ways])
+        values = values.reshape(len(ways), len(samples), len(first), 6).swapaxes(2, 3)
+        coefficients = np.einsum("ds,wscp->wdcp", FIT, values[:, : DEGREE + 1])
+        tested = np.einsum("sd,wdcp->wscp", AT_TESTS, coefficients)
+        exact = np.abs(tested - values[:, DEGREE + 1 :]).max(axis=(0, 1, 2)) < EXACT
+        found[i] = first, last, coefficients, exact
+    return found
