@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from hypothesis import strategies as st
+from support.random_chains import chains
 from support.tiers import drawn
-from test_error_transform import chains
 
 import machines
 from kinematics.columns import ChainColumns, length, minus, rows_of, vector

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import strategies as st
+from support.random_chains import chains
 from support.tiers import drawn, quick
 
 import machines
@@ -18,7 +18,7 @@ from kinematics import derive, error_transform
 from kinematics.derived import MODULES
 from kinematics.deviation import exact_deviation
 from kinematics.forward import forward, tool_point
-from kinematics.machine import ISO_DIRECTION, Axis, Machine
+from kinematics.machine import Axis, Machine
 from kinematics.transforms import BLOCK, Array
 from machines import derive as shipped
 from tests.support.first_order import first_order_deviation
@@ -155,23 +155,6 @@ def test_error_of_first_order_is_of_second_order(name):
         exact = exact_deviation(machine, q, scale * errors, tool)
         gaps.append([np.linalg.norm(a - b) for a, b in zip(first, exact, strict=True)])
     assert np.divide(*gaps) == pytest.approx([4.0, 4.0], rel=0.01)
-
-
-entry = st.integers(-3, 3) | st.integers(-30, 30).map(lambda i: i / 10) | st.floats(-1, 1, allow_subnormal=False)
-vector = st.tuples(entry, entry, entry)
-
-
-@st.composite
-def chains(draw: st.DrawFn) -> str:
-    """A machine's TOML: any axes in any order on either side, any directions and points."""
-    names = draw(st.lists(st.sampled_from([*ISO_DIRECTION, "X2", "B2"]), min_size=1, max_size=5, unique=True))
-    bed = draw(st.integers(0, len(names)))
-    lines = ['name = "random"', f'chain = "{" ".join(["w", *names[:bed], "b", *names[bed:], "t"])}"']
-    for name in names:
-        direction = draw(vector.filter(lambda v: np.linalg.norm(v) > 0.05))
-        point = [100 * v for v in draw(vector)]
-        lines.append(f"axes.{name} = {{ travel = [-200, 150], direction = {list(direction)}, point = {point} }}")
-    return "\n".join(lines)
 
 
 @drawn(few=2, many=12, toml=chains())
