@@ -9,8 +9,10 @@ evaluated as they are and added.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from kinematics.effects import Effect
@@ -86,6 +88,59 @@ class Table(NamedTuple):
         return np.asarray(values)
 
 
+class Curvature:
+    """Bounds of the pieces of an axis: of its translations, mm, and of its rotations, rad."""
+
+    def __init__(self, table: Table) -> None:
+        self.breaks = table.breaks
+        pieces = len(table.breaks) - 1
+        powers = np.arange(DEGREE + 1.0)[:, None, None]
+        half = np.tile(np.diff(table.breaks) / 2.0, table.coefficients.shape[2] // pieces)
+        sizes = np.abs(table.coefficients)
+        self.size, self.slope, self.second = (
+            _lengths(part).max(axis=1)
+            for part in (
+                sizes.sum(axis=0),
+                (powers * sizes).sum(axis=0) / half,
+                (powers * (powers - 1.0) * sizes).sum(axis=0) / half**2,
+            )
+        )
+        signs = np.where(powers % 2.0 == 0.0, 1.0, -1.0)
+        ends = [(sign * table.coefficients).sum(axis=0) for sign in (1.0, signs)]
+        slopes = [(sign * powers * table.coefficients).sum(axis=0) / half for sign in (1.0, -signs)]
+        self.steps, self.kinks = (_sums(upper, lower, pieces) for upper, lower in (ends, slopes))
+
+    def along(self, low: Array, high: Array, bend: Array) -> list[tuple[Array, Array, Array]]:
+        """Bounds of the size, the change and the bend `(n,)` of the translations, and of the rotations.
+
+        Between positions `(n,)` from which the position in the middle deviates by `bend` / 2; terms as in
+        `kinematics.second_differences`.
+        """
+        inner, way = self.breaks[1:-1], high - low
+        first = np.searchsorted(inner, low - bend / 2.0, side="left")
+        last = np.searchsorted(inner, high + bend / 2.0, side="right")
+        found = []
+        for k in (0, 1):
+            kinks, steps = (sums[k, last] - sums[k, first] for sums in (self.kinks, self.steps))
+            change = self.slope[k] * (way + bend) + 2.0 * steps
+            bent = self.second[k] * way**2 / 4.0 + kinks * way / 2.0 + self.slope[k] * bend + 3.0 * steps
+            found.append((np.full(len(way), self.size[k]), change, bent))
+        return found
+
+
+def _lengths(components: Array) -> Array:
+    """Lengths `(2, k)` of translations and rotations of components `(6, k)`."""
+    return np.stack([np.linalg.norm(components[:3], axis=0), np.linalg.norm(components[3:], axis=0)])
+
+
+def _sums(upper: Array, lower: Array, pieces: int) -> Array:
+    """Sums `(2, pieces)` up to each piece of the differences between the ends of pieces that meet."""
+    directions = upper.shape[1] // pieces
+    last, first = (ends.reshape(6, directions, pieces) for ends in (upper, lower))
+    differences = np.stack([_lengths(first[:, way, 1:] - last[:, way, :-1]) for way in range(directions)]).max(axis=0)
+    return np.concatenate([np.zeros((2, 1)), np.cumsum(differences, axis=1)], axis=1)
+
+
 class ErrorMotions:
     """Error motions of a machine by a model at constant conditions."""
 
@@ -93,17 +148,31 @@ class ErrorMotions:
         self.machine, self.model, self._state = machine, model, state
         self._last: dict[int, tuple[Array, Array | None, Array]] = {}
         """By axis: positions, directions and error motions of the last evaluation."""
-        left = {i for i, effect in enumerate(model.effects) if _axis_of(effect, machine) is None}
+        self._without_table: set[int] = set()
+        """Columns of axes for which no table becomes exact."""
+        bare = msgspec.structs.replace(model, covariance=None)
         while True:
-            held, self._rest = _divided(model, left)
+            held = bare.part(self._in_table)
             tables, failed = _tables(machine, held, state)
             if not failed:
                 break
-            left |= {i for i, effect in enumerate(model.effects) if _axis_of(effect, machine) in failed}
+            self._without_table |= failed
+        self._rest = bare.part(lambda effect: effect.ACTS_ON != "instrument" and not self._in_table(effect))
         self.tables = tables
         """By column of the axis."""
         directions = np.zeros((1, len(machine.axes)))
-        self._tool = held.errors(machine, state(np.zeros_like(directions), directions))[:, len(machine.axes)].T
+        self.tool = held.errors(machine, state(np.zeros_like(directions), directions))[:, len(machine.axes)].T
+        """Displacement of the tool `(6, 1)`, mm and rad."""
+
+    @cached_property
+    def curvatures(self) -> dict[int, Curvature]:
+        """By column of the axis."""
+        return {i: Curvature(table) for i, table in self.tables.items()}
+
+    def _in_table(self, effect: Effect) -> bool:
+        """True for the effects in tables and for constants of the tool."""
+        axis = _axis_of(effect, self.machine)
+        return axis is not None and axis not in self._without_table
 
     @property
     def complete(self) -> bool:
@@ -122,7 +191,7 @@ class ErrorMotions:
         errors = np.zeros((axes + 1, 6, len(q)))
         for i, table in self.tables.items():
             errors[i] = self._of(i, table, q, approach)
-        errors[axes] = self._tool
+        errors[axes] = self.tool
         result = np.moveaxis(errors, 2, 0)
         if self._rest.effects:
             result += self._rest.errors(self.machine, self._state(q, approach))
@@ -169,13 +238,6 @@ def _reach(axis: Axis) -> tuple[float, float]:
     endless = ENDLESS_TURNS * TURN if axis.rotary else ENDLESS_MM
     low, high = axis.travel
     return (low - MARGIN if np.isfinite(low) else -endless), (high + MARGIN if np.isfinite(high) else endless)
-
-
-def _divided(model: ErrorModel, left: set[int]) -> tuple[ErrorModel, ErrorModel]:
-    """The effects for tables, and those of the machine beside them."""
-    numbers = {id(effect): i for i, effect in enumerate(model.effects)}
-    held = model.part(lambda effect: numbers[id(effect)] not in left)
-    return held, model.part(lambda effect: numbers[id(effect)] in left and effect.ACTS_ON != "instrument")
 
 
 def _tables(machine: Machine, model: ErrorModel, state: ConstantConditions) -> tuple[dict[int, Table], set[int]]:

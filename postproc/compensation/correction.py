@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -99,18 +99,28 @@ def corrected_positions(
     return correct_position(machine, states.errors(machine, model), nominal, tool, movable, start, shift, precision)
 
 
-class PoseErrors(NamedTuple):
-    """Pose errors `(n,)`: distance of the actual from the nominal tool point, um; angle of the tool axis, urad."""
+@dataclass(frozen=True)
+class PoseErrors:
+    """Errors at n axis positions of a machine with errors, against nominal poses."""
 
+    actual: ChainColumns
+    aim: ChainColumns
+    errors: Array
+    """Error motions `(n, axes + 1, 6)`, mm and rad."""
     point_um: Array
-    """Error relative to the datum, um: distance from the nominal tool point on the part at its actual position."""
-    axis_urad: Array
+    """Error relative to the datum `(n,)`, um: distance from the nominal tool point on the part at its actual position.
+    """
     absolute_um: Array
-    """Absolute error, um: distance from the nominal tool point of the true work offset."""
+    """Absolute error `(n,)`, um: distance from the nominal tool point of the true work offset."""
     nominal: Array
     """Nominal tool points `(n, 3)`, mm, workpiece frame."""
     apart: Array
     """The absolute error as a vector `(n, 3)`, mm."""
+
+    @cached_property
+    def axis_urad(self) -> Array:
+        """Angle of the tool axis `(n,)`, urad."""
+        return length(minus(self.actual.tool_axis(self.errors), self.aim.tool_axis())) * 1e6
 
 
 def pose_errors(
@@ -131,9 +141,8 @@ def pose_errors(
     actual, aim = ChainColumns(machine, q), ChainColumns(machine, nominal)
     there = aim.point(tip)
     apart = minus(actual.point(tip, errors), there)
-    point, absolute = length(minus(apart, vector(shift))), length(apart)
-    leaning = length(minus(actual.tool_axis(errors), aim.tool_axis()))
-    return PoseErrors(point * 1e3, leaning * 1e6, absolute * 1e3, rows_of(there, n), rows_of(apart, n))
+    point, absolute = length(minus(apart, vector(shift))) * 1e3, length(apart) * 1e3
+    return PoseErrors(actual, aim, errors, point, absolute, rows_of(there, n), rows_of(apart, n))
 
 
 def _arc_middles(

@@ -22,6 +22,7 @@ import numpy as np
 from kinematics.columns import ChainColumns, minus, rows_of, vector
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import NDArrayBool
+from kinematics.second_differences import SecondDifferences
 from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.correction import corrected_positions
@@ -79,6 +80,13 @@ class CorrectedPaths:
         x, y, z = (np.where(turned, there, here) for there, here in zip(along, errors, strict=True))
         return rows_of((x, y, z), len(rows))
 
+    def second_difference_bounds(self, rows: np.ndarray) -> Array:
+        """Upper bounds `(k,)`, mm, of |e(0) - 2 e(1/2) + e(1)| with the `tool_point_errors` e of straight moves."""
+        motions = self.motions
+        bounds = SecondDifferences(self.conditions.errors(motions.machine, self.models[0])).bounds
+        moves = self._starts[rows], motions.machine_target[rows], motions.tool[rows]
+        return bounds(*moves, motions.tcp[rows], self.turned[rows], self._datum[rows])
+
     @cached_property
     def turned(self) -> NDArrayBool:
         """True `(n,)` for moves along which rotary axes turn without TCP."""
@@ -106,7 +114,7 @@ class CorrectedPaths:
         """Upper bound of the travel of the axes along the moves `(n, axes)`, mm and rad, except for rounding."""
         motions, machine = self.motions, self.motions.machine
         travel = np.abs(motions.target - motions.start)
-        extents = np.abs(motions.machine_target - motions.in_machine(motions.start))
+        extents = np.abs(motions.machine_target - self._starts)
         linear = ~machine.rotary
         lengths = np.linalg.norm(travel[:, linear], axis=1)
         for row in motions.arcs:
@@ -135,6 +143,11 @@ class CorrectedPaths:
             return np.asarray(np.minimum(SHORTEST_MM / mm, SHORTEST_DEG / degrees))
 
     @cached_property
+    def _starts(self) -> Array:
+        """Axis positions `(n, axes)`, mm and rad, at the starts of the moves."""
+        return self.motions.in_machine(self.motions.start)
+
+    @cached_property
     def _datum(self) -> Array:
         """Displacement of the part from its nominal position `(n, 3)`, mm, workpiece frame."""
         return datum_shifts(self.motions, self.models[0], self.conditions)
@@ -153,7 +166,7 @@ class CorrectedPaths:
         if not any(needs_direction(effect) for model in self.models if model is not None for effect in model.effects):
             return None
         motions = self.motions
-        heading = np.sign(motions.machine_target - motions.in_machine(motions.start))
+        heading = np.sign(motions.machine_target - self._starts)
         heading[motions.tcp | (motions.kind != Kind.LINE)] = 0.0
         return np.asarray(heading)
 
@@ -338,13 +351,17 @@ def _arc_deviation(motions: Motions, segment: Segment, arc: Arc, shifts: np.ndar
 def beyond_limits(paths: CorrectedPaths, rows: np.ndarray, limits: Limits) -> np.ndarray:
     """Rows of `rows` `(k,)` that may exceed their limits in one segment, by a fast test on uncorrected errors.
 
-    A straight move is tested by the error in its middle. Rows that need a closer evaluation are included.
+    A straight move is tested by the second difference of the errors at its start, middle and end: by an upper bound,
+    and where that exceeds the limit by the errors themselves. Rows that need a closer evaluation are included.
     """
     motions = paths.motions
     close = (paths.models[1] is not None) | (paths.steps[rows] > 2.0)
     arcs = motions.kind[rows] == Kind.ARC
     flat = np.zeros(len(rows), bool)
     lines = np.flatnonzero(~close & ~arcs)
+    bounds = paths.second_difference_bounds(rows[lines])
+    flat[lines] = 1.5 * bounds <= limits.of(np.zeros(len(lines)))
+    lines = lines[~flat[lines]]
     before, middle, after = errors = _errors_at(paths, rows[lines], (0.0, 0.5, 1.0))
     flat[lines] = 1.5 * np.linalg.norm(before - 2.0 * middle + after, axis=1) <= limits.of(_largest(errors))
     circles = np.flatnonzero(~close & arcs)

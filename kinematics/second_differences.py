@@ -1,0 +1,142 @@
+"""Upper bounds of the second difference of the tool point error along straight paths.
+
+A straight path deviates from its corrected path as far as the tool point error h does from a straight line: its second
+difference is h(0) - 2 h(1/2) + h(1), at the start, the middle and the end. A quantity x along a path has three bounds:
+
+    size        |x| at each of the three points
+    change      2 |x(0) - x(1/2)| and 2 |x(1) - x(1/2)|
+    bend        |x(0) - 2 x(1/2) + x(1)|, the second difference itself
+
+They follow the chain from the tool to the workpiece. For a product, with x y at three points written as
+x(1/2) y(1/2) plus differences,
+
+    bend(x y) <= bend(x) size(y) + size(x) bend(y) + change(x) change(y) / 2,
+
+and likewise for the change. A turn by an angle that changes evenly by d has size 1, change d and bend d^2 / 4. The
+error motion f of an axis whose position changes by d, and deviates by b/2 from even in the middle, has
+
+    change <= slope (d + b) + 2 steps,   bend <= second d^2 / 4 + kinks d / 2 + slope b + 3 steps
+
+with the largest slope and second derivative of its pieces, and the sums of the kinks (changes of slope) and steps
+(changes of value) at the breaks between the positions. A rotation by a small vector w differs from none by at most
+|w|, and its second derivatives by w are at most 2, so that bend <= bend(w) + change(w)^2 / 2.
+
+Under TCP the rotary axes and the tool point move evenly, and the linear axes follow: Q = inverse(L) R^T (P - b), with
+the directions L of the linear axes, the rotation R in front of them and the tool point b for linear axes at zero.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.columns import ChainColumns, length, minus, vector
+from kinematics.machine import NDArrayBool
+from kinematics.pieces import ErrorMotions
+from kinematics.transforms import Array
+
+
+class Along(NamedTuple):
+    """Bounds of a quantity along n paths, each `(n,)` or a number."""
+
+    size: Array | float
+    change: Array | float = 0.0
+    bend: Array | float = 0.0
+
+    def plus(self, other: Along) -> Along:
+        """Bounds of a sum."""
+        return Along(self.size + other.size, self.change + other.change, self.bend + other.bend)
+
+    def times(self, other: Along) -> Along:
+        """Bounds of a product."""
+        return Along(
+            self.size * other.size,
+            self.change * other.size + self.size * other.change,
+            self.bend * other.size + self.size * other.bend + self.change * other.change / 2.0,
+        )
+
+
+NOTHING = Along(0.0)
+
+
+def turning(angle: Array | float) -> Along:
+    """Bounds of a turn by an angle, rad, that changes evenly by so much."""
+    return Along(1.0, angle, angle**2 / 4.0)
+
+
+class SecondDifferences:
+    """Bounds for a machine with these error motions."""
+
+    def __init__(self, motions: ErrorMotions) -> None:
+        self.machine, self._motions = motions.machine, motions
+        before = [{i for i in range(k) if self.machine.axes[i].rotary} for k in self.machine.translators]
+        self._in_front = before[0] if all(these == before[0] for these in before) else None
+        lines = np.array([self.machine.axes[k].unit_direction for k in self.machine.translators]).T
+        self._lines, self._inverse = np.linalg.norm(lines, 2), np.linalg.norm(np.linalg.inv(lines), 2)
+
+    def bounds(
+        self, start: Array, end: Array, tool: Array, tcp: NDArrayBool, turned: NDArrayBool, datum: Array
+    ) -> Array:
+        """Bounds `(n,)`, mm, for paths between axis positions `(n, axes)`, mm and rad; infinite where none is known.
+
+        tool `(n, 3)`, mm. tcp `(n,)`: the tool point moves evenly, otherwise all axes do. turned `(n,)`: the error
+        minus the datum shift `(n, 3)`, mm, is counted along the linear axes.
+        """
+        machine, n = self.machine, len(start)
+        if not self._motions.complete or self._in_front is None:
+            return np.full(n, np.inf)
+        curvatures = self._motions.curvatures
+        low, high = np.minimum(start, end).T, np.maximum(start, end).T
+        front = turning(sum((high[i] - low[i] for i in self._in_front), np.zeros(n)))
+        bend = np.where(tcp, self._bend_under_tcp(start, end, tool, front), 0.0) if tcp.any() else np.zeros(n)
+        bends = [np.zeros(n) if axis.rotary else bend for axis in machine.axes]
+        point, error = Along(length(vector(tool)) + np.zeros(n)), NOTHING
+        own = self._motions.tool
+        size = np.linalg.norm(own[:3]) + np.linalg.norm(own[3:]) * point.size
+        point, error = point.plus(Along(size)), Along(size)
+        for i in range(len(machine.axes) - 1, -1, -1):
+            axis = machine.axes[i]
+            centre, head = Along(float(np.linalg.norm(axis.point))), axis.side == "tool"
+            turn = turning(high[i] - low[i])
+            reach = np.maximum(np.abs(low[i]), np.abs(high[i])) + bends[i]
+            moved = NOTHING if axis.rotary else Along(reach, high[i] - low[i] + bends[i], bends[i])
+            point = point.plus(centre)
+            if axis.rotary and head:
+                point, error = turn.times(point), turn.times(error)
+            if not head:
+                point = point.plus(moved)
+            if i in curvatures:
+                translation, w = (Along(*bounds) for bounds in curvatures[i].along(low[i], high[i], bends[i]))
+                rotation = Along(w.size, w.change, w.bend + w.change**2 / 2.0)
+                here = translation.plus(rotation.times(point))
+                point, error = point.plus(here), error.plus(here)
+            if axis.rotary and not head:
+                point, error = turn.times(point), turn.times(error)
+            if head:
+                point = point.plus(moved)
+            point = point.plus(centre)
+        relative = error.plus(Along(np.linalg.norm(datum, axis=1)))
+        along_axes = front.times(relative).bend * self._inverse
+        held = np.ones(n, bool)
+        for i, curvature in curvatures.items():
+            held &= (low[i] - bends[i] >= curvature.breaks[0]) & (high[i] + bends[i] <= curvature.breaks[-1])
+        return np.where(held, np.where(turned, along_axes, error.bend), np.inf)
+
+    def _bend_under_tcp(self, start: Array, end: Array, tool: Array, front: Along) -> Array:
+        """Bounds `(n,)`, mm, of the second difference of the linear axes."""
+        machine, tip = self.machine, vector(tool)
+        point = Along(length(tip) + np.zeros(len(start)))
+        for i in range(len(machine.axes) - 1, -1, -1):
+            axis, way = machine.axes[i], np.abs(end[:, i] - start[:, i])
+            if axis.rotary:
+                centre = Along(float(np.linalg.norm(axis.point)))
+                point = turning(way).times(point.plus(centre)).plus(centre)
+            elif i not in machine.translators:
+                reach = np.maximum(np.abs(start[:, i]), np.abs(end[:, i]))
+                point = point.plus(Along(reach, way))
+        way = length(minus(ChainColumns(machine, end).point(tip), ChainColumns(machine, start).point(tip)))
+        linear = np.linalg.norm(np.maximum(np.abs(start), np.abs(end))[:, list(machine.translators)], axis=1)
+        change = way + point.change
+        seen = Along(self._lines * linear + change / 2.0, change, point.bend)
+        return np.asarray(self._inverse * front.times(seen).bend)
