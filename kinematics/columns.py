@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.machine import Machine
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 
 Vector = tuple[Array, Array, Array]
 """Components x, y and z of n vectors, each `(n,)`, or `(1,)` for all rows."""
@@ -197,8 +197,8 @@ class ChainColumns:
         return _from((-x, -y, -z), self._turn(i, _from((x, y, z), p)))
 
 
-_Z: Vector = (np.zeros(1), np.zeros(1), np.ones(1))
-_UPRIGHT = np.eye(3)
+_Z: Vector = (read_only(np.zeros(1)), read_only(np.zeros(1)), read_only(np.ones(1)))
+_UPRIGHT = read_only(np.eye(3))
 
 
 def _in_frame(frame: list[list[float]], v: Vector) -> Vector:

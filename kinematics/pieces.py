@@ -19,7 +19,7 @@ from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import TURN, Axis, Machine
 from kinematics.state import State
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 from kinematics.turn import knots_of
 
 DEGREE = 6
@@ -34,11 +34,11 @@ MOST_FEATURES = 500.0
 HALVINGS = 12
 FEW = 24
 """Pieces among rows up to which they are evaluated one after the other."""
-NODES = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
-TESTS = np.linspace(-1.0, 1.0, 16) * (1.0 - 1e-9)
+NODES = read_only(np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)))
+TESTS = read_only(np.linspace(-1.0, 1.0, 16) * (1.0 - 1e-9))
 """Where a piece is fitted and where it is tested, in its own coordinate -1 ... 1."""
-FIT = np.linalg.inv(np.vander(NODES, DEGREE + 1, increasing=True))
-AT_TESTS = np.vander(TESTS, DEGREE + 1, increasing=True)
+FIT = read_only(np.linalg.inv(np.vander(NODES, DEGREE + 1, increasing=True)))
+AT_TESTS = read_only(np.vander(TESTS, DEGREE + 1, increasing=True))
 
 ConstantConditions = Callable[[Array, Array | None], State]
 """The state at positions `(n, axes)`, mm and rad, approached in directions `(n, axes)`."""

@@ -93,7 +93,7 @@ class SecondDifferences:
         bends = [np.zeros(n) if axis.rotary else bend for axis in machine.axes]
         point, error = Along(length(vector(tool)) + np.zeros(n)), NOTHING
         own = self._motions.tool
-        size = np.linalg.norm(own[:3]) + np.linalg.norm(own[3:]) * point.size
+        size = float(np.linalg.norm(own[:3])) + float(np.linalg.norm(own[3:])) * point.size
         point, error = point.plus(Along(size)), Along(size)
         for i in range(len(machine.axes) - 1, -1, -1):
             axis = machine.axes[i]
