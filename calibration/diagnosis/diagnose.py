@@ -44,6 +44,7 @@ from calibration.diagnosis.verdict import (
     with_changed_lines,
 )
 from calibration.fit.acceptance import disagreement, refuse_few, relative_deviations, significant_share
+from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
@@ -112,6 +113,8 @@ class Diagnosis:
     """Comparison with no correction and with the present model on held-out blocks."""
     design: tuple[Separability, ...]
     """Causes that the design of these data can show and separate, without the readings."""
+    between_positions: tuple[BetweenPositions, ...]
+    """Uncertainty between the positions of each axis that was measured at few."""
     machine_change: MachineChange | None
     """Change of the machine since its present calibration; None without one of other data."""
 
@@ -273,7 +276,8 @@ def diagnose(
     findings += zero_findings(run_zeros(after.fit))
     if too_many := disagreement(after.fit):
         findings.append(Finding("outliers", too_many, False))
-    model = new_calibration(selector.base, after.fit, added, calibration)
+    curved, between = with_curves_between(after.fit) if selector.base.curves else (after.fit, ())
+    model = new_calibration(selector.base, curved, added, calibration)
     given, change = before, None
     if first.base.present is not None and calibration is not None:
         given = first.on(first.base.as_it_is).bare
@@ -307,6 +311,7 @@ def diagnose(
         tuple(proposed_measurements(found.stage, causes, dependence)),
         acceptance,
         tuple(separability(before.linearised, first.library)),
+        between,
         change,
     )
 

@@ -20,6 +20,7 @@ from calibration.fit.acceptance import (
 )
 from calibration.fit.basis_search import AUTO, Choice
 from calibration.fit.cross_validation import CrossValidation, cross_validate
+from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
 from calibration.fit.datum import to_datum
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, identifiability
@@ -58,6 +59,8 @@ class Calibration:
     dependences: tuple[DependenceTest, ...]
     """Variables on which the residuals depend."""
     cross_validation: CrossValidation | None
+    between_positions: tuple[BetweenPositions, ...]
+    """Uncertainty between the positions of each axis that was measured at few; none for stated bases."""
     findings: tuple[Finding, ...]
     """Anomalies of the data."""
     targets: tuple[TargetPosition, ...]
@@ -134,7 +137,8 @@ def calibrate(
     findings += zero_findings(run_zeros(found))
     if too_many:
         findings.append(Finding("outliers", too_many, False))
-    written = _written(found, valid_days)
+    curved, between = with_curves_between(found) if wanted.automatic else (found, ())
+    written = _written(curved, valid_days)
     kept = measurement.rows(np.flatnonzero(found.kept))
     before_um = before * kept.per_micro
     freedom = max(found.observations - len(found.registration.names), 1)
@@ -148,6 +152,7 @@ def calibrate(
         float(np.sum(whitened(whiteners(replace(kept, noise=None)), before) ** 2)) / freedom,
         tuple(dependences(found)),
         held_out,
+        between,
         tuple(findings),
         tuple(positions),
         relative_deviations(written, kept),

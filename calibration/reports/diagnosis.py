@@ -16,7 +16,7 @@ from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.reports import cause_text as words
 from calibration.reports.cause_figures import cause_figure
 from calibration.reports.cause_views import views
-from calibration.reports.fit import acceptance, held_out_json, insignificant
+from calibration.reports.fit import acceptance, between_positions, held_out_json, insignificant
 from calibration.reports.machine_change import change_sections, change_sentences, machine_change_json
 from calibration.reports.residual_figures import against_noise, before_and_after, share_chart, unexplained_shape
 from calibration.reports.run_zeros import zeros_section
@@ -97,6 +97,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "significant_share": found.significant_share,
         "calibration": found.model.id,
         "design": separability_json(found.design),
+        "between_positions": {each.axis: each.json() for each in found.between_positions},
         "machine_change": machine_change_json(found.machine_change),
     }
 
@@ -242,6 +243,7 @@ def _facts(found: Diagnosis) -> Iterator[tuple[str, str]]:
     if noise is not None:
         yield "estimated", noise.text
     significant = [f"{test.name} p = {test.p_value:.1g}" for test in found.tests if test.p_value < 1e-3]
+    yield from between_positions(found.between_positions)
     yield "residual", "; ".join([f"chi2/dof {fit.chi2_reduced:.3g}", *shortened(significant, LISTED, "tests")])
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from calibration.fit.acceptance import COVERAGE, MOSTLY
 from calibration.fit.calibrate import Calibration
 from calibration.fit.cross_validation import CrossValidation
+from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.datum import error_motions
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Unidentifiable
@@ -78,6 +79,7 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         "failed_stations": list(fitted.failed),
         "significant_share": found.significant_share,
         "u_um": found.relative_deviation.json(),
+        "between_positions": {each.axis: each.json() for each in found.between_positions},
         "targets": [each.json() for each in found.targets],
         "zeros": [zero.json() for zero in run_zeros(fitted)],
         "sanity": [{"what": finding.check, "says": finding.message} for finding in found.findings],
@@ -124,6 +126,13 @@ def fit_report(found: Calibration, taken: OnTheFly | None, command: str) -> Repo
     verdict = [*acceptance(found), *insignificant(found.significant_share), residual, *_verdict(found.fit)]
     title = f"Calibration of {measurement.machine.name}"
     return Report(title, lead, list(_sections(found, taken)), "\n".join(verdict))
+
+
+def between_positions(found: Iterable[BetweenPositions]) -> Iterator[tuple[str, str]]:
+    """A fact for each axis whose errors are uncertain between its measured positions."""
+    for each in found:
+        if each.noticed:
+            yield "UNCERTAIN", str(each)
 
 
 class Judged(Protocol):
@@ -259,6 +268,7 @@ def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, st
         f"{identified.by_convention} directions belong to the frame and are fixed by convention",
     )
     yield "uncertainty", str(found.relative_deviation)
+    yield from between_positions(found.between_positions)
     for dependence in found.dependences:
         yield (
             "DEPENDS ON",

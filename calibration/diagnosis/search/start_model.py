@@ -23,6 +23,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.refinement import GENEROUS, Refinement
 from calibration.fit.basis_search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.basis_selection import choose
+from calibration.fit.curves.between_positions import as_table
 from calibration.fit.fit import Fit, Progress, fit
 from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
 from calibration.fit.problem import FIXED
@@ -69,6 +70,8 @@ class Base:
     present: Base | None = None
     """The base without a refinement, where it is that of a calibration of other data."""
     refinement: Refinement | None = None
+    curves: bool = False
+    """True where error motions of axes with few positions become curves (`calibration.fit.curves`)."""
 
     @property
     def bases(self) -> object:
@@ -205,7 +208,7 @@ def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: 
             "diagnose without --calibration, or calibrate with data in which it moves"
         )
     if measurement.fingerprint and measurement.fingerprint in calibration.provenance.inputs.values():
-        return _refitted(machine_effects, unknown_approaches(measurement))
+        return _refitted(machine_effects, measurement)
     present = _updated(machine_effects, unknown_approaches(measurement))
     return _refined(present, measurement, (), progress)
 
@@ -259,7 +262,8 @@ def _of_choice(measurement: Measurement, choice: Choice, known: dict[str, Base])
     # backlash, which the fit of an interferometer includes, is a cause to be found here
     kept = np.array([not isinstance(effect, Backlash) for effect in model.effects])
     each = np.repeat(kept, [part.stop - part.start for part in model.slices])
-    return Base(model.part(lambda effect: not isinstance(effect, Backlash)), prior[each], "automatic", choice, known)
+    own = model.part(lambda effect: not isinstance(effect, Backlash))
+    return Base(own, prior[each], "automatic", choice, known, curves=True)
 
 
 def unknown_approaches(measurement: Measurement) -> list[Effect]:
@@ -274,12 +278,15 @@ def unknown_approaches(measurement: Measurement) -> list[Effect]:
     return [UnknownApproach(axis=axis, offset=0.0) for axis in moving_axes(measurement) if unknown[machine.index(axis)]]
 
 
-def _refitted(calibration: ErrorModel, unknown: Sequence[Effect]) -> Base:
-    """The structure of the calibration at zero, without location errors: the error motions hold these again."""
-    kept = [effect for effect in calibration.effects if not isinstance(effect, LocationError)]
-    zero = tuple(at_zero(effect) for effect in kept)
-    model = msgspec.structs.replace(calibration, effects=(*zero, *unknown), covariance=None)
-    return Base(model, priors(model), "refitted")
+def _refitted(calibration: ErrorModel, measurement: Measurement) -> Base:
+    """The structure of the calibration at zero, without location errors: the error motions hold these again.
+
+    A curve between few positions has more parameters than there are positions: a spline with one for each replaces it.
+    """
+    kept = [at_zero(effect) for effect in calibration.effects if not isinstance(effect, LocationError)]
+    zero = [as_table(effect, measurement) for effect in kept]
+    model = msgspec.structs.replace(calibration, effects=(*zero, *unknown_approaches(measurement)), covariance=None)
+    return Base(model, priors(model), "refitted", curves=zero != kept)
 
 
 def _updated(calibration: ErrorModel, unknown: Sequence[Effect]) -> Base:

@@ -1,0 +1,316 @@
+"""Error motions between few measured positions: a smooth curve through them, and its uncertainty between them.
+
+With as many parameters as positions a basis follows every reading, so that its covariance holds the noise alone: the
+errors between the positions may differ by much more. Here each error motion of an axis with few positions is a Gaussian
+process (`smooth_process`). The values at the positions show its size, length and smoothness by their evidence: values
+that jump from one position to the next belong to short waves, about which nothing is known half-way between two
+positions. A Type B judgement (GUM) limits them where the positions are too few to show them.
+
+The curve and its covariance, given the data, are written as a cubic spline with a node at each position and half-way
+between them. Other effects keep their values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import msgspec
+import numpy as np
+
+from calibration.fit.curves.smooth_process import Processes
+from calibration.fit.fit import Fit
+from calibration.fit.linear import pseudo_inverse
+from calibration.fit.problem import UNSEEN
+from calibration.measurement.estimated_noise import Decorrelation
+from calibration.measurement.measurement import Measurement
+from calibration.observation.normal_equations import assemble, whitened, whiteners
+from kinematics.basis import BSpline
+from kinematics.effects import Effect, ErrorMotion
+from kinematics.effects.base import own_component
+from kinematics.error_model.model import ErrorModel
+from kinematics.transforms import Array
+
+FEW = 24
+"""Most positions of an axis that count as few: of more, the residuals show the waves that a basis lacks."""
+TOGETHER = 1e-3
+"""Distance, as a share of the measured range, up to which positions are one."""
+SWEEPS = 2
+"""Most times that the processes of all axes are found, one after the other."""
+NOTICED = 0.1
+"""Least U, um or urad, of which a report tells."""
+UNLIMITED = 1e4
+"""Standard deviation of a parameter without a prior, in its units."""
+
+
+@dataclass(frozen=True)
+class BetweenPositions:
+    """Uncertainty of the error motions of an axis between its measured positions, known exactly at these."""
+
+    axis: str
+    positions: int
+    u_um: float | None
+    """Largest standard uncertainty of its translational error motions, um; None without any."""
+    u_urad: float | None
+    """Largest standard uncertainty of its angular error motions, urad; None without any."""
+
+    @property
+    def noticed(self) -> bool:
+        """True where the uncertainty is worth a sentence."""
+        return 2.0 * max(self.u_um or 0.0, self.u_urad or 0.0) >= NOTICED
+
+    def json(self) -> dict[str, float | int | None]:
+        """For programs."""
+        return {"positions": self.positions, "u_um": self.u_um, "u_urad": self.u_urad}
+
+    def __str__(self) -> str:
+        parts = ((self.u_um, "um"), (self.u_urad, "urad"))
+        sizes = " and ".join(f"{2.0 * u:.2g} {unit}" for u, unit in parts if u is not None)
+        return (
+            f"between the {self.positions} measured positions of {self.axis} its errors may differ from the new "
+            f"calibration by up to {sizes} (U, k=2): measure more positions to reduce this"
+        )
+
+
+def with_curves_between(found: Fit) -> tuple[Fit, tuple[BetweenPositions, ...]]:
+    """The fit with the error motions of axes with few positions as smooth curves; the fit itself without such an axis.
+
+    Of the result, only the model, with its covariance, and the priors belong to the new curves.
+    """
+    axes = _few_positions(found) if found.prior.ndim == 1 else {}
+    if not axes:
+        return found, ()
+    values = _Values.of(found, axes)
+    processes = values.processes()
+    return values.with_curves(processes), tuple(_between(axis, own) for axis, own in processes.items())
+
+
+def as_table(effect: Effect, measurement: Measurement) -> Effect:
+    """An error motion with more parameters than the data have positions, as a table with a node at each; others as is.
+
+    All values of the table are zero: it has the same freedom at the positions.
+    """
+    if not (isinstance(effect, ErrorMotion) and isinstance(effect.basis, BSpline)):
+        return effect
+    machine = measurement.machine
+    if machine.axes[machine.index(effect.axis)].turns_fully:
+        return effect
+    x = _positions(measurement, effect.axis, np.ones(len(measurement), bool))
+    if not 2 <= len(x) < effect.basis.size:
+        return effect
+    low, high = effect.basis.interval
+    nodes = (low, *x[1:-1].tolist(), high)
+    return _motion(effect, BSpline(nodes, 1), np.zeros(len(nodes)))
+
+
+def _few_positions(found: Fit) -> dict[str, Array]:
+    """Measured positions, mm or degrees, of each axis with FEW or less and splines for its error motions."""
+    bases: dict[str, list[bool]] = {}
+    for effect in found.model.effects:
+        if isinstance(effect, ErrorMotion):
+            bases.setdefault(effect.axis, []).append(isinstance(effect.basis, BSpline))
+    if found.measurement.across is not None:
+        return {}
+    machine = found.measurement.machine
+    alike = [axis for axis, own in bases.items() if all(own) and not machine.axes[machine.index(axis)].turns_fully]
+    positions = {axis: _positions(found.measurement, axis, found.kept) for axis in alike}
+    return {axis: x for axis, x in positions.items() if 2 <= len(x) <= FEW}
+
+
+def _positions(measurement: Measurement, axis: str, rows: np.ndarray) -> Array:
+    """Different positions of an axis, mm or degrees, in those of the rows, a mask `(n,)`, that measure it."""
+    if measurement.axis is not None:
+        rows = rows & np.equal(measurement.axis, axis)
+    x = np.unique(measurement.state.position(measurement.machine, axis)[rows])
+    if len(x) < 2:
+        return x
+    group = np.concatenate([[0], np.cumsum(np.diff(x) > TOGETHER * (x[-1] - x[0]))])
+    return np.asarray(np.bincount(group, x) / np.bincount(group))
+
+
+@dataclass(frozen=True)
+class _Values:
+    """Information of the data on the values of error motions at few positions, and on all other parameters."""
+
+    found: Fit
+    axes: Mapping[str, Array]
+    """Positions of each axis with few."""
+    effects: tuple[Effect, ...]
+    """The effects of the fit; error motions of these axes as tables of their values at the positions."""
+    parts: tuple[slice, ...]
+    """Parameters of each of these effects."""
+    information: Array
+    """`(q, q)`, registration eliminated."""
+    slope: Array
+    """Product `(q,)` of the derivatives with the residuals, registration eliminated."""
+    prior: Array
+    """Standard deviations `(q,)`; only those of the other parameters are used."""
+
+    @classmethod
+    def of(cls, found: Fit, axes: Mapping[str, Array]) -> _Values:
+        """The information of the rows of a fit about its result."""
+        effects: list[Effect] = []
+        priors: list[Array] = []
+        for effect, part in zip(found.model.effects, found.model.slices, strict=True):
+            own = np.where(np.isfinite(found.prior[part]), found.prior[part], UNLIMITED)
+            if isinstance(effect, ErrorMotion) and effect.axis in axes:
+                x = axes[effect.axis]
+                values = effect.basis.columns(x) @ np.array(effect.parameters)
+                effects.append(_motion(effect, BSpline(tuple(x.tolist()), 1), values))
+                largest = max(float(own.max()), effect.parameter_table[0].typical)
+                priors.append(np.full(len(x), largest))
+            else:
+                effects.append(effect)
+                priors.append(own)
+        model = msgspec.structs.replace(found.model, effects=tuple(effects), covariance=None)
+        information, slope = _information(found, model)
+        return cls(found, axes, model.effects, model.slices, information, slope, np.concatenate(priors))
+
+    def processes(self) -> dict[str, Processes]:
+        """The possible processes of each axis."""
+        found = {
+            axis: Processes.about(x, float(self.prior[self._rows(axis)].max()), list(self._values(axis)))
+            for axis, x in self.axes.items()
+        }
+        for _ in range(SWEEPS):
+            before = dict(found)
+            for axis, own in before.items():
+                found[axis] = own.given(*self._without_others(axis, found))
+            if all(found[axis].possible[0] == before[axis].possible[0] for axis in found):
+                break
+        return found
+
+    def with_curves(self, processes: Mapping[str, Processes]) -> Fit:
+        """The fit with the curves, given the data, in place of its error motions."""
+        effects: list[Effect] = []
+        reached: list[Array] = []
+        roots: list[Array] = []
+        for effect, part in zip(self.found.model.effects, self.parts, strict=True):
+            if isinstance(effect, ErrorMotion) and effect.axis in self.axes:
+                x = self.axes[effect.axis]
+                nodes = np.linspace(*effect.basis.interval, 2 * len(x) - 1)
+                basis = BSpline(tuple(nodes.tolist()), 3)
+                roots.append(_root(processes[effect.axis], _class_of(effect), basis))
+                reached.append(basis.columns(x) @ roots[-1])
+                effects.append(_motion(effect, basis, np.zeros(basis.size)))
+            else:
+                effects.append(effect)
+                roots.append(np.diag(self.prior[part]))
+                reached.append(roots[-1])
+        model = msgspec.structs.replace(self.found.model, effects=tuple(effects), covariance=None)
+        root, through = _diagonal(roots), _diagonal(reached)
+        within = through.T @ self.information @ through
+        values, vectors = np.linalg.eigh((within + within.T) / 2.0)
+        half = root @ (vectors / np.sqrt(1.0 + np.maximum(values, 0.0)))
+        parameters = np.array(model.parameters)
+        curves = np.concatenate([self._columns(model, axis) for axis in self.axes])
+        rows = np.concatenate([self._rows(axis) for axis in self.axes])
+        own = through[np.ix_(rows, curves)]
+        solved = np.linalg.solve(
+            np.eye(len(curves)) + own.T @ self.information[np.ix_(rows, rows)] @ own, own.T @ self._right[rows]
+        )
+        parameters[curves] = root[np.ix_(curves, curves)] @ solved
+        prior = np.sqrt(np.sum(root**2, axis=1))
+        return replace(self.found, model=model.with_parameters(parameters, half @ half.T), prior=prior)
+
+    def _rows(self, axis: str) -> np.ndarray:
+        """Numbers of the values of the error motions of an axis."""
+        return self._numbered(self.effects, self.parts, axis)
+
+    def _columns(self, model: ErrorModel, axis: str) -> np.ndarray:
+        """The same for the parameters of the curves."""
+        return self._numbered(model.effects, model.slices, axis)
+
+    @staticmethod
+    def _numbered(effects: tuple[Effect, ...], parts: tuple[slice, ...], axis: str) -> np.ndarray:
+        own = zip(effects, parts, strict=True)
+        return np.concatenate(
+            [np.arange(p.start, p.stop) for effect, p in own if isinstance(effect, ErrorMotion) and effect.axis == axis]
+        )
+
+    def _values(self, axis: str) -> Iterator[tuple[str, Array]]:
+        """Class of each error motion of an axis, and its values at the positions."""
+        for effect in self.effects:
+            if isinstance(effect, ErrorMotion) and effect.axis == axis:
+                yield _class_of(effect), np.array(effect.parameters)
+
+    @cached_property
+    def _right(self) -> Array:
+        """Product `(q,)` of the information with the values; parameters of other effects are held."""
+        rows = np.concatenate([self._rows(axis) for axis in self.axes])
+        values = np.zeros(len(self.slope))
+        values[rows] = np.concatenate([np.array(effect.parameters) for effect in self.effects])[rows]
+        return np.asarray(self.slope + self.information @ values)
+
+    def _without_others(self, axis: str, processes: Mapping[str, Processes]) -> tuple[Array, Array]:
+        """Information `(k, k)` on the values of one axis, and its product with them `(k,)`, other axes eliminated."""
+        own = self._rows(axis)
+        others = [name for name in processes if name != axis]
+        information, right = self.information[np.ix_(own, own)], self._right[own]
+        if not others:
+            return information, right
+        rows = np.concatenate([self._rows(name) for name in others])
+        blocks = [
+            np.asarray(np.linalg.cholesky(processes[name].covariance(self.axes[name], which)))
+            for name in others
+            for which in processes[name].classes
+        ]
+        root = _diagonal(blocks)
+        inner = np.eye(len(rows)) + root.T @ self.information[np.ix_(rows, rows)] @ root
+        cross = root.T @ self.information[np.ix_(rows, own)]
+        solved = np.linalg.solve(inner, np.column_stack([cross, root.T @ self._right[rows]]))
+        return information - cross.T @ solved[:, :-1], right - cross.T @ solved[:, -1]
+
+
+def _information(found: Fit, model: ErrorModel) -> tuple[Array, Array]:
+    """Information on the parameters of a model `(q, q)` and slope `(q,)` at the residuals of a fit."""
+    measurement, registration = found.measurement, found.registration
+    white = whiteners(measurement)
+    weights = found.kept / (found.variance_factor * found.widening)
+    decorrelation = Decorrelation.of(measurement.noise, white, weights)
+    root = np.sqrt(weights)
+    residual = decorrelation.apply(whitened(white, found.residual) * root[:, None])
+    normal = assemble(measurement, model, registration, white * root[:, None, None], residual, decorrelation)
+    size = len(registration.names)
+    own = normal.matrix[:size, :size]
+    scale = 1.0 / np.sqrt(np.where(np.diag(own) > 0, np.diag(own), 1.0))
+    half = scale[:, None] * pseudo_inverse(own * np.outer(scale, scale), UNSEEN, 1.0).root
+    eliminated = normal.matrix[size:, :size] @ half
+    information = normal.matrix[size:, size:] - eliminated @ eliminated.T
+    return (information + information.T) / 2.0, normal.right[size:] - eliminated @ (half.T @ normal.right[:size])
+
+
+def _root(processes: Processes, which: str, basis: BSpline) -> Array:
+    """Root of the covariance of the parameters of a spline that is a process of a class."""
+    nodes = np.array(basis.nodes)
+    knots = np.concatenate([nodes[[0, 0]], nodes, nodes[[-1, -1]]])
+    # the values there determine the parameters
+    x = (knots[:-2] + knots[1:-1] + knots[2:]) / 3.0
+    return np.asarray(np.linalg.solve(basis.columns(x), np.linalg.cholesky(processes.covariance(x, which))))
+
+
+def _diagonal(blocks: list[Array]) -> Array:
+    """The matrix with these blocks `(a, b)` along its diagonal."""
+    ends = np.cumsum([[0, 0], *(block.shape for block in blocks)], axis=0)
+    whole = np.zeros(ends[-1])
+    for (row, column), block in zip(ends, blocks, strict=False):
+        whole[row : row + block.shape[0], column : column + block.shape[1]] = block
+    return whole
+
+
+def _motion(effect: ErrorMotion, basis: BSpline, values: Array) -> ErrorMotion:
+    return ErrorMotion(effect.component, effect.axis, basis, tuple(values.tolist()), u=(0.0,) * basis.size)
+
+
+def _class_of(effect: ErrorMotion) -> str:
+    if effect.component == own_component(effect.axis):
+        return "positioning"
+    return "angular" if effect.angular else "straightness"
+
+
+def _between(axis: str, processes: Processes) -> BetweenPositions:
+    """The uncertainty between the positions of an axis."""
+    u = {which: processes.between(which) for which in dict.fromkeys(processes.classes)}
+    shifts = [u[which] for which in ("positioning", "straightness") if which in u]
+    return BetweenPositions(axis, len(processes.positions), max(shifts, default=None), u.get("angular"))

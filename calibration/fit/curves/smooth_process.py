@@ -1,0 +1,192 @@
+"""Gaussian processes of error motions, and their evidence: Rasmussen and Williams, Gaussian Processes for Machine
+Learning (2006), sections 2.7 (explicit line), 4.2 (Matern class) and 5.4.1 (evidence).
+
+An error motion is a straight line and a process of some size, correlation length and smoothness. The error motions of
+an axis have the same length and smoothness, and those of one class (positioning, straightness, angular) the same size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.transforms import Array
+
+SIZES = 10.0 * 2.0 ** (np.arange(-14, 13) / 2.0)
+"""Standard deviations of a process that are tried, um or urad."""
+LENGTHS = (0.5, 1.0, 2.0, 4.0)
+"""Correlation lengths that are tried, in mean distances of positions. Shorter ones cannot be told from each other."""
+TYPICAL_SIZE, TYPICAL_LENGTH = 10.0, 2.0
+"""Size, um or urad, and length that are expected before the data are seen (Type B)."""
+SIZE_SPREAD, LENGTH_SPREAD = 1.5, 1.0
+"""Standard deviations of the logarithms of size and length about these."""
+UNLIKELY = 1e-3
+"""Probability below which a process does not count."""
+JITTER = 1e-9
+"""Share of a variance that is added to it, against rounding."""
+
+
+def _never(r: Array) -> Array:
+    return np.asarray(np.exp(-r))
+
+
+def _once(r: Array) -> Array:
+    return np.asarray((1.0 + 3**0.5 * r) * np.exp(-(3**0.5) * r))
+
+
+def _twice(r: Array) -> Array:
+    return np.asarray((1.0 + 5**0.5 * r + 5.0 * r**2 / 3.0) * np.exp(-(5**0.5) * r))
+
+
+def _always(r: Array) -> Array:
+    return np.asarray(np.exp(-0.5 * r**2))
+
+
+Correlation = Callable[[Array], Array]
+CORRELATIONS: Mapping[Correlation, float] = {_always: 0.3, _twice: 0.3, _once: 0.3, _never: 0.1}
+"""Correlations by distance in correlation lengths, named by how often their processes can be differentiated, with the
+probabilities that are expected before the data are seen: carriages average the form of their guideways (Type B)."""
+
+
+class Process(NamedTuple):
+    """A Gaussian process of the error motions of an axis."""
+
+    correlation: Correlation
+    length: float
+    """Correlation length in mean distances of positions."""
+    sizes: Mapping[str, int]
+    """Index in SIZES by class of error motions."""
+
+    @property
+    def away(self) -> float:
+        """Negative log probability before the data are seen, up to a constant."""
+        sizes = np.log(SIZES[list(self.sizes.values())] / TYPICAL_SIZE) / SIZE_SPREAD
+        length = np.log(self.length / TYPICAL_LENGTH) / LENGTH_SPREAD
+        return 0.5 * float(sizes @ sizes + length**2) - float(np.log(CORRELATIONS[self.correlation]))
+
+
+@dataclass(frozen=True)
+class Processes:
+    """The processes of an axis that its data leave possible, with their probabilities."""
+
+    positions: Array
+    """Measured positions `(k,)`, ascending, mm or degrees."""
+    trend: float
+    """Standard deviation of constant and slope over the measured range, um or urad."""
+    classes: tuple[str, ...]
+    """Class of each error motion."""
+    possible: tuple[tuple[float, Process], ...] = ()
+    """Probabilities and processes; the expected one before the data are seen."""
+
+    @classmethod
+    def about(cls, positions: Array, trend: float, values: Sequence[tuple[str, Array]]) -> Processes:
+        """A first guess from values `(k,)` at the positions, with the class of each error motion."""
+        line = np.linalg.qr(np.vander(positions - positions.mean(), 2))[0]
+        squares: dict[str, list[float]] = {}
+        for which, own in values:
+            squares.setdefault(which, []).append(float(np.mean((own - line @ (line.T @ own)) ** 2)))
+        sizes = {
+            which: int(np.argmin(np.abs(np.log(SIZES) - 0.5 * np.log(max(np.mean(own), SIZES[0] ** 2)))))
+            for which, own in squares.items()
+        }
+        classes = tuple(which for which, _ in values)
+        return cls(positions, trend, classes, ((1.0, Process(_twice, TYPICAL_LENGTH, sizes)),))
+
+    def covariance(self, x: Array, which: str) -> Array:
+        """Covariance of the values at positions `(m,)` of an error motion of a class, um2 or urad2."""
+        own = sum(p * SIZES[process.sizes[which]] ** 2 * self._correlation(process, x) for p, process in self.possible)
+        return self._with_line(x, np.asarray(own))
+
+    def between(self, which: str) -> float:
+        """Largest standard deviation half-way between positions if the values at these are known, um or urad."""
+        k, middle = len(self.positions), (self.positions[1:] + self.positions[:-1]) / 2.0
+        whole = self.covariance(np.concatenate([self.positions, middle]), which)
+        known = np.linalg.solve(whole[:k, :k], whole[:k, k:])
+        variances = np.diag(whole[k:, k:]) - np.sum(whole[:k, k:] * known, axis=0)
+        return float(np.sqrt(max(variances.max(), 0.0)))
+
+    def given(self, information: Array, right: Array) -> Processes:
+        """The possible processes, given the information on the values of all error motions at the positions.
+
+        information `(q, q)` and its product with the values `(q,)`, error motion by error motion.
+        """
+        sizes = self.possible[0][1].sizes
+        starts = [Process(correlation, length, sizes) for correlation in CORRELATIONS for length in LENGTHS]
+        found = _Evidence(self, information, right).climbed(starts)
+        most = max(value for value, _ in found)
+        odds = [(float(np.exp(value - most)), process) for value, process in found]
+        whole = sum(p for p, _ in odds)
+        likely = sorted(
+            ((p / whole, process) for p, process in odds if p > UNLIKELY * whole), key=lambda each: -each[0]
+        )
+        return Processes(self.positions, self.trend, self.classes, tuple(likely))
+
+    def root(self, process: Process, size: int) -> Array:
+        """Root of the covariance of the values at the positions under one process."""
+        x = self.positions
+        return np.asarray(np.linalg.cholesky(self._with_line(x, SIZES[size] ** 2 * self._correlation(process, x))))
+
+    def _correlation(self, process: Process, x: Array) -> Array:
+        distance = (self.positions[-1] - self.positions[0]) / (len(self.positions) - 1)
+        return process.correlation(np.abs(x[:, None] - x) / (process.length * distance))
+
+    def _with_line(self, x: Array, own: Array) -> Array:
+        low, high = self.positions[[0, -1]]
+        u = (2.0 * x - low - high) / (high - low)
+        whole = self.trend**2 * (1.0 + np.outer(u, u)) + own
+        return np.asarray(whole + JITTER * np.diag(np.diag(whole)))
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """Log probability of the data and of processes of one axis, up to a constant."""
+
+    processes: Processes
+    information: Array
+    right: Array
+
+    @cached_property
+    def _roots(self) -> dict[tuple[Correlation, float, int], Array]:
+        return {}
+
+    def of(self, tried: Sequence[Process]) -> Array:
+        """The values `(n,)` of n processes."""
+        k, size = len(self.processes.positions), len(self.right)
+        roots = np.zeros((len(tried), size, size))
+        for root, process in zip(roots, tried, strict=True):
+            for i, which in enumerate(self.processes.classes):
+                key = process.correlation, process.length, process.sizes[which]
+                if key not in self._roots:
+                    self._roots[key] = self.processes.root(process, process.sizes[which])
+                root[i * k : i * k + k, i * k : i * k + k] = self._roots[key]
+        across = np.swapaxes(roots, 1, 2)
+        factor = np.linalg.cholesky(np.eye(size) + across @ (self.information @ roots))
+        explained = np.linalg.solve(factor, (across @ self.right)[:, :, None])
+        volume = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+        away = np.array([process.away for process in tried])
+        return np.asarray(0.5 * np.sum(explained**2, axis=(1, 2)) - volume - away)
+
+    def climbed(self, starts: Sequence[Process]) -> list[tuple[float, Process]]:
+        """From each start the process that no step of one size makes likelier, with its value."""
+        found = list(zip(self.of(starts).tolist(), starts, strict=True))
+        moving = list(range(len(found)))
+        while moving:
+            before = [found[i][1] for i in moving]
+            for which in dict.fromkeys(self.processes.classes):
+                varied = [(i, other) for i in moving for other in _varied(found[i][1], which)]
+                values = self.of([process for _, process in varied]).tolist()
+                for (i, process), value in zip(varied, values, strict=True):
+                    if value > found[i][0]:
+                        found[i] = value, process
+            moving = [i for i, old in zip(moving, before, strict=True) if found[i][1] != old]
+        return found
+
+
+def _varied(process: Process, which: str) -> list[Process]:
+    """Processes with the next smaller and larger size of a class."""
+    sizes = (process.sizes[which] + step for step in (1, -1))
+    return [process._replace(sizes={**process.sizes, which: k}) for k in sizes if 0 <= k < len(SIZES)]

@@ -1,0 +1,194 @@
+"""Error motions between few positions: their curves, their uncertainty there, and the words about it."""
+
+import json
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+from support.virtual_measurements import THREE, measured, truth, written
+
+import machines
+from calibration.fit.calibrate import calibrate
+from calibration.fit.curves.between_positions import as_table, with_curves_between
+from calibration.fit.curves.smooth_process import CORRELATIONS, SIZES, Process, Processes, _Evidence
+from calibration.fit.fit import fit
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.measurement import Measurement, Target, with_moves
+from calibration.observation.full_model import BasisChoice, rigid_model
+from kinematics.basis import BSpline
+from kinematics.deviation import exact_deviation
+from kinematics.effects import ErrorMotion
+from kinematics.state import State
+
+GANTRY = machines.load("gantry")
+K_95 = 1.96
+FEW = {"X": BasisChoice("cubic", 5), "Y": BasisChoice("cubic", 3), "Z": BasisChoice("cubic", 3)}
+
+
+def runs(error, positions, rng, u_um=0.5):
+    """Three bidirectional runs of an interferometer along X, with noise."""
+    q = np.zeros((6 * len(positions), 3))
+    q[:, 0] = np.tile(np.concatenate([positions, positions[::-1]]), 3)
+    n = len(q)
+    state = with_moves(State(q, target=np.full(n, "1")))
+    observed = (error(q[:, 0]) + u_um * rng.normal(size=n))[:, None] * 1e-3
+    axis, run = np.full(n, "X"), np.repeat(["1", "2", "3"], n // 3)
+    return Measurement(
+        GANTRY,
+        Interferometer(u_um=u_um),
+        state,
+        observed,
+        {"1": Target((0.0, 0.0, 0.0))},
+        axis=axis,
+        run=run,
+        source="runs",
+    )
+
+
+def curve(model, x):
+    """Values and covariance, less their means, of the positioning error of X at positions, um."""
+    effect = next(e for e in model.effects if isinstance(e, ErrorMotion))
+    part = model.slices[model.effects.index(effect)]
+    columns = effect.basis.columns(x)
+    columns = columns - columns.mean(axis=0)
+    return columns @ np.array(effect.parameters), columns @ np.array(model.covariance)[part, part] @ columns.T
+
+
+def grid(counts=(7, 5, 5)):
+    travel = GANTRY.travel
+    axes = (np.linspace(low, high, n) for (low, high), n in zip(travel.T, counts, strict=True))
+    q = np.stack([each.ravel() for each in np.meshgrid(*axes, indexing="ij")], axis=1)
+    return np.concatenate([q, q[::-1]])
+
+
+def fitted(measurement, bases=FEW):
+    return fit(measurement, rigid_model(measurement, bases))
+
+
+def test_the_evidence_is_that_of_the_normal_distribution():
+    rng = np.random.default_rng(0)
+    x, noise = np.linspace(0.0, 600.0, 6), 0.8
+    values = rng.normal(size=12) * 5.0
+    processes = Processes.about(x, 30.0, [("positioning", values[:6]), ("angular", values[6:])])
+    tried = [
+        Process(correlation, length, {"positioning": size, "angular": size - 3})
+        for correlation in CORRELATIONS
+        for length, size in ((0.5, 8), (2.0, 12))
+    ]
+    found = _Evidence(processes, np.eye(12) / noise**2, values / noise**2).of(tried)
+    for value, process in zip(found, tried, strict=True):
+        roots = [processes.root(process, process.sizes[which]) for which in ("positioning", "angular")]
+        own = sum(
+            multivariate_normal(np.zeros(6), root @ root.T + noise**2 * np.eye(6)).logpdf(part)
+            for root, part in zip(roots, np.split(values, 2), strict=True)
+        )
+        bare = multivariate_normal(np.zeros(12), noise**2 * np.eye(12)).logpdf(values)
+        assert value + process.away == pytest.approx(own - bare, abs=1e-6)
+
+
+def test_known_values_leave_no_uncertainty_at_them():
+    x = np.linspace(0.0, 600.0, 7)
+    size = int(np.argmin(np.abs(SIZES - 10.0)))
+    rough, smooth = (
+        Processes(x, 30.0, ("positioning",), ((1.0, Process(next(iter(CORRELATIONS)), length, {"positioning": size})),))
+        for length in (0.5, 4.0)
+    )
+    assert rough.between("positioning") > 5.0
+    assert smooth.between("positioning") < 0.1
+
+
+@pytest.mark.parametrize("waves", [0.5, 2.0, 4.5])
+def test_intervals_cover_the_errors_between_seven_positions(waves):
+    x, between = np.linspace(0.0, 3000.0, 7), np.linspace(0.0, 3000.0, 121)
+    inside, before = [], []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        a, b, slope = rng.normal(size=3) * [6.0, 6.0, 15.0]
+
+        def error(q, a=a, b=b, slope=slope):
+            u = q / 3000.0
+            return slope * u + a * np.sin(waves * np.pi * u) + b * np.cos(waves * np.pi * u)
+
+        measurement = runs(error, x, rng)
+        found = fitted(measurement, {"X": BasisChoice("targets", 7)})
+        true = error(between) - error(between).mean()
+        for model, shares in ((found.model, before), (with_curves_between(found)[0].model, inside)):
+            values, covariance = curve(model, between)
+            shares.append(np.mean(np.abs(values - true) <= K_95 * np.sqrt(np.diag(covariance))))
+    assert np.mean(inside) > 0.85
+    assert waves < 1.0 or np.mean(inside) > np.mean(before) + 0.2
+
+
+def test_a_grid_covers_unseen_poses_and_predicts_them_better():
+    rng = np.random.default_rng(3)
+    model = truth(GANTRY, rng, size=8.0)
+    waves = [
+        ErrorMotion(e.component, "X", e.basis.__class__(e.basis.interval, (0.5, 5.0)), e.parameters, u=e.u)
+        if e.axis == "X" else e
+        for e in model.effects
+    ]  # fmt: skip
+    model = msgspec.structs.replace(model, effects=tuple(waves))
+    found = fitted(measured(GANTRY, grid(), THREE, model, rng))
+    curved, between = with_curves_between(found)
+    assert [(each.axis, each.positions) for each in between] == [("X", 7), ("Y", 5), ("Z", 5)]
+    assert all(isinstance(e.basis, BSpline) and len(e.basis.nodes) in (9, 13) for e in curved.model.effects)
+    q = rng.uniform(*GANTRY.travel, (300, 3))
+    tool = np.tile([0.0, 0.0, -120.0], (300, 1))
+    true = exact_deviation(GANTRY, q, model.errors(GANTRY, State(q)), tool).position
+    rms = []
+    for each in (found.model, curved.model):
+        own = exact_deviation(GANTRY, q, each.errors(GANTRY, State(q)), tool).position
+        left = own - true
+        points = q - q.mean(axis=0)
+        turns = np.cross(np.eye(3)[None], points[:, None])
+        columns = np.concatenate([np.tile(np.eye(3), (300, 1, 1)), turns / 1e3], axis=1).transpose(0, 2, 1)
+        columns = columns.reshape(-1, 6)
+        left = left.reshape(-1) - columns @ np.linalg.lstsq(columns, left.reshape(-1), rcond=None)[0]
+        rms.append(float(np.sqrt(np.mean(left**2))))
+    assert rms[1] < 0.9 * rms[0]
+
+
+def test_many_positions_leave_the_fit_as_it_is():
+    rng = np.random.default_rng(1)
+    found = fitted(measured(GANTRY, rng.uniform(*GANTRY.travel, (120, 3)), THREE, truth(GANTRY, rng), rng))
+    assert with_curves_between(found) == (found, ())
+
+
+def test_a_stated_basis_stays():
+    rng = np.random.default_rng(2)
+    measurement = runs(lambda q: 5.0 * np.sin(q / 300.0), np.linspace(0.0, 3000.0, 9), rng)
+    stated, automatic = calibrate(measurement, basis="b-spline:5"), calibrate(measurement)
+    assert not stated.between_positions
+    assert [each.axis for each in automatic.between_positions] == ["X"]
+    assert next(e for e in stated.model.effects if isinstance(e, ErrorMotion)).basis.size == 5
+
+
+def test_a_curve_is_refitted_as_a_table_of_its_positions():
+    x = np.linspace(0.0, 3000.0, 7)
+    measurement = runs(lambda q: 5.0 * np.sin(q / 300.0), x, np.random.default_rng(2))
+    curved = with_curves_between(fitted(measurement, {"X": BasisChoice("cubic", 5)}))[0].model.effects[0]
+    table = as_table(curved, measurement)
+    assert table.basis == BSpline(tuple(x.tolist()), 1)
+    assert as_table(table, measurement) is table
+
+
+@pytest.mark.integration
+def test_the_report_names_the_axis(ncomp):
+    rng = np.random.default_rng(4)
+    written(measured(GANTRY, grid((5, 4, 4)), THREE, truth(GANTRY, rng), rng), Path("grid.csv"))
+    done = ncomp("fit", "grid.csv", "-m", "gantry", "-o", "cal.json", "--json", "fit.json")
+    assert done.status == 0, done.err
+    found = json.loads(Path("fit.json").read_text())["between_positions"]
+    assert {axis: own["positions"] for axis, own in found.items()} == {"X": 5, "Y": 4, "Z": 4}
+    assert all(own["u_um"] > 0.0 and own["u_urad"] > 0.0 for own in found.values())
+    assert "between the 5 measured positions of X its errors may differ from the new calibration" in done.shown
+    again = ncomp(
+        "diagnose", "grid.csv", "-m", "gantry", "--calibration", "cal.json", "-o", "new.json", "--json", "d.json"
+    )
+    assert again.status == 0, again.err
+    diagnosed = json.loads(Path("d.json").read_text())
+    assert diagnosed["origin"] == "refitted"
+    assert diagnosed["between_positions"]["X"]["positions"] == 5
+    assert not diagnosed["effects"]
