@@ -2,81 +2,35 @@
 
 from __future__ import annotations
 
-import functools
 import io
 import os
 import signal
 import sys
-from collections.abc import Callable
 from contextlib import suppress
-from typing import Annotated, Any, NoReturn
-
-import typer
-from typer.core import TyperGroup
+from typing import NoReturn
 
 from kinematics.user_error import UserError
-from postproc.commands.calibrations import compare, continuous, diagnose, fit, iso230, three_points
-from postproc.commands.measurements import plan, predict, simulate, simulate_continuous, study, tracker
-from postproc.commands.options.declared import with_options
-from postproc.commands.programs import check, correct, export, import_tables, machines, verify
+from postproc.commands.options.arguments import plain_values
+from postproc.commands.options.declared import Signature
+from postproc.commands.table import COMMANDS, MAIN_JOB, command
 
-MAIN_JOB = "correct"
-
-
-class MainJobFirst(TyperGroup):
-    """Group of commands: without a subcommand, the arguments are those of the main job."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Put the name of the main job before its arguments."""
-        own = {name for parameter in self.get_params(ctx) for name in parameter.opts}
-        if args and args[0] not in self.commands and args[0] not in own:
-            args = [MAIN_JOB, *args]
-        return super().parse_args(ctx, args)
+COMPLETION = "_NCOMP_COMPLETE"
+"""Environment variable by which a shell requests the completion of a line."""
 
 
-app = typer.Typer(
-    name="ncomp",
-    cls=MainJobFirst,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    help="""Correct NC programs for the measured errors of a machine tool.
+def command_line() -> None:
+    """Run the command of the process' arguments: without Typer where they are plainly right, which takes less time."""
+    words = sys.argv[1:]
+    name, *others = words if words and words[0] in COMMANDS else (MAIN_JOB, *words)
+    if words and COMPLETION not in os.environ:
+        signature = Signature(command(name)[0])
+        given = plain_values(signature.declared, others)
+        if given is not None:
+            signature.run(given)
+            return
+    from postproc.commands.tree import command_tree
 
-    **ncomp IN.nc --machine M -o OUT.nc** corrects a program for the measured errors of machine M
-    (the same as *ncomp correct IN.nc ...*; see *ncomp correct --help*).
-    """,
-)
-
-COMMANDS: dict[str, tuple[Callable[..., None], str]] = {
-    MAIN_JOB: (correct.correct, correct.EPILOG),
-    "verify": (verify.verify, verify.EPILOG),
-    "check": (check.check, check.EPILOG),
-    "compare": (compare.compare, compare.EPILOG),
-    "machines": (machines.machines, machines.EPILOG),
-    "export": (export.export, export.EPILOG),
-    "fit": (fit.fit, fit.EPILOG),
-    "diagnose": (diagnose.diagnose, diagnose.EPILOG),
-    "import": (import_tables.import_tables, import_tables.EPILOG),
-    "iso230": (iso230.iso230, iso230.EPILOG),
-    "tracker": (tracker.tracker, tracker.EPILOG),
-    "continuous": (continuous.continuous, continuous.EPILOG),
-    "plan": (plan.plan, plan.EPILOG),
-    "predict": (predict.predict, predict.EPILOG),
-    "simulate": (simulate.simulate, simulate.EPILOG),
-    "simulate-continuous": (simulate_continuous.simulate_continuous, simulate_continuous.EPILOG),
-    "study": (study.study, study.EPILOG),
-    "three-points": (three_points.three_points, three_points.EPILOG),
-}
-"""Each command with the examples below its help."""
-for _name, (_command, _epilog) in COMMANDS.items():
-    app.command(_name, epilog=_epilog)(with_options(_command))
-
-
-@functools.cache
-def command_tree() -> Any:
-    """All commands with their options. The signatures are read once in a process."""
-    return typer.main.get_command(app)
+    command_tree()(prog_name="ncomp")
 
 
 def run() -> None:
@@ -88,12 +42,14 @@ def run() -> None:
             stream.reconfigure(errors="replace")  # a terminal without lines for tables shows question marks
     try:
         try:
-            command_tree()(prog_name="ncomp")
+            command_line()
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()
     except UserError as fault:
         _end(2, str(fault))
+    except KeyboardInterrupt:
+        _end(128 + signal.SIGINT)
     except BrokenPipeError:
         _end(1)
     except OSError as fault:
@@ -121,20 +77,3 @@ def _end(status: int, message: str = "") -> NoReturn:
 def _stopped(number: int, _: object) -> NoReturn:
     """End with the exit code of a signal, 128 + number, after the removal of temporary files."""
     sys.exit(128 + number)
-
-
-def _version(requested: bool) -> None:
-    if requested:
-        from importlib.metadata import version
-
-        print(f"ncomp {version('ncomp')}")
-        raise typer.Exit
-
-
-@app.callback()
-def _global(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
-    ] = False,
-) -> None:
-    pass

@@ -6,15 +6,20 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
+from unittest import mock
 
 import pytest
 import typer
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
 
 from kinematics.user_error import UserError
-from postproc.cli import command_tree
-from postproc.commands.options.declared import REQUIRED, argument, option, refuse_given, with_options
+from postproc.commands.options.arguments import plain_values
+from postproc.commands.options.declared import REQUIRED, Signature, argument, option, refuse_given, with_options
+from postproc.commands.table import COMMANDS, command
+from postproc.commands.tree import command_tree
 
-COMMANDS = Path(__file__).parents[1] / "postproc" / "commands"
+FOLDER = Path(__file__).parents[1] / "postproc" / "commands"
 Length = Annotated[float, option("Length, mm.", "mm", "-l", default=2.0, min=0.0)]
 
 
@@ -48,6 +53,11 @@ def called(*arguments: str) -> dict[str, object]:
     app = typer.Typer(add_completion=False)
     app.command()(with_options(command))
     typer.main.get_command(app)(list(arguments), standalone_mode=False)
+    by_typer = dict(found)
+    plain = plain_values(Signature(command).declared, arguments)
+    assert plain is not None
+    Signature(command).run(plain)
+    assert found == by_typer
     return found
 
 
@@ -88,9 +98,70 @@ def test_options_that_do_not_apply():
 
 def test_every_option_has_a_help_text_in_whole_words():
     """Help begins with a capital letter or a name and ends with a full stop; no command declares an option otherwise."""
-    for name, command in command_tree().commands.items():
-        for parameter in command.params:
+    for name in COMMANDS:
+        for parameter in command_tree().get_command(None, name).params:
             shown = parameter.help or ""
             assert re.fullmatch(r"[A-Z].*\.", shown), (name, parameter.name, shown)
-    others = [path for path in COMMANDS.rglob("*.py") if path.name != "declared.py"]
+    others = [path for path in FOLDER.rglob("*.py") if path.name not in ("declared.py", "tree.py")]
     assert not [path for path in others if re.search(r"typer\.(Option|Argument)", path.read_text())]
+
+
+WORDS = [
+    "in.nc",
+    "a b",
+    "-",
+    "--",
+    "-1",
+    "0",
+    "7",
+    "2.5",
+    "+3.",
+    "1e3",
+    "1_0",
+    "nan",
+    "X=1,2,3",
+    "",
+    "ä",
+    "\udc80",
+    "true",
+    "none",
+    "given",
+    "-xy",
+]
+
+
+@st.composite
+def lines(draw):
+    """A command, and words that are right for it or nearly so."""
+    name = draw(st.sampled_from(sorted(COMMANDS)))
+    declared = Signature(command(name)[0]).declared
+    word = st.sampled_from(WORDS)
+    needed = [each for each in declared if each.field.default is REQUIRED]
+    words = []
+    for each in [*needed, *draw(st.lists(st.sampled_from(declared), max_size=4))]:
+        option = draw(st.sampled_from([*each.names, each.names[0].replace("--", "--no-")])) if each.names else ""
+        form = (
+            draw(st.sampled_from(["apart", "apart", "apart", "joined", "alone"])) if each.kind is not bool else "alone"
+        )
+        value = draw(word)
+        words += {"apart": [option, value] if option else [value], "joined": [f"{option}={value}"], "alone": [option]}[
+            form
+        ]
+    return name, words
+
+
+@given(lines())
+@settings(max_examples=100)
+def test_plain_arguments_have_the_values_that_typer_reads(line):
+    name, words = line
+    signature = Signature(command(name)[0])
+    plain = plain_values(signature.declared, words)
+    event("plain" if plain is not None else "for Typer")
+    if plain is None:
+        return
+    seen = {}
+    with mock.patch.object(Signature, "run", lambda _, given: seen.update(given)):
+        command_tree()(args=[name, *words], standalone_mode=False)
+    for each in signature.declared:
+        read, known = plain[each.name], seen[each.name]
+        assert (read or ()) == (known or ()) if each.item is not None else (type(read), read) == (type(known), known)

@@ -14,7 +14,6 @@ from __future__ import annotations
 import datetime
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 
 import msgspec
 import numpy as np
@@ -36,6 +35,7 @@ from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
+from kinematics.version import VERSION
 
 NODE_UM, NODE_U = 0.05, 0.5
 """Largest deviation of the linear interpolation from the estimate: um, and as a share of its median uncertainty."""
@@ -260,7 +260,7 @@ def _provenance(data: Data, base: ErrorModel | None) -> Provenance:
     if base is not None:
         inputs, source = base.provenance.inputs | inputs, f"{base.provenance.source}; {source}".removeprefix("; ")
     now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
-    return Provenance(f"ncomp {version('ncomp')}", now, source, inputs)
+    return Provenance(f"ncomp {VERSION}", now, source, inputs)
 
 
 def _with_values(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
-from importlib.metadata import version
 from typing import Any
 
 import msgspec
@@ -22,6 +21,7 @@ from kinematics.effects.base import own_component, own_motion
 from kinematics.error_model.model import ErrorModel, Provenance
 from kinematics.machine import Machine
 from kinematics.transforms import Array
+from kinematics.version import VERSION
 
 
 def new_calibration(base: Base, fit: Fit, causes: Sequence[str], present: ErrorModel | None) -> ErrorModel:
@@ -34,7 +34,7 @@ def new_calibration(base: Base, fit: Fit, causes: Sequence[str], present: ErrorM
     found = f"; added: {', '.join(causes)}" if causes else ""
     before = {} if present is None else {**present.provenance.inputs, "present calibration": present.id}
     provenance = Provenance(
-        made_by=f"ncomp {version('ncomp')}",
+        made_by=f"ncomp {VERSION}",
         made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
         source=f"diagnosis of {fit.observations} observations, chi2/dof {fit.chi2_reduced:.3g}{found}",
         inputs={**before, fit.measurement.source: fit.measurement.fingerprint},

@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 
 import msgspec
 import numpy as np
@@ -39,6 +38,7 @@ from calibration.plausibility.checks import Finding, usable
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, Provenance
 from kinematics.user_error import UserError
+from kinematics.version import VERSION
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def in_datum(found: Fit) -> ErrorModel:
 def _written(found: Fit, valid_days: float | None) -> ErrorModel:
     """The fitted model in the datum, with its location errors and its provenance."""
     provenance = Provenance(
-        made_by=f"ncomp {version('ncomp')}",
+        made_by=f"ncomp {VERSION}",
         made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
         source=f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}",
         inputs={found.measurement.source: found.measurement.fingerprint},

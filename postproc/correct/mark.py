@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Iterable, Sequence
-from importlib.metadata import version
 from typing import IO, NamedTuple
 
 from kinematics.error_model.model import ErrorModel
 from kinematics.files import fingerprint
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
+from kinematics.version import VERSION
 from postproc.control.state import ControlState
 from postproc.dialects import Dialect
 from postproc.text.block import Block
@@ -55,7 +55,7 @@ def mark_of(model: ErrorModel, state: ControlState) -> Mark:
 def mark_line(dialect: Dialect, machine: Machine, mark: Mark, source: Source, accepted: Iterable[str] = ()) -> str:
     """Comment line for a corrected program; upper case and plain characters, so that the oldest control reads it."""
     name = _PLAIN.sub("_", machine.name.upper())[:NAME_LENGTH]
-    text = f"NCOMP {version('ncomp')} MACHINE {name} CALIBRATION {mark.calibration} PROGRAM {source.hash.upper()}"
+    text = f"NCOMP {VERSION} MACHINE {name} CALIBRATION {mark.calibration} PROGRAM {source.hash.upper()}"
     named = "".join(f" {word} {value}" for word, value in (("SETUP", mark.setup), ("DATUM", mark.datum)) if value)
     names = ",".join(sorted(accepted)).upper()
     return dialect.comment.format(text + named + (f" ACCEPTED {names}" if names else "")) + source.line_end

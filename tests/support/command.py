@@ -1,4 +1,4 @@
-"""The command line in this process: its tree of commands is built once, and no process is started."""
+"""The command line in this process: no process is started."""
 
 import io
 import signal
@@ -30,7 +30,7 @@ def run_command(*arguments: object, stdin: bytes = b"") -> Done:
 
 def run_raising(*arguments: object) -> Done:
     """Run `ncomp ARGUMENTS` below its entry point: exceptions are raised, UserError where it refuses."""
-    return _run(lambda: cli.command_tree()(prog_name="ncomp"), arguments)
+    return _run(cli.command_line, arguments)
 
 
 def succeed(*arguments: object) -> Done:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from functools import cached_property
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
-
-import typer
 
 from kinematics.user_error import UserError
 
@@ -32,7 +31,7 @@ def argument(help: str, metavar: str, default: Any = REQUIRED) -> Any:
 
 
 @dataclass(frozen=True)
-class _Declared:
+class Declared:
     """An option or argument with its name and its type."""
 
     name: str
@@ -62,6 +61,8 @@ class _Declared:
 
     def parameter(self) -> inspect.Parameter:
         """The parameter for Typer."""
+        import typer
+
         form = dict(self.field.metadata)
         names, kind, default = self.names, self.kind, self.field.default
         if self.item is not None:
@@ -97,24 +98,49 @@ class _Declared:
         return given
 
 
+@dataclass(frozen=True)
+class Signature:
+    """A command with the declarations of its options and arguments, also of those in dataclasses of options."""
+
+    command: Callable[..., None]
+
+    @cached_property
+    def _hints(self) -> dict[str, Any]:
+        return get_type_hints(self.command, include_extras=True)
+
+    @cached_property
+    def _groups(self) -> dict[str, list[Declared]]:
+        """The declarations by the name of the command's parameter."""
+        parameters = inspect.signature(self.command).parameters
+        return {
+            name: _fields(kind) if is_dataclass(kind) else [_declared(name, kind, parameters[name].default)]
+            for name, kind in self._hints.items()
+            if name in parameters
+        }
+
+    @property
+    def declared(self) -> list[Declared]:
+        """All declarations, in the order of the command's parameters."""
+        return [each for group in self._groups.values() for each in group]
+
+    def run(self, given: Mapping[str, Any]) -> None:
+        """Run the command with the values of its options by name; UserError for a value that a type excludes."""
+        values = {}
+        for name, group in self._groups.items():
+            found = {each.name: each.value(given[each.name]) for each in group}
+            values[name] = self._hints[name](**found) if is_dataclass(self._hints[name]) else found[name]
+        self.command(**values)
+
+
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The command for Typer, with one parameter for each declared option, also for those in dataclasses of options."""
-    hints = get_type_hints(command, include_extras=True)
-    groups: dict[str, list[_Declared]] = {}
-    for name, parameter in inspect.signature(command).parameters.items():
-        kind = hints[name]
-        groups[name] = _fields(kind) if is_dataclass(kind) else [_declared(name, kind, parameter.default)]
+    """The command for Typer, with one parameter for each declared option."""
+    signature = Signature(command)
 
     def run(**given: Any) -> None:
-        values = {}
-        for name, group in groups.items():
-            found = {each.name: each.value(given[each.name]) for each in group}
-            values[name] = hints[name](**found) if is_dataclass(hints[name]) else found[name]
-        command(**values)
+        signature.run(given)
 
     run.__doc__, run.__name__ = command.__doc__, command.__name__
-    parameters = [each.parameter() for group in groups.values() for each in group]
-    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__signature__ = inspect.Signature([each.parameter() for each in signature.declared])  # type: ignore[attr-defined]
     return run
 
 
@@ -136,13 +162,13 @@ def numbers(text: str, count: int, where: str, separator: str = ",") -> tuple[fl
     return values
 
 
-def _fields(group: Any) -> list[_Declared]:
+def _fields(group: Any) -> list[Declared]:
     hints = get_type_hints(group, include_extras=True)
     return [_declared(each.name, hints[each.name], each, getattr(group, "PANEL", None)) for each in fields(group)]
 
 
-def _declared(name: str, kind: Any, default: Any, panel: str | None = None) -> _Declared:
+def _declared(name: str, kind: Any, default: Any, panel: str | None = None) -> Declared:
     """The declaration in the type, or else in the default, of a field or parameter."""
     if get_origin(kind) is Annotated:
         kind, default = get_args(kind)[:2]
-    return _Declared(name, kind, default, panel)
+    return Declared(name, kind, default, panel)

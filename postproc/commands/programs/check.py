@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import typer
+import sys
 
 import ncomp
 from postproc.commands.options.program import NoTravelCheck, Program, SetUpOptions
@@ -35,4 +35,4 @@ def check(
         write_json(findings.json(), results)
     show(findings.report(source.name), json)
     if findings.refused:
-        raise typer.Exit(2)
+        sys.exit(2)

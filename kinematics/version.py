@@ -1,0 +1,3 @@
+"""The version of ncomp."""
+
+VERSION = "0.1.0"

@@ -1,0 +1,36 @@
+"""All commands by name. The module of a command is imported when the command is used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+
+MAIN_JOB = "correct"
+"""The command for arguments that do not begin with the name of a command."""
+COMMANDS = {
+    MAIN_JOB: "programs.correct",
+    "verify": "programs.verify",
+    "check": "programs.check",
+    "compare": "calibrations.compare",
+    "machines": "programs.machines",
+    "export": "programs.export",
+    "fit": "calibrations.fit",
+    "diagnose": "calibrations.diagnose",
+    "import": "programs.import_tables",
+    "iso230": "calibrations.iso230",
+    "tracker": "measurements.tracker",
+    "continuous": "calibrations.continuous",
+    "plan": "measurements.plan",
+    "predict": "measurements.predict",
+    "simulate": "measurements.simulate",
+    "simulate-continuous": "measurements.simulate_continuous",
+    "study": "measurements.study",
+    "three-points": "calibrations.three_points",
+}
+"""The module of each command, in this package; it has a function of its own name, and EPILOG, the examples."""
+
+
+def command(name: str) -> tuple[Callable[..., None], str]:
+    """The function of a command, and the examples below its help."""
+    module = import_module(f"postproc.commands.{COMMANDS[name]}")
+    return getattr(module, COMMANDS[name].rpartition(".")[2]), module.EPILOG

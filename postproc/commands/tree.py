@@ -1,0 +1,77 @@
+"""The commands in Typer's form: their help, their completion in the shell, and the messages for wrong arguments."""
+
+from __future__ import annotations
+
+import functools
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from kinematics.version import VERSION
+from postproc.commands.options.declared import with_options
+from postproc.commands.table import COMMANDS, MAIN_JOB, command
+
+
+class Commands(TyperGroup):
+    """Group of commands, each made when it is used; without a name, the arguments are those of the main job."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put the name of the main job before its arguments."""
+        own = {name for parameter in self.get_params(ctx) for name in parameter.opts}
+        if args and args[0] not in COMMANDS and args[0] not in own:
+            args = [MAIN_JOB, *args]
+        return super().parse_args(ctx, args)
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+        """The names of all commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
+        """The command of a name; None for a name of none."""
+        return _typer_command(cmd_name) if cmd_name in COMMANDS else None
+
+
+@functools.cache
+def _typer_command(name: str) -> Any:
+    """A command in Typer's form. Its signature is read once in a process."""
+    function, epilog = command(name)
+    single = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="markdown")
+    single.command(name, epilog=epilog)(with_options(function))
+    return typer.main.get_command(single)
+
+
+def _version(requested: bool) -> None:
+    if requested:
+        print(f"ncomp {VERSION}")
+        raise typer.Exit
+
+
+app = typer.Typer(
+    name="ncomp",
+    cls=Commands,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="""Correct NC programs for the measured errors of a machine tool.
+
+    **ncomp IN.nc --machine M -o OUT.nc** corrects a program for the measured errors of machine M
+    (the same as *ncomp correct IN.nc ...*; see *ncomp correct --help*).
+    """,
+)
+
+
+@app.callback()
+def _global(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@functools.cache
+def command_tree() -> Any:
+    """All commands with their options."""
+    return typer.main.get_command(app)
