@@ -106,6 +106,6 @@ def _progress(draws: Draws, cases: int) -> Iterator[Callable[[int], None]]:
         return
     from rich.progress import Progress
 
-    with Progress(console=console, transient=True) as bar:
+    with Progress(console=console.rich, transient=True) as bar:
         task = bar.add_task("drawing", total=None if draws.number is None else draws.number * cases)
         yield lambda done: bar.advance(task, done)

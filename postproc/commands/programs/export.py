@@ -171,7 +171,7 @@ def _show(
     from postproc.commands.show.terminal import output as screen
     from postproc.tables.sheet import STAGES, shift_warning, table_rows
 
-    to = screen if to_screen else console
+    to = (screen if to_screen else console).rich
     if exported.whole.demonstration:
         say("demonstration calibration", "it describes no real machine; do not load its tables")
     warning = shift_warning(exported.datum, errors["volume"]["tool_point_um"])

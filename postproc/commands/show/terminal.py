@@ -2,19 +2,57 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import cached_property
 from pathlib import Path
-
-from rich.console import Console
-from rich.text import Text
+from typing import TYPE_CHECKING, Any, Literal
 
 import rendering.terminal
+from rendering.plain import PlainText, is_plain
 from rendering.report import Report
 
-console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+class Screen:
+    """Standard output or standard error: with Rich on a terminal, and as plain text in a pipe or a file."""
+
+    def __init__(self, name: Literal["stdout", "stderr"]) -> None:
+        self._name: Literal["stdout", "stderr"] = name
+
+    @property
+    def to(self) -> Console | PlainText:
+        """The present stream."""
+        stream = getattr(sys, self._name)
+        return PlainText(stream) if is_plain(stream) else self.rich
+
+    @cached_property
+    def rich(self) -> Console:
+        """The console of Rich."""
+        from rich.console import Console
+
+        return Console(stderr=self._name == "stderr", highlight=False, markup=False, soft_wrap=True)
+
+    @property
+    def is_terminal(self) -> bool:
+        """True on a terminal."""
+        return self.to.is_terminal
+
+    def print(self, text: str, style: str = "") -> None:
+        """Show lines of text."""
+        self.to.print(text, style=style)
+
+    def status(self, text: str) -> AbstractContextManager[Any]:
+        """Show on a terminal what the command is doing; `update` of the result changes the text."""
+        return self.to.status(text)
+
+
+console = Screen("stderr")
 """Standard error, for text beside a program or JSON on the standard output."""
-output = Console(highlight=False, markup=False, soft_wrap=True)
+output = Screen("stdout")
 """Standard output, for results of commands."""
 
 LONG = 1_000_000
@@ -29,22 +67,27 @@ def progress_of(total: int, label: str, long: int = LONG) -> Iterator[Callable[[
         return
     from rich.progress import Progress
 
-    with Progress(console=console, transient=True) as bar:
+    with Progress(console=console.rich, transient=True) as bar:
         task = bar.add_task(label, total=total)
         yield lambda done: bar.advance(task, done)
 
 
 def show(report: Report, *targets: str | Path | None) -> None:
     """Show a report: on standard output, or on standard error where one of these targets is standard output (`-`)."""
-    rendering.terminal.show(report, console if "-" in targets else output)
+    rendering.terminal.show(report, (console if "-" in targets else output).to)
 
 
 def say_assumed(sentence: str) -> None:
     """Show the part of the set-up that is assumed, as the first line of a run; nothing for an empty sentence."""
     if sentence:
-        console.print(Text(sentence, "yellow"))
+        console.print(sentence, "yellow")
 
 
 def say(label: str, text: str) -> None:
     """Show one line that a person must notice."""
-    console.print(Text.assemble((f"{label}: ", "yellow"), text))
+    if not console.is_terminal:
+        console.print(f"{label}: {text}")
+        return
+    from rich.text import Text
+
+    console.rich.print(Text.assemble((f"{label}: ", "yellow"), text))
