@@ -94,16 +94,16 @@ def _bounded(read_block: Callable[[int, str], Block]) -> Callable[[int, str], Bl
 
 
 def _iso() -> Dialect:
+    from postproc.iso import blocks as iso_blocks
     from postproc.iso import interpreter as iso
     from postproc.iso import lines as iso_lines
-    from postproc.iso import statements as iso_statements
 
     return Dialect(
         "iso",
         iso_lines.join_lines,
         _bounded(iso_lines.read_line),
-        iso_statements.FLOW,
-        iso_statements.labels,
+        iso_blocks.FLOW,
+        iso_blocks.labels,
         iso.IsoInterpreter,
         "({})",
         lambda block: block.kind == "tape_mark" or (bool(block.words) and block.words[0].address == "O"),

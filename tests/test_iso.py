@@ -14,9 +14,9 @@ import machines
 from kinematics.forward import tool_point
 from kinematics.machine import Control
 from kinematics.user_error import UserError
-from postproc.iso.blocks import read_block
 from postproc.iso.codes import HARMLESS_G, REFUSED_G, REFUSED_M
 from postproc.iso.interpreter import IsoInterpreter
+from postproc.iso.lines import read_block
 from postproc.motion.moves import Kind, Known
 from postproc.text.block import Refusal
 from postproc.text.notes import Notes

@@ -10,7 +10,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from support.real_data import FREECAD
 
-from postproc.iso.blocks import _read_plain, parse_block, read_block
+from postproc.iso.blocks import plain_block
+from postproc.iso.grammar import parse_block
+from postproc.iso.lines import read_block
 from postproc.text.block import Block, Refusal
 from postproc.text.expressions import Constant, Operation, Variable
 from postproc.text.statements import Assign, Begin, Call, End, Jump, Return, When
@@ -39,7 +41,7 @@ def blocks(draw):
 
 def both_ways(text: str) -> Block | None:
     """The block after checking that the two readers agree; None when it is refused."""
-    quick = _read_plain(7, text)
+    quick = plain_block(7, text)
     try:
         full = parse_block(7, text)
     except Refusal as refusal:

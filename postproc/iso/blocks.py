@@ -1,115 +1,47 @@
-"""Blocks of ISO / Fanuc / LinuxCNC programs: the grammar `iso.lark`, and a quick reader of plain blocks.
+"""Blocks of ISO / Fanuc / LinuxCNC programs: a quick reader of plain blocks; the grammar reads all others.
 
 Nearly all blocks of a CAM program are words and perhaps one comment; a regular expression reads those, equal to what
-the grammar gives (a property test holds them together). Every other block goes to Lark.
+the grammar gives (a property test holds them together).
 """
 
 from __future__ import annotations
 
 import re
-from typing import Any
 
-from lark import Token, Tree
-from lark.exceptions import UnexpectedCharacters, UnexpectedInput
-
-from grammars import block_parser
-from postproc.iso.calls import CALLS, with_calls
-from postproc.iso.statements import computed_word, returned, statement
-from postproc.text.block import Block, Refusal, Word
-from postproc.text.block_values import check_order
-from postproc.text.expressions import Ambiguous
+from postproc.iso.calls import CALLS
+from postproc.text.block import Block
 from postproc.text.plain_blocks import read_plain
-from postproc.text.statements import Code, Step
-
-NO_NUMBER = -1.0
-"""Number of a program that has a name: no call finds it."""
+from postproc.text.statements import Begin
 
 # Written so that a text matches in one manner only: trying several takes exponential time on a long block.
 _WORD = r"[A-Za-z$][ \t]*(?:[+-][ \t]*)?(?:\d+(?:\.\d*)?|\.\d+)"
 WORDS = re.compile(rf"(?:[ \t]*{_WORD})+[ \t]*")
 """A text that holds words and nothing else."""
 _PLAIN = re.compile(rf"((?:[ \t]*{_WORD})*)[ \t]*(?:\([^()\r\n]*\)[ \t]*|;[^\r\n]*)?[\r\n]*")
-_PARTS = re.compile(r"([A-Za-z$])[ \t]*(([+-]?)[ \t]*(\d+\.?\d*|\.\d+))")
+PARTS = re.compile(r"([A-Za-z$])[ \t]*(([+-]?)[ \t]*(\d+\.?\d*|\.\d+))")
+_TAPE_MARK = re.compile(r"[ \t\x00]*(%[^\r\n]*)[\r\n]*")
+
+FLOW = re.compile(
+    CALLS.pattern + r"|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>)[ \t]*[A-Z]",
+    re.IGNORECASE,
+)
+"""Statements after which the next block does not always run."""
 
 
-def read_block(line: int, text: str) -> Block:
-    """The block of one line of text, its end of line included. Refusal when the grammar doesn't know it."""
-    block = _read_plain(line, text) or parse_block(line, text)
-    return with_calls(block) if CALLS.search(text) else block
+def plain_block(line: int, text: str) -> Block | None:
+    """The block of words and a comment, or of a tape mark; None for every other text."""
+    block = read_plain(line, text, _PLAIN, PARTS)
+    if block is None and (mark := _TAPE_MARK.fullmatch(text)):
+        return Block(line, text, "tape_mark", detail=mark[1])
+    return block
 
 
-def _read_plain(line: int, text: str) -> Block | None:
-    return read_plain(line, text, _PLAIN, _PARTS)
-
-
-def parse_block(line: int, text: str) -> Block:
-    """The block by the Lark grammar, which defines the language."""
-    try:
-        tree = block_parser("iso").parse(text.rstrip("\r\n"))
-    except UnexpectedInput as fault:
-        raise Refusal(line, text, _explain(text, fault)) from None
-    words: list[Word] = []
-    steps: list[Step] = []
-    statements = 0
-    kind, detail, skippable = "", "", False
-    try:
-        items: list[Any] = tree.children
-        for item in items:
-            match item.type if isinstance(item, Token) else item.data:
-                case "WORD":
-                    words.append(_word(item))
-                case "computed":
-                    words.append(computed_word(item))
-                case "PROGRAM":
-                    words.append(_program(item))
-                case "SKIP":
-                    skippable = True
-                case "COMMENT":
-                    pass
-                case "TAPE_MARK" | "NUMBER" | "bracket" as construct:
-                    kind, detail = construct.lower(), _text_of(text, item)
-                case _:
-                    statements += 1
-                    steps += (*returned(item), statement(item))
-    except Ambiguous as reason:
-        raise Refusal(line, text, str(reason)) from None
-    code = Code(tuple(steps)) if steps or any(word.formula for word in words) else None
-    kind = kind or ("words" if words else "control" if steps else "blank")
-    block = Block(line, text, kind, tuple(words), detail, skippable, code)
-    if skippable and steps:
-        raise block.refuse_skip()
-    if statements > 1 and code is not None and code.turns:
-        raise block.refuse(
-            "a jump, loop or branch must be the only statement of its block: write the other statement "
-            "in a block of its own"
-        )
-    return check_order(block)
-
-
-def _text_of(text: str, item: Tree[Token] | Token) -> str:
-    return str(item) if isinstance(item, Token) else text[item.meta.start_pos : item.meta.end_pos]
-
-
-def _word(token: Token) -> Word:
-    match = _PARTS.fullmatch(token)
-    assert match is not None
-    at = token.start_pos or 0
-    return Word(match[1].upper(), float(match[3] + match[4]), at, at + match.start(2), at + match.end())
-
-
-def _program(token: Token) -> Word:
-    """A program that is named as FANUC allows beside O: by a colon and its number, or by a name."""
-    at = token.start_pos or 0
-    number = float(token[1:]) if token.startswith(":") else NO_NUMBER
-    return Word("O", number, at, at + 1, at + len(token))
-
-
-def _explain(text: str, fault: UnexpectedInput) -> str:
-    column = fault.column if fault.column > 0 else len(text.rstrip())
-    rest = text[column - 1 :].strip() if column else text
-    if isinstance(fault, UnexpectedCharacters) and rest[:1] in "()":
-        return (
-            f"column {column}: controls differ in parentheses that do not match or that are nested: write the comment "
-            "in one pair"
-        )
-    return f"column {column}: {rest[:20]!r} is not understood"
+def labels(block: Block) -> list[str]:
+    """The names under which jumps and calls find a block."""
+    prefixes = {"N": "", "O": "O"}
+    found = [
+        f"{prefixes[w.address]}{w.value:.10g}" for w in block.words if w.address in prefixes and w.value is not None
+    ]
+    if block.code is not None:
+        found += [step.key for step in block.code.before if isinstance(step, Begin) and step.kind == "SUB"]
+    return found

@@ -6,7 +6,8 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 
 from kinematics.machine import Control
-from postproc.iso.blocks import read_block
+from postproc.iso.blocks import plain_block
+from postproc.iso.calls import CALLS, with_calls
 from postproc.text.block import Block, Refusal
 
 LONGEST = 100
@@ -38,6 +39,16 @@ def read_line(line: int, text: str) -> Block:
     if isinstance(text, Leader):
         return Block(line, text, "tape_mark", detail=DETAIL)
     return read_block(line, text)
+
+
+def read_block(line: int, text: str) -> Block:
+    """The block of one line of text, its end of line included. Refusal when the grammar doesn't know it."""
+    block = plain_block(line, text)
+    if block is None:
+        from postproc.iso.grammar import parse_block
+
+        block = parse_block(line, text)
+    return with_calls(block) if CALLS.search(text) else block
 
 
 def _is_leader(lines: list[tuple[int, str]]) -> bool:

@@ -9,9 +9,8 @@ from typing import Any
 
 from lark import Token, Tree
 
-from postproc.iso.calls import CALLS
 from postproc.iso.variables import EXISTS, RETURNED, VALUE
-from postproc.text.block import Block, Word
+from postproc.text.block import Word
 from postproc.text.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable
 from postproc.text.statements import (
     Again,
@@ -28,12 +27,6 @@ from postproc.text.statements import (
 )
 
 Node = Tree[Token] | Token
-
-FLOW = re.compile(
-    CALLS.pattern + r"|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>)[ \t]*[A-Z]",
-    re.IGNORECASE,
-)
-"""Statements after which the next block does not always run."""
 
 
 # ---- expressions
@@ -236,14 +229,3 @@ _STATEMENTS: dict[str, Callable[[list[Any]], Step]] = {
     "end": lambda parts: End("WHILE", _key(parts[1])),
     "subroutine": _subroutine,
 }
-
-
-def labels(block: Block) -> list[str]:
-    """The names under which jumps and calls find a block."""
-    prefixes = {"N": "", "O": "O"}
-    found = [
-        f"{prefixes[w.address]}{w.value:.10g}" for w in block.words if w.address in prefixes and w.value is not None
-    ]
-    if block.code is not None:
-        found += [step.key for step in block.code.before if isinstance(step, Begin) and step.kind == "SUB"]
-    return found

@@ -7,15 +7,15 @@ Every form is a module with `FORM`, its name in messages; `is_it(path, text)`, t
 from __future__ import annotations
 
 from collections.abc import Iterable
+from importlib import import_module
 from pathlib import Path
 
 from kinematics.files import read_input
 from kinematics.user_error import UserError
 from postproc.control.tool_table import ToolTable, checked, joined
-from postproc.tool_tables import fanuc, heidenhain, json_form, linuxcnc, siemens
 
-FORMS = (json_form, heidenhain, siemens, fanuc, linuxcnc)
-"""Asked in this order."""
+FORMS = ("json_form", "heidenhain", "siemens", "fanuc", "linuxcnc")
+"""The modules, asked in this order; each is imported when it is asked."""
 
 __all__ = ["ToolTable", "read_tool_table", "read_tool_tables"]
 
@@ -23,7 +23,8 @@ __all__ = ["ToolTable", "read_tool_table", "read_tool_tables"]
 def read_tool_table(path: Path) -> ToolTable:
     """A table of any form; UserError with the line that is not understood."""
     text = read_input(path, "tool table").decode("latin-1").removeprefix("\xef\xbb\xbf")
-    form = next(form for form in FORMS if form.is_it(path, text))
+    forms = (import_module(f"postproc.tool_tables.{name}") for name in FORMS)
+    form = next(form for form in forms if form.is_it(path, text))
     return checked(form.read(path, text), path)
 
 
