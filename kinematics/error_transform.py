@@ -10,12 +10,10 @@ from __future__ import annotations
 import importlib
 from contextlib import suppress
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
-import platformdirs
 from numpy.typing import ArrayLike
 
 from kinematics.derived import MODULES
@@ -114,6 +112,8 @@ def _load(source: str, machine: Machine) -> ModuleType:
 
 
 def _cache_file(machine: Machine) -> Path:
+    import platformdirs
+
     return Path(platformdirs.user_cache_dir("ncomp")) / "derived" / f"{machine.chain_hash}.py"
 
 
@@ -125,4 +125,4 @@ def _seal(source: str) -> str:
 @cache
 def _deriver() -> str:
     """Fingerprint of the deriver's own code: any change of it makes the cached modules stale."""
-    return fingerprint(resources.files("kinematics").joinpath("derive.py").read_bytes())
+    return fingerprint(Path(__file__).with_name("derive.py").read_bytes())

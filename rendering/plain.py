@@ -1,8 +1,10 @@
-"""Text for pipes and files: what Rich writes there, without the import of Rich."""
+"""Text for pipes and files, in the form that Rich gives it, without the import of Rich."""
 
 from __future__ import annotations
 
+import itertools
 import os
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
@@ -14,6 +16,10 @@ if TYPE_CHECKING:
 
 DROPPED = {ord(character): None for character in "\a\b\v\f\r"}
 """Control characters that move the cursor of a terminal."""
+WIDTH = 100
+"""Width, in characters, of a table that is printed into a pipe."""
+WORD = 24
+"""Length, in characters, up to which a word is not broken."""
 LATIN = "\u0300"
 """Characters before this one take one column each."""
 
@@ -60,14 +66,39 @@ class PlainText:
 
 
 def plain_table(table: Table, width: int) -> str | None:
-    """A table as text; None for one that is wider, and for text of which Rich has to find the width."""
+    """A table as text, with cells over several lines where it would be wider.
+
+    None for a table that does not fit, and for characters of which only Rich knows the width.
+    """
     rows: Sequence[Sequence[str]] = [table.head, *table.rows]
     if not all(cell.isprintable() and max(cell, default="") < LATIN for row in rows for cell in row):
         return None
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    inner = sum(widths) + 2 * len(widths) - 1
-    if inner + 2 > width:
+    widths = _widths(list(zip(*rows, strict=True)), width - 2 * len(table.head) - 1)
+    if widths is None:
         return None
+    inner = sum(widths) + 2 * len(widths) - 1
     empty = " " * (inner + 2)
-    head, *others = (f" {' '.join(f'{cell:<{n}} ' for cell, n in zip(row, widths, strict=True))} " for row in rows)
+    head, *others = ("\n".join(_lines(row, widths)) for row in rows)
     return "\n".join([empty, head, f" {'─' * inner} ", *others, empty])
+
+
+def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
+    """Widths of columns that have room beside each other: the widest are made narrower; None if they have not."""
+    widths = [max(map(len, column)) for column in columns]
+    least = [min(WORD, max((len(word) for cell in column for word in cell.split()), default=0)) for column in columns]
+    while sum(widths) > room:
+        widest = max(range(len(widths)), key=lambda i: (widths[i] > least[i], widths[i]))
+        if widths[widest] <= least[widest]:
+            return None
+        widths[widest] -= 1
+    return widths
+
+
+def _lines(row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
+    """The lines of a row."""
+    cells = [
+        [cell] if len(cell) <= n else textwrap.wrap(cell, n, break_on_hyphens=False)
+        for cell, n in zip(row, widths, strict=True)
+    ]
+    for parts in itertools.zip_longest(*cells, fillvalue=""):
+        yield f" {' '.join(f'{part:<{n}} ' for part, n in zip(parts, widths, strict=True))} "

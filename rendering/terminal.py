@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rendering.plain import PlainText, plain_table
+from rendering.plain import WIDTH, WORD, PlainText, plain_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,10 +14,6 @@ if TYPE_CHECKING:
 
     from rendering.report import Report, Section, Table
 
-WIDTH = 100
-"""Width, in characters, of a table that is printed into a pipe."""
-WORD = 24
-"""Length, in characters, up to which a word is not broken."""
 NAME = 13
 """Width, in characters, of the names of facts."""
 

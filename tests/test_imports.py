@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import graphlib
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -185,3 +187,29 @@ def test_no_module_imports_a_test_module() -> None:
         for path in sorted((ROOT / folder).rglob("*.py"))
         for name in sorted(modules_named(path) & {*TEST_MODULES, "conftest"})
     ] == []
+
+
+NOT_ON_THE_MAIN_ROAD = {
+    *("typer", "click", "pydantic", "rich", "lark", "jinja2", "matplotlib", "scipy", "sympy", "threadpoolctl"),
+    *("platformdirs", "importlib.metadata", "importlib.resources", "csv", "multiprocessing", "asyncio", "logging"),
+    *("calibration", "grammars", "postproc.heidenhain", "postproc.siemens.interpreter", "postproc.siemens.variables"),
+    *("postproc.tables", "postproc.tool_tables.siemens", "postproc.verification", "postproc.commands.tree"),
+    *("postproc.correct.report_figures", "postproc.correct.unroll", "rendering.page"),
+}
+"""Modules that take longer to load than a short program to correct, or that only other jobs need."""
+SHORT_PROGRAM = "%\nO0001 (SHORT)\nG21 G17 G90 G54\nT1 M6\nG0 X60. Y0. Z200. B20. C180.\nG1 X61. F500\nM30\n%\n"
+
+
+def test_a_short_program_is_corrected_without_what_it_does_not_need(tmp_path: Path) -> None:
+    (tmp_path / "in.nc").write_text(SHORT_PROGRAM)
+    arguments = ["ncomp", "in.nc", "--machine", "dmu50", "-o", "out.nc", "--set-up-zero"]
+    code = (
+        f"import sys; sys.argv = {arguments}\nfrom postproc.cli import run\nrun()\n"
+        "import io; open('modules', 'w').write(' '.join(sys.modules))"
+    )
+    subprocess.run(
+        [sys.executable, "-c", code], check=True, cwd=tmp_path, capture_output=True, env={"PYTHONPATH": str(ROOT)}
+    )
+    assert (tmp_path / "out.nc").is_file()
+    loaded = (tmp_path / "modules").read_text().split()
+    assert [name for name in loaded if name in NOT_ON_THE_MAIN_ROAD] == []

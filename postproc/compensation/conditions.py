@@ -5,7 +5,6 @@ The conditions at the start of the program are held over the program.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -213,6 +212,8 @@ def _read_log(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
 
 def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line and values of each row, without empty rows and comments (#)."""
+    import csv
+
     reader = csv.reader(text.splitlines(), strict=True)
     try:
         for row in reader:

@@ -36,7 +36,6 @@ from postproc.correct.rotary_moves import uncorrected_before_rotary_moves
 from postproc.correct.splitting import Splitter
 from postproc.correct.trace import Trace
 from postproc.correct.travel import note_outside, refuse_outside
-from postproc.correct.unroll import unrolled
 from postproc.dialects import Dialect
 from postproc.execution import Part, StoredProgram, StreamedProgram, execution, joined_before_rotary_moves, turns
 from postproc.iso.lines import refuse_lengthened
@@ -164,6 +163,8 @@ class Pipeline:
         """The program, or on request its text without loops and calls."""
         job = self.job
         if job.unroll and turns(job.source, job.dialect):
+            from postproc.correct.unroll import unrolled
+
             interpreter = job.dialect.interpreter(job.machine, job.setup, Notes())
             return unrolled(StoredProgram(job.source, job.dialect, interpreter), self.interpreter)
         return execution(job.source, job.dialect, self.interpreter)

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from postproc.control.tool_table import shown_tool
-from postproc.correct.report_figures import correction_figure, error_figure, plan_figure
 from postproc.correct.result import CorrectionResult, Statistic
-from postproc.correct.trace import MoveEnd, Trace
 from postproc.text.line_numbers import ranges, shortened
 from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
     from postproc.correct.pipeline import Job
+    from postproc.correct.trace import MoveEnd, Trace
 
 SIGNS = (
     "Errors are actual minus nominal, tool relative to workpiece: predicted by the exact error model of the "
@@ -143,6 +142,8 @@ def _error_rows(result: CorrectionResult, trace: Trace | None) -> list[tuple[str
 
 def _figures(trace: Trace, error: str) -> Iterator[Section]:
     """Figures along the program, and of the tool path; `error`: name of the error in the figures."""
+    from postproc.correct.report_figures import correction_figure, error_figure, plan_figure
+
     bins, paths = trace.bins, trace.paths
     if not bins.moves:
         return

@@ -1,0 +1,64 @@
+"""Cold start: `python benchmarks/cold_start.py [runs]`.
+
+A program of 200 five-axis blocks is corrected by the shipped DMU 50 in a process of its own, in turn with a process
+that only imports NumPy; medians of both, and of their ratio. Python's compiled files are written before the first
+counted run, as an installation writes them.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from main_job import program
+
+from kinematics.blas import LIMITS
+
+BLOCKS = 200
+JOB = ("-c", "from postproc.cli import run; run()", "in.nc", "--machine", "dmu50", "--set-up-zero", "-o", "out.nc")
+NUMPY = ("-c", "import numpy")
+
+
+class Spent(NamedTuple):
+    """Time of a process, s."""
+
+    processor: float
+    elapsed: float
+
+
+def spent(arguments: tuple[str, ...], folder: str, environment: dict[str, str]) -> Spent:
+    """The time of a process of Python with these arguments."""
+    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, check=True, capture_output=True)
+    after, end = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    return Spent(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, end - start)
+
+
+def main(runs: int) -> None:
+    """Measure and print."""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "in.nc").write_text(program(BLOCKS))
+        bare = {name: value for name, value in os.environ.items() if name not in LIMITS}  # main_job has set them
+        environment = bare | {
+            "PYTHONPATH": str(Path(__file__).parents[1]),
+            "PYTHONPYCACHEPREFIX": f"{folder}/compiled",
+            "PYTHONDONTWRITEBYTECODE": "",
+        }
+        pairs = [[spent(each, folder, environment) for each in (JOB, NUMPY)] for _ in range(runs + 1)][1:]
+    jobs, imports = zip(*pairs, strict=True)
+    print(f"{'median of ' + str(runs) + ' runs':<34}{'processor, s':>14}{'elapsed, s':>14}")
+    for name, column in ((f"ncomp, {BLOCKS} blocks", jobs), ("import numpy", imports)):
+        print(f"{name:<34}" + "".join(f"{statistics.median(times):>14.3f}" for times in zip(*column, strict=True)))
+    ratios = [tuple(a / b for a, b in zip(job, other, strict=True)) for job, other in pairs]
+    print(f"{'ratio':<34}" + "".join(f"{statistics.median(each):>14.2f}" for each in zip(*ratios, strict=True)))
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 9)
