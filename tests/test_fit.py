@@ -9,6 +9,7 @@ import pytest
 from support.virtual_measurements import COLLINEAR, EXACT, MONTAVON, ONE, THREE, measured, pose_of, positions, truth
 
 import machines
+from calibration.fit import cross_validation
 from calibration.fit.basis_selection import choose
 from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import cross_validate
@@ -24,7 +25,7 @@ from calibration.observation.full_model import BasisChoice, moving_axes, parse_b
 from calibration.observation.stops_and_lines import held_out_blocks
 from kinematics.basis import Fourier
 from kinematics.deviation import exact_deviation
-from kinematics.effects import Backlash, ErrorMotion, GrowthWithSensor, LocationError, ThermalDrift
+from kinematics.effects import Backlash, Cyclic, ErrorMotion, GrowthWithSensor, Hysteresis, LocationError, ThermalDrift
 from kinematics.error_model.model import no_errors
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
@@ -295,6 +296,26 @@ def test_held_out_blocks_are_predicted_worse_than_fitted_ones():
     labels, what = held_out_blocks(measurement)
     assert what == "regions of stops"
     assert np.bincount(labels).min() >= 30
+
+
+def test_held_out_residuals_are_those_of_new_fits(monkeypatch):
+    """Rows that are taken out of the normal equations leave the fit of the others."""
+    model, measurement = montavon(THREE)
+    found, start = fit(measurement, zeroed(model)), zeroed(model)
+    quick = cross_validate(measurement, start, found.prior, found.kept, near=found)
+    monkeypatch.setattr(cross_validation, "LeavingOut", None)
+    monkeypatch.setattr(cross_validation, "_is_linear", lambda _: False)
+    anew = cross_validate(measurement, start, found.prior, found.kept)
+    assert quick.blocks == anew.blocks
+    for name in ("rms_um", "max_um", "other_rms_um", "improvement"):
+        assert getattr(quick, name) == pytest.approx(getattr(anew, name), rel=1e-6)
+
+
+def test_effects_with_memory_and_periods_are_fitted_anew():
+    model = zeroed(montavon(THREE)[0])
+    assert cross_validation._is_linear(model)
+    for effect in (Hysteresis("X", 10.0, 5.0), Cyclic("X", "X", 10.0, (0.0,), (0.0,))):
+        assert not cross_validation._is_linear(msgspec.structs.replace(model, effects=(*model.effects, effect)))
 
 
 def test_interferometer_data_give_positioning_and_backlash():

@@ -132,7 +132,7 @@ def calibrate(
     refuse_few(found, identified)
     progress("held-out residuals")
     start, _ = with_effects(measurement, choice.bases, effects, choice.prior_scale)
-    held_out = cross_validate(measurement, start, prior, found.kept, variance) if hold_out else None
+    held_out = cross_validate(measurement, start, prior, found.kept, variance, found) if hold_out else None
     too_many = disagreement(found)
     findings += zero_findings(run_zeros(found))
     if too_many:

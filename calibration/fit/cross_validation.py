@@ -7,17 +7,22 @@ the same stop, and its neighbours, determine a single row.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
-from typing import NamedTuple
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from calibration.fit.fit import Fit, fit
+from calibration.fit.problem import Point, Problem
+from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
+from calibration.measurement.registration import Registration
 from calibration.observation import equations
-from calibration.observation.normal_equations import residuals, whitened, whiteners
-from calibration.observation.outliers import Variance
+from calibration.observation.full_model import priors
+from calibration.observation.normal_equations import NormalEquations, assemble, residuals, whitened, whiteners
+from calibration.observation.outliers import Variance, refuse_lines
 from calibration.observation.stops_and_lines import held_out_blocks, lines
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.transforms import Array
@@ -91,24 +96,118 @@ class CrossValidation(NamedTuple):
     """Gains of the fit over the other model, by block."""
 
 
+class Fitted(Protocol):
+    """A model and a registration that were fitted to some rows, as a `Fit` is."""
+
+    @property
+    def model(self) -> ErrorModel:
+        """The model with fitted parameters."""
+
+    @property
+    def registration(self) -> Registration:
+        """The fitted registration."""
+
+
+Refit = Callable[[np.ndarray], Fitted]
+"""A fit of the rows in a mask `(n,)`; UserError for rows that cannot be fitted."""
+
+
 def cross_validate(
-    measurement: Measurement, model: ErrorModel, prior: Array, kept: np.ndarray, variance: Variance = "sheet"
+    measurement: Measurement,
+    model: ErrorModel,
+    prior: Array,
+    kept: np.ndarray,
+    variance: Variance = "sheet",
+    near: Fit | None = None,
 ) -> CrossValidation | None:
     """Residuals of each block under a fit of the others; None when there are too few rows for blocks.
 
-    kept: mask `(n,)` of the rows to be used, outliers left out.
+    kept: mask `(n,)` of the rows to be used, outliers left out. near: a fit of the same model to all of them.
     """
     good = measurement.rows(np.flatnonzero(kept))
-    refit = partial(fit, model=model, prior=prior, variance=variance)
+    refit = _refit(good, model, prior, variance, near)
     return predicted_by_others(good, *held_out_blocks(good), refit, uncorrected(model))
 
 
+def _is_linear(model: ErrorModel) -> bool:
+    """True where the errors of a row are linear in the parameters, and do not depend on other rows."""
+    return not any(effect.HAS_MEMORY for effect in model.effects) and all(
+        parameter.linear for effect in model.effects for parameter in effect.parameter_table
+    )
+
+
+def _refit(
+    good: Measurement, model: ErrorModel, prior: Array, variance: Variance = "sheet", near: Fit | None = None
+) -> Refit:
+    """Fits of a model to most rows of a measurement: without iterations, where the fit of all leaves no row out.
+
+    near: a fit of which these are the kept rows. An interferometer's runs have zeros that their own rows determine.
+    """
+    if variance == "sheet" and good.components > 1 and _is_linear(model):
+        with suppress(UserError):
+            whole = fit(good, model, prior=prior) if near is None else near
+            if not whole.suspected.any() and (near is not None or whole.kept.all()):
+                problem = Problem.of(good, model, prior)
+                return LeavingOut(problem, problem.point(whole.model.parameters, whole.registration))
+
+    def refit(others: np.ndarray) -> Fit:
+        return fit(good.rows(np.flatnonzero(others)), model, prior=prior, variance=variance)
+
+    return refit
+
+
+class _Fitted(NamedTuple):
+    model: ErrorModel
+    registration: Registration
+
+
+@dataclass(frozen=True)
+class LeavingOut:
+    """Fits of a linear model to most rows: the other rows are taken out of the normal equations of all."""
+
+    problem: Problem
+    point: Point
+    """The fit of all rows."""
+
+    def __call__(self, others: np.ndarray) -> Fitted:
+        """The fit of the rows in the mask `(n,)`; UserError for rows that cannot be fitted."""
+        refuse_lines(self.problem.measurement.rows(np.flatnonzero(others)))
+        left_out = self._normal(np.flatnonzero(~others))
+        normal = NormalEquations(self._whole.matrix - left_out.matrix, self._whole.right - left_out.right)
+        fitted = self.problem.moved(self.point, self.problem.solution(normal, self.point).step)
+        if self._design is not None:  # of few rows the step is large: again, with the exact residuals
+            right = np.tensordot(self._white(fitted)[others], self._design[others], 2)
+            solved = self.problem.solution(NormalEquations(normal.matrix, right), fitted)
+            fitted = self.problem.moved(fitted, solved.step)
+        return _Fitted(self.problem.at(fitted.parameters), fitted.registration)
+
+    @cached_property
+    def _whole(self) -> NormalEquations:
+        return self._normal(np.arange(len(self.problem.measurement)))
+
+    @cached_property
+    def _design(self) -> Array | None:
+        """Whitened derivatives `(n, d, q)`; None where they are too many to be kept."""
+        derivatives = self.problem.derivatives(self.point)
+        return None if derivatives is None else self._decorrelation.apply(self.problem.white @ derivatives)
+
+    @cached_property
+    def _decorrelation(self) -> Decorrelation:
+        return Decorrelation.of(self.problem.measurement.noise, self.problem.white)
+
+    def _white(self, point: Point) -> Array:
+        return self._decorrelation.apply(self.problem.whitened(point.residual))
+
+    def _normal(self, rows: np.ndarray) -> NormalEquations:
+        """The normal equations of some rows, at the fit of all."""
+        part, model = self.problem.rows(rows), self.problem.at(self.point.parameters)
+        decorrelation = Decorrelation.of(part.measurement.noise, part.white)
+        residual = decorrelation.apply(part.whitened(self.point.residual[rows]))
+        return assemble(part.measurement, model, self.point.registration, part.white, residual, decorrelation)
+
+
 def predicted_by_others(
-    good: Measurement,
-    labels: np.ndarray,
-    name: str,
-    refit: Callable[[Measurement], Fit],
-    other: ErrorModel | None = None,
+    good: Measurement, labels: np.ndarray, name: str, refit: Refit, other: ErrorModel | None = None
 ) -> CrossValidation | None:
     """Residuals of each block of rows under `refit`, and under another model, of the other rows.
 
@@ -118,19 +217,19 @@ def predicted_by_others(
     """
     unexplained = np.full((2, len(good), good.components), np.nan)
     other = no_errors(good.machine) if other is None else other
-    refits: tuple[Callable[[Measurement], Fit], ...] = (refit, partial(fit, model=other))
+    refits = refit, _refit(good, other, priors(other))
     for label in np.unique(labels[labels >= 0]):
-        predicted = (labels == label) & registered(good, labels != label)
+        others = labels != label
+        predicted = ~others & registered(good, others)
         if not predicted.any():
             continue
-        others = good.rows(np.flatnonzero(labels != label))
         for i, each in enumerate(refits):
             try:
                 found = each(others)
             except UserError:  # the other rows alone cannot be fitted
                 return None
             # effects with memory need the rows in between
-            unexplained[i, predicted] = _with_own_zeros(good, labels == label, found)[predicted]
+            unexplained[i, predicted] = _with_own_zeros(good, ~others, found)[predicted]
     predicted = ~np.isnan(unexplained[0, :, 0])
     if 2 * predicted.sum() < len(good):
         return None
@@ -155,7 +254,7 @@ def summed_up(unexplained: Array, whitener: Array, per_micro: Array, labels: np.
     return CrossValidation(rms[0], float(np.sqrt(um[0].max())), len(gains.um), name, rms[1], improvement, gains)
 
 
-def _with_own_zeros(measurement: Measurement, block: np.ndarray, found: Fit) -> Array:
+def _with_own_zeros(measurement: Measurement, block: np.ndarray, found: Fitted) -> Array:
     """Residuals `(n, d)` of all rows; runs of the block that the fit lacks have zeros and slopes of their own."""
     if measurement.components > 1:
         return residuals(measurement, found.model, found.registration)

@@ -58,8 +58,9 @@ def check(measurement: Measurement, found: ThreePoints, choice: Choice) -> Check
     free = replace(measurement, targets={name: replace(t, free=True) for name, t in measurement.targets.items()})
     same = replace(choice, arcs={name: axis.arc for name, axis in found.axes.items()})
 
-    def refit(others: Measurement) -> Fit:
-        return _registered(others, identified(others, same).model)
+    def refit(others: np.ndarray) -> Fit:
+        rows = free.rows(np.flatnonzero(others))
+        return _registered(rows, identified(rows, same).model)
 
     whole = _registered(free, found.model)
     before = nominal_residuals(whole)
