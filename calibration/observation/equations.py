@@ -68,7 +68,8 @@ def expected(measurement: Measurement, registration: Registration, effects: Obse
         zeros = np.array([registration.zeros.get(group, np.nan) for group in measurement.groups.tolist()])
         slopes = np.array([registration.slopes.get(group, 0.0) for group in measurement.groups.tolist()])
         return np.asarray((np.sum(_lines(measurement) * along, axis=1) + zeros + slopes * _own(measurement))[:, None])
-    points = target_points(measurement, effects.errors, registration.tool(measurement))
+    errors = effects.errors if effects.errors.any() else None
+    points = target_points(measurement, errors, registration.tool(measurement))
     return _counted(measurement, registration.apply(measurement, points) + effects.shift)
 
 

@@ -90,16 +90,20 @@ def designs(
     of_model = Design(model, measurement.machine, measurement.state, with_instrument=True)
     for rows in [slice(0, len(measurement))] if decorrelation.stops else blocks(len(measurement)):
         part, white = measurement.rows(rows), whitener[rows]
-        own = white @ equations.registration_design(part, registration)
-        design = np.concatenate([own, of_model.of(rows, white @ equations.transform(part, registration))], axis=2)
+        design = white @ equations.registration_design(part, registration)
+        if model.effects:
+            of_effects = of_model.of(rows, white @ equations.transform(part, registration))
+            design = np.concatenate([design, of_effects], axis=2)
         design = decorrelation.apply(design)
         yield rows, design.reshape(-1, design.shape[2])
 
 
 def derivatives(measurement: Measurement, model: ErrorModel, registration: Registration) -> Array:
     """Derivatives `(n, d, registration + parameters)` of the observations of all rows, not whitened."""
-    of_model = Design(model, measurement.machine, measurement.state, with_instrument=True)
     own = equations.registration_design(measurement, registration)
+    if not model.effects:
+        return own
+    of_model = Design(model, measurement.machine, measurement.state, with_instrument=True)
     return np.concatenate([own, of_model.of(slice(None), equations.transform(measurement, registration))], axis=2)
 
 
