@@ -11,7 +11,6 @@ from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
-from numpy.polynomial import legendre
 
 from kinematics.transforms import Array
 
@@ -70,7 +69,12 @@ class Legendre(_Scaled, frozen=True, tag_field="kind", tag="legendre"):
 
     def columns(self, x: Array) -> Array:
         """Basis functions `(n, size)` at positions `(n,)`."""
-        return np.asarray(legendre.legvander(2.0 * self._scaled(x) - 1.0, self.degree))
+        t = 2.0 * self._scaled(x) - 1.0
+        columns = np.ones((self.size, len(t)))
+        columns[1:2] = t
+        for k in range(2, self.size):  # Bonnet's recurrence; numpy.polynomial would be loaded for it alone
+            columns[k] = (columns[k - 1] * t * (2 * k - 1) - columns[k - 2] * (k - 1)) / k
+        return columns.T
 
     @property
     def feature_length(self) -> float:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import datetime
 import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args
 
 import msgspec
 import numpy as np
@@ -323,13 +324,34 @@ def decode_model(data: bytes, source: str) -> ErrorModel:
         if version != 1 or type(version) is not int:
             raise UserError(f"calibration {source}: version {version} is not one this ncomp reads (1)")
         units = _take_units(content)
-        model = msgspec.convert(content, ErrorModel)
+        model = _converted(content)
     except msgspec.DecodeError as fault:
         raise UserError(f"calibration {source}: {fault}{_hint(str(fault), data)}") from None
     except UnicodeDecodeError:
         raise UserError(f"calibration {source}: not UTF-8 text") from None
     _check(model, units, source)
     return model
+
+
+def _converted(content: dict[str, Any]) -> ErrorModel:
+    """The calibration of a content; msgspec.ValidationError for a wrong one."""
+    effects = content.get("effects")
+    named = {effect.get("kind") for effect in effects if isinstance(effect, dict)} if isinstance(effects, list) else {}
+    kinds = tuple(kind for kind in get_args(Effect) if kind.__struct_config__.tag in named)
+    if not kinds or len(kinds) < len(named):
+        return msgspec.convert(content, ErrorModel)
+    form = msgspec.convert(content, _form(kinds))
+    return ErrorModel(**{field: getattr(form, field) for field in ErrorModel.__struct_fields__})
+
+
+@cache
+def _form(kinds: tuple[Any, ...]) -> type[msgspec.Struct]:
+    """The fields of a calibration with effects of some kinds: msgspec takes long to learn the fields of all kinds."""
+    fields = []
+    for field in msgspec.structs.fields(ErrorModel):
+        kind = tuple[Union[kinds], ...] if field.name == "effects" else field.type  # type: ignore[valid-type]  # noqa: UP007
+        fields.append((field.name, kind) if field.required else (field.name, kind, field.default))
+    return msgspec.defstruct("ErrorModel", fields, kw_only=True, forbid_unknown_fields=True)
 
 
 def _hint(fault: str, data: bytes) -> str:
