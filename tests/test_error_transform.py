@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 import pytest
 import sympy as sp
 from support.random_chains import chains
@@ -48,14 +49,14 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A cache folder of these tests alone."""
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(error_transform.platformdirs, "user_cache_dir", lambda app: str(folder / app))
+        patch.setattr(platformdirs, "user_cache_dir", lambda app: str(folder / app))
         yield folder
 
 
 @pytest.fixture
 def unknown(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], Machine]:
     """Reads a machine that this process has not met, with an empty cache in tmp_path."""
-    monkeypatch.setattr(error_transform.platformdirs, "user_cache_dir", lambda _: str(tmp_path))
+    monkeypatch.setattr(platformdirs, "user_cache_dir", lambda _: str(tmp_path))
     monkeypatch.setattr(error_transform, "_loaded", {})
     return lambda toml: machines.parse(toml, "unknown")
 
@@ -283,7 +284,7 @@ def test_a_cache_file_of_another_chain_is_not_used(short, tmp_path):
 
 @pytest.mark.parametrize("blocked", [".", "derived"])
 def test_a_cache_that_cant_be_written_is_done_without(short, tmp_path, monkeypatch, blocked):
-    monkeypatch.setattr(error_transform.platformdirs, "user_cache_dir", lambda _: str(tmp_path / "cache"))
+    monkeypatch.setattr(platformdirs, "user_cache_dir", lambda _: str(tmp_path / "cache"))
     obstacle = tmp_path / "cache" / blocked
     obstacle.parent.mkdir(exist_ok=True)
     obstacle.write_text("a file where a folder should be")
