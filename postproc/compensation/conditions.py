@@ -63,7 +63,7 @@ class Conditions:
 
     def errors(self, machine: Machine, model: ErrorModel) -> ErrorMotions:
         """The error motions by a model, whose tables are kept for the models used last."""
-        for known in self._motions:
+        for known in tuple(self._motions):  # other threads may add to them
             if known.machine is machine and known.model is model:
                 return known
         self._motions.appendleft(motions := ErrorMotions(machine, model, self.state))
