@@ -13,6 +13,7 @@ import numpy as np
 from calibration.diagnosis.acceptance import Acceptance
 from calibration.diagnosis.conclusion import Conclusion
 from calibration.diagnosis.improvement import Figures, Volume, by_direction, closure, figures, volume
+from calibration.diagnosis.linear_order import other_order
 from calibration.diagnosis.machine_change import MachineChange, machine_change
 from calibration.diagnosis.misplaced_targets import misplaced_targets
 from calibration.diagnosis.next.ranking import ProposedMeasurement, proposed_measurements
@@ -326,6 +327,8 @@ def _start(
     progress("checking the data")
     measurement, findings, positions = _checked(measurement)
     base = base_of(measurement, calibration, progress)
+    if base.choice is not None and (doubt := other_order(measurement, base.choice)):
+        findings.append(Finding("chain", doubt, False))
     progress("fitting the present model")
     candidates, untested = library(measurement, base.model)
     if base.present is not None:
