@@ -41,7 +41,7 @@ def of_machine(name, true_order, size, n=150):
 def test_the_order_that_predicts_better_is_named(name, true_order, size, chain, other):
     found = other_order(of_machine(name, true_order, size), CHOICE)
     assert found.startswith(f"the data fit the chain {other} better than {chain} of the machine's file: held-out ")
-    assert found.endswith("Check the order of the axes; the file's order is used")
+    assert found.endswith("the file's order is used, and a cross-axis error may be a consequence of it")
 
 
 def test_the_right_order_is_not_doubted():

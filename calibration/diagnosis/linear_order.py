@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from calibration.fit.fit import Fit, fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes, with_effects
 from calibration.observation.stops_and_lines import held_out_blocks
-from kinematics.transforms import Array
 
 MISFIT = 4.0
 """chi2 per degree of freedom, by the instrument specification, below which the order is not doubted."""
@@ -50,7 +50,8 @@ def other_order(measurement: Measurement, choice: Choice) -> str:
     return (
         f"the data fit the chain {best.measurement.machine.chain} better than {measurement.machine.chain} of the "
         f"machine's file: held-out {after.name} {before.rms_um:.3g} -> {after.rms_um:.3g} um RMS, chi2/dof "
-        f"{own.chi2_reduced:.3g} -> {best.chi2_reduced:.3g}. Check the order of the axes; the file's order is used"
+        f"{own.chi2_reduced:.3g} -> {best.chi2_reduced:.3g}. Check the order of the axes: the file's order is used, and a "
+        "cross-axis error may be a consequence of it"
     )
 
 
@@ -78,10 +79,9 @@ def _exchanged(measurement: Measurement) -> Iterator[Measurement]:
 
 def _in_order(measurement: Measurement, order: np.ndarray) -> Measurement:
     """The measurement with the columns of its axes in another order."""
-
-    def of_axes(column: Array | None) -> Array | None:
-        return None if column is None else column[:, order]
-
     state = measurement.state
-    columns = {name: of_axes(getattr(state, name)) for name in ("approach", "last_move", "velocity", "acceleration")}
-    return replace(measurement, state=replace(state, positions=state.positions[:, order], **columns))
+    columns: dict[str, Any] = {"positions": state.positions[:, order]}
+    for name in ("approach", "last_move", "velocity", "acceleration"):
+        column = getattr(state, name)
+        columns[name] = None if column is None else column[:, order]
+    return replace(measurement, state=replace(state, **columns))

@@ -168,6 +168,7 @@ def diagnosis_report(found: Diagnosis, command: str) -> Report:
     lead = f"{found.measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
     verdict = [
         *_confirmed(found),
+        *(f"NOTE: {each.message}." for each in found.findings if each.check == "chain"),
         *change_sentences(found.machine_change),
         *insignificant(found.significant_share),
         _verdict(found),
