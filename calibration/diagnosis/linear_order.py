@@ -50,8 +50,8 @@ def other_order(measurement: Measurement, choice: Choice) -> str:
     return (
         f"the data fit the chain {best.measurement.machine.chain} better than {measurement.machine.chain} of the "
         f"machine's file: held-out {after.name} {before.rms_um:.3g} -> {after.rms_um:.3g} um RMS, chi2/dof "
-        f"{own.chi2_reduced:.3g} -> {best.chi2_reduced:.3g}. Check the order of the axes: the file's order is used, and a "
-        "cross-axis error may be a consequence of it"
+        f"{own.chi2_reduced:.3g} -> {best.chi2_reduced:.3g}. Check the order of the axes: the file's order is used, "
+        "and a cross-axis error may be a consequence of it"
     )
 
 
