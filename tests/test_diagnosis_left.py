@@ -12,7 +12,7 @@ from support.virtual_measurements import THREE, measured, positions
 
 import machines
 from calibration.diagnosis.residual import unexplained as remainder
-from calibration.diagnosis.residual.absorber import absorbed
+from calibration.diagnosis.residual.absorber import absorbed, without_support
 from calibration.diagnosis.residual.chance_level import DRAWS, Chance
 from calibration.diagnosis.residual.dependence import Unexplained, of_variables
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
@@ -22,7 +22,7 @@ from calibration.diagnosis.search.proposed_shapes import waves
 from calibration.diagnosis.search.selection import WORTH, evaluate
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model
-from kinematics.effects import Backlash, Cyclic, Unnamed
+from kinematics.effects import Backlash, Cyclic, ThermalDrift, Unnamed
 from kinematics.error_model.model import no_errors
 
 N = 240
@@ -163,3 +163,11 @@ def test_its_rms_is_that_of_what_was_put_in():
     lengths = np.linalg.solve(linearised.white, (signal - absorbed).reshape(len(linearised.rows), -1, 1))[:, :, 0]
     truth = 1e3 * float(np.sqrt(np.mean(lengths[linearised.good] ** 2)))
     assert remainder.shared_rms(linearised, found) == pytest.approx(truth, rel=0.25)
+
+
+def test_the_mean_of_what_has_no_name_is_no_drift():
+    """A drift that is the mean over an axis of a larger error without a name."""
+    strange = Unnamed("Z", ("X", "time"), RANGES, ((0, 1), (1, 1), (2, 1), (3, 1)), (23.0, 40.0, 40.0, 40.0))
+    _, stage = stage_with(strange, candidate=lambda _: Candidate(ThermalDrift("Z", rate=0.0)))
+    assert stage.accepted[0].score.delta_bic < WORTH
+    assert without_support(stage, remainder.unexplained(stage.linearised)) == list(stage.accepted)

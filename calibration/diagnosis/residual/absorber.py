@@ -12,7 +12,8 @@ from calibration.diagnosis.residual.dependence import EVIDENCE, Unexplained
 from calibration.diagnosis.residual.unnamed import COMPONENTS, may_depend_on, propose
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Accepted, Stage
-from kinematics.effects import Unnamed
+from kinematics.effects import Effect, Unnamed
+from kinematics.state import TIME
 
 MOST = 0.5
 """Share of the log odds of the function that is most of them."""
@@ -26,16 +27,26 @@ def absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> Linea
 def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
     """Accepted causes without which the function explains the data nearly as well as with them.
 
-    A cause that alone explains most of what the function explains stands: the function then imitates the cause.
+    A cause that alone explains most of what the function explains stands: the function then imitates the cause. Also a
+    cause that depends on nothing but some of the variables and is less clear than the function beside it: it is the
+    mean of the function over the others.
     """
     together = _absorbed(stage.linearised, dependence)[1]
     found = []
     for i, each in enumerate(stage.accepted):
         own, alone = -0.5 * each.score.delta_bic, _absorbed(stage.without(i), dependence)[1]
         named = not isinstance(each.candidate.effect, Unnamed)
-        if named and own + together - alone < EVIDENCE and own < MOST * alone:
+        imitated = own + together - alone < EVIDENCE and own < MOST * alone
+        if named and (imitated or (own < together and _variables(each.candidate.effect) < set(dependence.variables))):
             found.append(each)
     return found
+
+
+def _variables(effect: Effect) -> set[str]:
+    """Time and the axis of an effect with a course in time; the name of no variable for any other effect."""
+    if TIME not in effect.needs:
+        return {""}
+    return {TIME, getattr(effect, "axis", TIME)}
 
 
 def _absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> tuple[LinearisedFit, float]:
