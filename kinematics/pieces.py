@@ -279,7 +279,7 @@ def _tables(machine: Machine, model: ErrorModel, state: ConstantConditions) -> t
 
 def _distinct(nodes: Array) -> Array:
     """First and last ends of pieces `(2, pieces)` between nodes."""
-    ordered = np.unique(nodes)
+    ordered = np.sort(nodes)  # np.unique would load numpy.ma
     kept = ordered[np.append(True, np.diff(ordered) > 1e-9)]
     return np.stack([kept[:-1], kept[1:]])
 
