@@ -13,8 +13,9 @@ import machines
 from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.candidates import Candidate, at_zero, changes, library
 from calibration.diagnosis.search.causes import causes, jumps
+from calibration.diagnosis.search.evaluation import evaluate, siblings
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.selection import Accepted, evaluate, siblings
+from calibration.diagnosis.search.stage import Accepted
 from calibration.diagnosis.search.start_model import Base
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, below_spacing
@@ -152,7 +153,7 @@ def test_drifts_of_the_tracker_and_growth_from_its_side_are_alternatives(truth, 
     accepted = Accepted(own.candidate, own.score.size, own.score, own.projected.visible, np.zeros(1))
     alike = {
         (type(each.evaluated.candidate.effect), each.evaluated.candidate.axis): each.cosine
-        for each in siblings(linearised, accepted, evaluated)
+        for each in siblings(linearised, accepted.candidate, evaluated)
     }
     found = max(cosine for (kind, axis), cosine in alike.items() if kind is other and axis in ("X", None))
     assert found > 0.9
@@ -210,7 +211,7 @@ def test_a_drift_of_the_workpiece_at_a_constant_rate_may_be_one_of_the_tracker()
     own = next(each for each in evaluated if each.candidate.effect.name == effect.name)
     accepted = Accepted(own.candidate, own.score.size, own.score, own.projected.visible, np.zeros(1))
     (drift,) = (
-        each for each in siblings(linearised, accepted, evaluated)
+        each for each in siblings(linearised, accepted.candidate, evaluated)
         if isinstance(each.evaluated.candidate.effect, TrackerDrift)
     )  # fmt: skip
     assert drift.cosine == pytest.approx(1.0, abs=1e-3)

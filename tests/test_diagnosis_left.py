@@ -17,9 +17,9 @@ from calibration.diagnosis.residual.chance_level import DRAWS, Chance
 from calibration.diagnosis.residual.dependence import Unexplained, of_variables
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.proposed_shapes import waves
-from calibration.diagnosis.search.selection import WORTH, evaluate
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model
 from kinematics.effects import Backlash, Cyclic, ThermalDrift, Unnamed

@@ -7,9 +7,9 @@ from support.tiers import quick
 
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import at_zero, library
+from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import refined, saw_uncertainty
-from calibration.diagnosis.search.selection import evaluate
 from kinematics.basis import Fourier
 from kinematics.effects import Cyclic, ErrorMotion, GrowthWithTime, QuantisedCompensation, StationShift
 

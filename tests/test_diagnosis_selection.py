@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.diagnosis_cases import data_with, framed, selector
 
-from calibration.diagnosis.search import selection
+from calibration.diagnosis.search import evaluation, selection
 from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.evaluation import Evaluated, evaluate, passing, predicts, siblings
 from calibration.diagnosis.search.proposed_shapes import finer, joined
-from calibration.diagnosis.search.selection import Evaluated, chosen_of, evaluate, passing, predicts, siblings
+from calibration.diagnosis.search.stage import chosen_of
 from kinematics.basis import Fourier
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationJump, ThermalDrift, TrackerDrift
 
@@ -120,7 +121,7 @@ def test_what_is_hardly_visible_shields_others_from_blame():
     (good,) = evaluate(linearised, SOME[:1])
     assert [each.candidate for each in passing(linearised, [good])] == [SOME[0]]
     unseen = good.projected._replace(schur=good.projected.schur * 1e-6)
-    assert unseen.visible < selection.SEEN
+    assert unseen.visible < evaluation.SEEN
     hidden = Evaluated(SOME[1], unseen, good.score)
     assert not list(passing(linearised, [hidden]))
     better = hidden._replace(score=good.score._replace(delta_bic=good.score.delta_bic - 20.0))
@@ -132,7 +133,7 @@ def test_what_is_hardly_visible_shields_others_from_blame():
 def test_a_size_beyond_what_is_physical_is_not_named():
     linearised = framed(BACKLASH)
     (good,) = evaluate(linearised, SOME[:1])
-    size = np.array([1.01 * selection.LARGEST])
+    size = np.array([1.01 * evaluation.LARGEST])
     assert not list(passing(linearised, [good._replace(score=good.score._replace(size=size))]))
 
 
@@ -146,7 +147,7 @@ def test_siblings_do_much_the_same():
     same = Evaluated(
         twin, without.projected(without.columns(accepted.candidate.effect)), evaluate(without, SOME[:1])[0].score
     )
-    found = siblings(without, accepted, [*evaluate(without, SOME), same])
+    found = siblings(without, accepted.candidate, [*evaluate(without, SOME), same])
     assert [sibling.evaluated.candidate for sibling in found] == [twin]
     assert found[0].cosine == pytest.approx(1.0, abs=1e-6)
     assert found[0].log_odds == pytest.approx(0.0, abs=0.5)
@@ -168,9 +169,9 @@ def test_what_gains_in_every_block_predicts_and_what_loses_does_not(gains):
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=60))
 def test_false_discoveries_are_held_as_benjamini_and_hochberg_say(p_values):
-    limit = selection._discovered(p_values)
+    limit = evaluation._discovered(p_values)
     ordered = sorted(p_values)
-    allowed = [p for k, p in enumerate(ordered, 1) if p <= selection.FALSE * k / len(ordered)]
+    allowed = [p for k, p in enumerate(ordered, 1) if p <= evaluation.FALSE * k / len(ordered)]
     assert limit == (max(allowed) if allowed else 0.0)
 
 

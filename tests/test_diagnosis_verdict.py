@@ -7,8 +7,9 @@ import pytest
 from support.diagnosis_cases import framed
 
 from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.evaluation import Evaluated, Sibling
 from calibration.diagnosis.search.linearised_fit import Projected, Score
-from calibration.diagnosis.search.selection import Accepted, Evaluated, Sibling
+from calibration.diagnosis.search.stage import Accepted
 from calibration.diagnosis.verdict import notes, tied_with, verdict_of
 from kinematics.effects import Backlash, CrossAxis, Cyclic, Settling
 

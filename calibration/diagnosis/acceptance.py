@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from calibration.diagnosis.search.selection import Stage
+from calibration.diagnosis.search.stage import Stage
 from calibration.fit.acceptance import disagreement, nominal_residuals, not_better, reason_against
 from calibration.fit.cross_validation import CrossValidation, summed_up, uncorrected
 from calibration.fit.fit import fit

@@ -28,8 +28,10 @@ from calibration.diagnosis.residual.unnamed import add_unnamed
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.candidates import Candidate, Untested, changes, library
+from calibration.diagnosis.search.evaluation import Evaluated, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.selection import Accepted, Evaluated, Search, Selection, Selector, Stage, evaluate
+from calibration.diagnosis.search.selection import Search, Selection, Selector
+from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.diagnosis.search.start_model import Base, base_of
 from calibration.diagnosis.separability import Separability, separability
 from calibration.diagnosis.updated_model import new_calibration

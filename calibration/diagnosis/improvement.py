@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.selection import Stage
+from calibration.diagnosis.search.stage import Stage
 from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.fit.acceptance import ARM, measures_angles
 from calibration.fit.fit import Fit

@@ -22,7 +22,8 @@ from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unexplained import shared_rms
 from calibration.diagnosis.search.candidates import contract_kind
-from calibration.diagnosis.search.selection import SEEN, WORTH, Stage
+from calibration.diagnosis.search.evaluation import SEEN, WORTH
+from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.verdict import CLEAR, REMEDIES, Named, tied_with
 from kinematics.effects import Effect
 from kinematics.transforms import Array

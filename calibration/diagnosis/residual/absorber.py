@@ -11,7 +11,7 @@ import numpy as np
 from calibration.diagnosis.residual.dependence import EVIDENCE, Unexplained
 from calibration.diagnosis.residual.unnamed import COMPONENTS, may_depend_on, propose
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.selection import Accepted, Stage
+from calibration.diagnosis.search.stage import Accepted, Stage
 from kinematics.effects import Effect, Unnamed
 from kinematics.state import TIME
 

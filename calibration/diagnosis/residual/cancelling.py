@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.selection import Accepted
+from calibration.diagnosis.search.stage import Accepted
 from kinematics.transforms import Array
 
 RATIO = 1.5

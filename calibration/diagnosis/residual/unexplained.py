@@ -14,7 +14,7 @@ from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.residual.whiteness import Columns, Test, whiteness
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.selection import Accepted, Stage
+from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.observed_points import carried

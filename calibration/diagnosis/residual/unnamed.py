@@ -20,8 +20,10 @@ from scipy import linalg
 
 from calibration.diagnosis.residual.dependence import EVIDENCE, LENGTHS, Unexplained
 from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.evaluation import WORTH, predicts
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.selection import WORTH, Selector, Stage, chosen_of, predicts
+from calibration.diagnosis.search.selection import Selector
+from calibration.diagnosis.search.stage import Stage, chosen_of
 from kinematics.effects import Unnamed
 from kinematics.effects.unnamed import DEGREE
 from kinematics.state import TEMPERATURE, TIME

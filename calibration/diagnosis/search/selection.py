@@ -8,157 +8,56 @@ dropped. At the end each cause is compared with its siblings, and replaced by on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import Candidate, at_zero
-from calibration.diagnosis.search.linearised_fit import LinearisedFit, Projected, Score
+from calibration.diagnosis.search.evaluation import (
+    EVEN,
+    SEEN,
+    WORTH,
+    Evaluated,
+    Sibling,
+    complexity,
+    evaluate,
+    passing,
+    score_of,
+    siblings,
+)
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
 from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.observation.stops_and_lines import stops
-from kinematics.effects import Cyclic, DriftWithSensor, FollowingError, LocationJump, ThermalDrift
+from kinematics.effects import Cyclic, DriftWithSensor, LocationJump, ThermalDrift
 from kinematics.transforms import Array
 
-WORTH = -10.0
-"""Largest delta-BIC of an accepted cause: odds of 150 to 1 (Kass and Raftery)."""
 DROPPED = -6.0
 """delta-BIC from which an accepted cause is dropped again."""
-SURE, SURE_OF_RARE, NEARLY_SURE = 1.5, 2.0, 1.0
-"""Standard errors by which the gain on held-out blocks must exceed zero, for a cause, a rare cause, and a cause that
-keeps others from being named in place of it."""
-MOSTLY = 0.75
-"""Or the share of blocks with a gain, since another missing cause may make one of them lose."""
-FALSE = 0.01
-"""Share of false causes among those named (Benjamini and Hochberg)."""
-SEEN = 0.05
-"""Least share of its signal that model and registration cannot imitate, for a cause to be named."""
-GLIMPSED = 0.01
-"""The same for a cause to be a sibling of a named one."""
-LARGEST = 100.0
-"""Physical limit of a cause's size, as a multiple of the typical one, unless the cause is CLEAR."""
-CLEAR = 0.1
-"""Least visible share of the signal of a lag or a wave that an interferometer shows with any size."""
 IRREPLACEABLE = 100.0
 """Growth of the BIC without a cause, but with all others at once, above which none is searched for in its place."""
 UNSEEN = 1e-12
 """Least sum of squares that is not zero."""
 MOST = 12
 """Most causes that are named."""
-LOOKED_AT = 8
-"""Best candidates of a round for which the held-out gain is computed."""
-RELATED = 0.7
-"""Cosine of the signals of two causes from which they are siblings."""
 SAME = 0.95
 """Cosine of two signals from which odds are compared by fits."""
-EVEN = 5.0
-"""Logarithm of the odds below which two causes are tied: 150 to 1."""
 BETTER = -4.0
 """Difference of delta-BIC from which a sibling replaces a cause."""
 NEARLY = 0.05
 """Share of the delta-BIC by which a simpler cause may be less likely: what it lacks is found after it."""
-WORSE = 1.02
-"""Ratio by which the held-out RMS may rise by chance with a cause, or with finer bases, that are there."""
 MANY = 8
 """Blocks from which the fit of the others has nearly all data, so that it judges bases as the whole does."""
 PASSES = 2
 """Most rounds in which a sibling replaces a cause."""
 Progress = Callable[[str], None]
-
-
-class Evaluated(NamedTuple):
-    """A candidate, its columns and its score on one linearised fit."""
-
-    candidate: Candidate
-    projected: Projected
-    score: Score
-
-
-class Sibling(NamedTuple):
-    """Another cause with nearly the same signal in these data."""
-
-    evaluated: Evaluated
-    cosine: float
-    """Cosine between the parts of both signals that the model and the registration cannot imitate."""
-    log_odds: float
-    """Log odds of the accepted cause against this one, by their gains and their numbers of free choices."""
-
-
-@dataclass(frozen=True)
-class Accepted:
-    """An accepted cause, evaluated on the linearised fit without it."""
-
-    candidate: Candidate
-    """The candidate with the shapes that the fit found."""
-    size: Array
-    """Linear parameters in units of their typical sizes."""
-    score: Score
-    visible: float
-    held_out_gains: Array
-    """Reduction of the squares of each held-out block."""
-    siblings: tuple[Sibling, ...] = ()
-
-    @property
-    def sureness(self) -> float:
-        """Mean gain on held-out blocks, in units of its standard error."""
-        return float(self.held_out_gains.mean()) / max(_error(self.held_out_gains), 1e-300)
-
-
-class Stage(NamedTuple):
-    """The fit with some causes."""
-
-    base: Base
-    fit: Fit
-    linearised: LinearisedFit
-    accepted: tuple[Accepted, ...]
-
-    @property
-    def numbers(self) -> list[int]:
-        """Indices of the accepted causes among the effects of the fit."""
-        return self.base.numbers(chosen_of(self.accepted))
-
-    @property
-    def at_rest(self) -> Stage:
-        """The stage without the results that can be calculated again."""
-        return self._replace(linearised=replace(self.linearised))
-
-    def without(self, index: int) -> LinearisedFit:
-        """The linearised fit without one accepted cause."""
-        return self.base.lacking(self.linearised, self.accepted[index].candidate, self.numbers[index])
-
-    @property
-    def cost(self) -> float:
-        """BIC, up to a constant of the data: squares, log determinant of the noise, cost of the causes' parameters."""
-        parameters = sum(each.score.effective_parameters for each in self.accepted)
-        fitted = self.linearised.squares + self.linearised.spread
-        return fitted + parameters * float(np.log(self.linearised.scalars))
-
-    @property
-    def rarity(self) -> float:
-        """Log odds of as many common causes against its own, before any data."""
-        return sum(each.candidate.rarity for each in self.accepted)
-
-    @property
-    def held_out_um(self) -> float:
-        """RMS of the cross-validation residuals, um per scalar (rotary axes: urad)."""
-        return self.linearised.cross_validation.rms_um
-
-    def predicts_worse_than(self, other: Stage) -> bool:
-        """True where the residuals of held-out rows, of those that both keep, are larger than by chance."""
-        _, own, others = np.intersect1d(self.linearised.rows, other.linearised.rows, return_indices=True)
-        held, before = self.linearised.cross_validation, other.linearised.cross_validation
-        both = held.counted[own] & before.counted[others]
-        squares, before_squares = (
-            float(np.sum(each.residual_um[rows[both]] ** 2)) for each, rows in ((held, own), (before, others))
-        )
-        return squares > WORSE**2 * before_squares
 
 
 @dataclass(frozen=True)
@@ -264,7 +163,7 @@ class Selector:
             found = replace(candidate, effect=at_zero(effect))
             without = self.base.lacking(linearised, candidate, number)
             projected = without.candidate(found.effect, found.unit)
-            score = _score(without, found, projected)
+            score = score_of(without, found, projected)
             size, gains = score.size * found.unit, without.held_out_gains(projected)
             accepted.append(Accepted(found, size, score, projected.visible, gains))
         return Stage(self.base, fit, linearised, tuple(accepted))
@@ -278,7 +177,7 @@ class Selector:
                 self.progress(f"siblings of {own.candidate.effect.name}")
                 without = stage.without(i)
                 others = self._evaluated(without, [*stage.accepted[:i], *stage.accepted[i + 1 :]])
-                near = [self._fitted(stage, i, each) for each in siblings(without, own, others)]
+                near = [self._fitted(stage, i, each) for each in siblings(without, own.candidate, others)]
                 accepted.append(replace(own, siblings=tuple(sorted(near, key=lambda each: each.log_odds))))
                 ahead = [each for each in others if each.score.delta_bic < own.score.delta_bic + BETTER]
                 first, likelier = self._best(without, ahead), next(iter(accepted[-1].siblings), None)
@@ -472,102 +371,9 @@ class Selector:
         return stage
 
 
-def evaluate(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> list[Evaluated]:
-    """Candidates with their scores, the best first."""
-    tried = linearised.candidates([candidate.effect for candidate in candidates])
-    found = [
-        Evaluated(candidate, projected, _score(linearised, candidate, projected))
-        for candidate, projected in zip(candidates, tried, strict=True)
-    ]
-    return sorted(found, key=lambda evaluated: evaluated.score.delta_bic)
-
-
-def _score(linearised: LinearisedFit, candidate: Candidate, projected: Projected) -> Score:
-    """Score of a candidate; a rare cause needs more evidence than a common one."""
-    score = linearised.score(projected, candidate.shapes, candidate.trials)
-    return score._replace(delta_bic=score.delta_bic + 2.0 * candidate.rarity)
-
-
-def passing(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterator[Evaluated]:
-    """Candidates that may be named, the best first."""
-    limit = _discovered([each.score.p_value for each in evaluated])
-    hidden = min((each.score.delta_bic for each in evaluated if each.projected.visible < SEEN), default=np.inf)
-    for each in evaluated[:LOOKED_AT]:
-        # no cause is named for a gain that a hardly visible, or nearly sure, cause explains far better
-        if each.score.delta_bic > min(WORTH, hidden - WORTH):
-            return
-        if each.projected.visible < SEEN or each.score.p_value > limit:
-            continue
-        if np.abs(each.score.size).max() > LARGEST and not _of_any_size(linearised, each):
-            continue
-        gains = linearised.held_out_gains(each.projected)
-        if predicts(gains, SURE_OF_RARE if each.candidate.rarity else SURE):
-            yield each
-        elif predicts(gains, NEARLY_SURE):
-            hidden = min(hidden, each.score.delta_bic)
-
-
-def _of_any_size(linearised: LinearisedFit, each: Evaluated) -> bool:
-    """True for lag and waves that an interferometer, or another reference of one axis, shows clearly."""
-    clear = linearised.measurement.axis is not None and each.projected.visible > CLEAR
-    return clear and isinstance(each.candidate.effect, (Cyclic, FollowingError))
-
-
-def predicts(gains: Array, sure: float = SURE_OF_RARE) -> bool:
-    """True where held-out blocks are predicted better: on average by so many standard errors, or most of them."""
-    return bool(gains.mean() > sure * _error(gains) or (gains.sum() > 0 and np.mean(gains > 0) >= MOSTLY))
-
-
-def siblings(linearised: LinearisedFit, accepted: Accepted, evaluated: Sequence[Evaluated]) -> list[Sibling]:
-    """Other causes with nearly the same signal, on a linearised fit without any of them; the likeliest first."""
-    own = linearised.projected(linearised.columns(accepted.candidate.effect))
-    score = linearised.score(own, accepted.candidate.shapes)
-    energy = float(score.size @ own.schur @ score.size)
-    found: dict[tuple[str | None, ...], Sibling] = {}
-    for each in evaluated:
-        other, cause = each.projected, each.candidate.cause
-        if other.visible < GLIMPSED or not energy or cause == accepted.candidate.cause:
-            continue
-        shared = (other.columns.T @ own.columns - other.through.T @ own.through) @ score.size
-        ridge = 1e-9 * np.trace(other.schur) * np.eye(len(other.schur))
-        cosine = float(
-            np.sqrt(min(max(float(shared @ np.linalg.solve(other.schur + ridge, shared)), 0.0) / energy, 1.0))
-        )
-        if cosine > RELATED:
-            free = complexity(each.candidate) - complexity(accepted.candidate)
-            log_odds = (score.gain - each.score.gain + free * float(np.log(linearised.scalars))) / 2
-            log_odds += each.candidate.rarity - accepted.candidate.rarity
-            if cause not in found or log_odds < found[cause].log_odds:
-                found[cause] = Sibling(each._replace(projected=other.summary), cosine, log_odds)
-    return sorted(found.values(), key=lambda sibling: sibling.log_odds)
-
-
-def complexity(candidate: Candidate) -> int:
-    """Number of free choices of a candidate; a vector of the instrument is one, since its direction is arbitrary."""
-    if candidate.effect.ACTS_ON == "instrument":
-        return len(candidate.effect.quantities()) + candidate.shapes
-    return len(candidate.effect.parameters)
-
-
-def chosen_of(accepted: Sequence[Accepted]) -> list[tuple[Candidate, Array]]:
-    """Candidates of accepted causes with their sizes, the input of a fit."""
-    return [(each.candidate, each.size) for each in accepted]
-
-
 def _listed(accepted: Sequence[Accepted]) -> str:
     return ", ".join(each.candidate.effect.name for each in accepted) or "none yet"
 
 
 def _key(candidate: Candidate) -> tuple[str, ...]:
     return (*map(str, candidate.cause), str(len(candidate.effect.parameters)))
-
-
-def _discovered(p_values: Sequence[float]) -> float:
-    """Largest significant p-value by Benjamini and Hochberg; 0 without any."""
-    ordered = np.sort(p_values)
-    below = np.flatnonzero(ordered <= FALSE * np.arange(1, len(ordered) + 1) / max(len(ordered), 1))
-    return float(ordered[below[-1]]) if len(below) else 0.0
-
-
-def _error(gains: Array) -> float:
-    return float(gains.std(ddof=1) / np.sqrt(len(gains))) if len(gains) > 1 else float("inf")

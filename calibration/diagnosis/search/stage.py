@@ -1,0 +1,94 @@
+"""A fit with some causes: its accuracy, and each cause on the fit without it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.evaluation import Sibling, standard_error
+from calibration.diagnosis.search.linearised_fit import LinearisedFit, Score
+from calibration.diagnosis.search.start_model import Base
+from calibration.fit.fit import Fit
+from kinematics.transforms import Array
+
+WORSE = 1.02
+"""Ratio by which the held-out RMS may rise by chance with a cause, or with finer bases, that are there."""
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An accepted cause, evaluated on the linearised fit without it."""
+
+    candidate: Candidate
+    """The candidate with the shapes that the fit found."""
+    size: Array
+    """Linear parameters in units of their typical sizes."""
+    score: Score
+    visible: float
+    held_out_gains: Array
+    """Reduction of the squares of each held-out block."""
+    siblings: tuple[Sibling, ...] = ()
+
+    @property
+    def sureness(self) -> float:
+        """Mean gain on held-out blocks, in units of its standard error."""
+        return float(self.held_out_gains.mean()) / max(standard_error(self.held_out_gains), 1e-300)
+
+
+class Stage(NamedTuple):
+    """The fit with some causes."""
+
+    base: Base
+    fit: Fit
+    linearised: LinearisedFit
+    accepted: tuple[Accepted, ...]
+
+    @property
+    def numbers(self) -> list[int]:
+        """Indices of the accepted causes among the effects of the fit."""
+        return self.base.numbers(chosen_of(self.accepted))
+
+    @property
+    def at_rest(self) -> Stage:
+        """The stage without the results that can be calculated again."""
+        return self._replace(linearised=replace(self.linearised))
+
+    def without(self, index: int) -> LinearisedFit:
+        """The linearised fit without one accepted cause."""
+        return self.base.lacking(self.linearised, self.accepted[index].candidate, self.numbers[index])
+
+    @property
+    def cost(self) -> float:
+        """BIC, up to a constant of the data: squares, log determinant of the noise, cost of the causes' parameters."""
+        parameters = sum(each.score.effective_parameters for each in self.accepted)
+        fitted = self.linearised.squares + self.linearised.spread
+        return fitted + parameters * float(np.log(self.linearised.scalars))
+
+    @property
+    def rarity(self) -> float:
+        """Log odds of as many common causes against its own, before any data."""
+        return sum(each.candidate.rarity for each in self.accepted)
+
+    @property
+    def held_out_um(self) -> float:
+        """RMS of the cross-validation residuals, um per scalar (rotary axes: urad)."""
+        return self.linearised.cross_validation.rms_um
+
+    def predicts_worse_than(self, other: Stage) -> bool:
+        """True where the residuals of held-out rows, of those that both keep, are larger than by chance."""
+        _, own, others = np.intersect1d(self.linearised.rows, other.linearised.rows, return_indices=True)
+        held, before = self.linearised.cross_validation, other.linearised.cross_validation
+        both = held.counted[own] & before.counted[others]
+        squares, before_squares = (
+            float(np.sum(each.residual_um[rows[both]] ** 2)) for each, rows in ((held, own), (before, others))
+        )
+        return squares > WORSE**2 * before_squares
+
+
+def chosen_of(accepted: Sequence[Accepted]) -> list[tuple[Candidate, Array]]:
+    """Candidates of accepted causes with their sizes, the input of a fit."""
+    return [(each.candidate, each.size) for each in accepted]
