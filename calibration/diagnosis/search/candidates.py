@@ -93,7 +93,7 @@ class Candidate:
 
     @property
     def rarity(self) -> float:
-        """Log odds of a common cause against this one, before any data; a drift shifts the tool more often than tilts."""
+        """Log odds of a common cause against this one, before any data; a drift rather shifts than tilts."""
         tilt = contract_kind(self.effect) == "thermal-drift" and str(self.axis) in "ABC"
         return RARE if tilt or self.effect.kind in RARE_KINDS else 0.0
 
