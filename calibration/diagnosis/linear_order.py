@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -62,7 +61,9 @@ def _fitted(measurement: Measurement, choice: Choice) -> Fit:
 
 def _held_out(found: Fit, choice: Choice) -> CrossValidation | None:
     good = found.measurement.rows(np.flatnonzero(found.kept))
-    return predicted_by_others(good, *held_out_blocks(good), partial(_fitted, choice=choice))
+    return predicted_by_others(
+        good, *held_out_blocks(good), lambda others: _fitted(good.rows(np.flatnonzero(others)), choice)
+    )
 
 
 def _exchanged(measurement: Measurement) -> Iterator[Measurement]:

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 
-SIZES = 10.0 * 2.0 ** (np.arange(-14, 13) / 2.0)
+SIZES = read_only(10.0 * 2.0 ** (np.arange(-14, 13) / 2.0))
 """Standard deviations of a process that are tried, um or urad."""
 LENGTHS = (0.5, 1.0, 2.0, 4.0)
 """Correlation lengths that are tried, in mean distances of positions. Shorter ones cannot be told from each other."""
