@@ -176,8 +176,8 @@ class ChainColumns:
         s, c = turn
         d = self.machine.axes[i].unit_direction.tolist()
         for k in range(3):
-            if abs(d[k]) == 1.0:
-                first, second = (k + 1) % 3, (k + 2) % 3
+            first, second = (k + 1) % 3, (k + 2) % 3
+            if d[first] == d[second] == 0.0:
                 sine = s if d[k] > 0 else -s
                 turned = [v[k]] * 3
                 turned[first] = v[first] * c - v[second] * sine
@@ -225,11 +225,12 @@ def _shifted(direction: Sequence[float], distance: Array, p: Vector) -> Vector:
 def _turned(rotation: Vector, p: Vector) -> Vector:
     """Vectors turned by rotation vectors, rad (Rodrigues)."""
     square = dot(rotation, rotation)
-    if square.max(initial=0.0) < SMALL:
-        sine, versed = 1.0 - square * (1.0 / 6.0 - square / 120.0), 0.5 - square * (1.0 / 24.0 - square / 720.0)
-    else:
+    sine, versed = 1.0 - square * (1.0 / 6.0 - square / 120.0), 0.5 - square * (1.0 / 24.0 - square / 720.0)
+    large = square >= SMALL
+    if large.any():
         angle = np.sqrt(square)
-        sine, versed = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+        sine = np.where(large, np.sinc(angle / np.pi), sine)
+        versed = np.where(large, 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2, versed)
     once = cross(rotation, p)
     twice = cross(rotation, once)
     return (

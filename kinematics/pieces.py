@@ -17,7 +17,7 @@ import numpy as np
 
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
-from kinematics.machine import TURN, Axis, Machine
+from kinematics.machine import TURN, Axis, Machine, NDArrayBool
 from kinematics.state import State
 from kinematics.transforms import Array, read_only
 from kinematics.turn import knots_of
@@ -182,20 +182,30 @@ class ErrorMotions:
     def at(self, q: Array, approach: Array | None = None) -> Array:
         """Error motions `(n, axes + 1, 6)` at positions `(n, axes)`, mm and rad, approached in directions `(n, axes)`.
 
-        As `ErrorModel.errors` at the constant conditions, to EXACT. UserError if the model needs directions and there
+        As `ErrorModel.errors` at the constant conditions, to EXACT; a row by the same steps, whichever rows there are
+        beside it. UserError if the model needs directions and there
         are none.
         """
-        if not self._holds(q, approach):
+        held = self._held(q, approach)
+        if not held.any():
             return self.model.errors(self.machine, self._state(q, approach))
+        if held.all():
+            result = self._by_tables(q, approach)
+        else:
+            result = self.model.errors(self.machine, self._state(q, approach))
+            result[held] = self._by_tables(q[held], None if approach is None else approach[held])
+        if self._rest.effects:
+            result[held] += self._rest.errors(self.machine, self._state(q, approach))[held]
+        return result
+
+    def _by_tables(self, q: Array, approach: Array | None) -> Array:
+        """Error motions `(n, axes + 1, 6)` of the effects in tables and of the tool."""
         axes = len(self.machine.axes)
         errors = np.zeros((axes + 1, 6, len(q)))
         for i, table in self.tables.items():
             errors[i] = self._of(i, table, q, approach)
         errors[axes] = self.tool
-        result = np.moveaxis(errors, 2, 0)
-        if self._rest.effects:
-            result += self._rest.errors(self.machine, self._state(q, approach))
-        return result
+        return np.moveaxis(errors, 2, 0)
 
     def _of(self, i: int, table: Table, q: Array, approach: Array | None) -> Array:
         """Error motions of one axis; those of the last evaluation if the axis has not moved since."""
@@ -208,12 +218,14 @@ class ErrorMotions:
         self._last[i] = x.copy(), None if came is None else came.copy(), values
         return values
 
-    def _holds(self, q: Array, approach: Array | None) -> bool:
-        """True if the tables reach to these positions and have the directions that they need."""
-        if not len(q) or (approach is None and any(table.directed for table in self.tables.values())):
-            return False
-        low, high = q.min(axis=0), q.max(axis=0)
-        return all(low[i] >= table.breaks[0] and high[i] <= table.breaks[-1] for i, table in self.tables.items())
+    def _held(self, q: Array, approach: Array | None) -> NDArrayBool:
+        """True `(n,)` for the positions to which the tables reach; for none if they need directions and have none."""
+        if approach is None and any(table.directed for table in self.tables.values()):
+            return np.zeros(len(q), bool)
+        held = np.ones(len(q), bool)
+        for i, table in self.tables.items():
+            held &= (q[:, i] >= table.breaks[0]) & (q[:, i] <= table.breaks[-1])
+        return held
 
 
 def _equal(column: Array | None, other: Array | None) -> bool:

@@ -32,7 +32,20 @@ def in_chunks(patch, size):
         patch.setattr(f"postproc.{module}.CHUNK", size)
 
 
-@drawn(few=2, many=10, program=programs(), seed=seeds, size=st.sampled_from([1, 2, 3, 7]))
+OVER_THE_END = Program(
+    "gantry", "iso", "G21 G90 G17 G94\nG54 G0 X0. Y0. Z0.\nG52 X-18.\nG1 X3. Y4. Z5. F500\nG52 X0.\n"
+)
+"""The second move ends outside the travel of X, and the tables of the errors."""
+
+
+@drawn(
+    few=2,
+    many=10,
+    also={"program": OVER_THE_END, "seed": 1, "size": 1},
+    program=programs(),
+    seed=seeds,
+    size=st.sampled_from([1, 2, 3, 7]),
+)
 def test_chunks_change_nothing(program, seed, size):
     job = job_of(program, seed)
     whole = everything(job)
