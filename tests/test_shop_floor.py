@@ -397,3 +397,11 @@ def test_questions_are_answered_by_the_command():
     assert nothing["found"] == []
     assert [found["named"] + found["tied"] for found in hidden] == [1, 1]
     assert all(summary.relative(found, {summary._twin(nothing): nothing}) < 2.0 for found in hidden)
+
+
+@pytest.mark.statistical
+def test_a_cause_is_searched_where_the_noise_of_an_axis_hides_it():
+    """Stops at random positions: a sag that the scatter of Z from stop to stop holds leaves residuals that are white."""
+    found = exam.answer(exam.Key("random3", "cross", "gantry", 0, 4003), timeout=600)
+    assert "failure" not in found, found["failure"]
+    assert found["named"] + found["tied"] == 1

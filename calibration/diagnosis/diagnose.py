@@ -254,7 +254,9 @@ def diagnose(
         refuse_few(before.fit, identifiability(before.fit))
     tests = unexplained_residual.tests(before.linearised)
     found = _Found(first, before, ())
-    if combined(tests, GATE) or len(before.fit.outliers) or first.base.fine(first.measurement):
+    # the noise of an axis hides whatever acts along it
+    doubtful = _unrepeatable(before) or len(before.fit.outliers) or first.base.fine(first.measurement)
+    if doubtful or combined(tests, GATE):
         found = _causes(first)
     progress("testing the residual")
     found, tests_after, dependence = _without_impostors(found)
@@ -412,14 +414,18 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> _Found:
     return _Found(selector, stage, selection.last_round)
 
 
+def _unrepeatable(stage: Stage) -> bool:
+    """True where the noise of a stage holds non-repeatability, or misfit, of an axis."""
+    noise = stage.fit.measurement.noise
+    return noise is not None and bool(noise.non_repeatability or noise.misfit)
+
+
 def _dependence(stage: Stage) -> Unexplained | None:
     """The dependence of the residuals of a stage that its causes leave; None where they are noise as specified.
 
     Non-repeatability may hide a dependence.
     """
-    noise = stage.fit.measurement.noise
-    unrepeatable = noise is not None and bool(noise.non_repeatability or noise.misfit)
-    if not unrepeatable and not combined(unexplained_residual.tests(stage.linearised), LEFT):
+    if not _unrepeatable(stage) and not combined(unexplained_residual.tests(stage.linearised), LEFT):
         return None
     return unexplained_residual.unexplained(stage.linearised)
 
