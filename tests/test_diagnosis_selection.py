@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from support.diagnosis_cases import data_with, framed, selector
 
 from calibration.diagnosis.search import evaluation, selection
-from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.evaluation import Evaluated, evaluate, passing, predicts, siblings
+from calibration.diagnosis.search.candidates import RARE, Candidate
+from calibration.diagnosis.search.evaluation import Evaluated, Sibling, evaluate, passing, predicts, siblings
 from calibration.diagnosis.search.proposed_shapes import finer, joined
 from calibration.diagnosis.search.stage import chosen_of
 from kinematics.basis import Fourier
@@ -219,3 +219,16 @@ def test_the_noise_of_an_axis_does_not_hide_a_cause_along_it():
     found = made._found(made.bare.linearised, (), set())[1]
     assert [each.candidate.axis for each in found] == ["Z"]
     assert made.bare.linearised.evenly_noisy.measurement.noise is None
+
+
+@pytest.mark.usefixtures("no_shapes")
+def test_another_direction_of_a_drift_is_likelier_than_another_cause():
+    drifts = [Candidate(ThermalDrift(c, rate=0.0)) for c in "XZ"]
+    made = alone([*drifts, *SOME], data_with(BACKLASH))
+    besides, along = evaluate(made.bare.linearised, SOME[:1])[0], evaluate(made.bare.linearised, drifts[:1])[0]
+    stage = made.stage([(drifts[1], np.ones(1)), (SOME[0], np.ones(1))])
+    found = made._compared(stage, 1, [Sibling(besides, 0.5, 1.0), Sibling(along, 0.5, 2.0)])
+    assert [(each.evaluated, each.log_odds) for each in found] == [(along, 2.0 - RARE), (besides, 1.0)]
+    assert made.stage([(drifts[0], np.ones(1)), (drifts[1], np.ones(1))]).rarity == -RARE
+    alone_there = made.stage([(SOME[0], np.ones(1))])
+    assert made._compared(alone_there, 0, [Sibling(along, 0.5, 2.0)])[0].log_odds == 2.0

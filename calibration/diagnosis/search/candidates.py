@@ -21,12 +21,14 @@ from kinematics.basis import Interval, Legendre
 from kinematics.effects import (
     Component,
     ControlTable,
+    DriftWithSensor,
     Effect,
     ErrorMotion,
     LocationError,
     Racking,
     Reversal,
     Scale,
+    ThermalDrift,
     Unnamed,
     Wobble,
 )
@@ -96,6 +98,11 @@ class Candidate:
         """Log odds of a common cause against this one, before any data; a drift rather shifts than tilts."""
         tilt = contract_kind(self.effect) == "thermal-drift" and str(self.axis) in "ABC"
         return RARE if tilt or self.effect.kind in RARE_KINDS else 0.0
+
+    @property
+    def shifts_tool(self) -> bool:
+        """True for a thermal drift of the tool along an axis: one direction of a vector."""
+        return isinstance(self.effect, (ThermalDrift, DriftWithSensor)) and self.effect.component in "XYZ"
 
     @property
     def unit(self) -> Array:

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from calibration.diagnosis.search import proposed_shapes as scans
-from calibration.diagnosis.search.candidates import Candidate, at_zero
+from calibration.diagnosis.search.candidates import RARE, Candidate, at_zero
 from calibration.diagnosis.search.evaluation import (
     EVEN,
     SEEN,
@@ -36,7 +36,7 @@ from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.observation.stops_and_lines import stops
-from kinematics.effects import Cyclic, DriftWithSensor, LocationJump, ThermalDrift
+from kinematics.effects import Cyclic, LocationJump
 from kinematics.transforms import Array
 
 DROPPED = -6.0
@@ -177,8 +177,9 @@ class Selector:
                 self.progress(f"siblings of {own.candidate.effect.name}")
                 without = stage.without(i)
                 others = self._evaluated(without, [*stage.accepted[:i], *stage.accepted[i + 1 :]])
-                near = [self._fitted(stage, i, each) for each in siblings(without, own.candidate, others)]
-                accepted.append(replace(own, siblings=tuple(sorted(near, key=lambda each: each.log_odds))))
+                accepted.append(
+                    replace(own, siblings=self._compared(stage, i, siblings(without, own.candidate, others)))
+                )
                 ahead = [each for each in others if each.score.delta_bic < own.score.delta_bic + BETTER]
                 first, likelier = self._best(without, ahead), next(iter(accepted[-1].siblings), None)
                 if first is None:
@@ -189,11 +190,22 @@ class Selector:
             if better is None or not swaps_left:
                 break
             trial = self.pruned(self.stage(better))
-            if trial.cost > stage.cost + BETTER:
+            if trial.cost + 2.0 * trial.rarity > stage.cost + 2.0 * stage.rarity + BETTER:
                 break
             stage = trial
         kept = self.leaner(self.pruned(stage))
         return stage._replace(accepted=tuple(accepted)) if kept is stage else self.against_siblings(kept)
+
+    def _compared(self, stage: Stage, index: int, found: Sequence[Sibling]) -> tuple[Sibling, ...]:
+        """Siblings of an accepted cause, the likeliest first; another direction of a present drift is likelier."""
+        own = stage.accepted[index]
+        drifting = any(each.candidate.shifts_tool for each in stage.accepted if each is not own)
+        compared = []
+        for each in found:
+            fitted = self._fitted(stage, index, each)
+            along = own.candidate.shifts_tool - each.evaluated.candidate.shifts_tool if drifting else 0
+            compared.append(fitted._replace(log_odds=fitted.log_odds + RARE * along))
+        return tuple(sorted(compared, key=lambda each: each.log_odds))
 
     def _fitted(self, stage: Stage, index: int, sibling: Sibling) -> Sibling:
         """The sibling of an accepted cause, its odds by a fit with it where linear terms may decide on them.
@@ -245,10 +257,9 @@ class Selector:
         known = {each.candidate.cause for each in others}
         courses: dict[str, list[Candidate]] = {}
         for candidate in self.library:
-            effect = candidate.effect
-            drift = isinstance(effect, (ThermalDrift, DriftWithSensor)) and effect.component in "XYZ"
-            if drift and candidate.cause not in known:
-                courses.setdefault(repr(msgspec.structs.replace(effect, component="X")), []).append(candidate)
+            if candidate.shifts_tool and candidate.cause not in known:
+                course = msgspec.structs.replace(candidate.effect, component="X")
+                courses.setdefault(repr(course), []).append(candidate)
         tried = [evaluate(linearised, candidates) for candidates in courses.values()]
         if not tried:
             return None

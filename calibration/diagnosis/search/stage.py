@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.candidates import RARE, Candidate
 from calibration.diagnosis.search.evaluation import Sibling, standard_error
 from calibration.diagnosis.search.linearised_fit import LinearisedFit, Score
 from calibration.diagnosis.search.start_model import Base
@@ -70,8 +70,9 @@ class Stage(NamedTuple):
 
     @property
     def rarity(self) -> float:
-        """Log odds of as many common causes against its own, before any data."""
-        return sum(each.candidate.rarity for each in self.accepted)
+        """Log odds of as many common causes against its own, before any data; directions of one drift come together."""
+        directions = sum(each.candidate.shifts_tool for each in self.accepted)
+        return sum(each.candidate.rarity for each in self.accepted) - RARE * max(directions - 1, 0)
 
     @property
     def held_out_um(self) -> float:
