@@ -10,6 +10,7 @@ import numpy as np
 
 from calibration.diagnosis.residual.dependence import EVIDENCE, Unexplained
 from calibration.diagnosis.residual.unnamed import COMPONENTS, may_depend_on, propose
+from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Accepted, Stage
 from kinematics.effects import Effect, Unnamed
@@ -17,6 +18,8 @@ from kinematics.state import TIME
 
 MOST = 0.5
 """Share of the log odds of the function that is most of them."""
+CLEARLY = 0.75
+"""Least share of what is beyond the noise that a cause explains beside an unexplained function of its variables."""
 
 
 def absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> LinearisedFit:
@@ -28,23 +31,38 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
     """Accepted causes without which the function explains the data nearly as well as with them.
 
     A cause that alone explains most of what the function explains stands: the function then imitates the cause. Also a
-    cause that depends on nothing but some of the variables and is less clear than the function beside it: it is the
-    mean of the function over the others.
+    cause that depends on nothing but some of the variables, and is less clear than the function beside it or leaves
+    much beyond the noise: it is the mean of the function over the others.
     """
-    together = _absorbed(stage.linearised, dependence)[1]
+    # estimated noise of an axis would hold much of the function
+    even = stage._replace(linearised=stage.linearised.evenly_noisy)
+    together = _absorbed(even.linearised, dependence)[1]
     found = []
     for i, each in enumerate(stage.accepted):
-        own, alone = -0.5 * each.score.delta_bic, _absorbed(stage.without(i), dependence)[1]
+        without = even.without(i)
+        score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
+        own, alone = -0.5 * score.delta_bic, _absorbed(without, dependence)[1]
         named = not isinstance(each.candidate.effect, Unnamed)
         imitated = own + together - alone < EVIDENCE and own < MOST * alone
-        if named and (imitated or (own < together and _variables(each.candidate.effect) < set(dependence.variables))):
+        part = own < together or _share(without, even.linearised) < CLEARLY
+        if named and (imitated or (part and _variables(each.candidate.effect) < set(dependence.variables))):
             found.append(each)
     return found
 
 
+def _share(without: LinearisedFit, with_cause: LinearisedFit) -> float:
+    """Share that a cause explains of the squares that are beyond the specified noise without it."""
+    explained = without.squares - with_cause.squares
+    left = with_cause.squares - with_cause.degrees_of_freedom / with_cause.fit.variance_factor
+    return explained / max(explained + left, explained, 1.0)
+
+
 def _variables(effect: Effect) -> set[str]:
-    """Time and the axis of an effect with a course in time; the name of no variable for any other effect."""
-    if TIME not in effect.needs:
+    """Time and the axis of an effect with a course in time, or in temperatures, which are functions of time.
+
+    The name of no variable for any other effect.
+    """
+    if TIME not in effect.needs and "temperatures" not in effect.needs:
         return {""}
     return {TIME, getattr(effect, "axis", TIME)}
 
