@@ -28,9 +28,10 @@ from calibration.study.cases import Case, read_cases
 from calibration.study.chunks import Chunk, Prepared
 from calibration.study.definition import study_of
 from calibration.study.run import Draws, Result, run
-from calibration.study.spread import Workers, workers
+from calibration.study.spread import workers
 from calibration.study.stopping import estimates
 from calibration.study.store import Store
+from kinematics.workers import Team
 
 STUDIES = Path(__file__).parents[1] / "examples" / "studies"
 PAPER = {"basis": "legendre:6", "weighting": "cartesian-diagonal", "prior": "none"}
@@ -56,7 +57,7 @@ def cases_of(content: dict[str, Any]) -> list[Case]:
     return read_cases(study_of({"machine": "gantry", "seed": FRESH, **content}, "benchmark"), STUDIES)
 
 
-def results(cases: list[Case], draws: int, team: Workers | None = None) -> list[Result]:
+def results(cases: list[Case], draws: int, team: Team | None = None) -> list[Result]:
     """All draws of some cases, kept nowhere."""
     with nullcontext(team) if team else workers(1, None) as its:
         return run(cases, Draws(draws), its, Store(None))

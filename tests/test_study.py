@@ -34,13 +34,14 @@ from calibration.study.chunks import SIZE, Chunk, Prepared
 from calibration.study.definition import study_of
 from calibration.study.exact import compared
 from calibration.study.run import Draws, Result, run
-from calibration.study.spread import Workers, workers
+from calibration.study.spread import workers
 from calibration.study.stopping import enough, estimates
 from calibration.study.store import Store
 from kinematics.error_model.model import write_model
 from kinematics.forward import tool_point
 from kinematics.state import State
 from kinematics.user_error import UserError
+from kinematics.workers import Team
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "studies"
 PAPER = {"basis": "legendre:6", "weighting": "cartesian-diagonal", "prior": "none"}
@@ -376,13 +377,13 @@ class Stopped(Exception):
     pass
 
 
-class Counting(Workers):
+class Counting(Team):
     def __init__(self):
         super().__init__(partial(ThreadPoolExecutor, 1))
         self.worked = []
 
-    def outcomes(self, tasks):
-        for task, outcome in super().outcomes(tasks):
+    def results(self, function, tasks, lost):
+        for task, outcome in super().results(function, tasks, lost):
             self.worked.append(task[1])
             yield task, outcome
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cache
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +28,10 @@ from kinematics.effects import Effect
 from kinematics.machine import Machine, Vector
 from kinematics.state import REFERENCE
 from kinematics.user_error import UserError
+from kinematics.workers import code
 
+CODE = ("calibration", "kinematics")
+"""Packages that work on cases."""
 OPTIMISED = "optimised"
 """Name of the strategy with optimised positions."""
 ACTIVE = 180.0
@@ -70,7 +71,7 @@ class Case:
         digest = hashlib.sha256()
         for part in _content(decisive):
             digest.update(part)
-        return f"{digest.hexdigest()[:12]}-{code()}"
+        return f"{digest.hexdigest()[:12]}-{code(CODE)}"
 
 
 def _content(value: object) -> Iterator[bytes]:
@@ -93,16 +94,6 @@ def _content(value: object) -> Iterator[bytes]:
             yield from _content(entry)
     else:
         yield f"{value!r};".encode()
-
-
-@cache
-def code() -> str:
-    """Fingerprint of the code that works on cases."""
-    digest = hashlib.sha256()
-    for package in ("calibration", "kinematics"):
-        for path in sorted(Path(str(resources.files(package))).rglob("*.py")):
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:8]
 
 
 def read_cases(study: StudyEntry, folder: Path) -> list[Case]:

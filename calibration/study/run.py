@@ -10,10 +10,11 @@ import numpy as np
 from calibration.study.cases import Case
 from calibration.study.chunks import SIZE, Chunk, Outcome, prepared
 from calibration.study.exact import Compared, compared
-from calibration.study.spread import Workers
+from calibration.study.spread import outcomes
 from calibration.study.stopping import enough
 from calibration.study.store import Store
 from kinematics.transforms import Array
+from kinematics.workers import Team
 
 AT_ONCE = 8
 """Number of chunks of a case between two checks of the stopping rule, which evaluates them one by one."""
@@ -89,7 +90,7 @@ class _Progressing:
 
 
 def run(
-    cases: Sequence[Case], draws: Draws, team: Workers, store: Store, check_draws: int = 0,
+    cases: Sequence[Case], draws: Draws, team: Team, store: Store, check_draws: int = 0,
     progress: Progress = lambda _: None,
 ) -> list[Result]:  # fmt: skip
     """Results of all cases, independent of the workers; `progress` is called with numbers of draws done."""
@@ -106,7 +107,7 @@ def run(
                     progress(chunk.draws)
             each.begun += len(draws.chunks(each.begun))
         by_case = {id(each.case): each for each in unfinished}
-        for (case, chunk), outcome in team.outcomes([(each.case, chunk) for each, chunk in tasks]):
+        for (case, chunk), outcome in outcomes(team, [(each.case, chunk) for each, chunk in tasks]):
             each = by_case[id(case)]
             store.put(each.key, chunk, outcome)
             each.outcomes[chunk] = outcome

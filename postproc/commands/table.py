@@ -9,6 +9,7 @@ MAIN_JOB = "correct"
 """The command for arguments that do not begin with the name of a command."""
 COMMANDS = {
     MAIN_JOB: "programs.correct",
+    "batch": "programs.batch",
     "verify": "programs.verify",
     "check": "programs.check",
     "compare": "calibrations.compare",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +10,13 @@ from typing import TYPE_CHECKING
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, argument, option
 from postproc.commands.options.program import SetUpOptions, moves_of
-from postproc.commands.options.shared import ResultOptions, check_files, whole_results
+from postproc.commands.options.shared import (
+    DaskAddress,
+    ResultOptions,
+    check_files,
+    number_of_workers,
+    whole_results,
+)
 
 if TYPE_CHECKING:
     from calibration.design.volume import Volume
@@ -37,7 +42,7 @@ def study(
         "Table with one row for each case; `-` is standard output.", "RESULTS.csv", "-o", default=REQUIRED
     ),
     workers: int | None = option("Number of processes; default: one for each core.", "N", "-w", min=1),
-    dask: str | None = option("Address of a Dask scheduler, whose cluster does the work instead.", "ADDRESS"),
+    dask: DaskAddress,
     program: str | None = option("NC program, along which the errors after correction are evaluated too.", "PART.nc"),
     set_up: SetUpOptions,
     others: ResultOptions,
@@ -57,8 +62,7 @@ def study(
     from postproc.commands.show.terminal import console, show
 
     check_files((definition, program, *set_up.tool_table), {"--output": output, **others.by_option})
-    if dask is not None and workers is not None:
-        raise UserError("--workers and --dask exclude each other: give one of them")
+    number = number_of_workers(workers, dask, "--workers")
     defined = read_study(definition)
     with console.status("laying out the cases"):
         cases = read_cases(defined, definition.parent)
@@ -67,10 +71,10 @@ def study(
         moves = moves_of(program, machine, set_up.setup(machine), set_up.dialect)
         along = _ends(moves, program, defined.instrument.temperature)
         cases = [with_volume(case, along) for case in cases]
-    number = None if defined.draws == "adaptive" else defined.draws
-    draws = Draws(number, defined.tolerance_um, defined.most_draws)
+    draws_given = None if defined.draws == "adaptive" else defined.draws
+    draws = Draws(draws_given, defined.tolerance_um, defined.most_draws)
     store = Store.beside(output)
-    with team_of(workers or os.cpu_count() or 1, dask) as team, _progress(draws, len(cases)) as progress:
+    with team_of(number, dask) as team, _progress(draws, len(cases)) as progress:
         found = run(cases, draws, team, store, defined.check_draws, progress)
     report = study_report(found, defined, draws, f"ncomp study {definition}")
     with whole_results(*others.files, output) as (results, page, file):

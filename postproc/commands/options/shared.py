@@ -34,6 +34,23 @@ JsonFile = Annotated[str | None, option("File for the results as JSON; `-` is st
 ReportFile = Annotated[str | None, option("Page with tables and figures; `-` is standard output.", "FILE.html")]
 Seed = Annotated[int, option("Seed of all random numbers: the same seed makes the same files.", default=0, min=0)]
 
+DaskAddress = Annotated[
+    str | None,
+    option("Address of a Dask scheduler, whose cluster does the work; `local`: a cluster of this machine.", "ADDRESS"),
+]
+
+
+def number_of_workers(given: int | None, dask: str | None, name: str) -> int:
+    """The number of processes, by the option `name`: one for each core that this process may use, unless given.
+
+    UserError for a number beside the address of a cluster, whose workers are there already.
+    """
+    import os
+
+    if given is not None and dask not in (None, "local"):
+        raise UserError(f"{name} and --dask {dask} exclude each other: give one of them")
+    return given or len(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1))
+
 
 @dataclass(frozen=True, kw_only=True)
 class ResultOptions:

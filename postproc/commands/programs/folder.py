@@ -1,0 +1,209 @@
+"""Programs of a folder, and the correction of each, by workers."""
+
+from __future__ import annotations
+
+import io
+import os
+import time
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path, PurePath
+from typing import Any, BinaryIO, Literal
+
+from kinematics.files import read_input, whole_file, write_whole, writing
+from kinematics.user_error import UserError
+from kinematics.workers import Team
+from ncomp import Corrected
+from postproc.correct.mark import mark_in_program
+from postproc.text.source import ENCODING, Source, open_source, text_source
+
+SUFFIXES = (
+    *(".nc", ".ngc", ".cnc", ".tap", ".gcode", ".gc", ".g", ".eia", ".iso", ".min", ".din", ".ptp"),
+    *(".mpf", ".spf", ".h", ".hnc", ".klartext"),
+)
+"""Suffixes of NC programs, in lower case."""
+State = Literal["corrected", "unchanged", "already corrected", "refused", "failed"]
+REFUSED: tuple[State, ...] = ("already corrected", "refused", "failed")
+"""States of programs without an output."""
+Correction = Callable[..., Corrected]
+"""`ncomp.correct` with everything but the program and the output."""
+
+
+@dataclass(frozen=True)
+class FolderProgram:
+    """A program of a folder, and the file of its correction."""
+
+    name: str
+    """Path from the folder, with slashes."""
+    path: Path
+    target: Path
+    size: int
+    """Number of bytes."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The end of a program's correction."""
+
+    state: State
+    reason: str = ""
+    """Reason for a refusal, with file and line."""
+    result: dict[str, Any] = field(default_factory=dict)
+    """The JSON of the correction; empty without one."""
+    assumption: str = ""
+    """The part of the set-up that is assumed, as a sentence."""
+    seconds: float = 0.0
+
+
+LOST = Outcome(
+    "refused",
+    "the process that corrected it was ended from outside several times, perhaps for lack of memory: use fewer "
+    "processes (--jobs 1 needs the least memory)",
+)
+"""Outcome of a program whose workers were lost."""
+
+
+def programs_of(folder: Path, output: Path, patterns: Sequence[str]) -> list[FolderProgram]:
+    """The programs of a folder and its subfolders, in the order of their names, without hidden files and the output.
+
+    patterns: of names, or of paths from any folder (`roughing/*.nc`); none: the usual suffixes. UserError for a folder
+    that cannot be read or has no program.
+    """
+    if not folder.is_dir():
+        why = "it is a file: 'ncomp correct' corrects one program" if folder.exists() else "No such file or directory"
+        raise UserError(f"folder {folder}: {why}")
+    if folder.resolve() == output.resolve():
+        raise UserError(f"the output folder {output} is the input: name another one")
+    found = [
+        FolderProgram(name.as_posix(), path, output / name, path.stat().st_size)
+        for path in sorted(_files(folder, output.resolve()))
+        if _wanted(name := path.relative_to(folder), patterns)
+    ]
+    if not found:
+        expected = " or ".join(patterns) if patterns else f"a name that ends in {', '.join(SUFFIXES)}"
+        raise UserError(f"folder {folder} has no program: expected {expected}; --glob PATTERN chooses others")
+    return found
+
+
+def _files(folder: Path, output: Path) -> Iterator[Path]:
+    """The files in a folder and its subfolders but `output`."""
+    for root, folders, files in os.walk(folder, onerror=_refuse_folder):
+        here = Path(root)
+        folders[:] = [name for name in folders if not name.startswith(".") and (here / name).resolve() != output]
+        yield from (here / name for name in files if not name.startswith(".") and (here / name).is_file())
+
+
+def _refuse_folder(fault: OSError) -> None:
+    raise UserError(f"folder {fault.filename}: {fault.strerror or fault}")
+
+
+def _wanted(name: PurePath, patterns: Sequence[str]) -> bool:
+    return any(name.match(pattern) for pattern in patterns) if patterns else name.suffix.lower() in SUFFIXES
+
+
+def check_targets(programs: Iterable[FolderProgram], others: Iterable[str | Path | None]) -> None:
+    """UserError, before any work is done, for an output that would overwrite one of the programs or other inputs."""
+    read = {each.path.resolve() for each in programs} | {Path(other).resolve() for other in others if other}
+    for each in programs:
+        if each.target.resolve() in read:
+            raise UserError(f"{each.target} is an input and would be overwritten; name another output folder")
+
+
+@contextmanager
+def folders_for(programs: Iterable[FolderProgram]) -> Iterator[None]:
+    """The folders of the outputs; new ones that remain empty are removed."""
+    needed = {folder for each in programs for folder in (each.target.parent, *each.target.parent.parents)}
+    new = sorted(folder for folder in needed if not folder.exists())
+    try:
+        for folder in new:
+            with writing(folder):
+                folder.mkdir(exist_ok=True)
+        yield
+    finally:
+        for folder in reversed(new):
+            with suppress(OSError):
+                folder.rmdir()
+
+
+def corrected(
+    programs: Iterable[FolderProgram], correction: Correction, team: Team, *, sent: bool
+) -> Iterator[tuple[FolderProgram, Outcome]]:
+    """Every program with the end of its correction, in the order of completion; the largest programs begin.
+
+    sent: programs and corrections travel between this process and the workers, which need not have the same disk.
+    """
+    ordered = sorted(programs, key=lambda each: -each.size)
+    if not sent:
+        tasks = ((correction, each) for each in ordered)
+        for (_, program), outcome in team.results(correct_file, tasks, lambda _: LOST):
+            yield program, outcome
+        return
+    unread: list[tuple[FolderProgram, Outcome]] = []
+    for (_, program, _), (outcome, text) in team.results(
+        correct_text, _texts(correction, ordered, unread), lambda _: (LOST, b"")
+    ):
+        yield program, outcome if outcome.state in REFUSED else _written(program, outcome, text)
+    yield from unread
+
+
+def _texts(
+    correction: Correction, programs: Iterable[FolderProgram], unread: list[tuple[FolderProgram, Outcome]]
+) -> Iterator[tuple[Correction, FolderProgram, bytes]]:
+    """Tasks with the bytes of the programs; those that cannot be read go to `unread`."""
+    for each in programs:
+        try:
+            yield correction, each, read_input(each.path, "program")
+        except UserError as fault:
+            unread.append((each, Outcome("refused", str(fault))))
+
+
+def _written(program: FolderProgram, outcome: Outcome, text: bytes) -> Outcome:
+    try:
+        write_whole(program.target, text)
+    except UserError as fault:
+        return Outcome("refused", str(fault), seconds=outcome.seconds)
+    return outcome
+
+
+def correct_file(correction: Correction, program: FolderProgram) -> Outcome:
+    """Correct a program into its file, which is written whole or not at all."""
+    return _outcome(correction, lambda: open_source(str(program.path)), whole_file(program.target))
+
+
+def correct_text(correction: Correction, program: FolderProgram, data: bytes) -> tuple[Outcome, bytes]:
+    """Correct a program whose file this process does not see; the bytes of its correction, empty without one."""
+    file = io.BytesIO()
+    source = partial(text_source, data.decode(ENCODING), str(program.path))
+    return _outcome(correction, source, nullcontext(file)), file.getvalue()
+
+
+def _outcome(correction: Correction, opened: Callable[[], Source], output: AbstractContextManager[BinaryIO]) -> Outcome:
+    """Correct a program; a fault ends its own correction only."""
+    start, source = time.perf_counter(), None
+    try:
+        source = opened()
+        with output as file:
+            done = correction(source, output=file)
+    except UserError as fault:
+        state: State = "already corrected" if source is not None and _marked(source) else "refused"
+        outcome = Outcome(state, str(fault))
+    except OSError as fault:
+        outcome = Outcome("refused", f"cannot use {fault.filename or 'the disk'}: {fault.strerror or fault}")
+    except Exception as fault:
+        traceback.print_exc()
+        outcome = Outcome("failed", f"internal fault: {fault!r}; please report it with the program that shows it")
+    else:
+        report = done.report
+        changed = report.changed_blocks or report.added_blocks
+        outcome = Outcome("corrected" if changed else "unchanged", result=report.json(), assumption=report.assumption)
+    return replace(outcome, seconds=time.perf_counter() - start)
+
+
+def _marked(source: Source) -> bool:
+    try:
+        return mark_in_program(source) is not None
+    except UserError:
+        return False
