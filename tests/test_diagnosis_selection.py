@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.diagnosis_cases import data_with, framed, selector
 
+from calibration.diagnosis import diagnose
 from calibration.diagnosis.search import evaluation, selection
 from calibration.diagnosis.search.candidates import RARE, Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling, evaluate, passing, predicts, siblings
@@ -60,6 +61,18 @@ def test_what_does_not_pay_goes_again():
     made = alone(SOME, data_with(BACKLASH))
     both = made.stage([(SOME[0], np.array([0.5])), (SOME[1], np.array([0.5]))])
     assert names(made.pruned(both)) == [SOME[0].effect.name]
+
+
+def test_without_causes_the_bases_of_the_search_stay_only_if_they_predict_as_well():
+    bent = ErrorMotion("X", "X", Fourier((0.0, 600.0), (1.0,)), (0.0, 0.0, 0.0, 160.0), u=(0.0,) * 4)
+    data = data_with(bent)
+    good, poor = selector(data), selector(data, order=1)
+    assert poor.bare.held_out_um > good.bare.held_out_um
+    for first, searched, stays in ((good, poor, good), (poor, good, good)):
+        found, *_ = diagnose._without_impostors(
+            diagnose._Found(searched, searched.bare, ()), first, first.bare.held_out_um
+        )
+        assert found.selector is stays
 
 
 def test_a_finer_motion_is_held_against_the_coarse_one_in_its_place():
@@ -197,7 +210,8 @@ def test_a_drift_along_three_axes_is_not_one_of_the_tracker():
     forms = [Candidate(ThermalDrift(c, amplitudes=(0.0,), time_constants_s=(600.0,)), 1, 4.0) for c in sizes]
     made = alone([*forms, Candidate(TrackerDrift())], data_with(*vector))
     (rare,) = evaluate(made.bare.linearised, made.library[3:])
-    assert len(made._drifting(made.bare.linearised, ())) == len(sizes)
+    (drift,) = made._drifting(made.bare.linearised, ())
+    assert len(drift) == len(sizes)
     found = made.commoner(made.stage([(rare.candidate, rare.score.size)]))
     assert {each.candidate.kind for each in found.accepted} == {"thermal-drift"}
 

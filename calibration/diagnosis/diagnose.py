@@ -259,7 +259,8 @@ def diagnose(
     if doubtful or combined(tests, GATE):
         found = _causes(first)
     progress("testing the residual")
-    found, tests_after, dependence = _without_impostors(found)
+    cautious = first.cautious(before)
+    found, tests_after, dependence = _without_impostors(found, first, cautious.held_out_um)
     complete, unnamed = found, ""
     if dependence is not None and left_over == "add":
         progress("adding unnamed effects")
@@ -268,8 +269,8 @@ def diagnose(
     selector, after = complete.selector, complete.stage
     if after is not found.stage:
         tests_after = unexplained_residual.tests(after.linearised)
-    unchanged, before = after is before, first.cautious(before)
-    after = before if unchanged else selector.cautious(after)
+    after = cautious if after is before else selector.cautious(after)
+    before = cautious
     bare = after.linearised if not after.accepted else selector.without_causes(after)
     causes = named(after, bare)
     # an unexplained dependence makes outliers too
@@ -376,7 +377,7 @@ def _causes(selector: Selector) -> _Found:
     commoner = found.selector.commoner(found.stage)
     if commoner is not found.stage:
         found = _with_bases(found.selector, commoner.accepted)
-    dependence = _dependence(found.stage)
+    dependence = _dependence(found.stage, unexplained_residual.tests(found.stage.linearised))
     absorb = partial(absorbed, dependence=dependence)
     latest: list[Chance] = []
 
@@ -420,33 +421,42 @@ def _unrepeatable(stage: Stage) -> bool:
     return noise is not None and bool(noise.non_repeatability or noise.misfit)
 
 
-def _dependence(stage: Stage) -> Unexplained | None:
+def _dependence(stage: Stage, tests: Sequence[Test]) -> Unexplained | None:
     """The dependence of the residuals of a stage that its causes leave; None where they are noise as specified.
 
-    Non-repeatability may hide a dependence.
+    tests: of these residuals. Non-repeatability may hide a dependence.
     """
-    if not _unrepeatable(stage) and not combined(unexplained_residual.tests(stage.linearised), LEFT):
+    if not _unrepeatable(stage) and not combined(tests, LEFT):
         return None
     return unexplained_residual.unexplained(stage.linearised)
 
 
-def _without_impostors(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
+def _without_impostors(
+    found: _Found, first: Selector, held_out_um: float
+) -> tuple[_Found, list[Test], Unexplained | None]:
     """The result without impostors, the tests of its residuals, and the dependence that no cause explains.
 
-    Impostors are causes that were accepted only because they imitate this dependence, alone or together.
+    Impostors are causes that were accepted only because they imitate this dependence, alone or together. Where no cause
+    remains, the bases of the search stay only if they predict held-out blocks as well as the first ones, with the RMS
+    `held_out_um` of their cautious fit.
     """
     while True:
-        tests = unexplained_residual.tests(found.stage.linearised)
-        dependence = _dependence(found.stage)
-        blamed = cancelling(found.selector.without_causes(found.stage), found.stage.accepted)
-        if not blamed and dependence:
-            blamed = unexplained_residual.impostors(found.stage, dependence, found.selector.library)
+        stage, selector = found.stage, found.selector
+        searched = not stage.accepted and selector is not first
+        if searched and selector.cautious(stage).held_out_um > held_out_um:
+            found = _Found(first, first.bare, ())
+            continue
+        blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
         if not blamed:
-            return found, tests, dependence
+            tests = unexplained_residual.tests(stage.linearised)
+            dependence = _dependence(stage, tests)
+            blamed = unexplained_residual.impostors(stage, dependence, selector.library) if dependence else []
+            if not blamed:
+                return found, tests, dependence
         kept: Sequence[tuple[Candidate, np.ndarray]] = [
-            (each.candidate, each.size) for each in found.stage.accepted if not _among(each, blamed)
+            (each.candidate, each.size) for each in stage.accepted if not _among(each, blamed)
         ]
-        fewer = found.selector.pruned(found.selector.stage(kept)) if kept else found.selector.bare
+        fewer = selector.pruned(selector.stage(kept)) if kept else selector.bare
         found = found._replace(stage=fewer, evaluated=())
 
 

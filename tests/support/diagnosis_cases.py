@@ -56,9 +56,9 @@ def framed(*effects, **how):
     return LinearisedFit.of(fitted(data_with(*effects, **how)))
 
 
-def selector(data):
-    """One with cubic error motions as its base."""
-    model = rigid_model(data, LEGENDRE)
+def selector(data, order=3):
+    """One with polynomials as its base, cubic if no order is given."""
+    model = rigid_model(data, dict.fromkeys("XYZ", BasisChoice("legendre", order)))
     candidates, _ = library(data, model)
     return Selector(
         data,

@@ -19,7 +19,7 @@ from kinematics.state import TIME
 MOST = 0.5
 """Share of the log odds of the function that is most of them."""
 CLEARLY = 0.75
-"""Least share of what is beyond the noise that a cause explains beside an unexplained function of its variables."""
+"""Least share of the excess over the noise that a cause explains beside an unexplained function of its variables."""
 
 
 def absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> LinearisedFit:
@@ -51,7 +51,7 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
 
 
 def _share(without: LinearisedFit, with_cause: LinearisedFit) -> float:
-    """Share that a cause explains of the squares that are beyond the specified noise without it."""
+    """Share of the squares beyond the specified noise, without a cause, that the cause explains."""
     explained = without.squares - with_cause.squares
     left = with_cause.squares - with_cause.degrees_of_freedom / with_cause.fit.variance_factor
     return explained / max(explained + left, explained, 1.0)

@@ -80,8 +80,8 @@ def added(measurement: Measurement, calibration: ErrorModel, axis: str, level: i
 def chosen(found: Fit, present: ErrorModel, root: Array, besides: Sequence[Effect]) -> Refinement:
     """The refinement of the greatest evidence, by axis.
 
-    found: the fit at which the evidence is linearised. present: the calibration and what is fitted with it, at its
-    start, with a root `(p, p)` of its prior covariance. besides: changes that have a name, free in the evidence.
+    found: the evidence is linear about this fit. present: the calibration with the changes that are fitted with it, all
+    at their start, with a root `(p, p)` of its prior covariance. besides: changes with a name, free in the evidence.
     """
     evidence = _Evidence(found, present, root, besides)
     axes = {effect.axis: None for effect in present.effects if isinstance(effect, ErrorMotion)}

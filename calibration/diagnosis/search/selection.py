@@ -8,7 +8,7 @@ dropped. At the end each cause is compared with its siblings, and replaced by on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -243,14 +243,14 @@ class Selector:
             others = [each for each in stage.accepted if each is not own]
             library = [candidate for candidate in self.library if candidate.cause != own.candidate.cause]
             lacking = replace(self, library=library)
-            for known in (lacking._drifting(stage.without(i), others), others):
-                trial = lacking.select(known).stages[-1] if known is not None else stage
+            for known in (*lacking._drifting(stage.without(i), others), others):
+                trial = lacking.select(known).stages[-1]
                 if trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity:
                     return self.commoner(trial)
         return stage
 
-    def _drifting(self, linearised: LinearisedFit, others: Sequence[Accepted]) -> Sequence[Accepted] | None:
-        """The causes with a thermal drift along X, Y and Z, in the course that explains most; None without one.
+    def _drifting(self, linearised: LinearisedFit, others: Sequence[Accepted]) -> Iterator[Sequence[Accepted]]:
+        """The causes with a thermal drift along X, Y and Z, in the course that explains most; nothing without one.
 
         A drift is a vector: its directions, one by one, leave the others' part and seem to explain little.
         """
@@ -261,10 +261,9 @@ class Selector:
                 course = msgspec.structs.replace(candidate.effect, component="X")
                 courses.setdefault(repr(course), []).append(candidate)
         tried = [evaluate(linearised, candidates) for candidates in courses.values()]
-        if not tried:
-            return None
-        best = max(tried, key=lambda vector: linearised.squares_of_all([each.projected for each in vector]))
-        return self.stage([*chosen_of(others), *((each.candidate, each.score.size) for each in best)]).accepted
+        if tried:
+            best = max(tried, key=lambda vector: linearised.squares_of_all([each.projected for each in vector]))
+            yield self.stage([*chosen_of(others), *((each.candidate, each.score.size) for each in best)]).accepted
 
     def _irreplaceable(self, stage: Stage, index: int) -> bool:
         """True where all visible candidates together, in place of a cause, explain much less than the cause does."""
