@@ -68,11 +68,10 @@ def test_without_causes_the_bases_of_the_search_stay_only_if_they_predict_as_wel
     data = data_with(bent)
     good, poor = selector(data), selector(data, order=1)
     assert poor.bare.held_out_um > good.bare.held_out_um
-    for first, searched, stays in ((good, poor, good), (poor, good, good)):
-        found, *_ = diagnose._without_impostors(
-            diagnose._Found(searched, searched.bare, ()), first, first.bare.held_out_um
-        )
-        assert found.selector is stays
+    for first, searched in ((good, poor), (poor, good)):
+        without, found = (diagnose._Found(each, each.bare, ()) for each in (first, searched))
+        found, *_ = diagnose._without_impostors(found, without, without.stage)
+        assert found.selector is good
 
 
 def test_a_finer_motion_is_held_against_the_coarse_one_in_its_place():

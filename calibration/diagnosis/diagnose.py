@@ -253,14 +253,14 @@ def diagnose(
     if calibration is None:
         refuse_few(before.fit, identifiability(before.fit))
     tests = unexplained_residual.tests(before.linearised)
-    found = _Found(first, before, ())
+    found = without = _Found(first, before, ())
     # the noise of an axis hides whatever acts along it
     doubtful = _unrepeatable(before) or len(before.fit.outliers) or first.base.fine(first.measurement)
     if doubtful or combined(tests, GATE):
         found = _causes(first)
     progress("testing the residual")
     cautious = first.cautious(before)
-    found, tests_after, dependence = _without_impostors(found, first, cautious.held_out_um)
+    found, tests_after, dependence = _without_impostors(found, without, cautious)
     complete, unnamed = found, ""
     if dependence is not None and left_over == "add":
         progress("adding unnamed effects")
@@ -432,19 +432,19 @@ def _dependence(stage: Stage, tests: Sequence[Test]) -> Unexplained | None:
 
 
 def _without_impostors(
-    found: _Found, first: Selector, held_out_um: float
+    found: _Found, without: _Found, cautious: Stage
 ) -> tuple[_Found, list[Test], Unexplained | None]:
     """The result without impostors, the tests of its residuals, and the dependence that no cause explains.
 
     Impostors are causes that were accepted only because they imitate this dependence, alone or together. Where no cause
-    remains, the bases of the search stay only if they predict held-out blocks as well as the first ones, with the RMS
-    `held_out_um` of their cautious fit.
+    remains, the bases of the search stay only if they predict held-out rows as well as those of the result `without`
+    the search, whose fit with the uncertainty of errors that the model lacks is `cautious`.
     """
     while True:
         stage, selector = found.stage, found.selector
-        searched = not stage.accepted and selector is not first
-        if searched and selector.cautious(stage).held_out_um > held_out_um:
-            found = _Found(first, first.bare, ())
+        searched = not stage.accepted and selector is not without.selector
+        if searched and selector.cautious(stage).predicts_worse_than(cautious, 1.0):
+            found = without
             continue
         blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
         if not blamed:

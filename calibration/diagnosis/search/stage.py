@@ -79,15 +79,15 @@ class Stage(NamedTuple):
         """RMS of the cross-validation residuals, um per scalar (rotary axes: urad)."""
         return self.linearised.cross_validation.rms_um
 
-    def predicts_worse_than(self, other: Stage) -> bool:
-        """True where the residuals of held-out rows, of those that both keep, are larger than by chance."""
+    def predicts_worse_than(self, other: Stage, ratio: float = WORSE) -> bool:
+        """True where the RMS of held-out rows, of those that both keep, is larger by this ratio."""
         _, own, others = np.intersect1d(self.linearised.rows, other.linearised.rows, return_indices=True)
         held, before = self.linearised.cross_validation, other.linearised.cross_validation
         both = held.counted[own] & before.counted[others]
         squares, before_squares = (
             float(np.sum(each.residual_um[rows[both]] ** 2)) for each, rows in ((held, own), (before, others))
         )
-        return squares > WORSE**2 * before_squares
+        return squares > ratio**2 * before_squares
 
 
 def chosen_of(accepted: Sequence[Accepted]) -> list[tuple[Candidate, Array]]:
