@@ -22,7 +22,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.proposed_shapes import waves
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model
-from kinematics.effects import Backlash, Cyclic, ThermalDrift, Unnamed
+from kinematics.effects import Backlash, CrossAxis, Cyclic, ThermalDrift, Unnamed
 from kinematics.error_model.model import no_errors
 
 N = 240
@@ -171,3 +171,14 @@ def test_the_mean_of_what_has_no_name_is_no_drift():
     _, stage = stage_with(strange, candidate=lambda _: Candidate(ThermalDrift("Z", rate=0.0)))
     assert stage.accepted[0].score.delta_bic < WORTH
     assert without_support(stage, remainder.unexplained(stage.linearised)) == list(stage.accepted)
+
+
+@pytest.mark.parametrize(("wave", "stands"), [(30.0, False), (3.0, True)])
+def test_a_sag_beside_much_of_its_variables_that_has_no_name_is_part_of_that(wave, stands):
+    """A product of two positions, and a wave over one of them that no smooth function follows."""
+    product = CrossAxis("Y", "X", "Z", (0.0, 600.0), (0.0, 500.0), 1, 1, (0.0, 80.0))
+    rest = Cyclic("Y", "X", period=70.0, sine=(wave,), cosine=(0.0,))
+    _, stage = stage_with(product, rest, candidate=lambda _: Candidate(product))
+    found = remainder.unexplained(stage.linearised) or Unexplained(("X",), (0.3,), 0.005, 1.0, np.zeros((N, 3)))
+    assert "X" in found.variables
+    assert without_support(stage, found) == ([] if stands else list(stage.accepted))

@@ -15,7 +15,7 @@ from calibration.diagnosis.search.evaluation import Evaluated, Sibling, evaluate
 from calibration.diagnosis.search.proposed_shapes import finer, joined
 from calibration.diagnosis.search.stage import chosen_of
 from kinematics.basis import Fourier
-from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationJump, ThermalDrift, TrackerDrift
+from kinematics.effects import Backlash, Cyclic, ErrorMotion, GrowthWithTime, LocationJump, ThermalDrift, TrackerDrift
 
 BACKLASH = Backlash("X", 12.0)
 SECOND = Backlash("Z", 16.0)
@@ -245,3 +245,28 @@ def test_another_direction_of_a_drift_is_likelier_than_another_cause():
     assert made.stage([(drifts[0], np.ones(1)), (drifts[1], np.ones(1))]).rarity == -RARE
     alone_there = made.stage([(SOME[0], np.ones(1))])
     assert made._compared(alone_there, 0, [Sibling(along, 0.5, 2.0)])[0].log_odds == 2.0
+
+
+@pytest.mark.usefixtures("no_shapes")
+def test_the_machine_jumps_at_one_moment():
+    """A crash may change several quantities; what jumps at another moment again is no crash."""
+    first, other = Candidate(LocationJump("X", "X", 0.0, 400.0), 1, 90.0), Candidate(LocationJump("Y", "Y", 0.0, 900.0))
+    made = alone([], data_with(LocationJump("X", "X", 40.0, 400.0), LocationJump("Y", "Y", 60.0, 400.0)))
+    stage = made.stage([(first, np.array([2.0]))])
+    proposing = replace(made, search=replace(made.search, proposals=lambda *_: [other]))
+    (found,) = proposing._evaluated(stage.linearised, stage.accepted)
+    assert (found.candidate.axis, found.candidate.effect.since_s) == ("Y", 400.0)
+    assert proposing._evaluated(made.bare.linearised, ())[0].candidate.effect.since_s == 900.0
+
+
+def test_a_whole_drift_stands_in_place_of_a_growth_beside_a_part_of_it():
+    """A growth of X imitates the X part of a drift better than any single direction does, but not than the vector."""
+    sizes = {"X": 40.0, "Y": -15.0, "Z": 80.0}
+    vector = (ThermalDrift(c, amplitudes=(size,), time_constants_s=(600.0,)) for c, size in sizes.items())
+    forms = [Candidate(ThermalDrift(c, amplitudes=(0.0,), time_constants_s=(600.0,)), 1, 4.0) for c in sizes]
+    growth = Candidate(GrowthWithTime("X", 0.0, amplitudes=(0.0,), time_constants_s=(600.0,)), 1, 4.0)
+    made = alone([*forms, growth], data_with(*vector))
+    (scored,) = evaluate(made.bare.linearised, [growth])
+    found = made.commoner(made.stage([(forms[2], np.ones(1)), (growth, scored.score.size)]))
+    assert sorted(each.candidate.axis for each in found.accepted) == ["X", "Y", "Z"]
+    assert {each.candidate.kind for each in found.accepted} == {"thermal-drift"}

@@ -13,7 +13,7 @@ from calibration.diagnosis.residual.unnamed import COMPONENTS, may_depend_on, pr
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Accepted, Stage
-from kinematics.effects import Effect, Unnamed
+from kinematics.effects import CrossAxis, Effect, Unnamed
 from kinematics.state import TIME
 
 MOST = 0.5
@@ -31,8 +31,8 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
     """Accepted causes without which the function explains the data nearly as well as with them.
 
     A cause that alone explains most of what the function explains stands: the function then imitates the cause. Also a
-    cause that depends on nothing but some of the variables, and is less clear than the function beside it or leaves
-    much beyond the noise: it is the mean of the function over the others.
+    smooth cause that shares a variable with the function, and is less clear than the function beside it or leaves much
+    beyond the noise: it is a mean of the function, or a part of it.
     """
     # estimated noise of an axis would hold much of the function
     even = stage._replace(linearised=stage.linearised.evenly_noisy)
@@ -45,7 +45,7 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
         named = not isinstance(each.candidate.effect, Unnamed)
         imitated = own + together - alone < EVIDENCE and own < MOST * alone
         part = own < together or _share(without, even.linearised) < CLEARLY
-        if named and (imitated or (part and _variables(each.candidate.effect) < set(dependence.variables))):
+        if named and (imitated or (part and _variables(each.candidate.effect) & set(dependence.variables))):
             found.append(each)
     return found
 
@@ -58,13 +58,15 @@ def _share(without: LinearisedFit, with_cause: LinearisedFit) -> float:
 
 
 def _variables(effect: Effect) -> set[str]:
-    """Time and the axis of an effect with a course in time, or in temperatures, which are functions of time.
+    """Variables of an effect that is a course in time, or in temperatures, which are functions of time, or a sag.
 
-    The name of no variable for any other effect.
+    None for an effect that is no smooth function of time and of the positions of axes.
     """
-    if TIME not in effect.needs and "temperatures" not in effect.needs:
-        return {""}
-    return {TIME, getattr(effect, "axis", TIME)}
+    timed = TIME in effect.needs or "temperatures" in effect.needs
+    if not timed and not isinstance(effect, CrossAxis):
+        return set()
+    axes = {getattr(effect, name) for name in ("axis", "other") if hasattr(effect, name)}
+    return {TIME, *axes} if timed else axes
 
 
 def _absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> tuple[LinearisedFit, float]:

@@ -190,7 +190,7 @@ class Selector:
             if better is None or not swaps_left:
                 break
             trial = self.pruned(self.stage(better))
-            if trial.cost + 2.0 * trial.rarity > stage.cost + 2.0 * stage.rarity + BETTER:
+            if trial.cost + 2.0 * trial.rarity >= stage.cost + 2.0 * stage.rarity:
                 break
             stage = trial
         kept = self.leaner(self.pruned(stage))
@@ -236,14 +236,19 @@ class Selector:
         return stage
 
     def commoner(self, stage: Stage) -> Stage:
-        """The stage with common causes in place of a rare one, where these explain as much."""
+        """The stage with common causes in place of a rare one, where these explain as much.
+
+        Also with a drift along X, Y and Z in place of a growth beside a part of this drift, where it explains more.
+        """
         for i, own in enumerate(stage.accepted):
-            if not own.candidate.rarity or self._irreplaceable(stage, i):
-                continue
             others = [each for each in stage.accepted if each is not own]
+            beside = own.candidate.kind == "thermal-scale" and any(each.candidate.shifts_tool for each in others)
+            if not (own.candidate.rarity or beside) or self._irreplaceable(stage, i):
+                continue
             library = [candidate for candidate in self.library if candidate.cause != own.candidate.cause]
             lacking = replace(self, library=library)
-            for known in (*lacking._drifting(stage.without(i), others), others):
+            known_causes = [*lacking._drifting(stage.without(i), others), *([] if beside else [others])]
+            for known in known_causes:
                 trial = lacking.select(known).stages[-1]
                 if trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity:
                     return self.commoner(trial)
@@ -355,8 +360,7 @@ class Selector:
         """Candidates for causes besides those accepted, the best first."""
         causes = {each.candidate.cause for each in accepted}
         left = [candidate for candidate in self.library if candidate.cause not in causes]
-        proposed = self.search.proposals(linearised, left)
-        # a quantity of the machine that jumps again and again wanders: no cause of the library
+        proposed = [_at_once(each, accepted) for each in self.search.proposals(linearised, left)]
         once = [each for each in proposed if each.cause not in causes or not isinstance(each.effect, LocationJump)]
         return evaluate(linearised, [*left, *once])
 
@@ -379,6 +383,14 @@ class Selector:
             rest = chosen_of([each for each in stage.accepted if each is not worst])
             stage = self.stage(rest) if rest else self.bare
         return stage
+
+
+def _at_once(candidate: Candidate, accepted: Sequence[Accepted]) -> Candidate:
+    """A candidate, a jump of the machine at the moment of an accepted one: what jumps again and again wanders."""
+    moments = [each.candidate.effect.since_s for each in accepted if isinstance(each.candidate.effect, LocationJump)]
+    if not moments or not isinstance(candidate.effect, LocationJump):
+        return candidate
+    return replace(candidate, effect=msgspec.structs.replace(candidate.effect, since_s=moments[0]), trials=1.0)
 
 
 def _listed(accepted: Sequence[Accepted]) -> str:
