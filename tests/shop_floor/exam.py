@@ -245,9 +245,7 @@ def run_python(timeout: float, program: str, *arguments: object) -> Ended:
 
 def _keep(folder: Path, target: Path) -> None:
     """Keep the files of a question."""
-    target.mkdir(parents=True, exist_ok=True)
-    for file in folder.iterdir():
-        (target / file.name).write_bytes(file.read_bytes())
+    shutil.copytree(folder, target, dirs_exist_ok=True)
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
