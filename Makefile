@@ -16,7 +16,7 @@ test test-unit test-statistical test-all: export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-unit test-statistical test-all fuzz lint lock clean
+.PHONY: help setup demo test test-unit test-statistical test-all fuzz speed speed-small lint lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 25
@@ -47,6 +47,12 @@ test-all: $(INSTALLED) ## run every test; those of LinuxCNC fail, rather than sk
 
 fuzz: $(INSTALLED) ## examine random programs with every fuzzer (PROGRAMS=200 SEED=2); what differs goes to tests/fuzz/found
 	$(BIN)/python -m tests.fuzz all --programs $(PROGRAMS) --seed $(SEED) --jobs 2
+
+speed: $(INSTALLED) ## measure the speed beside other readers of NC programs, and write docs/speed.md (ARGS="--lines 10000000")
+	$(BIN)/python benchmarks/speed.py --page docs/speed.md $(ARGS)
+
+speed-small: $(INSTALLED) ## the same in a minute with short programs, printed only
+	$(BIN)/python benchmarks/speed.py --lines 3000 --rounds 1
 
 lint: $(INSTALLED) ## ruff, its formatter, and mypy
 	$(BIN)/ruff check .

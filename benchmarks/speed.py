@@ -1,0 +1,260 @@
+"""Speed of the correction beside other readers of NC programs: `python benchmarks/speed.py [--page docs/speed.md]`.
+
+Programs of a million moves in several clothings are made, and corrected by ncomp for the shipped DMU 50, in turn with
+LinuxCNC's interpreter `rs274 -g`, which only reads them. Beside these, pygcode and a parse of every line by the
+grammar alone (Lark) read the first lines, and ncomp corrects programs of growing length and the largest real ones.
+Tables show medians of several rounds, and medians of the ratios within a round: all of a round run one after the other.
+
+    --lines 10000000 --rounds 1        the largest size
+    --lines 5000 --rounds 1            a small version, for CI
+    --pygcode FOLDER                   where `pip install --target FOLDER pygcode` has put it; needed for nothing else
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from processes import Failed, Spent, spent
+from speed_inputs import CLOTHINGS, FIVE_AXES, Clothing
+from support.programs import random_model
+
+import machines
+from kinematics.error_model.model import write_model
+
+ROOT = Path(__file__).parents[1]
+REAL = ROOT.parent / "shared" / "data" / "nc"
+WITH_A, FOR_A = "trunnion_ac", ("five_axis_ac",)
+"""Machine for the real programs with an axis A, and their folders."""
+LARGEST_REAL = 5
+GROWTH = (1_000, 10_000, 100_000)
+FIRST = FIVE_AXES
+"""The form of growing programs, and of those that other readers read."""
+READ = 10_000
+"""Number of lines that slow readers read."""
+NCOMP = (sys.executable, "-c", "from postproc.cli import run; run()")
+PYGCODE = """
+import sys, time
+folder, path, most = sys.argv[1:]
+sys.path.append(folder)
+from pygcode import Line
+with open(path) as file:
+    lines = [line.rstrip("\\n") for line, _ in zip(file, range(int(most)))]
+start = time.perf_counter()
+for line in lines:
+    Line(line)
+print((time.perf_counter() - start) / len(lines) * 1e6)
+"""
+LARK = """
+import sys, time
+from grammars import block_parser
+folder, path, most = sys.argv[1:]
+parser = block_parser("iso")
+with open(path) as file:
+    lines = [line.rstrip("\\n") for line, _ in zip(file, range(int(most)))]
+start = time.perf_counter()
+for line in lines:
+    parser.parse(line)
+print((time.perf_counter() - start) / len(lines) * 1e6)
+"""
+Table = tuple[Sequence[str], list[Sequence[str]]]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A folder for programs, and the commands that are measured."""
+
+    folder: Path
+    rounds: int
+    pygcode: str
+
+    def correct(self, program: Path, machine: str = "dmu50", *options: str) -> Spent:
+        """The correction of a program by the calibration of the machine."""
+        words = (
+            *NCOMP,
+            program,
+            "--machine",
+            machine,
+            "--set-up-zero",
+            "-o",
+            self.folder / f"out{program.suffix}",
+            *options,
+        )
+        return spent(words, os.environ | {"PYTHONPATH": str(ROOT)})
+
+    def interpret(self, program: Path) -> Spent | None:
+        """Reading by LinuxCNC's interpreter; None where it is not installed or refuses the program."""
+        if shutil.which("rs274") is None:
+            return None
+        tools, offsets = self.folder / "tools.tbl", self.folder / "offsets.var"
+        tools.write_text("".join(f"T{n} P{n} D0 Z0\n" for n in range(1, 100)))
+        numbers = [5220, *(5221 + 20 * k + i for k in range(9) for i in range(10))]
+        offsets.write_text("".join(f"{n} {float(n == 5220)}\n" for n in numbers))
+        environment = {"HOME": str(self.folder), "PATH": os.environ["PATH"], "LC_ALL": "C.UTF-8"}
+        try:
+            return spent(("rs274", "-g", "-t", tools, "-v", offsets, program), environment, self.folder)
+        except Failed:
+            return None
+
+    def us_a_line(self, code: str, program: Path) -> float | None:
+        """Time of another reader, us a line, without its start; None where it is not installed."""
+        words = [sys.executable, "-c", code, self.pygcode, str(program), str(READ)]
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+        return float(done.stdout) if done.returncode == 0 else None
+
+    def written(self, clothing: Clothing, lines: int, *, for_linuxcnc: bool = False) -> Path:
+        """A program of so many moves."""
+        path = self.folder / f"{'its' if for_linuxcnc else 'in'}{clothing.suffix}"
+        clothing.write(path, lines, clothing.own_head if for_linuxcnc else None)
+        return path
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--lines", type=int, default=1_000_000, help="moves of a program")
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--pygcode", default="", metavar="FOLDER")
+    parser.add_argument("--real", type=Path, default=REAL, metavar="FOLDER", help="real programs")
+    parser.add_argument("--page", type=Path, metavar="FILE.md", help="page to write, docs/speed.md")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="ncomp-speed-") as folder:
+        bench = Bench(Path(folder), given.rounds, given.pygcode)
+        bench.correct(bench.written(CLOTHINGS[FIRST], 10))  # writes Python's compiled files
+        tables = {
+            f"{given.lines:,} moves": clothings(bench, given.lines),
+            "From short to long": growth(bench, [n for n in GROWTH if n < given.lines] + [given.lines]),
+            "Other readers": readers(bench),
+        }
+        if given.real.is_dir():
+            tables["Real programs"] = real_programs(bench, given.real)
+    text = "\n\n".join(f"## {title}\n\n{as_markdown(table)}" for title, table in tables.items())
+    print(f"{conditions(given.rounds)}\n\n{text}")
+    if given.page is not None:
+        given.page.write_text(f"{INTRODUCTION}\n{conditions(given.rounds)}\n\n{text}\n")
+
+
+def clothings(bench: Bench, lines: int) -> Table:
+    """Every form of the program, beside LinuxCNC's reading of it."""
+    rows: dict[str, list[tuple[Spent, Spent | None]]] = {name: [] for name in CLOTHINGS}
+    for number in range(bench.rounds):
+        interpreted: dict[str, Spent | None] = {}
+        for name, clothing in CLOTHINGS.items():
+            note(f"round {number + 1}: {name}")
+            if not clothing.twin:
+                interpreted[name] = bench.interpret(bench.written(clothing, lines, for_linuxcnc=True))
+            done = bench.correct(bench.written(clothing, lines))
+            rows[name].append((done, interpreted[clothing.twin or name]))
+    return HEAD, [(name, *figures(pairs, lines)) for name, pairs in rows.items()]
+
+
+def growth(bench: Bench, sizes: Sequence[int]) -> Table:
+    """One form in several lengths: time and memory."""
+    rows: dict[int, list[tuple[Spent, Spent | None]]] = {size: [] for size in sizes}
+    for number in range(bench.rounds):
+        for size in sizes:
+            note(f"round {number + 1}: {size:,} moves")
+            program = bench.written(CLOTHINGS[FIRST], size)
+            rows[size].append((bench.correct(program), bench.interpret(program)))
+    return (f"moves, {FIRST}", *HEAD[1:]), [(f"{size:,}", *figures(pairs, size)) for size, pairs in rows.items()]
+
+
+def readers(bench: Bench) -> Table:
+    """Other readers of the first lines."""
+    program = bench.written(CLOTHINGS[FIRST], READ)
+    names = {"pygcode, Line()": PYGCODE, "Lark, the grammar alone": LARK}
+    found: dict[str, list[float | None]] = {name: [] for name in names}
+    for number in range(bench.rounds):
+        for name, code in names.items():
+            note(f"round {number + 1}: {name}")
+            found[name].append(bench.us_a_line(code, program))
+    rows: list[Sequence[str]] = []
+    for name, times in found.items():
+        known = [time for time in times if time is not None]
+        rows.append((name, f"{statistics.median(known):.1f}" if known else "not installed: --pygcode FOLDER"))
+    return (f"reader of {READ:,} lines", "us a line"), rows
+
+
+def real_programs(bench: Bench, folder: Path) -> Table:
+    """The largest real programs that ncomp corrects; those for a machine with A on a virtual one."""
+    options = ("--no-travel-check", "--accept", "outside,worse")
+    calibration = bench.folder / "virtual.json"
+    write_model(random_model(machines.load(WITH_A), 1, 30.0), calibration)
+    lines = {path: path.read_bytes().count(b"\n") for path in folder.rglob("*") if path.is_file()}
+    rows: list[Sequence[str]] = []
+    for path in sorted(lines, key=lambda path: -lines[path]):
+        note(path.name)
+        virtual = (WITH_A, "--calibration", str(calibration)) if path.parent.name in FOR_A else ("dmu50",)
+        try:
+            pairs = [(bench.correct(path, *virtual, *options), bench.interpret(path)) for _ in range(bench.rounds)]
+        except Failed:
+            continue
+        rows.append((path.name, f"{lines[path]:,}", *figures(pairs, lines[path])))
+        if len(rows) == LARGEST_REAL:
+            break
+    return ("program", "lines", *HEAD[1:]), rows
+
+
+HEAD = ("form", "ncomp, s", "processor, s", "us a line", "memory, MB", "rs274 -g, s", "times as fast as rs274")
+
+
+def figures(pairs: Sequence[tuple[Spent, Spent | None]], lines: int) -> Iterator[str]:
+    """Medians of ncomp and of LinuxCNC, and of their ratio."""
+    own = [done for done, _ in pairs]
+    elapsed = statistics.median(done.elapsed for done in own)
+    yield f"{elapsed:.2f}"
+    yield f"{statistics.median(done.processor for done in own):.2f}"
+    yield f"{elapsed / lines * 1e6:.2f}"
+    yield f"{max(done.peak_mb for done in own):.0f}"
+    both = [(done.elapsed, other.elapsed) for done, other in pairs if other is not None]
+    yield f"{statistics.median(other for _, other in both):.2f}" if both else ""
+    yield f"{statistics.median(other / done for done, other in both):.2f}" if both else ""
+
+
+def as_markdown(table: Table) -> str:
+    """The table for a page."""
+    head, rows = table
+    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def conditions(rounds: int) -> str:
+    """Sentences on the computer."""
+    return (
+        f"Medians of {rounds} round{'s' * (rounds > 1)} on {os.cpu_count()} cores ({platform.machine()}), load "
+        f"{os.getloadavg()[0]:.1f} at the end; Python {platform.python_version()}, NumPy {np.__version__}."
+    )
+
+
+def note(text: str) -> None:
+    """Show what is being measured."""
+    print(text, file=sys.stderr, flush=True)
+
+
+INTRODUCTION = """\
+# Speed
+
+`make speed` writes this page: `python benchmarks/speed.py --page docs/speed.md`. Do not edit it.
+
+Programs of one smooth path, in the clothings that CAM systems post, are corrected by ncomp for the shipped DMU 50 and
+its demonstration calibration: read, corrected, checked and written, with the start of the process. In turn with it
+LinuxCNC's interpreter, in C++, only reads the same moves (`rs274 -g`). Ratios are those within a round. Memory is that
+of all processes together.
+"""
+
+if __name__ == "__main__":
+    main()
