@@ -15,9 +15,11 @@ from postproc.control.state import ControlState
 from postproc.motion.motions import Motions
 from postproc.motion.recorder import Recorder
 from postproc.text.block import Block, Refusal
+from postproc.text.blocks import PlainRun
 from postproc.text.dialect_evidence import evidence
 from postproc.text.flow import Variables, never
 from postproc.text.notes import Notes
+from postproc.text.plain_lines import PlainStyle
 
 
 class Interpreter(Protocol):
@@ -43,7 +45,7 @@ class Interpreter(Protocol):
     def scope(self) -> Variables:
         """The variables of the program."""
 
-    def read(self, blocks: Iterable[Block]) -> Motions:
+    def read(self, blocks: Iterable[Block | PlainRun]) -> Motions:
         """The moves of a chunk of blocks. Refusal at the first block that is not fully understood.
 
         It reads each block before it requests the next: the next block may depend on the position of the tool.
@@ -71,6 +73,8 @@ class Dialect:
     """Variables for corrections; a program that already uses them cannot be corrected."""
     link: Callable[[Sequence[Block]], list[Block]] = list
     """Completes the blocks of a stored program by the parts that depend on the whole program."""
+    plain: PlainStyle | None = None
+    """Words of plain lines, which are read together; None for a dialect whose lines are read one by one."""
     leads: Callable[[Block], bool] = never
     """True for a block that is written together with the next one."""
     begins: Callable[[Block], bool] = never
@@ -108,6 +112,7 @@ def _iso() -> Dialect:
         "({})",
         lambda block: block.kind == "tape_mark" or (bool(block.words) and block.words[0].address == "O"),
         begins=lambda block: any(word.address == "O" for word in block.words),
+        plain=PlainStyle("FNS", "01"),
     )
 
 

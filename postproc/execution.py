@@ -15,12 +15,16 @@ from typing import TypeVar
 
 import numpy as np
 
+from postproc.control.codes import AXES
 from postproc.dialects import Dialect, Interpreter
 from postproc.motion.motions import Motions, merged
+from postproc.program_lines import irregular_lines, read_blocks
 from postproc.text.block import Block, Refusal
 from postproc.text.block_values import straight
+from postproc.text.blocks import PlainRun
 from postproc.text.flow import Flow
 from postproc.text.source import CHUNK, Source
+from postproc.write.plain_rows import PlainText
 
 KEPT = 64
 """Number of chunks of a stored program that are kept in memory; later ones are kept in a temporary file."""
@@ -70,7 +74,7 @@ def _joined(parts: list[Part]) -> Part:
 
 def turns(source: Source, dialect: Dialect) -> bool:
     """True for a program with a jump, a loop or a call."""
-    for line, text in dialect.join_lines(source.lines()):
+    for line, text in irregular_lines(source, dialect):
         if dialect.flow.search(text):
             try:
                 block = dialect.read_block(line, text)
@@ -92,26 +96,27 @@ class StreamedProgram:
     def parts(self) -> Iterator[Part]:
         """The chunks in the order of execution; UserError, located in the program, for a block that is refused."""
         try:
-            lines = self.dialect.join_lines(self.source.lines())
-            read = (self.dialect.read_block(line, text) for line, text in lines)
-            while (motions := self._next(read)).blocks:
-                yield Part(motions, sum(len(block.text) for block in motions.blocks))
+            chunks = _Chunks(read_blocks(self.source, self.dialect, self._axes), self.dialect.leads)
+            while (motions := self.interpreter.read(straight(chunks.next(), self.interpreter.scope))).blocks:
+                yield Part(motions, motions.blocks.size)
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
 
-    def _next(self, read: Iterator[Block]) -> Motions:
-        """The moves of the next chunk; Refusal at the first block that is not understood."""
-        return self.interpreter.read(straight(_chunk(read, self.dialect.leads), self.interpreter.scope))
+    @property
+    def _axes(self) -> str:
+        """Letters of the axes, if each has one: the addresses of plain lines."""
+        names = self.interpreter.recorder.machine.names
+        return "".join(names) if set(names) <= set(AXES) else ""
 
     def in_context(self) -> Iterator[Part]:
         """The chunks of `parts` with their blocks that run several times with different moves."""
         return self.parts()
 
-    def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
+    def finished(self, part: Part, texts: list[str | PlainText]) -> tuple[Sequence[Block], list[str | PlainText]]:
         """Blocks and texts, in the order of the program, that are final once a part has the corrected `texts`."""
         return part.motions.blocks, texts
 
-    def rest(self) -> tuple[Sequence[Block], list[str]]:
+    def rest(self) -> tuple[Sequence[Block], list[str | PlainText]]:
         """Remaining blocks and texts at the end."""
         return [], []
 
@@ -160,9 +165,10 @@ class StoredProgram(StreamedProgram):
             for part in itertools.chain(kept, (pickle.load(file) for _ in range(stored))):
                 yield contexts.marked(part)
 
-    def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
+    def finished(self, part: Part, texts: list[str | PlainText]) -> tuple[Sequence[Block], list[str | PlainText]]:
         """No blocks before the end; Refusal for a block that runs more than once with different texts."""
         for index, text in zip(part.indices or (), texts, strict=True):
+            assert isinstance(text, str)  # its blocks are read one by one
             first = self.texts.setdefault(index, text)
             if first != text:
                 shown = " and ".join(repr(part.strip()) for part in (first, text))
@@ -172,7 +178,7 @@ class StoredProgram(StreamedProgram):
                 )
         return [], []
 
-    def rest(self) -> tuple[Sequence[Block], list[str]]:
+    def rest(self) -> tuple[Sequence[Block], list[str | PlainText]]:
         """All blocks with their texts; blocks that did not run are unchanged."""
         return self.blocks, [self.texts.get(i, block.text) for i, block in enumerate(self.blocks)]
 
@@ -204,6 +210,28 @@ class _Contexts:
     def marked(self, part: Part) -> Part:
         """The chunk with its blocks that run several times with different moves."""
         return replace(part, varied=frozenset(i for i, index in enumerate(part.indices or ()) if index in self._varied))
+
+
+@dataclass
+class _Chunks:
+    """The blocks of a program in chunks of CHUNK; a chunk does not end at a block that `leads` the next."""
+
+    items: Iterator[Block | PlainRun]
+    leads: Callable[[Block], bool]
+    _rest: PlainRun | None = None
+    """Lines of the last run that belong to the next chunk."""
+
+    def next(self) -> Iterator[Block | PlainRun]:
+        """The next chunk; empty at the end."""
+        count = 0
+        while (item := self._rest or next(self.items, None)) is not None:
+            self._rest = None
+            if isinstance(item, PlainRun) and len(item) > (room := max(CHUNK - count, 1)):
+                self._rest, item = item.part(room, len(item)), item.part(0, room)
+            yield item
+            count += len(item) if isinstance(item, PlainRun) else 1
+            if count >= CHUNK and (isinstance(item, PlainRun) or not self.leads(item)):
+                return
 
 
 def _chunk(items: Iterator[Item], leads: Callable[[Item], bool]) -> Iterator[Item]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, TypeAlias
 
@@ -20,6 +20,7 @@ from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, AxisWord, Kind, Known
 from postproc.motion.recorder import Recorder
 from postproc.text.block import Block
+from postproc.text.blocks import PlainRun
 from postproc.text.flow import Variables
 from postproc.text.notes import Notes
 
@@ -80,18 +81,51 @@ class Interpreter(ABC):
 
     # ---- blocks
 
-    def read(self, blocks: Iterable[Block]) -> Motions:
+    def read(self, blocks: Iterable[Block | PlainRun]) -> Motions:
         """The moves of a chunk of blocks, each read before the next is asked for.
 
         The next block may depend on the position of the tool. Refusal at the first block that is not fully understood.
         """
-        done = []
-        for index, block in enumerate(blocks):
-            self.no_insertion, self._frame_before = False, self.recorder.frame
-            read = self._read_block(index, block)
-            self.control_state.use(block, self.recorder.used)
-            done.append(read._replace(no_insertion=True) if self.no_insertion else read)
+        done: list[Block | PlainRun] = []
+        index = 0
+        for item in blocks:
+            if isinstance(item, PlainRun):
+                done += self._read_run(index, item)
+                index += len(item)
+            else:
+                done.append(self._read_single(index, item))
+                index += 1
         return self.recorder.finish(done)
+
+    def _read_single(self, index: int, block: Block) -> Block:
+        self.no_insertion, self._frame_before = False, self.recorder.frame
+        read = self._read_block(index, block)
+        self.control_state.use(block, self.recorder.used)
+        return read._replace(no_insertion=True) if self.no_insertion else read
+
+    def _read_run(self, index: int, run: PlainRun) -> Iterator[Block | PlainRun]:
+        """Take over plain lines: as columns from the first line before which the state is plain."""
+        for line in range(len(run)):
+            if self.plain and (run.columns.motion[line] >= 0 or self.motion in (0.0, 1.0)):
+                rest = run.part(line, len(run))
+                self._take_run(index + line, rest)
+                yield rest
+                return
+            yield self._read_single(index + line, run.block(line))
+
+    @property
+    def plain(self) -> bool:
+        """True while lines of axis words, with or without a motion code, are straight moves to absolute positions."""
+        return False
+
+    def _take_run(self, index: int, run: PlainRun) -> None:
+        """Take over lines that are read in the present state, which is plain, as `_read_block` does one by one."""
+        words = run.columns
+        motion = np.append(-1 if self.motion is None else int(self.motion), words.motion)
+        motion = motion[np.maximum.accumulate(np.where(motion >= 0, np.arange(len(motion)), 0))][1:]
+        self.motion = float(motion[-1])
+        self.recorder.append(index, run, motion, self.unit, timed=self.timed)
+        self.control_state.use(run.block(0), self.recorder.used)
 
     @abstractmethod
     def _read_block(self, index: int, block: Block) -> Block:

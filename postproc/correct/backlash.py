@@ -132,7 +132,7 @@ class BacklashTakeUps:
         together = coupled[:, None] & linear & (required & linear).any(axis=1, keepdims=True)
         reversing = (required & linear) | together
         programmed = (motions.known_start == Known.PROGRAM) & (motions.known == Known.PROGRAM)
-        closed = np.array([block.no_insertion for block in motions.blocks], bool)[motions.block]
+        closed = motions.blocks.marked(lambda block: block.no_insertion)[motions.block]
         ready = motions.frame_unchanged & ~motions.rotary_only & ~closed
         ready[[*motions.cutter_compensated, *motions.polars, *motions.locked_axes]] = False
         for row in np.flatnonzero(motions.timed & reversing.any(axis=1)):

@@ -103,9 +103,9 @@ class MarkedOutput:
         self.has_room = False
         self._number = ""
 
-    def write(self, texts: Iterable[str]) -> None:
+    def write(self, text: bytes) -> None:
         """Write lines, after the room for the mark if there is one."""
-        (self._rest if self.has_room else self._out).writelines(text.encode(ENCODING) for text in texts)
+        (self._rest if self.has_room else self._out).write(text)
 
     def leave_room(self, number: str = "") -> None:
         """Leave room for the mark here, after the number of its block."""

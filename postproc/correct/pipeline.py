@@ -9,7 +9,6 @@ the program.
 from __future__ import annotations
 
 import datetime
-import itertools
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -42,11 +41,13 @@ from postproc.iso.lines import refuse_lengthened
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Known
 from postproc.text.block import Block, Refusal
+from postproc.text.blocks import Blocks
 from postproc.text.line_numbers import ranges, shortened
 from postproc.text.notes import Notes
-from postproc.text.source import Source
+from postproc.text.source import ENCODING, Source
 from postproc.write.block_numbers import BlockNumbers
 from postproc.write.helices import FlatArcs
+from postproc.write.plain_rows import PlainText, unchanged
 from postproc.write.writer import Writer, Written
 
 UNCERTAINTY_ROWS, UNCERTAINTY_STEP = 500, 8
@@ -147,7 +148,7 @@ class Pipeline:
     def _run(self, out: MarkedOutput, progress: Callable[[int], None]) -> None:
         """Write the corrected program with room for its mark."""
         job = self.job
-        out.write([job.source.mark])
+        out.write(job.source.mark.encode(ENCODING))
         program = self._program()
         self.report.program["name"] = program.source.name
         try:
@@ -191,21 +192,28 @@ class Pipeline:
         left += self._flat_arcs.notes() + self.guard.notes()
         return unused + beyond + left + [not_split.text(reason) for reason, not_split in self.report.not_split.items()]
 
-    def _put(self, out: MarkedOutput, blocks: Sequence[Block], texts: list[str]) -> None:
+    def _put(self, out: MarkedOutput, blocks: Sequence[Block], texts: Sequence[str | PlainText]) -> None:
         """Write corrected blocks of the program, with room for the mark."""
         job, report = self.job, self.report
         report.blocks += len(blocks)
-        report.changed_blocks += sum(new != block.text for new, block in zip(texts, blocks, strict=True))
-        if job.dialect.name == "iso":
-            refuse_lengthened(job.machine.control, blocks, texts)
-        numbered = (self._numbers.renumbered(block, text) for block, text in zip(blocks, texts, strict=True))
         index = mark_index(job.dialect, blocks) if self.model.effects and not out.has_room else None
-        if index is not None:
-            out.write(itertools.islice(numbered, index))
-            out.leave_room(self._numbers.next_number())
-        out.write(numbered)
+        first = 0
+        for text in texts:
+            if first == index:
+                out.leave_room(self._numbers.next_number())
+            if isinstance(text, PlainText):
+                first += text.lines
+                report.changed_blocks += text.changed
+                out.write(self._numbers.renumbered_lines(text.data))
+                continue
+            block = blocks[first]
+            first += 1
+            report.changed_blocks += text != block.text
+            if job.dialect.name == "iso":
+                refuse_lengthened(job.machine.control, block, text)
+            out.write(self._numbers.renumbered(block, text).encode(ENCODING))
 
-    def _correct(self, part: Part) -> list[str]:
+    def _correct(self, part: Part) -> list[str | PlainText]:
         """Texts of a chunk of blocks, corrected."""
         motions = part.motions
         job, report, blocks = self.job, self.report, motions.blocks
@@ -214,7 +222,7 @@ class Pipeline:
         if job.travel_check:
             refuse_outside(motions, motions.machine_target, "as programmed", self.interpreter.control_state)
         if not self.model.effects:
-            return [block.text for block in blocks]
+            return list(unchanged(blocks))
         self._refuse_marked(blocks)
         motions = self.splitter.prepare(motions, part.varied)
         report.split_moves = self.splitter.moves
@@ -235,9 +243,9 @@ class Pipeline:
         report.added_blocks += written.added
         return written.texts
 
-    def _refuse_marked(self, blocks: Sequence[Block]) -> None:
+    def _refuse_marked(self, blocks: Blocks) -> None:
         own = self.job.dialect.own
-        for block in blocks:
+        for block in blocks.read_singly:
             used = own.search(block.text) if own is not None and not self.job.force else None
             if used is not None:
                 raise block.refuse(f"{used[0].upper()} is a variable for the corrections of ncomp: use another one")
@@ -302,8 +310,7 @@ class Pipeline:
         whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[some], datum)
         report.uncertainty.add(whole)
         report.significance.add(before.point_um[some], after.point_um[some], along)
-        lines = np.array([motions.blocks[block].line for block in motions.block[evaluated]])
-        self._outside.add(self.model.excesses(machine, states_before(nominal)), lines)
+        self._outside.add(self.model.excesses(machine, states_before(nominal)), motions.line[evaluated])
         return np.stack([before.point_um, after.point_um], axis=1)
 
     def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:
@@ -311,7 +318,7 @@ class Pipeline:
         for i, axis in enumerate(self.job.machine.axes):
             rows = np.flatnonzero(correctable & (motions.known[:, i] == Known.ASSUMED))
             if rows.size:
-                line = motions.blocks[motions.block[rows[0]]].line
+                line = int(motions.line[rows[0]])
                 text = f"the program has not given {axis.name} yet: its home {axis.home:g} is assumed"
                 self.notes.add(text, line, rows.size)
 
@@ -320,14 +327,13 @@ class Pipeline:
         left = motions.uncorrected
         for row in np.flatnonzero(left.any(axis=1)).tolist():
             names = " ".join(self.job.machine.names[i] for i in np.flatnonzero(left[row]))
-            self.report.left.setdefault(names, []).append(motions.blocks[motions.block[row]].line)
+            self.report.left.setdefault(names, []).append(int(motions.line[row]))
 
     def _note_rotary_only(self, motions: Motions, correction: Correction, written: Written) -> None:
         """Note the feed moves of rotary axes only with a residual error that the next move corrects."""
         behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
         for row in np.flatnonzero(motions.rotary_only & (behind * 1e3 > self.job.tolerance_um)):
-            line = motions.blocks[motions.block[row]].line
-            self.notes.add(ROTARY_ONLY, line)
+            self.notes.add(ROTARY_ONLY, int(motions.line[row]))
 
     def _evaluate_between(self, motions: Motions, commanded: Motions, before: Array) -> None:
         """Evaluate feed moves between their ends; before `(n,)`: errors in the input at the ends of all rows, um."""
@@ -344,7 +350,7 @@ class Pipeline:
         for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), errors_between[beyond].tolist(), strict=True):
             block = int(motions.block[row])
             reason = ROTARY_ONLY if rotary_only[row] else self.splitter.unsplit.get(block, ERROR_JUMPS)
-            self.report.not_split.setdefault(reason, UnsplitMoves()).add(motions.blocks[block].line, size)
+            self.report.not_split.setdefault(reason, UnsplitMoves()).add(int(motions.line[row]), size)
 
     def _guard_between(
         self, motions: Motions, commanded: Motions, before: Array, rows: np.ndarray, errors_between: Array

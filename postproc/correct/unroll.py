@@ -15,9 +15,11 @@ from kinematics.user_error import UserError
 from postproc.control.codes import AXES, PROGRAM_ENDS
 from postproc.dialects import Interpreter
 from postproc.execution import Part, StoredProgram, StreamedProgram, turns
+from postproc.motion.axis_words import AxisWords
 from postproc.motion.motions import Motions, merged
 from postproc.siemens.variables import EMPTY
 from postproc.text.block import Block, Edit, Refusal, Word, edited
+from postproc.text.blocks import Blocks
 from postproc.text.expressions import Constant
 from postproc.text.source import ENCODING, HEAD_SIZE
 from postproc.text.statements import Return
@@ -99,7 +101,7 @@ def _runs(program: StoredProgram, moves: list[Motions]) -> Iterator[tuple[int, B
     """Index in the program and block of every run, and true for the last run."""
     held: tuple[int, Block] | None = None
     for part in program.parts():
-        moves.append(replace(part.motions, blocks=[], words=[]))
+        moves.append(replace(part.motions, blocks=Blocks(()), words=AxisWords()))
         for run in zip(part.indices or (), part.motions.blocks, strict=True):
             if held is not None:
                 yield *held, False

@@ -10,7 +10,7 @@ import re
 
 from postproc.iso.calls import CALLS
 from postproc.text.block import Block
-from postproc.text.plain_blocks import read_plain
+from postproc.text.plain_lines import read_plain
 from postproc.text.statements import Begin
 
 # Written so that a text matches in one manner only: trying several takes exponential time on a long block.

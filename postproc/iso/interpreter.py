@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from postproc.control.codes import DWELL, MOTION, PALLET_CHANGE, PLANES, PROGRAM_ENDS, TOOL_CHANGE
 from postproc.control.interpreter import AxisWords
 from postproc.control.words import whole_of
@@ -43,13 +45,14 @@ from postproc.iso.coordinate_presets import change_coordinates, extended_offset
 from postproc.iso.cycles import CannedCycle, calls_macro, check_cycle_words
 from postproc.iso.lines import DETAIL as LEADER
 from postproc.iso.lines import refuse_long_line
-from postproc.iso.modal_state import ModalState
+from postproc.iso.modal_state import INTEGERS, ModalState
 from postproc.iso.variables import variables_of
 from postproc.iso.words import Content, check_content, dwells_alone, sort_words, take_own_words
 from postproc.motion.circles import point_around
 from postproc.motion.cutter_compensation import follow_contour
 from postproc.motion.moves import AxisWord, Kind, Polar
 from postproc.text.block import Block
+from postproc.text.blocks import PlainRun
 
 MOST_HOLES = 9999
 
@@ -80,6 +83,25 @@ class IsoInterpreter(ModalState):
         content, claimed = self._last
         inside = "a canned cycle" if self.cycle is not None else "radius compensation" if self.compensated else ""
         return calls_macro(content, claimed, inside, self.recorder.stayed)
+
+    @property
+    def plain(self) -> bool:
+        """True while lines of axis words are straight moves to absolute positions in X Y Z and rotary axes."""
+        return (
+            self.absolute
+            and not (self.ended or self.compensated or self.tilted or self.lengths.vectors)
+            and self.cycle is None
+            and self.polar is None
+            and self.not_programmed.keys() <= {"plane"}
+        )
+
+    def _take_run(self, index: int, run: PlainRun) -> None:
+        super()._take_run(index, run)
+        words = run.columns
+        integers = ((words.end > 0) & (words.decimals < 0) & (words.value != 0.0)).sum(axis=0)
+        if integers.any():
+            self.notes.add(INTEGERS, run.number + int(np.flatnonzero(integers)[0]), int(integers.sum()))
+        self._last, self.begun = (sort_words(run.block(len(run) - 1)), None), True
 
     def _read_block(self, index: int, block: Block) -> Block:
         self._last = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 from kinematics.machine import Control
 from postproc.iso.blocks import plain_block
@@ -80,16 +80,15 @@ def refuse_long_line(control: Control, block: Block) -> None:
         )
 
 
-def refuse_lengthened(control: Control, blocks: Sequence[Block], texts: Iterable[str]) -> None:
-    """Refuse blocks that have become too long for LinuxCNC, unless the control is another; `texts`: as they are now."""
+def refuse_lengthened(control: Control, block: Block, text: str) -> None:
+    """Refuse a block that has become too long for LinuxCNC, unless the control is another; `text`: as it is now."""
     if control.family == "fanuc":
         return
-    for block, text in zip(blocks, texts, strict=True):
-        if len(text) > LINUXCNC and _longest(text) > LINUXCNC >= _longest(block.text):
-            raise block.refuse(
-                f"its corrected line has {_longest(text)} characters, and LinuxCNC reads {LINUXCNC}: make it shorter, "
-                'or write family = "fanuc" in the machine file'
-            )
+    if len(text) > LINUXCNC and _longest(text) > LINUXCNC >= _longest(block.text):
+        raise block.refuse(
+            f"its corrected line has {_longest(text)} characters, and LinuxCNC reads {LINUXCNC}: make it shorter, "
+            'or write family = "fanuc" in the machine file'
+        )
 
 
 def _longest(text: str) -> int:

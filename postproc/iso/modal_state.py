@@ -32,6 +32,7 @@ from postproc.text.block import Block
 
 UPRIGHT = 1e-6
 """rad: a tool that leans no more is perpendicular to the tilted plane."""
+INTEGERS = "coordinates without decimal point are taken in mm, inches or degrees, not in increments"
 DEFAULTS = {
     "unit": "no G20 or G21 before it: coordinates are taken in mm",
     "distance": "no G90 or G91 before it: coordinates are taken as absolute",
@@ -108,9 +109,7 @@ class ModalState(Interpreter):
                         "write the decimal point"
                     )
                 return value * self.machine.control.increment
-            self.notes.add(
-                "coordinates without decimal point are taken in mm, inches or degrees, not in increments", block.line
-            )
+            self.notes.add(INTEGERS, block.line)
         return value * unit
 
     # ---- frames

@@ -11,10 +11,13 @@ import numpy as np
 
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import AnyArray, Array, read_only
+from postproc.motion import axis_words
+from postproc.motion.axis_words import AxisWords
 from postproc.motion.circles import SAME, point_along, sweep
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
-from postproc.motion.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd
-from postproc.text.block import Block
+from postproc.motion.moves import Arc, Cycle, Kind, Known, Polar, PolarEnd
+from postproc.text import blocks as text_blocks
+from postproc.text.blocks import Blocks
 
 
 def column(compute: Callable[[Motions], AnyArray]) -> cached_property[AnyArray]:
@@ -30,7 +33,7 @@ class Motions:
     """
 
     machine: Machine
-    blocks: Sequence[Block]
+    blocks: Blocks
     frames: Sequence[Frame]
     block: np.ndarray
     """Index of the block `(n,)`."""
@@ -57,7 +60,7 @@ class Motions:
     """`Known` `(n, axes)` before the move."""
     known: np.ndarray
     """`Known` `(n, axes)` after the move."""
-    words: Sequence[tuple[AxisWord, ...]]
+    words: AxisWords
     arcs: Mapping[int, Arc]
     """Arcs by row."""
     cycles: Mapping[int, Cycle] = field(default_factory=dict)
@@ -148,7 +151,7 @@ class Motions:
             for name in BY_ROW
             if (there := getattr(self, name))
         }
-        words = [self.words[row] for row in taken] if self.words else []
+        words = self.words.take(rows) if len(self.words) else self.words
         return replace(self, words=words, **columns, **by_row)
 
     def copies(self, *names: str) -> tuple[Any, ...]:
@@ -209,11 +212,16 @@ class Motions:
             program[row, [i, j]] = point_along((first, last), arc.centre, turned, share)
         return np.asarray(program)
 
+    @column
+    def line(self) -> np.ndarray:
+        """Number of the first line of the block of each move `(n,)`."""
+        return np.asarray(self.blocks.line_numbers[self.block])
+
     @property
     def bare(self) -> Motions:
         """The columns alone, without words, arcs and other entries by row."""
         nothing: dict[str, Any] = {name: {} for name in BY_ROW}
-        return replace(self, words=[], polar_ends={}, **nothing)
+        return replace(self, words=AxisWords(), polar_ends={}, **nothing)
 
     def in_machine(self, program: Array) -> Array:
         """Axis positions `(n, axes)`, mm and rad, of programmed positions given for all rows."""
@@ -239,8 +247,6 @@ COLUMNS = (
     *("start", "target", "known_start", "known"),
 )
 """Fields of Motions with one row per move."""
-LISTS = ("frames", "blocks", "words")
-"""List fields of Motions: one entry per frame, block or move."""
 BY_ROW = ("arcs", "cycles", "polars", "cutter_compensated", "locked_axes")
 """Fields of Motions with entries for some rows."""
 
@@ -260,5 +266,11 @@ def merged(parts: Sequence[Motions]) -> Motions:
         for i, arc in part.arcs.items():
             if arc.pole_block >= 0:
                 by_row["arcs"][row + i] = arc._replace(pole_block=block + arc.pole_block)
-    lists: dict[str, Any] = {name: [x for part in parts for x in getattr(part, name)] for name in LISTS}
-    return Motions(parts[0].machine, **lists, **columns, **by_row)
+    return Motions(
+        parts[0].machine,
+        text_blocks.joined([part.blocks for part in parts]),
+        [frame for part in parts for frame in part.frames],
+        words=axis_words.joined([part.words for part in parts]),
+        **columns,
+        **by_row,
+    )

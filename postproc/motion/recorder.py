@@ -10,16 +10,30 @@ from typing import Any
 import numpy as np
 
 from kinematics.machine import Machine
+from postproc.motion.axis_words import AxisWords
 from postproc.motion.circles import SAME
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
 from postproc.motion.motions import BY_ROW, Motions
 from postproc.motion.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd
 from postproc.text.block import Block
+from postproc.text.blocks import Blocks, PlainRun
 
 _Places = tuple[float, ...]
 _Knowledge = tuple[Known, ...]
 _Modes = tuple[bool, bool, bool]
 _Row = tuple[int, Kind, int, float, bool, bool, bool, _Places, _Places, _Knowledge, _Knowledge]
+
+
+RECORDED = {
+    **dict.fromkeys(("block", "kind", "frame"), int),
+    "unit": float,
+    **dict.fromkeys(("incremental", "timed", "frame_unchanged"), bool),
+    **dict.fromkeys(("start", "target"), float),
+    **dict.fromkeys(("known_start", "known"), int),
+}
+"""Columns of Motions that are recorded, in the order of a row, with their types."""
+POSITIONS = frozenset(("start", "target", "known_start", "known"))
+"""Those with one entry per axis."""
 
 
 @dataclass
@@ -35,7 +49,12 @@ class Recorder:
     position: list[float] = field(init=False)
     known: list[Known] = field(init=False)
     _rows: list[_Row] = field(init=False, default_factory=list)
+    """Rows behind the last run of plain lines."""
     _words: list[tuple[AxisWord, ...]] = field(init=False, default_factory=list)
+    """Their words."""
+    _columns: list[dict[str, np.ndarray]] = field(init=False, default_factory=list)
+    """Columns of the rows before them, and their words."""
+    _column_words: list[list[tuple[AxisWord, ...]] | PlainRun] = field(init=False, default_factory=list)
     _by_row: dict[str, dict[int, Any]] = field(init=False)
     _polar_ends: dict[int, PolarEnd] = field(init=False, default_factory=dict)
     """Polar ends by index of the block, since the last call of `finish`."""
@@ -92,17 +111,49 @@ class Recorder:
         the frame.
         """
         if arc is not None:
-            self._by_row["arcs"][len(self._rows)] = arc
+            self._by_row["arcs"][self._row] = arc
         before = tuple(self.known)
         for word in words:
             if not word.incremental:
                 self.known[word.axis] = Known.PROGRAM
-        polar: Polar | None = self._by_row["polars"].get(len(self._rows))
+        polar: Polar | None = self._by_row["polars"].get(self._row) if self._by_row["polars"] else None
         for axis in () if polar is None else polar.axes:
             self.known[axis] = Known.PROGRAM
         self._record(block, kind, target, unit, (incremental, timed, frame_unchanged), words, before)
         *_, start, end, _, _ = self._rows[-1]
         self._last = (self.frame, start, end, arc)
+        self.used = self.frame
+
+    def append(self, block: int, run: PlainRun, kind: np.ndarray, unit: float, *, timed: bool) -> None:
+        """Record the moves of plain lines to absolute positions, as `move` does line by line.
+
+        block: index of the block of the first line. kind `(lines,)`. unit: mm per unit of the words of linear axes.
+        """
+        words, lines = run.columns, len(run)
+        named = (words.end > 0).T
+        values = words.value.T * np.where(self.machine.rotary, 1.0, unit)
+        last = np.maximum.accumulate(np.where(named, np.arange(lines)[:, None], -1), axis=0)
+        target = np.where(last >= 0, np.take_along_axis(values, np.maximum(last, 0), axis=0), self.position)
+        known = np.where(last >= 0, Known.PROGRAM, self.known)
+        self._join_rows()
+        self._column_words.append(run)
+        self._columns.append(
+            {
+                "block": np.arange(block, block + lines),
+                "kind": kind.astype(int),
+                "frame": np.full(lines, len(self._frames) - 1),
+                "unit": np.full(lines, unit),
+                "incremental": np.zeros(lines, bool),
+                "timed": np.full(lines, timed),
+                "frame_unchanged": np.ones(lines, bool),
+                "start": (start := np.vstack([self.position, target[:-1]])),
+                "target": target,
+                "known_start": np.vstack([self.known, known[:-1]]),
+                "known": known,
+            }
+        )
+        self.position, self.known = target[-1].tolist(), [Known(value) for value in known[-1].tolist()]
+        self._last = (self.frame, tuple(start[-1].tolist()), tuple(target[-1].tolist()), None)
         self.used = self.frame
 
     def drill(
@@ -116,7 +167,7 @@ class Recorder:
     ) -> None:
         """Record a hole of a canned cycle with its depth in `target`; the axis returns to `level`; mm and degrees."""
         before = self.known[cycle.axis]
-        self._by_row["cycles"][len(self._rows)] = cycle
+        self._by_row["cycles"][self._row] = cycle
         if not cycle.incremental:
             self.known[cycle.axis] = Known.PROGRAM
         incremental = any(word.incremental for word in words)
@@ -129,7 +180,7 @@ class Recorder:
 
     def record_polar(self, polar: Polar) -> None:
         """Record the polar position of the next move, whose words name no axis of its plane."""
-        self._by_row["polars"][len(self._rows)] = polar
+        self._by_row["polars"][self._row] = polar
 
     def record_polar_end(self, block: int, end: PolarEnd) -> None:
         """Record the polar end of a block."""
@@ -137,11 +188,11 @@ class Recorder:
 
     def follow_contour(self, plane: tuple[int, int]) -> None:
         """Record that the control shifts the next move by the tool radius, in a plane of these columns."""
-        self._by_row["cutter_compensated"][len(self._rows)] = plane
+        self._by_row["cutter_compensated"][self._row] = plane
 
     def lock_axes(self, axes: tuple[int, ...]) -> None:
         """Record that no word for these axes may be added to the next move."""
-        self._by_row["locked_axes"][len(self._rows)] = axes
+        self._by_row["locked_axes"][self._row] = axes
 
     def call(self, block: int, unit: float, words: tuple[AxisWord, ...]) -> None:
         """Record a preset: its words give the current position in the present frame, which they define."""
@@ -231,44 +282,52 @@ class Recorder:
             self.known[axis] = Known.ASSUMED
         self.position = to_program(self.machine, self.frame, q[None])[0].tolist()
 
-    def finish(self, blocks: list[Block]) -> Motions:
+    def finish(self, blocks: Iterable[Block | PlainRun]) -> Motions:
         """The rows recorded since the last call, for these blocks."""
-        rows, words, by_row, frames = self._rows, self._words, self._by_row, self._frames
-        self._rows, self._words, self._by_row, self._frames = [], [], {name: {} for name in BY_ROW}, [self.frame]
+        self._join_rows()
+        parts, words, by_row, frames = self._columns, self._column_words, self._by_row, self._frames
+        self._columns, self._column_words, self._frames = [], [], [self.frame]
+        self._by_row = {name: {} for name in BY_ROW}
         polar_ends, self._polar_ends = self._polar_ends, {}
-        frames = self._with_probes(frames, rows)
-        n, axes = len(rows), len(self.machine.axes)
-        columns = zip(*rows, strict=True) if rows else ((),) * 11
-        block, kind, frame, unit, incremental, timed, frame_unchanged, start, target, known_start, known = columns
+        columns = {name: np.concatenate([part[name] for part in parts]) for name in RECORDED} if parts else self._none()
+        n = len(columns["block"])
+        own = ~np.isin(columns["kind"], (Kind.MACHINE, Kind.PRESET))
         return Motions(
             self.machine,
-            blocks,
-            frames,
-            np.array(block, int),
-            np.array(kind, int),
-            np.array(frame, int),
-            np.array(unit, float),
-            np.array(incremental, bool),
-            np.array(timed, bool),
-            np.array(frame_unchanged, bool),
-            np.zeros(n, bool),
-            np.zeros(n),
-            np.array(start, float).reshape(n, axes),
-            np.array(target, float).reshape(n, axes),
-            np.array(known_start, int).reshape(n, axes),
-            np.array(known, int).reshape(n, axes),
-            words,
+            Blocks(blocks),
+            self._with_probes(frames, set(columns["frame"][own].tolist())),
+            **columns,
+            added=np.zeros(n, bool),
+            start_fraction=np.zeros(n),
+            words=AxisWords(words),
             polar_ends=polar_ends,
             **by_row,
         )
 
-    def _with_probes(self, frames: list[Frame], rows: list[_Row]) -> list[Frame]:
+    @property
+    def _row(self) -> int:
+        """Number of the next row."""
+        return sum(len(part["block"]) for part in self._columns) + len(self._rows)
+
+    def _none(self) -> dict[str, np.ndarray]:
+        """Columns without rows."""
+        axes = len(self.machine.axes)
+        return {name: np.zeros((0, axes) if name in POSITIONS else 0, kind) for name, kind in RECORDED.items()}
+
+    def _join_rows(self) -> None:
+        """Make columns of the rows behind the last run of plain lines."""
+        if self._rows:
+            columns = zip(RECORDED.items(), zip(*self._rows, strict=True), strict=True)
+            self._columns.append({name: np.array(column, kind) for (name, kind), column in columns})
+            self._column_words.append(self._words)
+            self._rows, self._words = [], []
+
+    def _with_probes(self, frames: list[Frame], used: set[int]) -> list[Frame]:
         """The frames, with a length in each touch-off.
 
         Without a probe it is the length of the first tool that moves in the work offset. Moves before the first tool
         keep a touch-off without a length.
         """
-        used = {frame for _, kind, frame, *_ in rows if kind not in (Kind.MACHINE, Kind.PRESET)}
         found = []
         for i, frame in enumerate(frames):
             if frame.touch_off is not None and i in used and frame.tool_length > 0.0:

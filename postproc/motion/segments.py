@@ -87,7 +87,7 @@ def split(motions: Motions, cuts: Mapping[int, Sequence[float]], *, at_quadrants
         known_start=known_start,
         added=result.added | later,
         frame_unchanged=result.frame_unchanged | later,
-        words=[() if later[row] else words for row, words in enumerate(result.words)],
+        words=result.words.without(later),
     )
     arcs = dict(result.arcs)
     for row in cuts.keys() & motions.arcs.keys():
@@ -171,8 +171,7 @@ def with_backlash_take_ups(motions: Motions, before: np.ndarray, axes: NDArrayBo
     target[rows] = result.start[rows]
     known[rows] = np.where(axes, Known.PROGRAM, np.minimum(result.known_start[rows], Known.MACHINE))
     gone = set(rows.tolist())
-    words = [() if i in gone else words for i, words in enumerate(result.words)]
     left: dict[str, Any] = {
         name: {row: v for row, v in getattr(result, name).items() if row not in gone} for name in BY_ROW
     }
-    return replace(result, kind=kind, added=added, target=target, known=known, words=words, **left)
+    return replace(result, kind=kind, added=added, target=target, known=known, words=result.words.without(rows), **left)

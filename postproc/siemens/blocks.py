@@ -19,7 +19,7 @@ from postproc.siemens.statements import arguments, number_of, statement, structu
 from postproc.text.block import Block, Refusal, Word
 from postproc.text.block_values import check_order
 from postproc.text.expressions import Ambiguous
-from postproc.text.plain_blocks import read_plain
+from postproc.text.plain_lines import read_plain
 from postproc.text.statements import Code, Label, Return, Step, When
 
 _WORD = r"[A-Za-z][ \t]*[+-]?(?:\d+(?:\.\d*)?|\.\d+)"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from postproc.text.block import Block, Word
+from postproc.text.blocks import PlainRun
 from postproc.text.expressions import Constant, Expression, NotKnown, Scope, evaluate, may_be_one, number, variables
 from postproc.text.statements import TURNS, Assign, Code, Step, When
 
@@ -12,10 +13,10 @@ FREE = frozenset(("F", "S", "FU", "FZ", "FT"))
 """Addresses whose values need not be known: they move the tool nowhere."""
 
 
-def straight(blocks: Iterable[Block], scope: Scope) -> Iterator[Block]:
+def straight(blocks: Iterable[Block | PlainRun], scope: Scope) -> Iterator[Block | PlainRun]:
     """The blocks of a program without jumps, with the values of their words."""
     for block in blocks:
-        if block.code is None:
+        if isinstance(block, PlainRun) or block.code is None:
             yield block
             continue
         _assign(block, block.code.before, scope)

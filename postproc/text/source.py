@@ -24,6 +24,8 @@ LONGEST_LINE = 1_000_000
 """Characters; a control takes some hundred, a line of a Klartext cycle's text a few thousand."""
 CHUNK = 4096
 """Blocks that are worked on together: enough for NumPy, few enough for the processor's cache."""
+PIECE = 1 << 20
+"""Bytes that are read together."""
 _CONTROLS = frozenset(range(32)) - frozenset(b"\t\n\r\x00\x0c\x1a")
 
 _ODD = re.compile(f"[{re.escape(''.join(map(chr, sorted({0, *_CONTROLS}))))}]")
@@ -92,17 +94,44 @@ class Source:
         """Lines with their ends, numbered from 1, behind a byte order mark."""
         with self.open() as stream:
             stream.seek(len(self.mark))
-            newline = "\n" if "\n" in self.head or "\r" not in self.head else "\r"
+            newline = "\n" if self.has_line_feeds else "\r"
             text = io.TextIOWrapper(stream, encoding=ENCODING, newline=newline)
             for number, line in enumerate(iter(lambda: text.readline(LONGEST_LINE), ""), start=1):
-                if len(line) == LONGEST_LINE:
-                    raise UserError(
-                        f"{self.name}:{number}: a line of more than {LONGEST_LINE} characters: this is no NC program"
-                    )
-                odd = _ODD.search(line)
-                if odd and not _is_tape_end(line, number):
-                    raise UserError(f"{self.name}:{number}: {odd[0]!r} is no character of an NC program")
+                self.check_line(number, line)
                 yield number, line
+            self.check_unchanged(stream)
+
+    def check_line(self, number: int, line: str) -> None:
+        """UserError for a line, by its number in the file, that is no line of an NC program."""
+        if len(line) >= LONGEST_LINE:
+            raise UserError(
+                f"{self.name}:{number}: a line of more than {LONGEST_LINE} characters: this is no NC program"
+            )
+        odd = _ODD.search(line)
+        if odd and not _is_tape_end(line, number):
+            raise UserError(f"{self.name}:{number}: {odd[0]!r} is no character of an NC program")
+
+    @property
+    def has_line_feeds(self) -> bool:
+        """True if its lines end with line feeds, not with carriage returns alone."""
+        return "\n" in self.head or "\r" not in self.head
+
+    def pieces(self) -> Iterator[bytes]:
+        """The bytes behind a byte order mark, in pieces of about PIECE bytes that end with a line feed.
+
+        The last piece may end without one; a line that is much too long is cut.
+        """
+        with self.open() as stream:
+            stream.seek(len(self.mark))
+            rest = b""
+            while read := stream.read(PIECE):
+                rest += read
+                end = rest.rfind(b"\n") + 1
+                if end or len(rest) > LONGEST_LINE:
+                    yield rest[: end or None]
+                    rest = rest[end:] if end else b""
+            if rest:
+                yield rest
             self.check_unchanged(stream)
 
 

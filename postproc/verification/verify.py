@@ -25,10 +25,12 @@ from postproc.control.setup import Setup
 from postproc.correct.result import Statistic
 from postproc.dialects import Dialect, Interpreter
 from postproc.execution import execution
+from postproc.motion.axis_words import AxisWords
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
 from postproc.motion.reversals import INNER
 from postproc.motion.segments import like
+from postproc.text.blocks import Blocks
 from postproc.text.notes import Notes
 from postproc.text.source import CHUNK, Source
 from postproc.verification.best_fit import BestFit
@@ -96,22 +98,21 @@ def run_motions(source: Source, dialect: Dialect, interpreter: Interpreter) -> l
     motions = []
     for part in execution(source, dialect, interpreter).parts():
         chunk = _with_tags(part.motions)
-        motions.append(replace(chunk, blocks=[], words=[]))  # only the columns are used
+        motions.append(replace(chunk, blocks=Blocks(()), words=AxisWords()))  # only the columns are used
     return motions
 
 
 def _with_tags(motions: Motions) -> Motions:
     """The moves of a corrected program, with the added blocks marked."""
-    tags = [tag_of(block.text) for block in motions.blocks]
-    if not any(tags):
+    tagged = motions.blocks.marked(lambda block: tag_of(block.text) is not None)
+    if not tagged.any():
         return motions
-    own = np.array([tag is not None for tag in tags])[motions.block]
-    takes_up = np.array([tag is Tag.TAKE_UP for tag in tags])[motions.block] & (motions.kind == Kind.LINE)
-    start_fraction = np.array(
-        [start_fraction_of(block.text) if tag else 0.0 for block, tag in zip(motions.blocks, tags, strict=True)]
-    )
-    kind = np.where(takes_up, Kind.TAKE_UP, motions.kind)
-    return replace(motions, kind=kind, added=own, start_fraction=start_fraction[motions.block])
+    takes_up = motions.blocks.marked(lambda block: tag_of(block.text) is Tag.TAKE_UP)
+    start_fraction = np.zeros(len(tagged))
+    for index in np.flatnonzero(tagged).tolist():
+        start_fraction[index] = start_fraction_of(motions.blocks[index].text)
+    kind = np.where(takes_up[motions.block] & (motions.kind == Kind.LINE), Kind.TAKE_UP, motions.kind)
+    return replace(motions, kind=kind, added=tagged[motions.block], start_fraction=start_fraction[motions.block])
 
 
 def verify(

@@ -42,6 +42,12 @@ class BlockNumbers:
         after = [self.next_number() + line for line in lines[behind:]]
         return "".join([*before, kept, *lines[at + 1 : behind], *after])
 
+    def renumbered_lines(self, data: bytes) -> bytes:
+        """Text of plain lines, renumbered."""
+        if not self._klartext:
+            self._last = None
+        return data
+
     def next_number(self) -> str:
         """Number and blank at the start of the next added line; empty if the block before has no number."""
         if self._last is None:

@@ -7,7 +7,7 @@ The writer keeps the positions on the control after rounding, so that increments
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -20,7 +20,8 @@ from postproc.motion.cutter_compensation import check_turned
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, Kind, Known
-from postproc.text.block import edited
+from postproc.text.block import Block, edited
+from postproc.text.blocks import Blocks, PlainRun
 from postproc.text.editing import ORDER, Iterations, Layout, WordEditor
 from postproc.text.number_style import decimals_for, decimals_holding
 from postproc.write.added_blocks import (
@@ -37,6 +38,7 @@ from postproc.write.arcs import ABOUT_POLES, CircleWriter, round_off
 from postproc.write.drilling import Depth, HoleWriter
 from postproc.write.helices import axes_across, replaced_by_angle
 from postproc.write.inverse_time import add_inverse_time, write_inverse_time
+from postproc.write.plain_rows import PlainRows, PlainText, WrittenAxis, plain_stretches
 from postproc.write.polar import PolarWriter
 from postproc.write.poles import PoleWriter
 
@@ -47,8 +49,8 @@ MOST_APART_UM = 1.0
 class Written(NamedTuple):
     """A written chunk; positions `(rows, axes)` in programmed coordinates, mm and degrees."""
 
-    texts: list[str]
-    """Texts of all blocks, edited, with the added blocks beside them."""
+    texts: list[str | PlainText]
+    """Texts of all blocks, edited, with the added blocks beside them; consecutive plain lines have one."""
     starts: Array
     """Positions on the control before each move."""
     ends: Array
@@ -74,6 +76,8 @@ class Writer:
             i for i in range(len(machine.axes)) if i in machine.translators or (orientation and machine.rotary[i])
         ]
         self._by_letter = sorted(corrected, key=self._letter)
+        self._turns = orientation
+        """Rotary axes are corrected too."""
         self._all_by_letter = sorted(range(len(machine.axes)), key=self._letter)
         self._turned_by_vector = np.flatnonzero(machine.rotary).tolist()
         """Axes that a block may turn without a word for them, by a tool vector."""
@@ -114,9 +118,22 @@ class Writer:
         assumed = (motions.known_start == Known.ASSUMED).tolist()
         self._programmed = motions.correctable.tolist()
         self._ours, self._inner = motions.added.tolist(), motions.intermediate.tolist()
+        stretches = {} if self._turns or indices is not None else plain_stretches(motions)
+        texts: dict[int, PlainText] = {}
+        behind = 0
         for row in range(len(motions)):
+            if row < behind:
+                continue
             held = self._before(motions, row, assumed[row])
             starts[row] = held
+            if row in stretches:
+                run = stretches[row]
+                behind = row + len(run)
+                rows = slice(row, behind)
+                text, ends[rows] = self._write_plain(motions, correction, rows, run, held)
+                starts[row + 1 : behind] = ends[row : behind - 1]
+                self._held, texts[int(motions.block[row])] = ends[behind - 1].tolist(), text
+                continue
             if motions.kind[row] == Kind.MACHINE:
                 self._go_to_machine_position(motions, row, held)
             elif motions.kind[row] == Kind.PRESET:
@@ -128,9 +145,44 @@ class Writer:
             ends[row] = self._held = held
             if row in motions.cycles:
                 ends[row, motions.cycles[row].axis] = self._bottom
-        editors = self._editors
-        texts = [edited(b.text, editors[i].edits) if i in editors else b.text for i, b in enumerate(motions.blocks)]
-        return Written(texts, starts, ends, self._arcs, self._added)
+        return Written(list(self._texts(motions.blocks, texts)), starts, ends, self._arcs, self._added)
+
+    def _texts(self, blocks: Blocks, plain: Mapping[int, PlainText]) -> Iterator[str | PlainText]:
+        """The texts of all blocks; `plain`: those of consecutive plain lines, by the index of the first."""
+        behind = 0
+        for part, first in zip(blocks.parts, blocks.firsts, strict=False):
+            if isinstance(part, list):
+                yield from (self._text(first + i, block) for i, block in enumerate(part))
+                continue
+            for index in range(first, first + len(part)):
+                if index < behind:
+                    continue
+                if index in plain:
+                    yield plain[index]
+                    behind = index + plain[index].lines
+                else:
+                    yield self._text(index, part.block(index - first))
+
+    def _text(self, index: int, block: Block) -> str:
+        return edited(block.text, self._editors[index].edits) if index in self._editors else block.text
+
+    def _write_plain(
+        self, motions: Motions, correction: Correction, rows: slice, run: PlainRun, held: list[float]
+    ) -> tuple[PlainText, Array]:
+        """The text of a run of plain lines, and the positions on the control after their moves."""
+        unit = float(motions.unit[rows.start])
+        names, columns = self.machine.names, self._by_letter
+        axes = [WrittenAxis(axis, names[axis], self._decimals(axis, unit), unit) for axis in columns]
+        moves = PlainRows(
+            run,
+            correction.target[rows],
+            motions.target[rows],
+            motions.correctable[rows],
+            motions.rotary_only[rows],
+        )
+        text, ends, self._layout = moves.write(axes, held, self._layout)
+        self._straight = False
+        return text, ends
 
     def _before(self, motions: Motions, row: int, assumed: list[bool]) -> list[float]:
         """Programmed position on the control before the row, in the frame of the row.

@@ -1,0 +1,95 @@
+"""The blocks of a program in their order: runs of plain lines from its bytes, all other blocks by their dialect."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from kinematics.machine import NDArrayBool
+from postproc.control.codes import AXES
+from postproc.dialects import Dialect
+from postproc.text.block import Block
+from postproc.text.blocks import PlainRun
+from postproc.text.plain_lines import PlainLines, PlainStyle
+from postproc.text.source import ENCODING, Source
+
+SHORTEST = 3
+"""Lines of a run, at least: fewer are read one by one."""
+
+
+def read_blocks(source: Source, dialect: Dialect, axes: str) -> Iterator[Block | PlainRun]:
+    """The blocks of a program, and runs of plain lines; `axes`: letters of the axes of the machine, empty for others.
+
+    Refusal for a block that the dialect does not know; UserError for a line that is no text.
+    """
+    style = dialect.plain
+    if style is None or not axes or not source.has_line_feeds:
+        for number, text in dialect.join_lines(source.lines()):
+            yield dialect.read_block(number, text)
+        return
+    for item in _items(source, dialect, axes, style):
+        if isinstance(item, PlainRun):
+            yield item
+        else:
+            yield dialect.read_block(*item)
+
+
+def irregular_lines(source: Source, dialect: Dialect) -> Iterator[tuple[int, str]]:
+    """The texts of all blocks that may be other than plain lines, with the numbers of their first lines."""
+    if dialect.plain is None or not source.has_line_feeds:
+        yield from dialect.join_lines(source.lines())
+        return
+    for item in _items(source, dialect, AXES, dialect.plain, regular=True):
+        if not isinstance(item, PlainRun):
+            yield item
+
+
+def _items(
+    source: Source, dialect: Dialect, axes: str, style: PlainStyle, *, regular: bool = False
+) -> Iterator[PlainRun | tuple[int, str]]:
+    """Runs of plain lines, or of regular ones, and the texts of all other blocks with the numbers of their lines."""
+    first = next(iter(dialect.join_lines(source.lines())), None)
+    done = 0
+    if first is not None:
+        yield first
+        done = max(1, first[1].count("\n"))
+    number = 1
+    for piece in source.pieces():
+        whole = piece[: piece.rfind(b"\n") + 1]
+        if whole:
+            lines = PlainLines(whole, axes, style)
+            plain = lines.regular if regular else lines.columns.plain
+            if done:
+                plain = plain.copy()
+                plain[:done] = False
+            for start, end, is_run in _runs(plain):
+                if is_run:
+                    yield PlainRun(lines, start, end, number + start, dialect.read_block)
+                    continue
+                for line in range(max(start, done), end):
+                    low, high = lines.starts[line : line + 2].tolist()
+                    yield _checked(source, number + line, whole[low:high])
+            number += len(lines)
+            done = max(0, done - len(lines))
+        if len(whole) < len(piece) and not done:
+            yield _checked(source, number, piece[len(whole) :])
+
+
+def _checked(source: Source, number: int, data: bytes) -> tuple[int, str]:
+    text = data.decode(ENCODING)
+    source.check_line(number, text)
+    return number, text
+
+
+def _runs(plain: NDArrayBool) -> Iterator[tuple[int, int, bool]]:
+    """First and last plus one of stretches of equal lines, and whether they are a run of plain lines."""
+    edges = np.flatnonzero(np.diff(plain, prepend=False, append=False)).reshape(-1, 2)
+    done = 0
+    for start, end in edges[edges[:, 1] - edges[:, 0] >= SHORTEST].tolist():
+        if done < start:
+            yield done, start, False
+        yield start, end, True
+        done = end
+    if done < len(plain):
+        yield done, len(plain), False

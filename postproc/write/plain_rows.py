@@ -1,0 +1,315 @@
+"""Corrected moves written into runs of plain lines: as `Writer` writes them one by one, but column by column."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.machine import NDArrayBool
+from kinematics.transforms import Array
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind
+from postproc.text.blocks import Blocks, PlainRun
+from postproc.text.editing import Layout, end_of, rank_of
+from postproc.text.number_style import NumberStyle
+from postproc.text.plain_lines import POWERS
+from postproc.text.source import ENCODING
+
+NEAR_HALF = 1e-6
+"""Distance from a half, in units of the last decimal, within which a number is rounded by its exact digits."""
+
+
+class PlainText(NamedTuple):
+    """The text of consecutive plain lines."""
+
+    data: bytes
+    lines: int
+    changed: int
+    """Number of lines that were changed."""
+
+
+def unchanged(blocks: Blocks) -> Iterator[str | PlainText]:
+    """The texts of all blocks as they are; consecutive plain lines have one."""
+    for part in blocks.parts:
+        if isinstance(part, list):
+            yield from (block.text for block in part)
+        else:
+            yield PlainText(part.data(0, len(part)), len(part), 0)
+
+
+class WrittenAxis(NamedTuple):
+    """A linear axis whose words are written."""
+
+    column: int
+    name: str
+    decimals: int
+    unit: float
+    """mm per unit of its words."""
+
+
+class _Words(NamedTuple):
+    """Numbers that replace others, or words that are added; columns `(k,)`."""
+
+    line: np.ndarray
+    axis: np.ndarray
+    """Column of the axis, or of the word beside an added one."""
+    counts: Array
+    """The number in units of its last decimal."""
+    decimals: np.ndarray
+    letter: np.ndarray
+    """Upper case letter of an added word; 0 for a number that replaces another."""
+    behind: NDArrayBool
+    """True for a word behind that of `axis`, False for one before it."""
+
+
+@dataclass
+class PlainRows:
+    """The moves of a run of plain lines, one row per line, with their corrected ends."""
+
+    run: PlainRun
+    corrected: Array
+    """Corrected ends `(lines, axes)`, programmed coordinates, mm and degrees."""
+    target: Array
+    """Programmed ends."""
+    programmed: NDArrayBool
+    """True `(lines, axes)` where the program has given the position at the end."""
+    kept: NDArrayBool
+    """Lines `(lines,)` whose linear axes keep their positions; they name none."""
+
+    def write(self, axes: Sequence[WrittenAxis], held: list[float], layout: Layout) -> tuple[PlainText, Array, Layout]:
+        """The text, the positions on the control after each line `(lines, axes)`, and the layout after the last line.
+
+        axes: in the order in which words are added. held: positions before the first line, mm and degrees.
+        """
+        named = self._named
+        ends = np.empty_like(self.target)
+        for column in range(len(held)):
+            ends[:, column] = _held(named[column], self.target[:, column], held[column])
+        words = []
+        for axis in axes:
+            numbers, inserted = self._axis(axis, held[axis.column], ends[:, axis.column])
+            words += [numbers, inserted] if len(inserted.line) else [numbers]
+        joined = _Words(*(np.concatenate(column) for column in zip(*words, strict=True)))
+        layouts = _Layouts(self, layout)
+        text = self._spliced(joined, layouts)
+        changed = np.zeros(len(self.run), bool)
+        changed[joined.line] = True
+        return PlainText(text, len(self.run), int(changed.sum())), ends, layouts.last
+
+    @cached_property
+    def _named(self) -> NDArrayBool:
+        return self.run.columns.end > 0
+
+    def _axis(self, axis: WrittenAxis, held: float, ends: Array) -> tuple[_Words, _Words]:
+        """Replaced numbers and added words of an axis; `ends` `(lines,)` becomes its positions on the control."""
+        words, column = self.run.columns, axis.column
+        named, value = self._named[column], words.value[column]
+        decimals = np.maximum(np.where(named, words.decimals[column], 0), axis.decimals)
+        wanted = self.corrected[:, column] / axis.unit
+        counts, number = _rounded(wanted, decimals)
+        number = np.where(named & (np.abs(number - value) < 0.5 * _UNITS[decimals]), value, number)
+        after = number * axis.unit
+        active = self.programmed[:, column] & ~self.kept
+        inserted = np.zeros(len(named), bool)
+        free = active & ~named
+        if free.any():
+            rows = np.flatnonzero(active)
+            before = np.concatenate([[held], after[rows[:-1]]])
+            _, moved = _rounded(wanted[rows] - before / axis.unit, decimals[rows])
+            added = ~named[rows] & (moved != 0.0)
+            unmoved = ~named[rows] & (~added | (number[rows] == before / axis.unit))
+            if (after[rows][unmoved] == before[unmoved]).all():
+                inserted[rows] = added
+            else:
+                self._follow(axis, held, rows, wanted, after, inserted)
+        ends[:] = _held(active, after, held)
+        changed = np.flatnonzero(named & (number != value))
+        letter, behind = np.zeros(len(changed), int), np.zeros(len(changed), bool)
+        cells = np.full(len(changed), column), counts[changed], decimals[changed]
+        return _Words(changed, *cells, letter, behind), self._added(axis, np.flatnonzero(inserted), counts)
+
+    def _follow(
+        self, axis: WrittenAxis, held: float, rows: np.ndarray, wanted: Array, after: Array, inserted: NDArrayBool
+    ) -> None:
+        """Line by line, where a position on the control is not on the grid of the words that are added."""
+        named = self._named[axis.column]
+        for row in rows.tolist():
+            if not named[row]:
+                number, before = float(wanted[row]), held / axis.unit
+                inserted[row] = round(number - before, axis.decimals) != 0.0
+                written = round(number, axis.decimals)
+                after[row] = written * axis.unit if inserted[row] and written != before else held
+            held = float(after[row])
+
+    def _added(self, axis: WrittenAxis, rows: np.ndarray, counts: Array) -> _Words:
+        """Words of an axis that are added in `rows`, behind the last word of an axis with a lower rank."""
+        words, named = self.run.columns, self._named[:, rows]
+        ranks = np.array([rank_of(letter) for letter in self.run.lines.axes])
+        at = words.at[:, rows]
+        lower = np.where(named & (ranks < rank_of(axis.name))[:, None], at, -1)
+        behind = (lower >= 0).any(axis=0)
+        beside = np.where(behind, lower.argmax(axis=0), np.where(named, at, np.iinfo(at.dtype).max).argmin(axis=0))
+        decimals = np.maximum(axis.decimals, words.decimals[beside, rows])
+        numbers = counts[rows] * POWERS[decimals - axis.decimals]
+        return _Words(rows, beside, numbers, decimals, np.full(len(rows), ord(axis.name)), behind)
+
+    def _spliced(self, words: _Words, layouts: _Layouts) -> bytes:
+        """The text of the lines with these words."""
+        columns, lines = self.run.columns, self.run.lines
+        low, high = lines.starts[[self.run.first, self.run.last]].tolist()
+        if not len(words.line):
+            return lines.data[low:high]
+        source = np.frombuffer(lines.data, np.uint8)[low:high]
+        cell = words.axis, words.line
+        start, end = columns.start[cell] - low, columns.end[cell] - low
+        added = words.letter > 0
+        address = columns.at[cell] - low
+        start = np.where(added, np.where(words.behind, end, address), start)
+        end = np.where(added, start, end)
+        order = np.argsort(start, kind="stable")
+        text, lengths = layouts.written(words, cell, source[address], address, order)
+        start, end = start[order], end[order]
+        kept, tail = start - np.concatenate([[0], end[:-1]]), len(source) - int(end[-1])
+        alternating = np.arange(2 * len(end) + 1) % 2 == 0
+        taken = np.repeat(alternating, np.append(np.stack([kept, end - start], axis=1).ravel(), tail))
+        placed = np.repeat(alternating, np.append(np.stack([kept, lengths], axis=1).ravel(), tail))
+        result = np.empty(len(placed), np.uint8)
+        result[placed] = source[taken]
+        result[~placed] = text
+        return result.tobytes()
+
+
+def plain_stretches(motions: Motions) -> dict[int, PlainRun]:
+    """Runs of plain lines that are written together, by their first rows: each line has one row, and no added block."""
+    single = ~motions.added & ~motions.intermediate & np.isin(motions.kind, (Kind.RAPID, Kind.LINE))
+    linear = list(motions.machine.translators)
+    found = {}
+    for part, first in zip(motions.blocks.parts, motions.blocks.firsts, strict=False):
+        if isinstance(part, list):
+            continue
+        low, high = np.searchsorted(motions.block, [first, first + len(part)]).tolist()
+        line = motions.block[low:high] - first
+        names = (part.columns.end[linear] > 0).any(axis=0)[line]
+        chosen = single[low:high] & ~(motions.rotary_only[low:high] & names)
+        for start, end in np.flatnonzero(np.diff(chosen, prepend=False, append=False)).reshape(-1, 2).tolist():
+            found[low + start] = part.part(int(line[start]), int(line[end - 1]) + 1)
+    return found
+
+
+class _Layouts:
+    """The layout after each line of a run."""
+
+    def __init__(self, rows: PlainRows, before: Layout) -> None:
+        self._rows, self._before = rows, before
+        self._columns = rows.run.columns
+        self._bytes = np.frombuffer(rows.run.lines.data, np.uint8)
+        named = rows._named
+        first = self._bytes[self._columns.start]
+        self._plus = named & (first == ord("+"))
+        self._minus = named & (first == ord("-"))
+        digit = self._columns.start + (self._plus | self._minus)
+        self._bare = named & (self._bytes[digit] == ord("."))
+        self._zero = named & (self._bytes[digit] == ord("0")) & (self._bytes[digit + 1] == ord("."))
+
+    @cached_property
+    def _simple(self) -> bool:
+        """True if no word changes the style: no sign on positive numbers, and a zero before the point."""
+        numbers = self._before.numbers
+        return not numbers.plus and numbers.leading_zero and not self._plus.any() and not self._bare.any()
+
+    @cached_property
+    def plus(self) -> NDArrayBool:
+        """True `(lines,)` where a positive number gets a sign if its own word does not show it."""
+        return self._last(~self._minus & self._rows._named, self._plus, self._before.numbers.plus)
+
+    @cached_property
+    def leading_zero(self) -> NDArrayBool:
+        """True `(lines,)` where a number gets a zero before the point if its own word does not show it."""
+        return self._last(self._bare | self._zero, self._zero, self._before.numbers.leading_zero)
+
+    def _last(self, shows: NDArrayBool, value: NDArrayBool, before: bool) -> NDArrayBool:
+        """The value of the last word up to the end of each line that shows one; `before` before the first of them."""
+        at = np.where(shows, self._columns.at, -1)
+        word = at.argmax(axis=0)
+        lines = np.arange(at.shape[1])
+        return _held(at[word, lines] >= 0, value[word, lines], before)
+
+    @cached_property
+    def blank(self) -> NDArrayBool:
+        """True `(lines,)` where blanks separate words."""
+        return _held(self._columns.blank >= 0, self._columns.blank == 1, self._before.blank)
+
+    @property
+    def last(self) -> Layout:
+        """The layout after the last line."""
+        run = self._rows.run
+        end = end_of(run.data(len(run) - 1, len(run)).decode(ENCODING))
+        numbers = self._before.numbers
+        if not self._simple:
+            numbers = NumberStyle(bool(self.plus[-1]), numbers.mark, bool(self.leading_zero[-1]))
+        return replace(self._before, blank=bool(self.blank[-1]), numbers=numbers, end=end)
+
+    def written(
+        self, words: _Words, cell: tuple[np.ndarray, np.ndarray], letter: np.ndarray, at: np.ndarray, order: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Bytes of words in this order, and their lengths `(k,)`; `cell`: the words whose style they take."""
+        counts = np.abs(words.counts)
+        decimals = words.decimals
+        whole = np.floor(counts / POWERS[decimals])
+        most = int(decimals.max(initial=0))
+        fraction = ((counts - whole * POWERS[decimals]) * POWERS[most - decimals]).astype(np.uint32)
+        whole = whole.astype(np.uint32)
+        plus, zero = np.zeros(len(counts), bool), np.ones(len(counts), bool)
+        if not self._simple:
+            plus = np.where(self._minus[cell], self.plus[words.line], self._plus[cell])
+            zero = ~self._bare[cell] & (self._zero[cell] | self.leading_zero[words.line])
+        negative = words.counts < 0.0
+        added = words.letter > 0
+        blank = added & self.blank[words.line]
+        low = (letter & 0x20) > 0
+        gap = added & (self._columns.start[cell] > self._columns.at[cell] + 1)
+        digits = len(str(int(whole.max(initial=0))))
+        width = 5 + digits + 1 + most
+        text = np.full((len(counts), width), ord(" "), np.uint8)
+        shown = np.zeros((len(counts), width), bool)
+        shown[:, 0], shown[:, -1] = blank & words.behind, blank & ~words.behind
+        text[:, 1], shown[:, 1] = words.letter + 0x20 * low, added
+        shown[:, 2] = gap
+        text[:, 3], shown[:, 3] = np.where(negative, ord("-"), ord("+")), negative | plus
+        for i in range(digits):
+            place = digits - 1 - i
+            text[:, 4 + i] = ord("0") + (whole // 10**place) % 10
+            shown[:, 4 + i] = (whole >= 10**place) | ((place == 0) & (zero | (decimals == 0)))
+        text[:, 4 + digits], shown[:, 4 + digits] = ord("."), decimals > 0
+        for i in range(most):
+            text[:, 5 + digits + i] = ord("0") + (fraction // 10 ** (most - 1 - i)) % 10
+            shown[:, 5 + digits + i] = decimals > i
+        text, shown = text[order], shown[order]
+        return text[shown], shown.sum(axis=1)
+
+
+_UNITS = np.array([10.0**-decimals for decimals in range(23)])
+"""One unit of the last decimal."""
+
+
+def _held(sets: NDArrayBool, value: Array, before: float) -> np.ndarray:
+    """The value `(lines,)` of the last line that sets one; `before` before the first of them."""
+    if sets.all():
+        return value
+    last = np.maximum.accumulate(np.where(sets, np.arange(len(sets)), -1))
+    return np.where(last >= 0, value[last], before)
+
+
+def _rounded(values: Array, decimals: np.ndarray) -> tuple[Array, Array]:
+    """As the built-in `round`: in units of the last decimal, and as floats."""
+    scale = POWERS[decimals]
+    scaled = values * scale
+    counts = np.rint(scaled)
+    doubtful = np.abs(np.abs(scaled - counts) - 0.5) < NEAR_HALF + np.abs(scaled) * 1e-15
+    for i in np.flatnonzero(doubtful).tolist():
+        counts[i] = round(round(float(values[i]), int(decimals[i])) * scale[i])
+    return counts, counts / scale
