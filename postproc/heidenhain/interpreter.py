@@ -34,6 +34,7 @@ from postproc.heidenhain.variables import operations_of
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
 from postproc.text.block import Block
+from postproc.text.blocks import PlainRun
 
 _TCPM = re.compile(
     r"FUNCTION TCPM( F (TCP|CONT))?( AXIS POS)?( PATHCTRL (AXIS|VECTOR))?( REFPNT TIP-TIP)?( F ?[\d.,]+)?",
@@ -75,7 +76,7 @@ class HeidenhainInterpreter(ModalState):
             "program_call": lambda _, block: self._call_program(block),
         }
 
-    def read(self, blocks: Iterable[Block]) -> Motions:
+    def read(self, blocks: Iterable[Block | PlainRun]) -> Motions:
         """The moves of a chunk of blocks, as for `Interpreter`."""
         self.arcs.new_chunk()
         return super().read(blocks)

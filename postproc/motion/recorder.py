@@ -289,20 +289,14 @@ class Recorder:
         self._columns, self._column_words, self._frames = [], [], [self.frame]
         self._by_row = {name: {} for name in BY_ROW}
         polar_ends, self._polar_ends = self._polar_ends, {}
-        columns = {name: np.concatenate([part[name] for part in parts]) for name in RECORDED} if parts else self._none()
+        columns: dict[str, Any] = self._none()
+        if parts:
+            columns = {name: np.concatenate([part[name] for part in parts]) for name in RECORDED}
         n = len(columns["block"])
+        columns |= {"added": np.zeros(n, bool), "start_fraction": np.zeros(n), "words": AxisWords(words), **by_row}
         own = ~np.isin(columns["kind"], (Kind.MACHINE, Kind.PRESET))
-        return Motions(
-            self.machine,
-            Blocks(blocks),
-            self._with_probes(frames, set(columns["frame"][own].tolist())),
-            **columns,
-            added=np.zeros(n, bool),
-            start_fraction=np.zeros(n),
-            words=AxisWords(words),
-            polar_ends=polar_ends,
-            **by_row,
-        )
+        frames = self._with_probes(frames, set(columns["frame"][own].tolist()))
+        return Motions(self.machine, Blocks(blocks), frames, polar_ends=polar_ends, **columns)
 
     @property
     def _row(self) -> int:

@@ -138,7 +138,7 @@ class PlainLines:
     def _motions_at(self, codes: np.ndarray) -> np.ndarray:
         """Motions that G words at positions `codes` name, by a number of one or two digits; -1 for other numbers."""
         digits = [np.minimum(codes + i, len(self._bytes) - 1) for i in (1, 2, 3)]
-        first, second, third = (self._bytes[i].astype(np.int8) for i in digits)
+        first, second = (self._bytes[i].astype(np.int8) for i in digits[:2])
         one, two = (self._classes[i] != _DIGIT for i in digits[1:])
         point = self._classes[digits[1]] == _POINT
         padded = (first == ord("0")) & ~one & two & (self._classes[digits[2]] != _POINT)
@@ -169,7 +169,7 @@ class PlainLines:
             if not blank.any():
                 break
             end -= blank
-        points = np.flatnonzero((classes == _POINT))
+        points = np.flatnonzero(classes == _POINT)
         if not self.regular.all():
             points = points[self.regular[self._line_of(points)]]
         word = np.searchsorted(at, points) - 1
@@ -201,14 +201,10 @@ class PlainLines:
         plain[line[numbers >= LARGEST]] = False
         numbers[self._bytes[start] == ord("-")] *= -1.0
         shape, cell = (len(self.axes), lines), (axis, line)
-        found = PlainColumns(
-            plain,
-            np.full(lines, -1, np.int8),
-            *(np.zeros(shape, np.int32) for _ in range(3)),
-            np.zeros(shape, np.int8),
-            np.zeros(shape),
-            np.full(lines, -1, np.int8),
-        )
+        absent = np.full(lines, -1, np.int8)
+        at_zero = np.zeros(shape, np.int32)
+        ends = at_zero, at_zero.copy(), at_zero.copy()
+        found = PlainColumns(plain, absent, *ends, np.zeros(shape, np.int8), np.zeros(shape), absent.copy())
         found.at[cell], found.start[cell], found.end[cell] = at, start, end
         found.decimals[cell], found.value[cell] = decimals, numbers
         codes = words.letter == ord("G")

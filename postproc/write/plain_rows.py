@@ -151,7 +151,7 @@ class PlainRows:
         ranks = np.array([rank_of(letter) for letter in self.run.lines.axes])
         at = words.at[:, rows]
         lower = np.where(named & (ranks < rank_of(axis.name))[:, None], at, -1)
-        behind = (lower >= 0).any(axis=0)
+        behind = np.asarray((lower >= 0).any(axis=0))
         beside = np.where(behind, lower.argmax(axis=0), np.where(named, at, np.iinfo(at.dtype).max).argmin(axis=0))
         decimals = np.maximum(axis.decimals, words.decimals[beside, rows])
         numbers = counts[rows] * POWERS[decimals - axis.decimals]
@@ -171,7 +171,7 @@ class PlainRows:
         start = np.where(added, np.where(words.behind, end, address), start)
         end = np.where(added, start, end)
         order = np.argsort(start, kind="stable")
-        text, lengths = layouts.written(words, cell, source[address], address, order)
+        text, lengths = layouts.written(words, cell, source[address], order)
         start, end = start[order], end[order]
         kept, tail = start - np.concatenate([[0], end[:-1]]), len(source) - int(end[-1])
         alternating = np.arange(2 * len(end) + 1) % 2 == 0
@@ -193,7 +193,7 @@ def plain_stretches(motions: Motions) -> dict[int, PlainRun]:
             continue
         low, high = np.searchsorted(motions.block, [first, first + len(part)]).tolist()
         line = motions.block[low:high] - first
-        names = (part.columns.end[linear] > 0).any(axis=0)[line]
+        names = np.any(part.columns.end[linear] > 0, axis=0)[line]
         chosen = single[low:high] & ~(motions.rotary_only[low:high] & names)
         for start, end in np.flatnonzero(np.diff(chosen, prepend=False, append=False)).reshape(-1, 2).tolist():
             found[low + start] = part.part(int(line[start]), int(line[end - 1]) + 1)
@@ -224,7 +224,7 @@ class _Layouts:
     @cached_property
     def plus(self) -> NDArrayBool:
         """True `(lines,)` where a positive number gets a sign if its own word does not show it."""
-        return self._last(~self._minus & self._rows._named, self._plus, self._before.numbers.plus)
+        return self._last(self._rows._named & ~self._minus, self._plus, self._before.numbers.plus)
 
     @cached_property
     def leading_zero(self) -> NDArrayBool:
@@ -236,7 +236,7 @@ class _Layouts:
         at = np.where(shows, self._columns.at, -1)
         word = at.argmax(axis=0)
         lines = np.arange(at.shape[1])
-        return _held(at[word, lines] >= 0, value[word, lines], before)
+        return np.asarray(_held(at[word, lines] >= 0, value[word, lines], before))
 
     @cached_property
     def blank(self) -> NDArrayBool:
@@ -254,7 +254,7 @@ class _Layouts:
         return replace(self._before, blank=bool(self.blank[-1]), numbers=numbers, end=end)
 
     def written(
-        self, words: _Words, cell: tuple[np.ndarray, np.ndarray], letter: np.ndarray, at: np.ndarray, order: np.ndarray
+        self, words: _Words, cell: tuple[np.ndarray, np.ndarray], letter: np.ndarray, order: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Bytes of words in this order, and their lengths `(k,)`; `cell`: the words whose style they take."""
         counts = np.abs(words.counts)

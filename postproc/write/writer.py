@@ -150,18 +150,18 @@ class Writer:
     def _texts(self, blocks: Blocks, plain: Mapping[int, PlainText]) -> Iterator[str | PlainText]:
         """The texts of all blocks; `plain`: those of consecutive plain lines, by the index of the first."""
         behind = 0
-        for part, first in zip(blocks.parts, blocks.firsts, strict=False):
-            if isinstance(part, list):
-                yield from (self._text(first + i, block) for i, block in enumerate(part))
+        for some, first in zip(blocks.parts, blocks.firsts, strict=False):
+            if isinstance(some, list):
+                yield from (self._text(first + i, block) for i, block in enumerate(some))
                 continue
-            for index in range(first, first + len(part)):
+            for index in range(first, first + len(some)):
                 if index < behind:
                     continue
                 if index in plain:
                     yield plain[index]
                     behind = index + plain[index].lines
                 else:
-                    yield self._text(index, part.block(index - first))
+                    yield self._text(index, some.block(index - first))
 
     def _text(self, index: int, block: Block) -> str:
         return edited(block.text, self._editors[index].edits) if index in self._editors else block.text

@@ -1,0 +1,91 @@
+"""Programs of plain lines with others between them, and a run of the whole job with the plain lines read in bulk or not."""
+
+import dataclasses
+import io
+import json
+
+import pytest
+from hypothesis import strategies as st
+
+from kinematics.user_error import UserError
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.dialects import find_dialect
+from support.programs import AT_MOST, setup_of, source_of
+
+SLOW = (
+    *("(comment)", "M8", "M9", "G4 P1", "G91", "G90", "G20", "G21", "", "T2 M6", "G43.4 H1", "G49", "S100", "M0 (x)"),
+    *(
+        "G2 X10. Y0. I5. J0.",
+        "G1 X5 Y7 F100",
+        "G53 G0 Z0.",
+        "G55",
+        "X[1+2]",
+        "N7 (a) X3.5",
+        "G17 X1. Y2.",
+        "G93",
+        "G94",
+    ),
+    *("/ M8", "G28 Z0.", "x1.5 y2.5", "G1 X1. X2.", "G1 Q5", "#1=5", "M77", "G0 X1. Y1. Z1. B0. C0."),
+)
+"""Lines that are read one by one: some are refused, or change the meaning of the lines after them."""
+
+
+@st.composite
+def numbers(draw, around):
+    """A coordinate near a number, in one of the forms that programs use."""
+    value = around + draw(st.floats(-0.3, 0.3))
+    form = draw(st.sampled_from(("{:.4f}", "{:.4f}", "{:.3f}", "{:.2f}", "{:.5f}", "{:+.4f}", "bare", "point", "long")))
+    if form == "bare":
+        return f"{value:.3f}".replace("0.", ".", 1) if abs(value) < 1.0 else f"{value:.3f}"
+    if form == "point":
+        return f"{round(value)}."
+    return f"{value:.4f}".rstrip("0") if form == "long" else form.format(value)
+
+
+@st.composite
+def plain_lines(draw, axes="XYZBC", most=12):
+    """A run of lines in one style, with numbers that cross 0, 10, 100 or 1000, and with omitted words."""
+    blank, gap = draw(st.sampled_from([" ", " ", "", "  ", "\t"])), draw(st.sampled_from(["", "", "", " "]))
+    lower = draw(st.booleans())
+    around = {axis: draw(st.sampled_from((0.0, 0.0, 10.0, -10.0, 100.0, 1000.0))) for axis in axes}
+    lines = []
+    for number in range(draw(st.integers(1, most))):
+        named = draw(st.lists(st.sampled_from(axes), min_size=1, unique=True))
+        if draw(st.booleans()):
+            named = sorted(named, key=axes.index)
+        words = [f"{axis}{gap}{draw(numbers(around[axis]))}" for axis in named]
+        code = draw(st.sampled_from(["", "", "G1", "G01", "G0", "G00"]))
+        words = [*([f"N{number}"] if draw(st.booleans()) else []), *([code] if code else []), *words]
+        words += [f"F{draw(st.sampled_from(['100', '250.5', '99.']))}"] if draw(st.booleans()) else []
+        line = blank.join(words)
+        lines.append(line.lower() if lower else line)
+    return lines
+
+
+@st.composite
+def mixtures(draw, axes="XYZBC"):
+    """A program: runs of plain lines with other lines between them, and any line ends."""
+    lines = draw(
+        st.sampled_from([["G21 G90 G17 G54 G94", "G0 X0. Y0. Z200. B0. C0."], ["G20 G90"], ["%", "O1", "G90"]])
+    )
+    lines = [*lines, *draw(plain_lines(axes))]
+    for _ in range(draw(st.integers(0, 4))):
+        lines += draw(st.lists(st.sampled_from(SLOW), max_size=2)) + draw(plain_lines(axes))
+    end = draw(st.sampled_from(["\n", "\n", "\r\n"]))
+    return end.join(lines) + draw(st.sampled_from([end, end, ""]))
+
+
+def outcome(text, machine, model, *, plain=True, shortest=1, piece=1 << 20, dialect="iso", **options):
+    """Text and report of the corrected program, or why it is refused; `plain`: plain lines are read in bulk."""
+    source, out, read_as = source_of(text), io.BytesIO(), find_dialect(dialect, "", "")
+    read_as = read_as if plain else dataclasses.replace(read_as, plain=None)
+    setup = setup_of(machine)
+    job = Job(source, read_as, machine, model, setup, **{**AT_MOST, "travel_check": False, **options})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("postproc.program_lines.SHORTEST", shortest)
+        patch.setattr("postproc.text.source.PIECE", piece)
+        try:
+            report = Pipeline(job).run(out, lambda _: None)
+        except UserError as refusal:
+            return str(refusal)
+    return out.getvalue().splitlines(keepends=True), json.dumps(report.json())

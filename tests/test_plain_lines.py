@@ -1,0 +1,178 @@
+"""Plain lines that are read, moved and written as columns give what the reader of single lines gives, to the byte."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from support.plain_programs import mixtures, outcome, plain_lines
+from support.programs import load, random_model, source_of
+from support.real_programs import LINES_OF_REAL_PROGRAMS, first_lines, machine_for, real_programs
+from support.tiers import drawn
+from test_iso_blocks import blocks
+
+from postproc.dialects import find_dialect
+from postproc.program_lines import read_blocks
+from postproc.text.block import Refusal
+from postproc.text.blocks import PlainRun
+from postproc.text.plain_lines import PlainLines
+from postproc.text.source import ENCODING, open_source
+
+DMU50 = load("dmu50")
+ISO = find_dialect("iso", "", "")
+ALL_AXES = "XYZABCUVW"
+PIECES = (1, 7, 4096, 1 << 20)
+
+
+def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
+    """Every plain line of a text is read as by its dialect, word by word; returns their number."""
+    lines = PlainLines(data, axes, dialect.plain)
+    words = lines.columns
+    for row in np.flatnonzero(words.plain).tolist():
+        low, high = lines.starts[row : row + 2].tolist()
+        text = data[low:high].decode(ENCODING)
+        block = dialect.read_block(1, text)
+        assert lines.regular[row]
+        assert block.kind in ("words", "line")
+        assert block.code is None
+        assert not dialect.flow.search(text)
+        addresses = [word.address for word in block.words]
+        assert len(set(addresses)) == len(addresses)
+        assert set(addresses) <= {*axes, *dialect.plain.other, "G"}
+        found = {word.address: word for word in block.words}
+        for column, axis in enumerate(axes):
+            cell = column, row
+            assert (words.end[cell] > 0) == (axis in found)
+            if axis in found:
+                word = found[axis]
+                number = text[word.start : word.end]
+                assert (words.at[cell], words.start[cell], words.end[cell]) == (
+                    low + word.at, low + word.start, low + word.end
+                )  # fmt: skip
+                assert words.value[cell] == word.value
+                assert np.signbit(words.value[cell]) == np.signbit(word.value)
+                assert words.decimals[cell] == (len(number.partition(".")[2]) if "." in number else -1)
+        assert words.motion[row] == (int(found["G"].value) if "G" in found else -1)
+        before_last = text[block.words[-1].at - 1] in " \t" if len(block.words) > 1 else -1
+        assert words.blank[row] == before_last
+    return int(words.plain.sum())
+
+
+@given(st.lists(st.one_of(blocks(), plain_lines().map("\n".join)), min_size=1, max_size=6))
+@example(["X1.2.3", "X.", "X-", "X1 2", "G1 X", "G1.5 X2.", "G02 X1.", "G001 X1.", "X1.Y2.X3.", "F1 F2 X3.", "X1e5"])
+@example(["X123456789012.", "X1234567.", "X0.1234567891", "X1." + " " * 120 + "Y2.", "G 1 X2.", "X- 1.", "X+.5", "G1"])
+@example(["X1.\rY2.", "X1.\r\r", " X1.", "\tX1. ", "  ", "", "X1.;a", "X1.(a)", "X1.%", "\0X1.", "X1.\x0b", "X\xa01."])
+@example(
+    ["N1G0X-0.0000Y+0.", "G00X1.Y-.5Z5.F.5", "g01x1.y2.", "X00001.50", "G1 G0 X1.", "N1.5 X1.", "O1 X1.", "$1 X1."]
+)
+def test_a_plain_line_is_read_as_its_block(lines):
+    check_lines(("\n".join(line.rstrip("\n") for line in lines) + "\n").encode(ENCODING))
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["X1.", "N10 G1 X1. Y-2.5 F100", "g00x1.y+2.", "X 1.5 Y\t-.5", "X1.5\r", "Z3", "N1 B-0.0000 C5.", "G1X.5S100"],
+)
+def test_the_lines_of_cam_programs_are_plain(line):
+    assert check_lines(f"{line}\n".encode()) == 1
+
+
+@LINES_OF_REAL_PROGRAMS
+def test_real_programs_are_read_alike(nc_data, lines, tmp_path):
+    for path in first_lines(real_programs(nc_data), lines, tmp_path):
+        check_lines(path.read_bytes() + b"\n")
+
+
+def test_nine_of_ten_moves_of_real_programs_are_plain(nc_data):
+    """Of the lines with a position in the long ISO programs, arcs apart."""
+    counted = {}
+    for name in ("PARALLEL.NC", "impeller-7bl-xyzac.ngc"):
+        (path,) = (path for path in real_programs(nc_data) if path.name == name)
+        names = machine_for(path).names
+        axes = "".join(names) if name.startswith("imp") else "XYZBC"
+        items = list(read_blocks(open_source(str(path)), ISO, axes))
+        runs = sum(len(item) for item in items if isinstance(item, PlainRun))
+        moves = sum(
+            any(word.address in ALL_AXES for word in item.words) for item in items if not isinstance(item, PlainRun)
+        )
+        counted[name] = runs / (runs + moves)
+    assert min(counted.values()) > 0.95, counted
+
+
+@drawn(25, 1500, text=mixtures(), seed=st.integers(0, 2**16), piece=st.sampled_from(PIECES))
+def test_plain_lines_in_bulk_give_the_same_program(text, seed, piece):
+    model = random_model(DMU50, seed)
+    single = outcome(text, DMU50, model, plain=False)
+    assert outcome(text, DMU50, model, piece=piece) == single
+    assert outcome(text, DMU50, model, piece=piece, shortest=3, tolerance_um=1e3) == outcome(
+        text, DMU50, model, plain=False, tolerance_um=1e3
+    )
+
+
+HEAD = "G21 G90 G17 G54 G94\nG0 X0.0000 Y0.0000 Z200.0000 B0.0000 C0.0000\n"
+CROSSING = [
+    f"N{i} G1 X{x:.4f} Y{-x:.4f} Z{z:.4f} B{0.1 * i:.4f} C0.0000 F100\n"
+    for i, (x, z) in enumerate((0.02 * k - 0.1 + shift, 0.013 * k - 0.06 + shift) for shift in (0, 10, 100) for k in range(11))
+]  # fmt: skip
+FORMS = {
+    "crossing": "".join(CROSSING),
+    "minus zero": "X-0.0000 Y0.0000\nX-0.0000 Y-0.0001\nX0.0000 Y-0.0000\n",
+    "bare": "X-.5 Y.5 Z200.\nX.05 Y-.05\nX-.0001 Y.0001\nX.0 Y0. Z5.\n",
+    "point": "X5. Y6.\nX5. Z7.\nX6.\nY5. Z.5\n",
+    "five decimals": "X1.23456 Y2.34567 Z200.00001\nX1.23457\nY2.34568\nZ200.00002\nX1.23456\n",
+    "plus": "X+1.5 Y-2.5\nX-0.0001 Y0.0001\nX0.0001 Y-0.0001 Z+5.\nX-1.\nY+0.0000\n",
+    "integers": "X1 Y2\nX2 Y0\nX3\nX4 Y5\n",
+    "rotary": "B5. C10.\nB6.\nC12. B7.\nX1. B8.\nB9. Y0.5\nC20.\n",
+    "inch": "G20\nX1.5 Y.25\nX1.6\nX1.7 Y.3 Z2.\nZ2.1\n",
+    "order": "Z5. X1.\nC5. Y2.\nB1. Z3. X2.\nY1. X1.\nG1 Y2. F5 X2.\n",
+}
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("form", FORMS)
+def test_numbers_of_any_form_are_written_alike(form, end):
+    text = (HEAD + FORMS[form] + "M30").replace("\n", end)
+    for seed in (1, 2):
+        model = random_model(DMU50, seed, 200.0)
+        single = outcome(text, DMU50, model, plain=False)
+        assert not isinstance(single, str)
+        for piece in PIECES:
+            assert outcome(text, DMU50, model, piece=piece) == single
+
+
+@pytest.mark.parametrize("increments", [False, True])
+def test_numbers_without_points_are_noted_or_increments(increments):
+    control = dataclasses.replace(DMU50.control, integer_words="increments" if increments else "units")
+    machine = dataclasses.replace(DMU50, control=control) if increments else DMU50
+    text = HEAD + "G1 X1. Y1. F100\nX1000 Y0\nX2.5 Y2000\nX3 Y2.5\nX4. Y0\n"
+    model = random_model(machine, 3)
+    assert outcome(text, machine, model) == outcome(text, machine, model, plain=False)
+
+
+@pytest.mark.statistical
+@LINES_OF_REAL_PROGRAMS
+def test_real_programs_are_corrected_alike(nc_data, lines, tmp_path):
+    for path in first_lines(real_programs(nc_data), lines, tmp_path):
+        machine, text = machine_for(path), path.read_bytes().decode(ENCODING)
+        model = random_model(machine, 5)
+        assert outcome(text, machine, model) == outcome(text, machine, model, plain=False), path.name
+
+
+@settings(max_examples=20)
+@given(text=mixtures(), piece=st.sampled_from(PIECES))
+def test_refusals_name_the_same_line(text, piece):
+    """Lines of the program are numbered through all pieces."""
+    found = []
+    for dialect in (ISO, dataclasses.replace(ISO, plain=None)):
+        lines = []
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("postproc.text.source.PIECE", piece)
+            try:
+                for item in read_blocks(source_of(text), dialect, "XYZBC"):
+                    several = isinstance(item, PlainRun)
+                    lines += [(b.line, b.text) for b in (map(item.block, range(len(item))) if several else (item,))]
+            except Refusal as refusal:
+                lines.append((refusal.line, refusal.reason))
+        found.append(lines)
+    assert found[0] == found[1]
