@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -95,10 +95,14 @@ class IsoInterpreter(ModalState):
             and self.not_programmed.keys() <= {"plane"}
         )
 
+    def _read_run(self, index: int, run: PlainRun) -> Iterator[Block | PlainRun]:
+        if self.machine.control.integer_words == "increments" and _integers(run).any():
+            return (self._read_single(index + line, run.block(line)) for line in range(len(run)))
+        return super()._read_run(index, run)
+
     def _take_run(self, index: int, run: PlainRun) -> None:
         super()._take_run(index, run)
-        words = run.columns
-        integers = ((words.end > 0) & (words.decimals < 0) & (words.value != 0.0)).sum(axis=0)
+        integers = _integers(run)
         if integers.any():
             self.notes.add(INTEGERS, run.number + int(np.flatnonzero(integers)[0]), int(integers.sum()))
         self._last, self.begun = (sort_words(run.block(len(run) - 1)), None), True
@@ -506,6 +510,12 @@ class IsoInterpreter(ModalState):
         words = self.axis_words(content.block, content.axes)
         if change_coordinates(self, content, code, words):
             self.recorder.call(index, self.unit, tuple(word for word, _ in words))
+
+
+def _integers(run: PlainRun) -> np.ndarray:
+    """Number of coordinates without a decimal point in each line `(lines,)`, zeros apart."""
+    words = run.columns
+    return np.asarray(((words.end > 0) & (words.decimals < 0) & (words.value != 0.0)).sum(axis=0))
 
 
 def _check_speed(content: Content, code: float) -> None:
