@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from support.iso_lines import blocks
 from support.plain_programs import mixtures, outcome, plain_lines
 from support.programs import load, random_model, source_of
 from support.real_programs import LINES_OF_REAL_PROGRAMS, first_lines, machine_for, real_programs
 from support.tiers import drawn
-from test_iso_blocks import blocks
 
 from postproc.dialects import find_dialect
 from postproc.program_lines import read_blocks

@@ -222,8 +222,10 @@ class PlainLines:
     def _numbers(self, start: np.ndarray, end: np.ndarray, decimals: np.ndarray) -> Array:
         """Values `(k,)` of numbers without signs at these positions, each the float nearest to its digits."""
         values = np.zeros(len(start))
-        for several in np.unique(decimals[decimals <= MOST_DECIMALS]).tolist():
+        for several in range(-1, MOST_DECIMALS + 1):
             rows = np.flatnonzero(decimals == several)
+            if not len(rows):
+                continue
             width = np.minimum(end[rows] - start[rows], WIDEST)
             places = np.arange(int(width.max()), dtype=np.int32)[:, None]
             digits = self._bytes[np.maximum(end[rows] - 1 - places, 0)] - np.uint8(ord("0"))

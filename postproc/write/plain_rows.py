@@ -185,7 +185,8 @@ class PlainRows:
 
 def plain_stretches(motions: Motions) -> dict[int, PlainRun]:
     """Runs of plain lines that are written together, by their first rows: each line has one row, and no added block."""
-    single = ~motions.added & ~motions.intermediate & np.isin(motions.kind, (Kind.RAPID, Kind.LINE))
+    again = motions.block[1:] == motions.block[:-1]
+    single = ~np.append(False, again) & ~np.append(again, False) & np.isin(motions.kind, (Kind.RAPID, Kind.LINE))
     linear = list(motions.machine.translators)
     found = {}
     for part, first in zip(motions.blocks.parts, motions.blocks.firsts, strict=False):
