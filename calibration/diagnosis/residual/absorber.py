@@ -13,7 +13,7 @@ from calibration.diagnosis.residual.unnamed import COMPONENTS, may_depend_on, pr
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Accepted, Stage
-from kinematics.effects import CrossAxis, Effect, Unnamed
+from kinematics.effects import CrossAxis, Cyclic, Effect, QuantisedCompensation, Unnamed
 from kinematics.state import TIME
 
 MOST = 0.5
@@ -31,7 +31,7 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
     """Accepted causes without which the function explains the data nearly as well as with them.
 
     A cause that alone explains most of what the function explains stands: the function then imitates the cause. Also a
-    smooth cause that shares a variable with the function, and is less clear than the function beside it or leaves much
+    cause that depends on one of the variables, and is less clear than the function beside it or leaves much
     beyond the noise: it is a mean of the function, or a part of it.
     """
     # estimated noise of an axis would hold much of the function
@@ -58,12 +58,12 @@ def _share(without: LinearisedFit, with_cause: LinearisedFit) -> float:
 
 
 def _variables(effect: Effect) -> set[str]:
-    """Variables of an effect that is a course in time, or in temperatures, which are functions of time, or a sag.
+    """Variables of a course in time, or in temperatures, which are functions of time; of a sag, a wave or a sawtooth.
 
-    None for an effect that is no smooth function of time and of the positions of axes.
+    None for an effect that depends on anything but time and the positions of axes.
     """
     timed = TIME in effect.needs or "temperatures" in effect.needs
-    if not timed and not isinstance(effect, CrossAxis):
+    if not timed and not isinstance(effect, (CrossAxis, Cyclic, QuantisedCompensation)):
         return set()
     axes = {getattr(effect, name) for name in ("axis", "other") if hasattr(effect, name)}
     return {TIME, *axes} if timed else axes
