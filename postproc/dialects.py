@@ -112,7 +112,7 @@ def _iso() -> Dialect:
         "({})",
         lambda block: block.kind == "tape_mark" or (bool(block.words) and block.words[0].address == "O"),
         begins=lambda block: any(word.address == "O" for word in block.words),
-        plain=PlainStyle("FNS", "01"),
+        plain=PlainStyle("FNS", motions="01"),
     )
 
 
@@ -132,6 +132,7 @@ def _heidenhain() -> Dialect:
         lambda block: block.kind == "begin_pgm",
         heidenhain_statements.OWN,
         leads=lambda block: block.kind == "centre",
+        plain=PlainStyle("FR", head="L", rapid="FMAX", unchanged="R", continued="~"),
     )
 
 

@@ -55,25 +55,50 @@ def _items(
         yield first
         done = max(1, first[1].count("\n"))
     number = 1
+    waiting: list[tuple[int, str]] = []
+    """Lines that the next one continues."""
     for piece in source.pieces():
         whole = piece[: piece.rfind(b"\n") + 1]
         if whole:
             lines = PlainLines(whole, axes, style)
-            plain = lines.regular if regular else lines.columns.plain
-            if done:
-                plain = plain.copy()
-                plain[:done] = False
+            plain = (lines.regular if regular else lines.columns.plain).copy()
+            plain[:done] = False
+            if style.continued:
+                _leave_continued(whole, lines, plain, style.continued.encode())
+                plain[0] &= not waiting
             for start, end, is_run in _runs(plain):
                 if is_run:
                     yield PlainRun(lines, start, end, number + start, dialect.read_block)
                     continue
-                for line in range(max(start, done), end):
-                    low, high = lines.starts[line : line + 2].tolist()
-                    yield _checked(source, number + line, whole[low:high])
+                singles = (_line(source, lines, line, number) for line in range(max(start, done), end))
+                if style.continued:
+                    joined = list(dialect.join_lines([*waiting, *singles]))
+                    waiting = []
+                    if end == len(plain) and joined and joined[-1][1].rstrip(" \t\r\n").endswith(style.continued):
+                        waiting = [joined.pop()]
+                    yield from joined
+                else:
+                    yield from singles
             number += len(lines)
             done = max(0, done - len(lines))
         if len(whole) < len(piece) and not done:
-            yield _checked(source, number, piece[len(whole) :])
+            waiting.append(_checked(source, number, piece[len(whole) :]))
+    yield from dialect.join_lines(waiting) if style.continued else waiting
+
+
+def _line(source: Source, lines: PlainLines, line: int, number: int) -> tuple[int, str]:
+    low, high = lines.starts[line : line + 2].tolist()
+    return _checked(source, number + line, lines.data[low:high])
+
+
+def _leave_continued(data: bytes, lines: PlainLines, plain: NDArrayBool, mark: bytes) -> None:
+    """Mark the lines behind those with a mark of continuation as not plain."""
+    at = data.find(mark)
+    while at >= 0:
+        behind = int(np.searchsorted(lines.starts, at, side="right"))
+        if behind < len(plain):
+            plain[behind] = False
+        at = data.find(mark, at + 1)
 
 
 def _checked(source: Source, number: int, data: bytes) -> tuple[int, str]:

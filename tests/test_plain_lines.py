@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from support.iso_lines import blocks
-from support.plain_programs import mixtures, outcome, plain_lines
+from support.plain_programs import klartext_lines, klartext_mixtures, mixtures, outcome, plain_lines
 from support.programs import load, random_model, source_of
 from support.real_programs import LINES_OF_REAL_PROGRAMS, first_lines, machine_for, real_programs
 from support.tiers import drawn
@@ -22,8 +22,14 @@ from postproc.text.source import ENCODING, open_source
 
 DMU50 = load("dmu50")
 ISO = find_dialect("iso", "", "")
+KLARTEXT = find_dialect("heidenhain", "", "")
 ALL_AXES = "XYZABCUVW"
 PIECES = (1, 7, 4096, 1 << 20)
+
+
+@functools.cache
+def model_of_errors(seed, size=100.0):
+    return random_model(DMU50, seed, size)
 
 
 def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
@@ -40,7 +46,7 @@ def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
         assert not dialect.flow.search(text)
         addresses = [word.address for word in block.words]
         assert len(set(addresses)) == len(addresses)
-        assert set(addresses) <= {*axes, *dialect.plain.other, "G"}
+        assert set(addresses) <= {*axes, *dialect.plain.other, "G", "FMAX", "R0"}
         found = {word.address: word for word in block.words}
         for column, axis in enumerate(axes):
             cell = column, row
@@ -54,7 +60,8 @@ def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
                 assert words.value[cell] == word.value
                 assert np.signbit(words.value[cell]) == np.signbit(word.value)
                 assert words.decimals[cell] == (len(number.partition(".")[2]) if "." in number else -1)
-        assert words.motion[row] == (int(found["G"].value) if "G" in found else -1)
+        named = int(found["G"].value) if "G" in found else -1
+        assert words.motion[row] == (named if dialect is ISO else 0 if "FMAX" in found else 1)
         before_last = text[block.words[-1].at - 1] in " \t" if len(block.words) > 1 else -1
         assert words.blank[row] == before_last
     return int(words.plain.sum())
@@ -80,10 +87,63 @@ def test_the_lines_of_cam_programs_are_plain(line):
     assert check_lines(f"{line}\n".encode()) == 1
 
 
+@settings(max_examples=20)
+@given(st.lists(klartext_lines().map("\n".join), min_size=1, max_size=4))
+@example(
+    ["5 L X1. FMAX", "5 L X+1 FMAX5", "L FMAXX5", "L X1 R0", "L X1 R0.5", "L X1 RL", "L X1 R 0", "L X1 RR", "X5 L Y1"]
+)
+@example(
+    [
+        "1.5 L X1",
+        ".5 L X1",
+        "-5 L X1",
+        "5L X1",
+        "5 LX1",
+        "L L X1",
+        "5 5 L X1",
+        "L",
+        "007 L X1",
+        "L X1 F100 FMAX",
+        "LBL 1",
+    ]
+)
+@example(
+    [
+        "L X1 ~",
+        "L X1,5",
+        "L X1 F\x01\x01\x01",
+        "l x1 fmax",
+        "L X1 Fmax",
+        "L X1 M3",
+        "L IX1",
+        "LN X1",
+        "L X-.5 Y+.5 R0 F.5",
+    ]
+)
+def test_a_plain_line_of_klartext_is_read_as_its_block(lines):
+    check_lines(("\n".join(lines) + "\n").encode(ENCODING), KLARTEXT)
+
+
+@pytest.mark.parametrize(
+    "line", ["L X1", "996 L X-28.606 Y-15.41", "5 L Z-1. FMAX", "LX+5 R0 F100\r", "l b5.5 r0 fmax"]
+)
+def test_the_lines_of_klartext_posts_are_plain(line):
+    assert check_lines(f"{line}\n".encode(), KLARTEXT) == 1
+
+
+@drawn(4, 500, text=klartext_mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+def test_klartext_in_bulk_gives_the_same_program(text, seed, piece):
+    model = model_of_errors(seed)
+    single = outcome(text, DMU50, model, plain=False, dialect="heidenhain")
+    assert outcome(text, DMU50, model, piece=piece, dialect="heidenhain") == single
+
+
 @LINES_OF_REAL_PROGRAMS
 def test_real_programs_are_read_alike(nc_data, lines, tmp_path):
     for path in first_lines(real_programs(nc_data), lines, tmp_path):
         check_lines(path.read_bytes() + b"\n")
+    for path in sorted((nc_data / "heidenhain").rglob("*.*")):
+        check_lines(path.read_bytes() + b"\n", KLARTEXT)
 
 
 def test_nine_of_ten_moves_of_real_programs_are_plain(nc_data):
@@ -100,11 +160,6 @@ def test_nine_of_ten_moves_of_real_programs_are_plain(nc_data):
         )
         counted[name] = runs / (runs + moves)
     assert min(counted.values()) > 0.95, counted
-
-
-@functools.cache
-def model_of_errors(seed, size=100.0):
-    return random_model(DMU50, seed, size)
 
 
 @drawn(6, 800, text=mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))

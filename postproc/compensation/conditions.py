@@ -6,8 +6,9 @@ The conditions at the start of the program are held over the program.
 from __future__ import annotations
 
 import math
+import operator
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from kinematics.files import read_input
 from kinematics.machine import Machine
 from kinematics.pieces import ErrorMotions
 from kinematics.state import REFERENCE, State
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 from kinematics.user_error import UserError
 from postproc.text.number_style import given_number, given_once
 
@@ -27,8 +28,8 @@ ABSOLUTE_ZERO = -273.15
 """Absolute zero, degC."""
 TEMPERATURE = "temp_"
 """Prefix of the temperature columns of a log."""
-MODELS = 4
-"""Number of models whose tables of error motions are kept."""
+MODELS, VALUES = 4, 8
+"""Number of models whose tables of error motions are kept, and of other quantities that are."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,10 @@ class Conditions:
     """Columns of the log that are neither time nor temperature."""
     _motions: deque[ErrorMotions] = field(
         default_factory=lambda: deque(maxlen=MODELS), init=False, repr=False, compare=False
+    )
+
+    _values: deque[tuple[Hashable, tuple[Machine, ErrorModel], Array]] = field(
+        default_factory=lambda: deque(maxlen=VALUES), init=False, repr=False, compare=False
     )
 
     def state(self, positions: Array, approach: Array | None = None) -> State:
@@ -68,6 +73,17 @@ class Conditions:
                 return known
         self._motions.appendleft(motions := ErrorMotions(machine, model, self.state))
         return motions
+
+    def known(
+        self, name: str, of: tuple[Machine, ErrorModel], at: Iterable[Hashable], value: Callable[[], Array]
+    ) -> Array:
+        """A quantity of a machine and a model at some touch-offs, read-only; the last ones are kept."""
+        key = name, tuple(at)
+        for own, machine_and_model, found in tuple(self._values):  # other threads may add to them
+            if own == key and all(map(operator.is_, machine_and_model, of)):
+                return found
+        self._values.appendleft((key, of, found := read_only(value())))
+        return found
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form."""

@@ -56,16 +56,23 @@ def deviations(machine: Machine, model: ErrorModel, touch_offs: Sequence[TouchOf
     """True datum minus work offset, D - W = e(W), `(k, 3)`, mm, workpiece frame, by the exact model."""
     if not model.effects or not touch_offs:
         return np.zeros((len(touch_offs), 3))
-    q, tool = poses(machine, touch_offs)
-    return exact_deviation(machine, q, model.errors(machine, conditions.state(q, np.zeros_like(q))), tool).position
+
+    def deviation() -> Array:
+        q, tool = poses(machine, touch_offs)
+        return exact_deviation(machine, q, model.errors(machine, conditions.state(q, np.zeros_like(q))), tool).position
+
+    return conditions.known("deviations", (machine, model), touch_offs, deviation)
 
 
 def sensitivities(machine: Machine, model: ErrorModel, touch_offs: Sequence[TouchOff], conditions: Conditions) -> Array:
     """Derivatives `(k, 3, parameters)` of the deviations at touch-offs by the parameters of the model, first order."""
-    q, tool = poses(machine, touch_offs)
-    return model.design(
-        machine, conditions.state(q, np.zeros_like(q)), error_transform_with_tool(machine, q, tool)[:, :3]
-    )
+
+    def derivatives() -> Array:
+        q, tool = poses(machine, touch_offs)
+        transform = error_transform_with_tool(machine, q, tool)[:, :3]
+        return model.design(machine, conditions.state(q, np.zeros_like(q)), transform)
+
+    return conditions.known("sensitivities", (machine, model), touch_offs, derivatives)
 
 
 class DatumPrediction(NamedTuple):

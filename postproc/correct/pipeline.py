@@ -50,8 +50,10 @@ from postproc.write.helices import FlatArcs
 from postproc.write.plain_rows import PlainText, unchanged
 from postproc.write.writer import Writer, Written
 
-UNCERTAINTY_ROWS, UNCERTAINTY_STEP = 500, 8
-"""Uncertainties of predictions are computed for the first UNCERTAINTY_ROWS moves, then in steps of UNCERTAINTY_STEP."""
+UNCERTAINTY_ROWS = 500
+UNCERTAINTY_STEPS = ((8, 1 << 12), (128, 1 << 16), (1024, np.inf))
+"""Uncertainties of predictions are computed for the first UNCERTAINTY_ROWS moves, and up to further numbers of moves
+for every eighth, 128th and 1024th: more would cost more than the correction."""
 SPOOLED = 1 << 24
 """Bytes of a corrected program that are kept in memory until its mark is known."""
 BETWEEN = (0.25, 0.5, 0.75)
@@ -298,7 +300,10 @@ class Pipeline:
         before = pose_errors(machine, self.model, nominal, nominal, tool, states_before, shift)
         after = pose_errors(machine, self.model, ends, nominal, tool, states_after, shift)
         numbers = report.before.count + np.arange(len(nominal))
-        some = np.flatnonzero((numbers < UNCERTAINTY_ROWS) | (numbers % UNCERTAINTY_STEP == 0))
+        chosen = numbers < UNCERTAINTY_ROWS
+        for step, end in UNCERTAINTY_STEPS:
+            chosen |= (numbers % step == 0) & (numbers < end)
+        some = np.flatnonzero(chosen)
         report.before.add(before.point_um)
         report.after.add(after.point_um)
         report.absolute_before.add(before.absolute_um)

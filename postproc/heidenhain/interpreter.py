@@ -81,6 +81,17 @@ class HeidenhainInterpreter(ModalState):
         self.arcs.new_chunk()
         return super().read(blocks)
 
+    @property
+    def plain(self) -> bool:
+        """True while L is a straight move in coordinates that are not tilted, without radius compensation."""
+        transformed = self.transformations.active or self.tilted_transformations.active
+        blocked = self.ended or self.compensated or self.cornered or self.levelled or self.tilt is not None
+        return self.begun and not transformed and not blocked
+
+    def _take_run(self, index: int, run: PlainRun) -> None:
+        super()._take_run(index, run)
+        self.motion = None
+
     def _read_block(self, index: int, block: Block) -> Block:
         if block.kind in HARMLESS_KINDS:
             return block

@@ -8,6 +8,7 @@ whose meaning needs more than their number, are left to the reader of single lin
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,7 +28,7 @@ LARGEST = 1e6
 POWERS = 10.0 ** np.arange(23)
 """Powers of ten that a float holds exactly."""
 
-_DIGIT, _POINT, _SIGN, _BLANK, _LINE, _RETURN, _LETTER, _OTHER = range(8)
+_DIGIT, _POINT, _SIGN, _BLANK, _LINE, _RETURN, _LETTER, _OTHER, _FLAG, _HEAD = range(10)
 _FOLLOWING = {
     _DIGIT: (_DIGIT, _POINT, _BLANK, _LINE, _RETURN, _LETTER),
     _POINT: (_DIGIT, _BLANK, _LINE, _RETURN, _LETTER),
@@ -36,7 +37,6 @@ _FOLLOWING = {
     _LINE: (_LETTER, _BLANK),
     _RETURN: (_LINE,),
     _LETTER: (_DIGIT, _POINT, _SIGN, _BLANK),
-    _OTHER: (),
 }
 """Classes of characters that may follow one another in plain lines."""
 _ACROSS = {
@@ -46,8 +46,32 @@ _ACROSS = {
     _LETTER: (_DIGIT, _POINT, _SIGN),
 }
 """Classes on both sides of blanks in plain lines."""
-_NOT_FOLLOWING = bytes(i % 8 not in _FOLLOWING[i // 8] if i < 64 else 1 for i in range(256))
-_NOT_ACROSS = np.array([[second not in _ACROSS.get(first, ()) for second in range(8)] for first in range(8)])
+_WITH_HEAD = {
+    _DIGIT: (_HEAD,),
+    _BLANK: (_HEAD,),
+    _LINE: (_DIGIT, _HEAD),
+    _HEAD: (_BLANK, _LETTER),
+    _LETTER: (_FLAG,),
+    _FLAG: (_FLAG, _BLANK, _LINE, _RETURN, _LETTER),
+}
+_ACROSS_WITH_HEAD = {
+    _DIGIT: (_HEAD,),
+    _LINE: (_DIGIT, _HEAD),
+    _HEAD: (_LETTER,),
+    _FLAG: (_LINE, _RETURN, _LETTER),
+}
+"""The same in lines that begin with a number and a head; these have flags too."""
+FLAG = b"\x01"
+"""Stands for each further character of a word without a number; no text holds it."""
+
+
+def _refused(*tables: Mapping[int, tuple[int, ...]]) -> NDArrayBool:
+    """True `(16, 16)` for pairs of classes that are in none of the tables."""
+    refused = np.ones((16, 16), bool)
+    for table in tables:
+        for first, following in table.items():
+            refused[first, list(following)] = False
+    return refused
 
 
 def read_plain(line: int, text: str, pattern: re.Pattern[str], part: re.Pattern[str]) -> Block | None:
@@ -73,18 +97,65 @@ class PlainStyle:
 
     other: str
     """Addresses of words that neither move an axis nor change the meaning of others."""
-    motions: str
+    motions: str = ""
     """Digits of the motions that the word G may name."""
+    head: str = ""
+    """First word of a straight line, behind the number of the block; empty if lines begin with any word."""
+    rapid: str = ""
+    """Word without a number of a rapid move; its first letter is one of `other`."""
+    unchanged: str = ""
+    """Address, one of `other`, that must have the number 0."""
+    continued: str = ""
+    """End of a line that the next one continues; empty for none."""
+
+    @cached_property
+    def letters(self) -> str:
+        """Addresses other than those of axes."""
+        return self.other + ("G" if self.motions else "")
 
     def classes(self, axes: str) -> bytes:
         """Class of every byte, for the addresses `axes` of the axes."""
         classes = bytearray([_OTHER] * 256)
-        letters = axes + self.other + "G"
-        kinds = ((b"0123456789", _DIGIT), (b".", _POINT), (b"+-", _SIGN), (b" \t", _BLANK), (b"\n", _LINE))
-        for characters, kind in (*kinds, (b"\r", _RETURN), ((letters + letters.lower()).encode(), _LETTER)):
+        letters = axes + self.letters
+        kinds = (
+            (b"0123456789", _DIGIT),
+            (b".", _POINT),
+            (b"+-", _SIGN),
+            (b" \t", _BLANK),
+            (b"\n", _LINE),
+            (b"\r", _RETURN),
+        )
+        addresses = (letters + letters.lower()).encode(), _LETTER
+        for characters, kind in (*kinds, addresses, ((self.head + self.head.lower()).encode(), _HEAD)):
             for character in characters:
                 classes[character] = kind
+        if self.rapid:
+            classes[FLAG[0]] = _FLAG
         return bytes(classes)
+
+    @cached_property
+    def refused(self) -> bytes:
+        """1 for every pair of classes that do not follow one another, by 16 times the first plus the second."""
+        tables = (_FOLLOWING, _WITH_HEAD) if self.head else (_FOLLOWING,)
+        return self._without_letters(_refused(*tables)).astype(np.uint8).tobytes()
+
+    @cached_property
+    def refused_across(self) -> NDArrayBool:
+        """True `(16, 16)` for pairs of classes that do not stand on both sides of blanks."""
+        return self._without_letters(_refused(*((_ACROSS, _ACROSS_WITH_HEAD) if self.head else (_ACROSS,))))
+
+    def _without_letters(self, refused: NDArrayBool) -> NDArrayBool:
+        """No line begins with an address if lines begin with a head."""
+        refused[_LINE, _LETTER] |= bool(self.head)
+        return refused
+
+    def with_flags(self, data: bytes) -> bytes:
+        """The text with a flag for each character of a rapid word but the first."""
+        if not self.rapid:
+            return data
+        for word in (self.rapid.encode(), self.rapid.lower().encode()):
+            data = data.replace(word, word[:1] + FLAG * (len(word) - 1))
+        return data
 
 
 class PlainLines:
@@ -96,8 +167,11 @@ class PlainLines:
     def __init__(self, data: bytes, axes: str, style: PlainStyle) -> None:
         self.data, self.axes, self._style = data, axes, style
         self._bytes = np.frombuffer(data, np.uint8)
-        self._classes = np.frombuffer(data.translate(style.classes(axes)), np.uint8)
-        self._ends = np.flatnonzero(self._classes == _LINE).astype(np.int32)
+        classes = style.with_flags(data).translate(style.classes(axes))
+        if style.rapid and FLAG in data:
+            classes = bytes([_OTHER]) * len(data)
+        self._classes = np.frombuffer(classes, np.uint8)
+        self._ends = np.flatnonzero(self._bytes == ord("\n")).astype(np.int32)
         self.starts = np.concatenate([[0], self._ends + 1]).astype(np.int32)
         """Positions of the lines `(lines + 1,)`, and of the end."""
 
@@ -109,11 +183,10 @@ class PlainLines:
         """Lines with the characters of plain lines in an order that plain lines may have."""
         classes = self._classes
         regular = np.diff(self.starts) <= LONGEST
-        pairs = (classes[:-1] << 3) | classes[1:]
-        wrong = np.flatnonzero(np.frombuffer(pairs.tobytes().translate(_NOT_FOLLOWING), np.uint8)) + 1
+        pairs = (classes[:-1] << 4) | classes[1:]
+        wrong = np.flatnonzero(np.frombuffer(pairs.tobytes().translate(self._style.refused), np.uint8)) + 1
         regular[self._line_of(wrong)] = False
-        if classes[0] not in _FOLLOWING[_LINE]:
-            regular[0] = False
+        regular[0] &= not self._style.refused[_LINE << 4 | int(classes[0])]
         # blanks between words, and between an address and its number
         last = np.flatnonzero((classes[:-1] == _BLANK) & (classes[1:] != _BLANK))
         before = last - 1
@@ -122,15 +195,41 @@ class PlainLines:
             if not blank.any():
                 break
             before -= blank
-        across = _NOT_ACROSS[np.where(before < 0, _LINE, classes[before]), classes[last + 1]]
+        across = self._style.refused_across[np.where(before < 0, _LINE, classes[before]), classes[last + 1]]
         regular[self._line_of(last[across] + 1)] = False
         # a point needs a digit beside it
         points = np.flatnonzero(classes == _POINT)
         alone = (classes[points - 1] != _DIGIT) & (classes[points + 1] != _DIGIT)
         regular[self._line_of(points[alone])] = False
-        codes = np.flatnonzero((self._bytes | 0x20) == ord("g"))
-        regular[self._line_of(codes[self._motions_at(codes) < 0])] = False
+        if self._style.motions:
+            codes = np.flatnonzero((self._bytes | 0x20) == ord("g"))
+            regular[self._line_of(codes[self._motions_at(codes) < 0])] = False
+        if self._style.head:
+            regular &= self._headed(points)
         return regular
+
+    def _headed(self, points: np.ndarray) -> NDArrayBool:
+        """Lines with one head, before it at most a number without leading zeros, and no unchanged word but 0."""
+        classes = self._classes
+        heads = np.flatnonzero(classes == _HEAD)
+        line = self._line_of(heads)
+        found = np.bincount(line, minlength=len(self)) == 1
+        head = np.zeros(len(self), np.int32)
+        head[line] = heads
+        found[(line_of_points := self._line_of(points))[points < head[line_of_points]]] = False
+        first = self.starts[:-1].copy()
+        for _ in range(LONGEST):
+            blank = classes[first] == _BLANK
+            if not blank.any():
+                break
+            first += blank
+        second = np.minimum(first + 1, len(classes) - 1)
+        found &= (self._bytes[first] != ord("0")) | (classes[second] != _DIGIT)
+        words = np.flatnonzero((self._bytes & 0xDF) == ord(self._style.unchanged))
+        ends = np.minimum(words + 2, len(classes) - 1)
+        changing = (self._bytes[words + 1] != ord("0")) | (classes[ends] == _DIGIT) | (classes[ends] == _POINT)
+        found[self._line_of(words[changing])] = False
+        return np.asarray(found)
 
     def _line_of(self, positions: np.ndarray) -> np.ndarray:
         return np.searchsorted(self._ends, positions)
@@ -185,7 +284,7 @@ class PlainLines:
         words, lines = self._words, len(self)
         plain = self.regular.copy()
         plain[words.line[words.several_points]] = False
-        for letter in self._style.other.encode() + b"G":
+        for letter in self._style.letters.encode():
             self._refuse_repeated(words.line[words.letter == letter], plain)
         letters = np.full(256, -1, np.int8)
         letters[np.frombuffer(self.axes.encode(), np.uint8)] = np.arange(len(self.axes))
@@ -207,8 +306,13 @@ class PlainLines:
         found = PlainColumns(plain, absent, *ends, np.zeros(shape, np.int8), np.zeros(shape), absent.copy())
         found.at[cell], found.start[cell], found.end[cell] = at, start, end
         found.decimals[cell], found.value[cell] = decimals, numbers
-        codes = words.letter == ord("G")
-        found.motion[words.line[codes]] = self._motions_at(words.at[codes])
+        if self._style.rapid:
+            rapid = (words.letter == ord(self._style.rapid[0])) & (self._classes[words.at + 1] == _FLAG)
+            found.motion[:] = 1
+            found.motion[words.line[rapid]] = 0
+        if self._style.motions:
+            codes = words.letter == ord("G")
+            found.motion[words.line[codes]] = self._motions_at(words.at[codes])
         plain &= (found.end > 0).any(axis=0)
         several = np.flatnonzero(words.line[1:] == words.line[:-1]) + 1
         found.blank[words.line[several]] = self._classes[words.at[several] - 1] == _BLANK

@@ -12,6 +12,8 @@ from postproc.text.block import Block
 
 _NUMBER = re.compile(r"[ \t]*(\d+)(?=[ \t])")
 
+_NUMBER_IN_BYTES = re.compile(rb"^([ \t]*)(\d+)(?=[ \t])", re.MULTILINE)
+
 
 class BlockNumbers:
     """Renumbers the lines of a program in their order; blocks without a number stay without one."""
@@ -46,7 +48,13 @@ class BlockNumbers:
         """Text of plain lines, renumbered."""
         if not self._klartext:
             self._last = None
-        return data
+            return data
+        last = _NUMBER_IN_BYTES.match(data, data.rfind(b"\n", 0, len(data) - 1) + 1)
+        self._last = int(last[2]) + self._added if last else None
+        return _NUMBER_IN_BYTES.sub(self._moved, data) if self._added else data
+
+    def _moved(self, number: re.Match[bytes]) -> bytes:
+        return b"%s%d" % (number[1], int(number[2]) + self._added)
 
     def next_number(self) -> str:
         """Number and blank at the start of the next added line; empty if the block before has no number."""

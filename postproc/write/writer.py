@@ -126,7 +126,7 @@ class Writer:
                 continue
             held = self._before(motions, row, assumed[row])
             starts[row] = held
-            if row in stretches:
+            if row in stretches and self._layout.numbers.mark == ".":
                 run = stretches[row]
                 behind = row + len(run)
                 rows = slice(row, behind)

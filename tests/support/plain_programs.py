@@ -89,3 +89,66 @@ def outcome(text, machine, model, *, plain=True, shortest=1, piece=1 << 20, dial
         except UserError as refusal:
             return str(refusal)
     return out.getvalue().splitlines(keepends=True), json.dumps(report.json())
+
+
+KLARTEXT_SLOW = (
+    *(
+        "; comment",
+        "M8",
+        "CC X+5 Y+5",
+        "C X+5 Y+6 DR+",
+        "L M91 Z+0",
+        "L IX+5",
+        "L X+1,5",
+        "L R0 FMAX M3",
+        "L Z+100 R0 FMAX M9",
+    ),
+    *(
+        "CYCL DEF 7.0 DATUM SHIFT~",
+        "CYCL DEF 7.1 X+5",
+        "L X+Q1",
+        "* - heading",
+        "L X+5 RL F100",
+        "L X+6 R0",
+        "RND R2",
+        "M129",
+    ),
+    *(
+        "L X+1 X+2",
+        "L X+1 R+",
+        "LN X+1 Y+2 Z+3 NX0 NY0 NZ1",
+        "TOOL CALL 1 Z S1000~",
+        "; goes on ~",
+        "L F MAX X+3",
+        "LX+5FMAX",
+    ),
+)
+
+
+@st.composite
+def klartext_lines(draw, axes="XYZBC", most=10):
+    """A run of straight lines of Klartext."""
+    numbered, plus = draw(st.booleans()), draw(st.booleans())
+    around = {axis: draw(st.sampled_from((0.0, 0.0, 10.0, -10.0, 100.0))) for axis in axes}
+    lines = []
+    for number in range(draw(st.integers(1, most))):
+        named = draw(st.lists(st.sampled_from(axes), min_size=1, unique=True))
+        words = [f"{axis}{draw(numbers(around[axis]))}" for axis in named]
+        words = [word if not plus or word[1] in "+-" else f"{word[0]}+{word[1:]}" for word in words]
+        words += draw(st.sampled_from([[], [], ["R0"], ["FMAX"], ["R0", "FMAX"], ["F250"], ["R0", "F99.5"]]))
+        lines.append(" ".join([*([str(number + 1)] if numbered else []), "L", *words]))
+    return lines
+
+
+@st.composite
+def klartext_mixtures(draw):
+    """A Klartext program: runs of straight lines with other blocks between them, and any line ends."""
+    lines = [
+        draw(st.sampled_from(["BEGIN PGM A MM", "0 BEGIN PGM A MM", "BEGIN PGM A INCH", "; none"])),
+        "L X+0 Y+0 Z+200",
+    ]
+    lines += ["L B+0 C+0 R0 FMAX", *draw(klartext_lines())]
+    for _ in range(draw(st.integers(0, 4))):
+        lines += draw(st.lists(st.sampled_from(KLARTEXT_SLOW), max_size=2)) + draw(klartext_lines())
+    end = draw(st.sampled_from(["\n", "\n", "\r\n"]))
+    return end.join(lines) + draw(st.sampled_from([end, end, ""]))
