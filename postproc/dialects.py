@@ -153,6 +153,7 @@ def _siemens() -> Dialect:
         lambda block: block.kind == "header" or "$PATH" in block.text,
         link=siemens_calls.link,
         begins=lambda block: block.kind == "header",
+        plain=PlainStyle("FNS", motions="01"),
     )
 
 

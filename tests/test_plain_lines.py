@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from support.iso_lines import blocks
-from support.plain_programs import klartext_lines, klartext_mixtures, mixtures, outcome, plain_lines
+from support.plain_programs import klartext_lines, klartext_mixtures, mixtures, outcome, plain_lines, siemens_mixtures
 from support.programs import load, random_model, source_of
 from support.real_programs import LINES_OF_REAL_PROGRAMS, first_lines, machine_for, real_programs
 from support.tiers import drawn
@@ -22,6 +22,7 @@ from postproc.text.source import ENCODING, open_source
 
 DMU50 = load("dmu50")
 ISO = find_dialect("iso", "", "")
+SIEMENS = find_dialect("siemens", "", "")
 KLARTEXT = find_dialect("heidenhain", "", "")
 ALL_AXES = "XYZABCUVW"
 PIECES = (1, 7, 4096, 1 << 20)
@@ -61,13 +62,13 @@ def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
                 assert np.signbit(words.value[cell]) == np.signbit(word.value)
                 assert words.decimals[cell] == (len(number.partition(".")[2]) if "." in number else -1)
         named = int(found["G"].value) if "G" in found else -1
-        assert words.motion[row] == (named if dialect is ISO else 0 if "FMAX" in found else 1)
+        assert words.motion[row] == ((0 if "FMAX" in found else 1) if dialect is KLARTEXT else named)
         before_last = text[block.words[-1].at - 1] in " \t" if len(block.words) > 1 else -1
         assert words.blank[row] == before_last
     return int(words.plain.sum())
 
 
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(st.lists(st.one_of(blocks(), plain_lines().map("\n".join)), min_size=1, max_size=6))
 @example(["X1.2.3", "X.", "X-", "X1 2", "G1 X", "G1.5 X2.", "G02 X1.", "G001 X1.", "X1.Y2.X3.", "F1 F2 X3.", "X1e5"])
 @example(["X123456789012.", "X1234567.", "X0.1234567891", "X1." + " " * 120 + "Y2.", "G 1 X2.", "X- 1.", "X+.5", "G1"])
@@ -76,7 +77,9 @@ def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
     ["N1G0X-0.0000Y+0.", "G00X1.Y-.5Z5.F.5", "g01x1.y2.", "X00001.50", "G1 G0 X1.", "N1.5 X1.", "O1 X1.", "$1 X1."]
 )
 def test_a_plain_line_is_read_as_its_block(lines):
-    check_lines(("\n".join(line.rstrip("\n") for line in lines) + "\n").encode(ENCODING))
+    data = ("\n".join(line.rstrip("\n") for line in lines) + "\n").encode(ENCODING)
+    check_lines(data)
+    check_lines(data, SIEMENS)
 
 
 @pytest.mark.parametrize(
@@ -138,12 +141,20 @@ def test_klartext_in_bulk_gives_the_same_program(text, seed, piece):
     assert outcome(text, DMU50, model, piece=piece, dialect="heidenhain") == single
 
 
+@drawn(4, 500, text=siemens_mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+def test_siemens_programs_in_bulk_give_the_same_program(text, seed, piece):
+    model = model_of_errors(seed)
+    single = outcome(text, DMU50, model, plain=False, dialect="siemens")
+    assert outcome(text, DMU50, model, piece=piece, dialect="siemens") == single
+
+
 @LINES_OF_REAL_PROGRAMS
 def test_real_programs_are_read_alike(nc_data, lines, tmp_path):
     for path in first_lines(real_programs(nc_data), lines, tmp_path):
         check_lines(path.read_bytes() + b"\n")
-    for path in sorted((nc_data / "heidenhain").rglob("*.*")):
-        check_lines(path.read_bytes() + b"\n", KLARTEXT)
+    for folder, dialect in (("heidenhain", KLARTEXT), ("siemens", SIEMENS)):
+        for path in sorted((nc_data / folder).rglob("*.*")):
+            check_lines(path.read_bytes() + b"\n", dialect)
 
 
 def test_nine_of_ten_moves_of_real_programs_are_plain(nc_data):

@@ -42,6 +42,7 @@ from postproc.siemens.polar import POLAR, Polar
 from postproc.siemens.variables import EMPTY, SiemensVariables
 from postproc.siemens.words import Content, check, plain_of, sort
 from postproc.text.block import Block, Word
+from postproc.text.blocks import PlainRun
 from postproc.text.expressions import Constant, NotKnown, whole
 
 BY_CONTROL = -1.0
@@ -83,6 +84,19 @@ class SiemensInterpreter(Interpreter):
         self.rounded = self.cornered = False
         """The control rounds every corner, rounds the corner after the block."""
         self.recorder = Recorder(self.machine, self.frame())
+
+    @property
+    def plain(self) -> bool:
+        """True while lines of axis words are straight moves to absolute positions without corners and cycles."""
+        blocked = self.ended or self.compensated or self.cornered or self.rounded or self.polar.radius is not None
+        special = self.transformations.tilted is not None or self.cycles.modal is not None
+        noted = bool(self.length) and self.plane != "XYZ"
+        passive = not set(self.machine.control.passive_axes).isdisjoint(self.machine.names)
+        return self.absolute and not (blocked or special or noted or passive)
+
+    def _take_run(self, index: int, run: PlainRun) -> None:
+        super()._take_run(index, run)
+        self.begun = True
 
     def _read_block(self, index: int, block: Block) -> Block:
         if block.kind == "header":

@@ -91,6 +91,61 @@ def outcome(text, machine, model, *, plain=True, shortest=1, piece=1 << 20, dial
     return out.getvalue().splitlines(keepends=True), json.dumps(report.json())
 
 
+SIEMENS_SLOW = (
+    *(
+        "; comment",
+        "M8",
+        "G91",
+        "G90",
+        "G2 X10 Y0 I5 J0",
+        "X=IC(5)",
+        "X=AC(5) Y3",
+        "TRANS X5",
+        "TRANS",
+        "ROT Z30",
+        "RND=2",
+    ),
+    *(
+        "RNDM=1",
+        "RNDM=0",
+        "G70",
+        "G71",
+        "TRAORI",
+        "TRAFOOF",
+        "G41 X5",
+        "G40 X1 Y1",
+        "R1=5",
+        "X=R1",
+        "CHF=1",
+        "G53 G0 Z0",
+    ),
+    *(
+        'MSG("A")',
+        "AP=30 RP=10",
+        "G18",
+        "G17",
+        "CIP X1 Y2 I1=3 J1=4",
+        "G64",
+        "G9 X5",
+        "E5",
+        "X1EX1",
+        "N5 X1 X2",
+        "G4 F1",
+    ),
+    *("G55", "T1 M6", "D1", "M77", "G93", "G94", "FB=5 X3"),
+)
+
+
+@st.composite
+def siemens_mixtures(draw, axes="XYZBC"):
+    """A Siemens program: runs of plain lines with other blocks between them."""
+    lines = [draw(st.sampled_from(["G17 G90 G71 G94 G54", "%_N_A_MPF", "; none", "G70"])), "G0 X0 Y0 Z200 B0 C0"]
+    for _ in range(draw(st.integers(1, 5))):
+        lines += draw(plain_lines(axes)) + draw(st.lists(st.sampled_from(SIEMENS_SLOW), max_size=2))
+    end = draw(st.sampled_from(["\n", "\n", "\r\n"]))
+    return end.join(lines) + draw(st.sampled_from([end, end, ""]))
+
+
 KLARTEXT_SLOW = (
     *(
         "; comment",
