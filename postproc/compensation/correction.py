@@ -138,7 +138,9 @@ def pose_errors(
     its nominal position (`datum_shifts`).
     """
     n, tip, errors = len(q), vector(tool), states.errors(machine, model)(q)
-    actual, aim = ChainColumns(machine, q), ChainColumns(machine, nominal)
+    actual = ChainColumns(machine, q)
+    turned_alike = np.array_equal(q[:, machine.rotary], nominal[:, machine.rotary])
+    aim = ChainColumns(machine, nominal, actual if turned_alike else None)
     there = aim.point(tip)
     apart = minus(actual.point(tip, errors), there)
     point, absolute = length(minus(apart, vector(shift))) * 1e3, length(apart) * 1e3

@@ -225,6 +225,8 @@ class Motions:
 
     def in_machine(self, program: Array) -> Array:
         """Axis positions `(n, axes)`, mm and rad, of programmed positions given for all rows."""
+        if len(self.frames) == 1 and len(self):
+            return to_machine(self.machine, self.frames[0], program)
         q = np.empty_like(program)
         for i, frame in enumerate(self.frames):
             rows = self.frame == i
@@ -234,6 +236,8 @@ class Motions:
 
     def in_program(self, q: Array) -> Array:
         """Programmed positions `(n, axes)`, mm and degrees, of axis positions given for all rows."""
+        if len(self.frames) == 1 and len(self):
+            return to_program(self.machine, self.frames[0], q)
         program = np.empty_like(q)
         for i, frame in enumerate(self.frames):
             rows = self.frame == i
