@@ -26,7 +26,7 @@ from postproc.text.flow import Flow
 from postproc.text.source import CHUNK, Source
 from postproc.write.plain_rows import PlainText
 
-KEPT = 64
+KEPT = 32
 """Number of chunks of a stored program that are kept in memory; later ones are kept in a temporary file."""
 Item = TypeVar("Item")
 

@@ -68,7 +68,7 @@ def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
     return int(words.plain.sum())
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(st.lists(st.one_of(blocks(), plain_lines().map("\n".join)), min_size=1, max_size=6))
 @example(["X1.2.3", "X.", "X-", "X1 2", "G1 X", "G1.5 X2.", "G02 X1.", "G001 X1.", "X1.Y2.X3.", "F1 F2 X3.", "X1e5"])
 @example(["X123456789012.", "X1234567.", "X0.1234567891", "X1." + " " * 120 + "Y2.", "G 1 X2.", "X- 1.", "X+.5", "G1"])
@@ -90,7 +90,7 @@ def test_the_lines_of_cam_programs_are_plain(line):
     assert check_lines(f"{line}\n".encode()) == 1
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(st.lists(klartext_lines().map("\n".join), min_size=1, max_size=4))
 @example(
     ["5 L X1. FMAX", "5 L X+1 FMAX5", "L FMAXX5", "L X1 R0", "L X1 R0.5", "L X1 RL", "L X1 R 0", "L X1 RR", "X5 L Y1"]
@@ -134,14 +134,14 @@ def test_the_lines_of_klartext_posts_are_plain(line):
     assert check_lines(f"{line}\n".encode(), KLARTEXT) == 1
 
 
-@drawn(4, 500, text=klartext_mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+@drawn(2, 500, text=klartext_mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_klartext_in_bulk_gives_the_same_program(text, seed, piece):
     model = model_of_errors(seed)
     single = outcome(text, DMU50, model, plain=False, dialect="heidenhain")
     assert outcome(text, DMU50, model, piece=piece, dialect="heidenhain") == single
 
 
-@drawn(4, 500, text=siemens_mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+@drawn(2, 500, text=siemens_mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_siemens_programs_in_bulk_give_the_same_program(text, seed, piece):
     model = model_of_errors(seed)
     single = outcome(text, DMU50, model, plain=False, dialect="siemens")
@@ -173,7 +173,7 @@ def test_nine_of_ten_moves_of_real_programs_are_plain(nc_data):
     assert min(counted.values()) > 0.95, counted
 
 
-@drawn(6, 800, text=mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+@drawn(4, 800, text=mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_plain_lines_in_bulk_give_the_same_program(text, seed, piece):
     model = model_of_errors(seed)
     single = outcome(text, DMU50, model, plain=False)
@@ -231,7 +231,7 @@ def test_real_programs_are_corrected_alike(nc_data, lines, tmp_path):
         assert outcome(text, machine, model) == outcome(text, machine, model, plain=False), path.name
 
 
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(text=mixtures(), piece=st.sampled_from(PIECES))
 def test_refusals_name_the_same_line(text, piece):
     """Lines of the program are numbered through all pieces."""
