@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinematics.deviation import exact_deviation
 from kinematics.error_model.model import ErrorModel
@@ -33,15 +34,18 @@ class Significance:
     unsure: int = 0
     """Number of these moves whose improvement is not significant."""
 
-    def add(self, before: Array, after: Array, u: Array) -> None:
-        """Add predicted errors before and after `(n,)`, and standard uncertainties `(n,)` of those before, um."""
-        gained = before - after
-        self.improvement += float(gained.sum())
-        self.significant += float(gained[gained > COVERAGE * u].sum())
+    def add(self, before: Array, after: Array, u: Array, moves: ArrayLike = 1) -> None:
+        """Add predicted errors before and after `(n,)`, and standard uncertainties `(n,)` of those before, um.
+
+        moves `(n,)`: number of moves that each stands for.
+        """
+        gained, moves = before - after, np.broadcast_to(moves, before.shape)
+        self.improvement += float((moves * gained).sum())
+        self.significant += float((moves * gained)[gained > COVERAGE * u].sum())
         self.uncertain |= bool(np.any(u > 0.0))
         worthwhile = before > self.tolerance_um
-        self.worthwhile += int(worthwhile.sum())
-        self.unsure += int((worthwhile & (u > 0.0) & (gained <= COVERAGE * u)).sum())
+        self.worthwhile += int(moves[worthwhile].sum())
+        self.unsure += int(moves[worthwhile & (u > 0.0) & (gained <= COVERAGE * u)].sum())
 
     @property
     def share(self) -> float | None:

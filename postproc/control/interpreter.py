@@ -125,7 +125,8 @@ class Interpreter(ABC):
         motion = motion[np.maximum.accumulate(np.where(motion >= 0, np.arange(len(motion)), 0))][1:]
         self.motion = float(motion[-1])
         self.recorder.append(index, run, motion, self.unit, timed=self.timed)
-        self.control_state.use(run.block(0), self.recorder.used)
+        if not self.control_state.uses(self.recorder.used):
+            self.control_state.use(run.block(0), self.recorder.used)
 
     @abstractmethod
     def _read_block(self, index: int, block: Block) -> Block:

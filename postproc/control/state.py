@@ -134,9 +134,13 @@ class ControlState:
 
     # ---- the offsets and tools that a program uses
 
+    def uses(self, frame: Frame | None) -> bool:
+        """True if the last move before was in the same frame."""
+        return frame is self._frame
+
     def use(self, block: Block, frame: Frame | None) -> None:
         """Register the frame of the last move of a block; Refusal if its offset or tool length is not given."""
-        if frame is None or frame is self._frame:
+        if frame is None or self.uses(frame):
             return
         self._frame = frame
         self._origins[_values_of(frame)] = self._origins_now(frame)

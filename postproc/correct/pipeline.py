@@ -50,10 +50,9 @@ from postproc.write.helices import FlatArcs
 from postproc.write.plain_rows import PlainText, unchanged
 from postproc.write.writer import Writer, Written
 
-UNCERTAINTY_ROWS = 500
-UNCERTAINTY_STEPS = ((8, 1 << 12), (128, 1 << 16), (1024, np.inf))
-"""Uncertainties of predictions are computed for the first UNCERTAINTY_ROWS moves, and up to further numbers of moves
-for every eighth, 128th and 1024th: more would cost more than the correction."""
+UNCERTAINTY_STEPS = ((0, 1), (500, 8), (1 << 12, 128), (1 << 16, 1024))
+"""Uncertainties of predictions are computed for every move at first, and from further numbers of moves on for every
+eighth, 128th and 1024th: more would cost more than the correction."""
 SPOOLED = 1 << 24
 """Bytes of a corrected program that are kept in memory until its mark is known."""
 BETWEEN = (0.25, 0.5, 0.75)
@@ -300,10 +299,7 @@ class Pipeline:
         before = pose_errors(machine, self.model, nominal, nominal, tool, states_before, shift)
         after = pose_errors(machine, self.model, ends, nominal, tool, states_after, shift)
         numbers = report.before.count + np.arange(len(nominal))
-        chosen = numbers < UNCERTAINTY_ROWS
-        for step, end in UNCERTAINTY_STEPS:
-            chosen |= (numbers % step == 0) & (numbers < end)
-        some = np.flatnonzero(chosen)
+        some, stands_for = _sampled(numbers)
         report.before.add(before.point_um)
         report.after.add(after.point_um)
         report.absolute_before.add(before.absolute_um)
@@ -314,7 +310,7 @@ class Pipeline:
         datum = datum_prediction(looked_at, self.model, job.conditions)
         whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[some], datum)
         report.uncertainty.add(whole)
-        report.significance.add(before.point_um[some], after.point_um[some], along)
+        report.significance.add(before.point_um[some], after.point_um[some], along, stands_for)
         self._outside.add(self.model.excesses(machine, states_before(nominal)), motions.line[evaluated])
         return np.stack([before.point_um, after.point_um], axis=1)
 
@@ -398,6 +394,14 @@ class Pipeline:
             here = pose_errors(self.job.machine, self.model, actual, nominal, tool, states, shift).point_um
             errors_between = np.maximum(errors_between, here)
         return errors_between
+
+
+def _sampled(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the moves, by their numbers `(n,)`, whose uncertainty is computed, and how many each stands for."""
+    first, steps = np.array(UNCERTAINTY_STEPS).T
+    step = steps[np.searchsorted(first, numbers, side="right") - 1]
+    some = np.flatnonzero(numbers % step == 0)
+    return some, step[some]
 
 
 def _new_report(job: Job) -> CorrectionResult:

@@ -72,15 +72,17 @@ class IsoInterpreter(ModalState):
         self._before_cycle: float | None = None
         """The motion in force where it began."""
         self.polar: PolarCoordinates | None = None
-        self._last: tuple[Content, float | None] | None = None
-        """The last block, and the code that claims its coordinates; None for one without words."""
+        self._last: tuple[Content, float | None] | PlainRun | None = None
+        """The last block, and the code that claims its coordinates; the plain lines that end with it; None for one
+        without words."""
 
     @property
     def moved(self) -> bool:
         """Whether a modal macro runs after the last block; Refusal where that depends on the control."""
-        if self._last is None:
+        last = self._last
+        if last is None:
             return False
-        content, claimed = self._last
+        content, claimed = (sort_words(last.block(len(last) - 1)), None) if isinstance(last, PlainRun) else last
         inside = "a canned cycle" if self.cycle is not None else "radius compensation" if self.compensated else ""
         return calls_macro(content, claimed, inside, self.recorder.stayed)
 
@@ -96,16 +98,16 @@ class IsoInterpreter(ModalState):
         )
 
     def _read_run(self, index: int, run: PlainRun) -> Iterator[Block | PlainRun]:
-        if self.machine.control.integer_words == "increments" and _integers(run).any():
+        if self.machine.control.integer_words == "increments" and _has_integers(run):
             return (self._read_single(index + line, run.block(line)) for line in range(len(run)))
         return super()._read_run(index, run)
 
     def _take_run(self, index: int, run: PlainRun) -> None:
         super()._take_run(index, run)
-        integers = _integers(run)
-        if integers.any():
+        if _has_integers(run):
+            integers = _integers(run)
             self.notes.add(INTEGERS, run.number + int(np.flatnonzero(integers)[0]), int(integers.sum()))
-        self._last, self.begun = (sort_words(run.block(len(run) - 1)), None), True
+        self._last, self.begun = run, True
 
     def _read_block(self, index: int, block: Block) -> Block:
         self._last = None
@@ -510,6 +512,11 @@ class IsoInterpreter(ModalState):
         words = self.axis_words(content.block, content.axes)
         if change_coordinates(self, content, code, words):
             self.recorder.call(index, self.unit, tuple(word for word, _ in words))
+
+
+def _has_integers(run: PlainRun) -> bool:
+    """True for lines with coordinates without a decimal point, zeros apart."""
+    return bool((run.columns.decimals < 0).any()) and bool(_integers(run).any())
 
 
 def _integers(run: PlainRun) -> np.ndarray:

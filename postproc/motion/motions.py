@@ -212,7 +212,7 @@ class Motions:
             program[row, [i, j]] = point_along((first, last), arc.centre, turned, share)
         return np.asarray(program)
 
-    @column
+    @property
     def line(self) -> np.ndarray:
         """Number of the first line of the block of each move `(n,)`."""
         return np.asarray(self.blocks.line_numbers[self.block])

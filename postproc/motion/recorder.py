@@ -133,8 +133,9 @@ class Recorder:
         named = (words.end > 0).T
         values = words.value.T * np.where(self.machine.rotary, 1.0, unit)
         last = np.maximum.accumulate(np.where(named, np.arange(lines)[:, None], -1), axis=0)
-        target = np.where(last >= 0, np.take_along_axis(values, np.maximum(last, 0), axis=0), self.position)
-        known = np.where(last >= 0, Known.PROGRAM, self.known)
+        found = last >= 0
+        target = np.where(found, values[np.maximum(last, 0), np.arange(len(self.position))], self.position)
+        known = np.where(found, int(Known.PROGRAM), self.known)
         self._join_rows()
         self._column_words.append(run)
         self._columns.append(
@@ -146,9 +147,9 @@ class Recorder:
                 "incremental": np.zeros(lines, bool),
                 "timed": np.full(lines, timed),
                 "frame_unchanged": np.ones(lines, bool),
-                "start": (start := np.vstack([self.position, target[:-1]])),
+                "start": (start := np.concatenate([[self.position], target[:-1]])),
                 "target": target,
-                "known_start": np.vstack([self.known, known[:-1]]),
+                "known_start": np.concatenate([[self.known], known[:-1]]),
                 "known": known,
             }
         )

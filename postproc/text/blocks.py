@@ -67,6 +67,8 @@ class Blocks(Sequence[Block]):
                 self.parts.append([item])
         self.firsts = [0, *itertools.accumulate(map(len, self.parts))]
         """Index of the first block of each part, and the number of blocks."""
+        self._made: dict[int, Block] = {}
+        """Blocks of plain lines that were asked for."""
 
     def __len__(self) -> int:
         return self.firsts[-1]
@@ -83,7 +85,11 @@ class Blocks(Sequence[Block]):
             raise IndexError(index)
         number = bisect.bisect_right(self.firsts, index) - 1
         part, at = self.parts[number], index - self.firsts[number]
-        return part[at] if isinstance(part, list) else part.block(at)
+        if isinstance(part, list):
+            return part[at]
+        if index not in self._made:
+            self._made[index] = part.block(at)
+        return self._made[index]
 
     def __iter__(self) -> Iterator[Block]:
         for part in self.parts:

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from kinematics.machine import NDArrayBool
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 from postproc.text.block import Block, Word
 
 LONGEST = 120
@@ -25,7 +25,7 @@ WIDEST = 12
 MOST_DECIMALS = 9
 LARGEST = 1e6
 """Number of an axis, at least, that is left to the reader of single lines."""
-POWERS = 10.0 ** np.arange(23)
+POWERS = read_only(10.0 ** np.arange(23))
 """Powers of ten that a float holds exactly."""
 
 _DIGIT, _POINT, _SIGN, _BLANK, _LINE, _RETURN, _LETTER, _OTHER, _FLAG, _HEAD = range(10)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.machine import NDArrayBool
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
 from postproc.text.blocks import Blocks, PlainRun
@@ -91,8 +91,7 @@ class PlainRows:
             ends[:, column] = _held(named[column], self.target[:, column], held[column])
         words = []
         for axis in axes:
-            numbers, inserted = self._axis(axis, held[axis.column], ends[:, axis.column])
-            words += [numbers, inserted] if len(inserted.line) else [numbers]
+            words += self._axis(axis, held[axis.column], ends[:, axis.column])
         joined = _Words(*(np.concatenate(column) for column in zip(*words, strict=True)))
         layouts = _Layouts(self, layout)
         text = self._spliced(joined, layouts)
@@ -104,7 +103,7 @@ class PlainRows:
     def _named(self) -> NDArrayBool:
         return self.run.columns.end > 0
 
-    def _axis(self, axis: WrittenAxis, held: float, ends: Array) -> tuple[_Words, _Words]:
+    def _axis(self, axis: WrittenAxis, held: float, ends: Array) -> list[_Words]:
         """Replaced numbers and added words of an axis; `ends` `(lines,)` becomes its positions on the control."""
         words, column = self.run.columns, axis.column
         named, value = self._named[column], words.value[column]
@@ -130,7 +129,8 @@ class PlainRows:
         changed = np.flatnonzero(named & (number != value))
         letter, behind = np.zeros(len(changed), int), np.zeros(len(changed), bool)
         cells = np.full(len(changed), column), counts[changed], decimals[changed]
-        return _Words(changed, *cells, letter, behind), self._added(axis, np.flatnonzero(inserted), counts)
+        found = [_Words(changed, *cells, letter, behind)]
+        return [*found, self._added(axis, np.flatnonzero(inserted), counts)] if inserted.any() else found
 
     def _follow(
         self, axis: WrittenAxis, held: float, rows: np.ndarray, wanted: Array, after: Array, inserted: NDArrayBool
@@ -293,7 +293,7 @@ class _Layouts:
         return text[shown], shown.sum(axis=1)
 
 
-_UNITS = np.array([10.0**-decimals for decimals in range(23)])
+_UNITS = read_only(np.array([10.0**-decimals for decimals in range(23)]))
 """One unit of the last decimal."""
 
 
