@@ -209,9 +209,10 @@ def test_a_drift_along_three_axes_is_not_one_of_the_tracker():
     forms = [Candidate(ThermalDrift(c, amplitudes=(0.0,), time_constants_s=(600.0,)), 1, 4.0) for c in sizes]
     made = alone([*forms, Candidate(TrackerDrift())], data_with(*vector))
     (rare,) = evaluate(made.bare.linearised, made.library[3:])
-    (drift,) = made._drifting(made.bare.linearised, ())
+    tracker = made.stage([(rare.candidate, rare.score.size)])
+    (drift,) = made._drifting(tracker, 0)
     assert len(drift) == len(sizes)
-    found = made.commoner(made.stage([(rare.candidate, rare.score.size)]))
+    found = made.commoner(tracker)
     assert {each.candidate.kind for each in found.accepted} == {"thermal-drift"}
 
 

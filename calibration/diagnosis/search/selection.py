@@ -247,28 +247,36 @@ class Selector:
                 continue
             library = [candidate for candidate in self.library if candidate.cause != own.candidate.cause]
             lacking = replace(self, library=library)
-            known_causes = [*lacking._drifting(stage.without(i), others), *([] if beside else [others])]
-            for known in known_causes:
+            for known in (*lacking._drifting(stage, i), *([] if beside else [others])):
                 trial = lacking.select(known).stages[-1]
                 if trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity:
                     return self.commoner(trial)
         return stage
 
-    def _drifting(self, linearised: LinearisedFit, others: Sequence[Accepted]) -> Iterator[Sequence[Accepted]]:
-        """The causes with a thermal drift along X, Y and Z, in the course that explains most; nothing without one.
+    def _drifting(self, stage: Stage, index: int) -> Iterator[Sequence[Accepted]]:
+        """The causes without one, with a thermal drift along X, Y and Z of one course; nothing where none can be.
 
-        A drift is a vector: its directions, one by one, leave the others' part and seem to explain little.
+        A drift is a vector: its directions, one by one, leave the others' part and seem to explain little. The course
+        is that of its clearest direction among the causes; else the one that explains most.
         """
-        known = {each.candidate.cause for each in others}
-        courses: dict[str, list[Candidate]] = {}
-        for candidate in self.library:
-            if candidate.shifts_tool and candidate.cause not in known:
-                course = msgspec.structs.replace(candidate.effect, component="X")
-                courses.setdefault(repr(course), []).append(candidate)
-        tried = [evaluate(linearised, candidates) for candidates in courses.values()]
-        if tried:
-            best = max(tried, key=lambda vector: linearised.squares_of_all([each.projected for each in vector]))
-            yield self.stage([*chosen_of(others), *((each.candidate, each.score.size) for each in best)]).accepted
+        others = [each for i, each in enumerate(stage.accepted) if i != index]
+        without = stage.without(index)
+        directions = [each for each in others if each.candidate.shifts_tool]
+        if directions:
+            clearest = min(directions, key=lambda each: each.score.delta_bic).candidate
+            effects = [msgspec.structs.replace(clearest.effect, component=component) for component in "XYZ"]
+            vectors = [evaluate(without, [replace(clearest, effect=effect) for effect in effects])]
+        else:
+            courses: dict[str, list[Candidate]] = {}
+            for candidate in self.library:
+                if candidate.shifts_tool:
+                    course = msgspec.structs.replace(candidate.effect, component="X")
+                    courses.setdefault(repr(course), []).append(candidate)
+            vectors = [evaluate(without, candidates) for candidates in courses.values()]
+        if vectors:
+            best = max(vectors, key=lambda vector: without.squares_of_all([each.projected for each in vector]))
+            rest = chosen_of([each for each in others if not each.candidate.shifts_tool])
+            yield self.stage([*rest, *((each.candidate, each.score.size) for each in best)]).accepted
 
     def _irreplaceable(self, stage: Stage, index: int) -> bool:
         """True where all visible candidates together, in place of a cause, explain much less than the cause does."""
