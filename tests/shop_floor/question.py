@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shop_floor import error_motions
-from shop_floor.causes import FIXED_SIZES, KNOWN, THREE, TWO
+from shop_floor.causes import FIXED_SIZES, KNOWN, THREE, TWO, Crash
 from shop_floor.chain import MACHINES, Array, no_errors, nominal_points, tool_points, without_rigid_motion
 from shop_floor.designs import DESIGNS, Run
 from shop_floor.error_motions import UM, ErrorMotions
@@ -115,15 +115,19 @@ class Question:
 
     @cached_property
     def unseen(self) -> Run:
-        """Random poses in the volume, at the mean time and temperature of the run, from either side."""
+        """Random poses in the volume, at the mean time and temperature of the run, from either side.
+
+        Later than the mean where the machine has changed later: a calibration describes the machine as it is now.
+        """
         run, rng = self.logged, np.random.default_rng(self.unseen_seed)
+        changed = [effect.since_s for effect in self.hidden if isinstance(effect, Crash)]
         low = np.array([axis.low for axis in run.machine.axes])
         high = np.array([min(axis.high, 110.0) if axis.name == "B" else axis.high for axis in run.machine.axes])
         return replace(
             run,
             positions=np.round(rng.uniform(low, high, (UNSEEN, len(low))), 4),
             target=rng.choice(np.array(list(run.targets)), UNSEEN),
-            clock=np.full(UNSEEN, round(float(run.clock.mean()), 1)),
+            clock=np.full(UNSEEN, np.ceil(10.0 * max([float(run.clock.mean()), *changed])) / 10.0),
             temperature=np.full(UNSEEN, round(float(run.temperature.mean()), 2)),
             station=None,
             approach=rng.choice([-1.0, 1.0], (UNSEEN, len(low))),
