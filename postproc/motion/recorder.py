@@ -54,6 +54,8 @@ class Recorder:
     """Their words."""
     _columns: list[dict[str, np.ndarray]] = field(init=False, default_factory=list)
     """Columns of the rows before them, and their words."""
+    _joined: int = field(init=False, default=0)
+    """Number of these rows."""
     _column_words: list[list[tuple[AxisWord, ...]] | PlainRun] = field(init=False, default_factory=list)
     _by_row: dict[str, dict[int, Any]] = field(init=False)
     _polar_ends: dict[int, PolarEnd] = field(init=False, default_factory=dict)
@@ -137,6 +139,7 @@ class Recorder:
         target = np.where(found, values[np.maximum(last, 0), np.arange(len(self.position))], self.position)
         known = np.where(found, int(Known.PROGRAM), self.known)
         self._join_rows()
+        self._joined += lines
         self._column_words.append(run)
         self._columns.append(
             {
@@ -287,7 +290,7 @@ class Recorder:
         """The rows recorded since the last call, for these blocks."""
         self._join_rows()
         parts, words, by_row, frames = self._columns, self._column_words, self._by_row, self._frames
-        self._columns, self._column_words, self._frames = [], [], [self.frame]
+        self._columns, self._column_words, self._joined, self._frames = [], [], 0, [self.frame]
         self._by_row = {name: {} for name in BY_ROW}
         polar_ends, self._polar_ends = self._polar_ends, {}
         columns: dict[str, Any] = self._none()
@@ -302,7 +305,7 @@ class Recorder:
     @property
     def _row(self) -> int:
         """Number of the next row."""
-        return sum(len(part["block"]) for part in self._columns) + len(self._rows)
+        return self._joined + len(self._rows)
 
     def _none(self) -> dict[str, np.ndarray]:
         """Columns without rows."""
@@ -315,6 +318,7 @@ class Recorder:
             columns = zip(RECORDED.items(), zip(*self._rows, strict=True), strict=True)
             self._columns.append({name: np.array(column, kind) for (name, kind), column in columns})
             self._column_words.append(self._words)
+            self._joined += len(self._rows)
             self._rows, self._words = [], []
 
     def _with_probes(self, frames: list[Frame], used: set[int]) -> list[Frame]:

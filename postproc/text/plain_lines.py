@@ -318,6 +318,21 @@ class PlainLines:
         found.blank[words.line[several]] = self._classes[words.at[several] - 1] == _BLANK
         return found
 
+    @cached_property
+    def usual_numbers(self) -> bool:
+        """True if all axis words have a digit before the point, and no plus."""
+        plus, _, bare, _ = self.marks(self.columns)
+        return not (plus.any() or bare.any())
+
+    def marks(self, words: PlainColumns) -> tuple[NDArrayBool, NDArrayBool, NDArrayBool, NDArrayBool]:
+        """Words with a plus, with a minus, without a digit before the point, with the digit 0 alone before it."""
+        named, first = words.end > 0, self._bytes[words.start]
+        plus, minus = named & (first == ord("+")), named & (first == ord("-"))
+        digit = words.start + (plus | minus)
+        bare = named & (self._bytes[digit] == ord("."))
+        zero = named & (self._bytes[digit] == ord("0")) & (self._bytes[digit + 1] == ord("."))
+        return plus, minus, bare, zero
+
     @staticmethod
     def _refuse_repeated(lines: np.ndarray, plain: NDArrayBool) -> None:
         """Mark lines `(k,)`, sorted, that occur twice as not plain."""

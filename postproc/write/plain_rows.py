@@ -16,7 +16,7 @@ from postproc.motion.moves import Kind
 from postproc.text.blocks import Blocks, PlainRun
 from postproc.text.editing import Layout, end_of, rank_of
 from postproc.text.number_style import NumberStyle
-from postproc.text.plain_lines import POWERS
+from postproc.text.plain_lines import POWERS, PlainLines
 from postproc.text.source import ENCODING
 
 NEAR_HALF = 1e-6
@@ -51,10 +51,11 @@ class WrittenAxis(NamedTuple):
     """mm per unit of its words."""
 
 
-class _Words(NamedTuple):
+class PlainWords(NamedTuple):
     """Numbers that replace others, or words that are added; columns `(k,)`."""
 
     line: np.ndarray
+    """Index of the line in its piece of the program."""
     axis: np.ndarray
     """Column of the axis, or of the word beside an added one."""
     counts: Array
@@ -64,6 +65,12 @@ class _Words(NamedTuple):
     """Upper case letter of an added word; 0 for a number that replaces another."""
     behind: NDArrayBool
     """True for a word behind that of `axis`, False for one before it."""
+    plus: NDArrayBool
+    """True for a sign on a positive number."""
+    zero: NDArrayBool
+    """True for a zero before the point."""
+    blank: NDArrayBool
+    """True where blanks separate words."""
 
 
 @dataclass
@@ -80,8 +87,8 @@ class PlainRows:
     kept: NDArrayBool
     """Lines `(lines,)` whose linear axes keep their positions; they name none."""
 
-    def write(self, axes: Sequence[WrittenAxis], held: list[float], layout: Layout) -> tuple[PlainText, Array, Layout]:
-        """The text, the positions on the control after each line `(lines, axes)`, and the layout after the last line.
+    def write(self, axes: Sequence[WrittenAxis], held: list[float], layout: Layout) -> tuple[PlainWords, Array, Layout]:
+        """The words, the positions on the control after each line `(lines, axes)`, and the layout after the last line.
 
         axes: in the order in which words are added. held: positions before the first line, mm and degrees.
         """
@@ -89,21 +96,17 @@ class PlainRows:
         ends = np.empty_like(self.target)
         for column in range(len(held)):
             ends[:, column] = _held(named[column], self.target[:, column], held[column])
-        words = []
+        layouts = _Layouts(self.run, layout)
+        found = []
         for axis in axes:
-            words += self._axis(axis, held[axis.column], ends[:, axis.column])
-        joined = _Words(*(np.concatenate(column) for column in zip(*words, strict=True)))
-        layouts = _Layouts(self, layout)
-        text = self._spliced(joined, layouts)
-        changed = np.zeros(len(self.run), bool)
-        changed[joined.line] = True
-        return PlainText(text, len(self.run), int(changed.sum())), ends, layouts.last
+            found += self._axis(axis, held[axis.column], ends[:, axis.column], layouts)
+        return PlainWords(*(np.concatenate(column) for column in zip(*found, strict=True))), ends, layouts.last
 
     @cached_property
     def _named(self) -> NDArrayBool:
         return self.run.columns.end > 0
 
-    def _axis(self, axis: WrittenAxis, held: float, ends: Array) -> list[_Words]:
+    def _axis(self, axis: WrittenAxis, held: float, ends: Array, layouts: _Layouts) -> list[PlainWords]:
         """Replaced numbers and added words of an axis; `ends` `(lines,)` becomes its positions on the control."""
         words, column = self.run.columns, axis.column
         named, value = self._named[column], words.value[column]
@@ -129,8 +132,9 @@ class PlainRows:
         changed = np.flatnonzero(named & (number != value))
         letter, behind = np.zeros(len(changed), int), np.zeros(len(changed), bool)
         cells = np.full(len(changed), column), counts[changed], decimals[changed]
-        found = [_Words(changed, *cells, letter, behind)]
-        return [*found, self._added(axis, np.flatnonzero(inserted), counts)] if inserted.any() else found
+        styles = layouts.of(cells[0], changed)
+        found = [PlainWords(changed + self.run.first, *cells, letter, behind, *styles)]
+        return [*found, self._added(axis, np.flatnonzero(inserted), counts, layouts)] if inserted.any() else found
 
     def _follow(
         self, axis: WrittenAxis, held: float, rows: np.ndarray, wanted: Array, after: Array, inserted: NDArrayBool
@@ -145,7 +149,7 @@ class PlainRows:
                 after[row] = written * axis.unit if inserted[row] and written != before else held
             held = float(after[row])
 
-    def _added(self, axis: WrittenAxis, rows: np.ndarray, counts: Array) -> _Words:
+    def _added(self, axis: WrittenAxis, rows: np.ndarray, counts: Array, layouts: _Layouts) -> PlainWords:
         """Words of an axis that are added in `rows`, behind the last word of an axis with a lower rank."""
         words, named = self.run.columns, self._named[:, rows]
         ranks = np.array([rank_of(letter) for letter in self.run.lines.axes])
@@ -155,32 +159,72 @@ class PlainRows:
         beside = np.where(behind, lower.argmax(axis=0), np.where(named, at, np.iinfo(at.dtype).max).argmin(axis=0))
         decimals = np.maximum(axis.decimals, words.decimals[beside, rows])
         numbers = counts[rows] * POWERS[decimals - axis.decimals]
-        return _Words(rows, beside, numbers, decimals, np.full(len(rows), ord(axis.name)), behind)
+        letter, styles = np.full(len(rows), ord(axis.name)), layouts.of(beside, rows)
+        return PlainWords(rows + self.run.first, beside, numbers, decimals, letter, behind, *styles)
 
-    def _spliced(self, words: _Words, layouts: _Layouts) -> bytes:
-        """The text of the lines with these words."""
-        columns, lines = self.run.columns, self.run.lines
-        low, high = lines.starts[[self.run.first, self.run.last]].tolist()
-        if not len(words.line):
-            return lines.data[low:high]
-        source = np.frombuffer(lines.data, np.uint8)[low:high]
-        cell = words.axis, words.line
-        start, end = columns.start[cell] - low, columns.end[cell] - low
-        added = words.letter > 0
-        address = columns.at[cell] - low
-        start = np.where(added, np.where(words.behind, end, address), start)
-        end = np.where(added, start, end)
-        order = np.argsort(start, kind="stable")
-        text, lengths = layouts.written(words, cell, source[address], order)
-        start, end = start[order], end[order]
-        kept, tail = start - np.concatenate([[0], end[:-1]]), len(source) - int(end[-1])
-        alternating = np.arange(2 * len(end) + 1) % 2 == 0
-        taken = np.repeat(alternating, np.append(np.stack([kept, end - start], axis=1).ravel(), tail))
-        placed = np.repeat(alternating, np.append(np.stack([kept, lengths], axis=1).ravel(), tail))
-        result = np.empty(len(placed), np.uint8)
-        result[placed] = source[taken]
-        result[~placed] = text
-        return result.tobytes()
+
+def plain_texts(lines: PlainLines, runs: Sequence[PlainRun], words: PlainWords) -> list[PlainText]:
+    """The texts of runs of a piece, in their order, with these words."""
+    bounds = lines.starts[np.array([(run.first, run.last) for run in runs])].astype(int)
+    low, high = int(bounds[0, 0]), int(bounds[-1, 1])
+    if not len(words.line):
+        return [PlainText(run.data(0, len(run)), len(run), 0) for run in runs]
+    columns, source = lines.columns, np.frombuffer(lines.data, np.uint8)[low:high]
+    cell = words.axis, words.line
+    start, end, address = (column[cell] - low for column in (columns.start, columns.end, columns.at))
+    added, gap = words.letter > 0, start > address + 1
+    start = np.where(added, np.where(words.behind, end, address), start)
+    end = np.where(added, start, end)
+    order = np.argsort(start, kind="stable")
+    text, lengths = _written(words, gap, (source[address] & 0x20) > 0, order)
+    start, end = start[order], end[order]
+    kept, tail = start - np.concatenate([[0], end[:-1]]), len(source) - int(end[-1])
+    alternating = np.arange(2 * len(end) + 1) % 2 == 0
+    taken = np.repeat(alternating, np.append(np.stack([kept, end - start], axis=1).ravel(), tail))
+    placed = np.repeat(alternating, np.append(np.stack([kept, lengths], axis=1).ravel(), tail))
+    result = np.empty(len(placed), np.uint8)
+    result[placed] = source[taken]
+    result[~placed] = text
+    data = result.tobytes()
+    longer = np.concatenate([[0], np.cumsum(lengths - (end - start))])
+    ends = bounds - low + longer[np.searchsorted(start, bounds - low)]
+    changed = np.zeros(len(lines), bool)
+    changed[words.line] = True
+    return [
+        PlainText(data[first:last], len(run), int(np.count_nonzero(changed[run.first : run.last])))
+        for run, (first, last) in zip(runs, ends.tolist(), strict=True)
+    ]
+
+
+def _written(words: PlainWords, gap: NDArrayBool, low: NDArrayBool, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bytes of words in this order, and their lengths `(k,)`.
+
+    gap, low `(k,)`: the word whose style it takes has blanks behind its address, has a lower case address.
+    """
+    counts, decimals = np.abs(words.counts), words.decimals
+    whole = np.floor(counts / POWERS[decimals])
+    most = int(decimals.max(initial=0))
+    fraction = ((counts - whole * POWERS[decimals]) * POWERS[most - decimals]).astype(np.uint32)
+    whole = whole.astype(np.uint32)
+    negative, added = words.counts < 0.0, words.letter > 0
+    digits = len(str(int(whole.max(initial=0))))
+    width = 5 + digits + 1 + most
+    text = np.full((len(counts), width), ord(" "), np.uint8)
+    shown = np.zeros((len(counts), width), bool)
+    shown[:, 0], shown[:, -1] = added & words.blank & words.behind, added & words.blank & ~words.behind
+    text[:, 1], shown[:, 1] = words.letter + 0x20 * low, added
+    shown[:, 2] = added & gap
+    text[:, 3], shown[:, 3] = np.where(negative, ord("-"), ord("+")), negative | words.plus
+    for i in range(digits):
+        place = digits - 1 - i
+        text[:, 4 + i] = ord("0") + (whole // 10**place) % 10
+        shown[:, 4 + i] = (whole >= 10**place) | ((place == 0) & (words.zero | (decimals == 0)))
+    text[:, 4 + digits], shown[:, 4 + digits] = ord("."), decimals > 0
+    for i in range(most):
+        text[:, 5 + digits + i] = ord("0") + (fraction // 10 ** (most - 1 - i)) % 10
+        shown[:, 5 + digits + i] = decimals > i
+    text, shown = text[order], shown[order]
+    return text[shown], shown.sum(axis=1)
 
 
 def plain_stretches(motions: Motions) -> dict[int, PlainRun]:
@@ -204,33 +248,27 @@ def plain_stretches(motions: Motions) -> dict[int, PlainRun]:
 class _Layouts:
     """The layout after each line of a run."""
 
-    def __init__(self, rows: PlainRows, before: Layout) -> None:
-        self._rows, self._before = rows, before
-        self._columns = rows.run.columns
-        self._bytes = np.frombuffer(rows.run.lines.data, np.uint8)
-        named = rows._named
-        first = self._bytes[self._columns.start]
-        self._plus = named & (first == ord("+"))
-        self._minus = named & (first == ord("-"))
-        digit = self._columns.start + (self._plus | self._minus)
-        self._bare = named & (self._bytes[digit] == ord("."))
-        self._zero = named & (self._bytes[digit] == ord("0")) & (self._bytes[digit + 1] == ord("."))
+    def __init__(self, run: PlainRun, before: Layout) -> None:
+        self._run, self._before, self._columns = run, before, run.columns
+        numbers = before.numbers
+        self._usual = run.lines.usual_numbers and not numbers.plus and numbers.leading_zero
 
     @cached_property
-    def _simple(self) -> bool:
-        """True if no word changes the style: no sign on positive numbers, and a zero before the point."""
-        numbers = self._before.numbers
-        return not numbers.plus and numbers.leading_zero and not self._plus.any() and not self._bare.any()
+    def _marks(self) -> tuple[NDArrayBool, NDArrayBool, NDArrayBool, NDArrayBool]:
+        """Words `(axes, lines)` with a plus, with a minus, without a digit before the point, with a zero only."""
+        return self._run.lines.marks(self._columns)
 
     @cached_property
-    def plus(self) -> NDArrayBool:
+    def _plus(self) -> NDArrayBool:
         """True `(lines,)` where a positive number gets a sign if its own word does not show it."""
-        return self._last(self._rows._named & ~self._minus, self._plus, self._before.numbers.plus)
+        plus, minus, _, _ = self._marks
+        return self._last((self._columns.end > 0) & ~minus, plus, self._before.numbers.plus)
 
     @cached_property
-    def leading_zero(self) -> NDArrayBool:
+    def _leading_zero(self) -> NDArrayBool:
         """True `(lines,)` where a number gets a zero before the point if its own word does not show it."""
-        return self._last(self._bare | self._zero, self._zero, self._before.numbers.leading_zero)
+        _, _, bare, zero = self._marks
+        return self._last(bare | zero, zero, self._before.numbers.leading_zero)
 
     def _last(self, shows: NDArrayBool, value: NDArrayBool, before: bool) -> NDArrayBool:
         """The value of the last word up to the end of each line that shows one; `before` before the first of them."""
@@ -240,57 +278,28 @@ class _Layouts:
         return np.asarray(_held(at[word, lines] >= 0, value[word, lines], before))
 
     @cached_property
-    def blank(self) -> NDArrayBool:
+    def _blank(self) -> NDArrayBool:
         """True `(lines,)` where blanks separate words."""
         return _held(self._columns.blank >= 0, self._columns.blank == 1, self._before.blank)
 
     @property
     def last(self) -> Layout:
         """The layout after the last line."""
-        run = self._rows.run
+        run = self._run
         end = end_of(run.data(len(run) - 1, len(run)).decode(ENCODING))
         numbers = self._before.numbers
-        if not self._simple:
-            numbers = NumberStyle(bool(self.plus[-1]), numbers.mark, bool(self.leading_zero[-1]))
-        return replace(self._before, blank=bool(self.blank[-1]), numbers=numbers, end=end)
+        if not self._usual:
+            numbers = NumberStyle(bool(self._plus[-1]), numbers.mark, bool(self._leading_zero[-1]))
+        return replace(self._before, blank=bool(self._blank[-1]), numbers=numbers, end=end)
 
-    def written(
-        self, words: _Words, cell: tuple[np.ndarray, np.ndarray], letter: np.ndarray, order: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Bytes of words in this order, and their lengths `(k,)`; `cell`: the words whose style they take."""
-        counts = np.abs(words.counts)
-        decimals = words.decimals
-        whole = np.floor(counts / POWERS[decimals])
-        most = int(decimals.max(initial=0))
-        fraction = ((counts - whole * POWERS[decimals]) * POWERS[most - decimals]).astype(np.uint32)
-        whole = whole.astype(np.uint32)
-        plus, zero = np.zeros(len(counts), bool), np.ones(len(counts), bool)
-        if not self._simple:
-            plus = np.where(self._minus[cell], self.plus[words.line], self._plus[cell])
-            zero = ~self._bare[cell] & (self._zero[cell] | self.leading_zero[words.line])
-        negative = words.counts < 0.0
-        added = words.letter > 0
-        blank = added & self.blank[words.line]
-        low = (letter & 0x20) > 0
-        gap = added & (self._columns.start[cell] > self._columns.at[cell] + 1)
-        digits = len(str(int(whole.max(initial=0))))
-        width = 5 + digits + 1 + most
-        text = np.full((len(counts), width), ord(" "), np.uint8)
-        shown = np.zeros((len(counts), width), bool)
-        shown[:, 0], shown[:, -1] = blank & words.behind, blank & ~words.behind
-        text[:, 1], shown[:, 1] = words.letter + 0x20 * low, added
-        shown[:, 2] = gap
-        text[:, 3], shown[:, 3] = np.where(negative, ord("-"), ord("+")), negative | plus
-        for i in range(digits):
-            place = digits - 1 - i
-            text[:, 4 + i] = ord("0") + (whole // 10**place) % 10
-            shown[:, 4 + i] = (whole >= 10**place) | ((place == 0) & (zero | (decimals == 0)))
-        text[:, 4 + digits], shown[:, 4 + digits] = ord("."), decimals > 0
-        for i in range(most):
-            text[:, 5 + digits + i] = ord("0") + (fraction // 10 ** (most - 1 - i)) % 10
-            shown[:, 5 + digits + i] = decimals > i
-        text, shown = text[order], shown[order]
-        return text[shown], shown.sum(axis=1)
+    def of(self, axis: np.ndarray, line: np.ndarray) -> tuple[NDArrayBool, NDArrayBool, NDArrayBool]:
+        """Styles of words like those of axes in lines `(k,)`: plus, zero and blank of `PlainWords`."""
+        blank = self._blank[line]
+        if self._usual:
+            return np.zeros(len(line), bool), np.ones(len(line), bool), blank
+        plus, minus, bare, zero = (mark[axis, line] for mark in self._marks)
+        leads = ~bare & (zero | self._leading_zero[line])
+        return np.where(minus, self._plus[line], plus), leads, blank
 
 
 _UNITS = read_only(np.array([10.0**-decimals for decimals in range(23)]))

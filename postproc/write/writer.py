@@ -6,8 +6,9 @@ The writer keeps the positions on the control after rounding, so that increments
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -38,7 +39,7 @@ from postproc.write.arcs import ABOUT_POLES, CircleWriter, round_off
 from postproc.write.drilling import Depth, HoleWriter
 from postproc.write.helices import axes_across, replaced_by_angle
 from postproc.write.inverse_time import add_inverse_time, write_inverse_time
-from postproc.write.plain_rows import PlainRows, PlainText, WrittenAxis, plain_stretches
+from postproc.write.plain_rows import PlainRows, PlainText, PlainWords, WrittenAxis, plain_stretches, plain_texts
 from postproc.write.polar import PolarWriter
 from postproc.write.poles import PoleWriter
 
@@ -119,7 +120,7 @@ class Writer:
         self._programmed = motions.correctable.tolist()
         self._ours, self._inner = motions.added.tolist(), motions.intermediate.tolist()
         stretches = {} if self._turns or indices is not None else plain_stretches(motions)
-        texts: dict[int, PlainText] = {}
+        plain: list[tuple[int, PlainRun, PlainWords]] = []
         behind = 0
         for row in range(len(motions)):
             if row < behind:
@@ -130,9 +131,10 @@ class Writer:
                 run = stretches[row]
                 behind = row + len(run)
                 rows = slice(row, behind)
-                text, ends[rows] = self._write_plain(motions, correction, rows, run, held)
+                words, ends[rows] = self._write_plain(motions, correction, rows, run, held)
                 starts[row + 1 : behind] = ends[row : behind - 1]
-                self._held, texts[int(motions.block[row])] = ends[behind - 1].tolist(), text
+                self._held = ends[behind - 1].tolist()
+                plain.append((int(motions.block[row]), run, words))
                 continue
             if motions.kind[row] == Kind.MACHINE:
                 self._go_to_machine_position(motions, row, held)
@@ -145,7 +147,8 @@ class Writer:
             ends[row] = self._held = held
             if row in motions.cycles:
                 ends[row, motions.cycles[row].axis] = self._bottom
-        return Written(list(self._texts(motions.blocks, texts)), starts, ends, self._arcs, self._added)
+        texts = list(self._texts(motions.blocks, _plain_texts(plain)))
+        return Written(texts, starts, ends, self._arcs, self._added)
 
     def _texts(self, blocks: Blocks, plain: Mapping[int, PlainText]) -> Iterator[str | PlainText]:
         """The texts of all blocks; `plain`: those of consecutive plain lines, by the index of the first."""
@@ -168,8 +171,8 @@ class Writer:
 
     def _write_plain(
         self, motions: Motions, correction: Correction, rows: slice, run: PlainRun, held: list[float]
-    ) -> tuple[PlainText, Array]:
-        """The text of a run of plain lines, and the positions on the control after their moves."""
+    ) -> tuple[PlainWords, Array]:
+        """The words of a run of plain lines, and the positions on the control after their moves."""
         unit = float(motions.unit[rows.start])
         names, columns = self.machine.names, self._by_letter
         axes = [WrittenAxis(axis, names[axis], self._decimals(axis, unit), unit) for axis in columns]
@@ -180,9 +183,9 @@ class Writer:
             motions.correctable[rows],
             motions.rotary_only[rows],
         )
-        text, ends, self._layout = moves.write(axes, held, self._layout)
+        words, ends, self._layout = moves.write(axes, held, self._layout)
         self._straight = False
-        return text, ends
+        return words, ends
 
     def _before(self, motions: Motions, row: int, assumed: list[bool]) -> list[float]:
         """Programmed position on the control before the row, in the frame of the row.
@@ -463,6 +466,16 @@ class Writer:
         (editor.lines_after if begun else editor.lines_before)(lines)
         self._added += len(lines)
         self._straight = added.tag is Tag.TAKE_UP
+
+
+def _plain_texts(written: Iterable[tuple[int, PlainRun, PlainWords]]) -> dict[int, PlainText]:
+    """The texts of runs of plain lines, by the indices of their first blocks."""
+    texts: dict[int, PlainText] = {}
+    for lines, group in itertools.groupby(written, lambda item: item[1].lines):
+        indices, runs, words = zip(*group, strict=True)
+        joined = PlainWords(*(np.concatenate(column) for column in zip(*words, strict=True)))
+        texts |= zip(indices, plain_texts(lines, runs, joined), strict=True)
+    return texts
 
 
 def _corrected_end(
