@@ -80,8 +80,8 @@ class SecondDifferences:
     ) -> Array:
         """Bounds `(n,)`, mm, for paths between axis positions `(n, axes)`, mm and rad; infinite where none is known.
 
-        tool `(n, 3)`, mm. tcp `(n,)`: the tool point moves evenly, otherwise all axes do. turned `(n,)`: the error
-        minus the datum shift `(n, 3)`, mm, is counted along the linear axes.
+        tool `(n, 3)`, mm. tcp `(n,)`: the tool point moves evenly, otherwise all axes do. turned `(n,)`: the
+        bound also holds for the error minus the datum shift `(n, 3)`, mm, along the linear axes.
         """
         machine, n = self.machine, len(start)
         if not self._motions.complete or self._in_front is None:
@@ -121,7 +121,7 @@ class SecondDifferences:
         held = np.ones(n, bool)
         for i, curvature in curvatures.items():
             held &= (low[i] - bends[i] >= curvature.breaks[0]) & (high[i] + bends[i] <= curvature.breaks[-1])
-        return np.where(held, np.where(turned, along_axes, error.bend), np.inf)
+        return np.where(held, np.where(turned, np.maximum(along_axes, error.bend), error.bend), np.inf)
 
     def _bend_under_tcp(self, start: Array, end: Array, tool: Array, front: Along) -> Array:
         """Bounds `(n,)`, mm, of the second difference of the linear axes."""

@@ -30,6 +30,7 @@ from postproc.compensation.correction import pose_errors
 from postproc.control.setup import make_setup
 from postproc.control.state import ControlState
 from postproc.correct.mark import mark_in
+from postproc.correct.pipeline import STRAIGHT, Pipeline
 from postproc.text.source import ENCODING, chunks
 from postproc.tool_tables import ToolTable
 from postproc.verification.verify import verify
@@ -461,3 +462,36 @@ def test_real_programs_with_absolute_centres(nc_data, name):
     q, target = commanded.machine_target[rows], nominal.machine_target[rows]
     assert pose_errors(machine, model, q, target, nominal.tool[rows]).point_um.max() < ROUNDING_UM
     assert report.moves == len(nominal) > 15
+
+
+BENT = "".join(
+    f"G1 X{60 * np.cos(t):.4f} Y{60 * np.sin(1.1 * t):.4f} Z{200 + 20 * np.sin(t):.4f} B{10 * np.sin(t):.4f} C{c:.4f}\n"
+    for t, c in ((i * step, 40.0 * i * step) for step in (0.0001, 0.0025, 0.05, 0.6) for i in range(60))
+)
+TURNS = "G1 C90. F500\nC180.\nX5. C200.\nG0 X30. Y30.\nG1 X31. B20.\n"
+
+
+@pytest.mark.parametrize("head", ["", "G43.4 H1\n"], ids=["axes", "tcp"])
+def test_errors_between_ends_follow_from_those_at_the_ends(head):
+    """Where the bound of the second difference is small; to within that, and with the same text."""
+    text = f"G21 G90 G17 G54 G94\nT1 M6\nG0 X60 Y0 Z200 B0 C0\n{head}{BENT}{TURNS}"
+    dmu50 = load("dmu50")
+    model, evaluate = random_model(dmu50, 4), Pipeline._errors_between
+    found, counts = [], []
+
+    def counted(pipeline, motions, commanded, states, rows, *shares):
+        counts[-1] += len(rows)
+        return evaluate(pipeline, motions, commanded, states, rows, *shares)
+
+    for share in (STRAIGHT, -1.0):
+        counts.append(0)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("postproc.correct.pipeline.STRAIGHT", share)
+            patch.setattr(Pipeline, "_errors_between", counted)
+            found.append(correct(text, dmu50, model, tools=["T1=80"], travel_check=False))
+    by_ends, exact = found
+    assert by_ends.text == exact.text
+    assert counts[0] < counts[1] - 40
+    ours, theirs = by_ends.report.between_ends, exact.report.between_ends
+    assert (ours.largest, ours.rms) == pytest.approx((theirs.largest, theirs.rms), abs=STRAIGHT)
+    assert ours.count == theirs.count

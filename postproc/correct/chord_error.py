@@ -348,19 +348,19 @@ def _arc_deviation(motions: Motions, segment: Segment, arc: Arc, shifts: np.ndar
     return np.asarray(round_the_circle(written, corrected, even) - nominal - shifts)
 
 
-def beyond_limits(paths: CorrectedPaths, rows: np.ndarray, limits: Limits) -> np.ndarray:
+def beyond_limits(paths: CorrectedPaths, rows: np.ndarray, limits: Limits, bounds: Array) -> np.ndarray:
     """Rows of `rows` `(k,)` that may exceed their limits in one segment, by a fast test on uncorrected errors.
 
     A straight move is tested by the second difference of the errors at its start, middle and end: by an upper bound,
-    and where that exceeds the limit by the errors themselves. Rows that need a closer evaluation are included.
+    `bounds` `(rows,)`, and where that exceeds the limit by the errors themselves. Rows that need a closer evaluation
+    are included.
     """
     motions = paths.motions
     close = (paths.models[1] is not None) | (paths.steps[rows] > 2.0)
     arcs = motions.kind[rows] == Kind.ARC
     flat = np.zeros(len(rows), bool)
     lines = np.flatnonzero(~close & ~arcs)
-    bounds = paths.second_difference_bounds(rows[lines])
-    flat[lines] = 1.5 * bounds <= limits.of(np.zeros(len(lines)))
+    flat[lines] = 1.5 * bounds[lines] <= limits.of(np.zeros(len(lines)))
     lines = lines[~flat[lines]]
     before, middle, after = errors = _errors_at(paths, rows[lines], (0.0, 0.5, 1.0))
     flat[lines] = 1.5 * np.linalg.norm(before - 2.0 * middle + after, axis=1) <= limits.of(_largest(errors))

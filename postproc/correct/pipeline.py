@@ -57,6 +57,9 @@ SPOOLED = 1 << 24
 """Bytes of a corrected program that are kept in memory until its mark is known."""
 BETWEEN = (0.25, 0.5, 0.75)
 """Shares of the path of a written block at which the error between its ends is predicted."""
+STRAIGHT = 0.02
+"""Share of the tolerance by which the error between the ends of a move may deviate from that at its ends, if it is not
+evaluated there."""
 CLOSELY = tuple(i / 32 for i in range(1, 33))
 """Shares for moves that may be worse than in the input."""
 ERROR_JUMPS = "its error jumps, or an axis with backlash reverses within it"
@@ -275,10 +278,10 @@ class Pipeline:
         self._note_assumed(motions, correctable)
         self._note_left(motions)
         commanded = written.moves(motions)
-        errors = np.full((len(motions), 2), np.nan)
-        errors[evaluated] = self._evaluate_ends(motions, commanded, correction.nominal, evaluated)
+        errors, left = np.full((len(motions), 2), np.nan), np.full((len(motions), 3), np.nan)
+        errors[evaluated], left[evaluated] = self._evaluate_ends(motions, commanded, correction.nominal, evaluated)
         self.guard.check_ends(motions, np.flatnonzero(evaluated), errors[evaluated])
-        self._evaluate_between(motions, commanded, errors[:, 0])
+        self._evaluate_between(motions, commanded, errors[:, 0], left)
         if evaluated.any():
             self._note_rotary_only(motions, correction, written)
             self._flat_arcs.take(motions, correction, written.ends)
@@ -286,14 +289,19 @@ class Pipeline:
             self.trace.add(motions, correctable, np.where(programmed, moved, np.nan), errors)
             self.trace.add_paths(motions, self.before)
 
-    def _evaluate_ends(self, motions: Motions, commanded: Motions, nominal: Array, evaluated: NDArrayBool) -> Array:
-        """Errors `(k, 2)`, um, before and after at the ends of the evaluated rows; nominal `(n, axes)`, mm, rad."""
+    def _evaluate_ends(
+        self, motions: Motions, commanded: Motions, nominal: Array, evaluated: NDArrayBool
+    ) -> tuple[Array, Array]:
+        """Errors `(k, 2)`, um, before and after at the ends of the evaluated rows, and those after as vectors `(k, 3)`.
+
+        nominal `(n, axes)`, mm and rad. Vectors in mm, workpiece frame, relative to the datum.
+        """
         job, report, tool = self.job, self.report, motions.tool[evaluated]
         machine = job.machine
         states_before = self.before.states(motions, evaluated)
         states_after = self.after.states(commanded, evaluated)
         if not evaluated.any():
-            return np.empty((0, 2))
+            return np.empty((0, 2)), np.empty((0, 3))
         nominal, ends = nominal[evaluated], motions.in_machine(commanded.target)[evaluated]
         shift = self.before.datum_shifts(motions)[evaluated]
         before = pose_errors(machine, self.model, nominal, nominal, tool, states_before, shift)
@@ -312,7 +320,7 @@ class Pipeline:
         report.uncertainty.add(whole)
         report.significance.add(before.point_um[some], after.point_um[some], along, stands_for)
         self._outside.add(self.model.excesses(machine, states_before(nominal)), motions.line[evaluated])
-        return np.stack([before.point_um, after.point_um], axis=1)
+        return np.stack([before.point_um, after.point_um], axis=1), after.apart - shift
 
     def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:
         """Note the moves that were corrected with an assumed position of an axis."""
@@ -336,15 +344,22 @@ class Pipeline:
         for row in np.flatnonzero(motions.rotary_only & (behind * 1e3 > self.job.tolerance_um)):
             self.notes.add(ROTARY_ONLY, int(motions.line[row]))
 
-    def _evaluate_between(self, motions: Motions, commanded: Motions, before: Array) -> None:
-        """Evaluate feed moves between their ends; before `(n,)`: errors in the input at the ends of all rows, um."""
+    def _evaluate_between(self, motions: Motions, commanded: Motions, before: Array, left: Array) -> None:
+        """Evaluate feed moves between their ends; before `(n,)`: errors in the input at the ends of all rows, um.
+
+        left `(n, 3)`: errors after the correction at these ends, mm.
+        """
         rows = motions.known_paths
         if not rows.any():
             return
         evaluated = motions.evaluated_paths[rows]
         if self.trace is not None:
             self.trace.between_before.add(self._errors_between(motions, motions, self.before, rows)[evaluated])
-        errors_between = self._errors_between(motions, commanded, self.after, rows)
+        errors_between = self._between_by_ends(motions, commanded, before, left)[rows]
+        exact = np.isnan(errors_between)
+        if exact.any():
+            some = np.flatnonzero(rows)[exact]
+            errors_between[exact] = self._errors_between(motions, commanded, self.after, some)
         self.report.between_ends.add(errors_between[evaluated])
         self._guard_between(motions, commanded, before, np.flatnonzero(rows)[evaluated], errors_between[evaluated])
         beyond, rotary_only = errors_between > self.job.tolerance_um, motions.rotary_only
@@ -352,6 +367,33 @@ class Pipeline:
             block = int(motions.block[row])
             reason = ROTARY_ONLY if rotary_only[row] else self.splitter.unsplit.get(block, ERROR_JUMPS)
             self.report.not_split.setdefault(reason, UnsplitMoves()).add(int(motions.line[row]), size)
+
+    def _between_by_ends(self, motions: Motions, commanded: Motions, before: Array, left: Array) -> Array:
+        """Largest errors `(n,)`, um, between the ends of straight moves, from the errors at both ends; nan if unknown.
+
+        The error deviates from the straight line between those of the ends by no more than a bound of its second
+        difference; it is unknown where this is more than a share STRAIGHT of the tolerance, or could make the move
+        worse than the tolerance or the input.
+        """
+        found = np.full(len(motions), np.nan)
+        if len(motions) < 2 or self.after.axes:
+            return found
+        first, last = left[:-1], left[1:]
+        joined = (commanded.start[1:] == commanded.target[:-1]).all(axis=1) & (motions.frame[1:] == motions.frame[:-1])
+        joined &= (motions.start[1:] == motions.target[:-1]).all(axis=1) & (motions.kind[1:] == Kind.LINE)
+        shifts = (commanded.target - motions.target)[:, motions.machine.translators]
+        sizes = np.linalg.norm(shifts, axis=1)
+        rotary = motions.machine.rotary
+        turned = np.deg2rad(np.abs((motions.target - motions.start)[1:, rotary]).sum(axis=1))
+        turned[motions.tcp[1:]] = 0.0
+        bound = self.splitter.bounds[motions.block[1:]] + turned**2 / 4.0 * np.maximum(sizes[1:], sizes[:-1])
+        bound = (bound + turned / 2.0 * np.linalg.norm(np.diff(shifts, axis=0), axis=1)) * 1e3
+        between = [np.linalg.norm((1.0 - share) * first + share * last, axis=1) for share in BETWEEN]
+        largest = np.max(between, axis=0) * 1e3
+        tolerance = self.job.tolerance_um
+        straight = joined & (bound <= STRAIGHT * tolerance) & (largest + bound <= np.minimum(tolerance, before[1:]))
+        found[1:][straight] = largest[straight]
+        return found
 
     def _guard_between(
         self, motions: Motions, commanded: Motions, before: Array, rows: np.ndarray, errors_between: Array

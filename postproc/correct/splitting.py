@@ -13,11 +13,12 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, NDArrayBool
+from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions
 from postproc.correct.chord_error import CorrectedPaths, Limits, beyond_limits, find_cuts
 from postproc.motion.frames import Frame
 from postproc.motion.motions import Motions
-from postproc.motion.moves import Known
+from postproc.motion.moves import Kind, Known
 from postproc.motion.segments import arc_turned, split
 from postproc.text.number_style import decimals_for
 from postproc.write.added_blocks import END_M, LASTING, NO_INSERTION, SINGLE_FEEDS, START_M
@@ -45,6 +46,8 @@ class Splitter:
         """Blocks of the last chunk whose moves may exceed their limits."""
         self.moves = 0
         """Number of moves that were split."""
+        self.bounds: Array = np.zeros(0)
+        """Upper bounds of the second differences of the error along the moves of each block of the last chunk, mm."""
 
     @property
     def limits(self) -> Limits:
@@ -55,12 +58,18 @@ class Splitter:
 
     def prepare(self, motions: Motions, varied: frozenset[int]) -> Motions:
         """The moves of a chunk, split where necessary; `varied`: blocks that run several times with different moves."""
-        self.unsplit, self.suspect = {}, set()
+        self.unsplit, self.suspect, self.bounds = {}, set(), np.full(len(motions.blocks), np.inf)
         rows = np.flatnonzero(motions.known_paths & ~motions.rotary_only)
         if not rows.size or not self.models[0].effects:
             return motions
         paths = CorrectedPaths(motions, self.models, self.conditions)
-        suspect = beyond_limits(paths, rows, self.limits)
+        bounds = np.full(len(rows), np.inf)
+        lines = np.flatnonzero(motions.kind[rows] == Kind.LINE)
+        bounds[lines] = paths.second_difference_bounds(rows[lines])
+        self.bounds = np.full(len(motions.blocks), -np.inf)
+        np.maximum.at(self.bounds, motions.block[rows], bounds)
+        self.bounds[np.isinf(self.bounds)] = np.inf
+        suspect = beyond_limits(paths, rows, self.limits, bounds)
         reasons = {row: _obstacle(motions, row, paths, varied) for row in suspect.tolist()}
         self.unsplit = {int(motions.block[row]): reason for row, reason in reasons.items() if reason}
         runs = _runs_by_move(motions, [row for row, reason in reasons.items() if not reason])
