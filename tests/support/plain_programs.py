@@ -88,7 +88,9 @@ def outcome(text, machine, model, *, plain=True, shortest=1, piece=1 << 20, dial
             report = Pipeline(job).run(out, lambda _: None)
         except UserError as refusal:
             return str(refusal)
-    return out.getvalue().splitlines(keepends=True), json.dumps(report.json())
+    content = report.json()
+    content["calibration"].pop("age_days")
+    return out.getvalue().splitlines(keepends=True), json.dumps(content)
 
 
 SIEMENS_SLOW = (
