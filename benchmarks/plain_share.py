@@ -1,7 +1,7 @@
 """Share of the moves of NC programs that are read in bulk: `python benchmarks/plain_share.py FOLDER [MACHINE]`.
 
 For each program the number of its lines with coordinates, and how many of them are in runs of plain lines; a line that
-its dialect does not know counts too. Lines of arcs are counted beside them, because they are read one by one.
+its dialect does not know counts too.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CENTRES = frozenset("IJKR")
 
 
 def moves(path: Path, axes: str) -> tuple[int, int, int]:
-    """Lines in runs, other lines with coordinates, and lines of arcs among these, up to the first unknown line."""
+    """Lines in runs, other lines with coordinates, and lines of arcs among the latter, up to the first unknown line."""
     source = open_source(str(path))
     dialect = find_dialect("auto", source.name, source.text_head)
     runs = others = arcs = 0
@@ -57,10 +57,8 @@ def main(folder: Path, name: str) -> None:
 
 def _text(found: list[int] | tuple[int, int, int]) -> str:
     runs, others, arcs = found
-    straight = runs + others - arcs
-    share = f"{runs / straight:6.1%}" if straight else "     -"
-    of_all = f"{runs / (runs + others):.1%} of all" if runs + others else ""
-    return f"{runs:7} of {straight:7} straight moves in bulk ({share}); {arcs:6} arcs ({of_all})"
+    share = f"{runs / (runs + others):6.1%}" if runs + others else "     -"
+    return f"{runs:7} of {runs + others:7} moves in bulk ({share}); {arcs:5} of the others are arcs"
 
 
 if __name__ == "__main__":

@@ -112,7 +112,7 @@ def _iso() -> Dialect:
         "({})",
         lambda block: block.kind == "tape_mark" or (bool(block.words) and block.words[0].address == "O"),
         begins=lambda block: any(word.address == "O" for word in block.words),
-        plain=PlainStyle("FNS", motions="01"),
+        plain=PlainStyle("FNS", motions="0123", arcs="IJKR"),
     )
 
 
@@ -153,7 +153,7 @@ def _siemens() -> Dialect:
         lambda block: block.kind == "header" or "$PATH" in block.text,
         link=siemens_calls.link,
         begins=lambda block: block.kind == "header",
-        plain=PlainStyle("FNS", motions="01"),
+        plain=PlainStyle("FNS", motions="0123", arcs="IJK"),
     )
 
 

@@ -8,7 +8,15 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from support.iso_lines import blocks
-from support.plain_programs import klartext_lines, klartext_mixtures, mixtures, outcome, plain_lines, siemens_mixtures
+from support.plain_programs import (
+    arc_programs,
+    klartext_lines,
+    klartext_mixtures,
+    mixtures,
+    outcome,
+    plain_lines,
+    siemens_mixtures,
+)
 from support.programs import load, random_model, source_of
 from support.real_programs import LINES_OF_REAL_PROGRAMS, first_lines, machine_for, real_programs
 from support.tiers import drawn
@@ -19,6 +27,7 @@ from postproc.text.block import Refusal
 from postproc.text.blocks import PlainRun
 from postproc.text.plain_lines import PlainLines
 from postproc.text.source import ENCODING, open_source
+from postproc.write.writer import Writer
 
 DMU50 = load("dmu50")
 ISO = find_dialect("iso", "", "")
@@ -47,9 +56,10 @@ def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
         assert not dialect.flow.search(text)
         addresses = [word.address for word in block.words]
         assert len(set(addresses)) == len(addresses)
-        assert set(addresses) <= {*axes, *dialect.plain.other, "G", "FMAX", "R0"}
+        assert set(addresses) <= {*axes, *dialect.plain.other, *dialect.plain.arcs, "G", "FMAX", "R0"}
         found = {word.address: word for word in block.words}
-        for column, axis in enumerate(axes):
+        assert {*dialect.plain.arcs} & {*addresses} <= {*lines.addresses}
+        for column, axis in enumerate(lines.addresses):
             cell = column, row
             assert (words.end[cell] > 0) == (axis in found)
             if axis in found:
@@ -59,6 +69,7 @@ def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
                     low + word.at, low + word.start, low + word.end
                 )  # fmt: skip
                 assert words.value[cell] == word.value
+                assert block.words[lines.order_of(column, np.array([row]))[0]] is word
                 assert np.signbit(words.value[cell]) == np.signbit(word.value)
                 assert words.decimals[cell] == (len(number.partition(".")[2]) if "." in number else -1)
         named = int(found["G"].value) if "G" in found else -1
@@ -82,9 +93,37 @@ def test_a_plain_line_is_read_as_its_block(lines):
     check_lines(data, SIEMENS)
 
 
+@drawn(20, 3000, text=arc_programs(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+def test_arcs_in_bulk_give_the_same_program(text, seed, piece):
+    check_lines(text.encode())
+    model, options = model_of_errors(seed), {"tolerance_um": 1.0 if seed else 1e3}
+    single = outcome(text, DMU50, model, plain=False, **options)
+    assert outcome(text, DMU50, model, piece=piece, **options) == single
+
+
+@drawn(10, 1500, text=arc_programs(siemens=True), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+def test_siemens_arcs_in_bulk_give_the_same_program(text, seed, piece):
+    check_lines(text.encode(), SIEMENS)
+    model = model_of_errors(seed)
+    single = outcome(text, DMU50, model, plain=False, dialect="siemens")
+    assert outcome(text, DMU50, model, piece=piece, dialect="siemens") == single
+
+
 @pytest.mark.parametrize(
     "line",
-    ["X1.", "N10 G1 X1. Y-2.5 F100", "g00x1.y+2.", "X 1.5 Y\t-.5", "X1.5\r", "Z3", "N1 B-0.0000 C5.", "G1X.5S100"],
+    [
+        "X1.",
+        "G2 X1. Y2. I1. J0.",
+        "X1.R5.",
+        "G03 X1. K2 I0 Y5 J2.5 F100",
+        "N10 G1 X1. Y-2.5 F100",
+        "g00x1.y+2.",
+        "X 1.5 Y\t-.5",
+        "X1.5\r",
+        "Z3",
+        "N1 B-0.0000 C5.",
+        "G1X.5S100",
+    ],
 )
 def test_the_lines_of_cam_programs_are_plain(line):
     assert check_lines(f"{line}\n".encode()) == 1
@@ -158,9 +197,9 @@ def test_real_programs_are_read_alike(nc_data, lines, tmp_path):
 
 
 def test_nine_of_ten_moves_of_real_programs_are_plain(nc_data):
-    """Of the lines with a position in the long ISO programs, arcs apart."""
+    """Of the lines with a position in the long ISO programs."""
     counted = {}
-    for name in ("PARALLEL.NC", "impeller-7bl-xyzac.ngc"):
+    for name in ("PARALLEL.NC", "BOTTLE.NC", "impeller-7bl-xyzac.ngc"):
         (path,) = (path for path in real_programs(nc_data) if path.name == name)
         names = machine_for(path).names
         axes = "".join(names) if name.startswith("imp") else "XYZBC"
@@ -181,6 +220,16 @@ def test_plain_lines_in_bulk_give_the_same_program(text, seed, piece):
     assert outcome(text, DMU50, model, piece=piece, shortest=3, tolerance_um=1e3) == outcome(
         text, DMU50, model, plain=False, tolerance_um=1e3
     )
+
+
+def test_arcs_between_lines_are_written_with_them(monkeypatch):
+    arcs = "G1 X10. Y0. F100\nG3 X0. Y10. I-10. J0.\nX-10. Y0. I0. J-10.\nG2 X0. Y10. R10.\nX10. Y0. Z199. R10.\n"
+    written = []
+    one_row = Writer._write_row
+    monkeypatch.setattr(Writer, "_write_row", lambda *args: written.append(args[3]) or one_row(*args))
+    lines, _ = outcome(HEAD + arcs * 20, DMU50, model_of_errors(0), tolerance_um=1e3)
+    assert len(lines) == len((HEAD + arcs * 20).splitlines()) + 1
+    assert written == []
 
 
 HEAD = "G21 G90 G17 G54 G94\nG0 X0.0000 Y0.0000 Z200.0000 B0.0000 C0.0000\n"

@@ -15,9 +15,9 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions, States
 from postproc.compensation.datum import datum_shifts
+from postproc.motion.along import positions_along
 from postproc.motion.circles import middle_share
 from postproc.motion.motions import Motions
-from postproc.motion.segments import arc_turned
 
 COLD = Conditions()
 """Conditions for an error model that depends on positions alone."""
@@ -170,8 +170,9 @@ def _arc_middles(
 def _middles(motions: Motions) -> Array:
     """Programmed positions `(n, axes)` in the middle of all moves; on arcs with whole turns, at `middle_share`."""
     middles = motions.along(0.5)
-    for row, arc in motions.arcs.items():
-        share = middle_share(arc_turned(motions, row)) if arc.turns else 0.5
-        if share != 0.5:
-            middles[row] = motions.take(np.array([row])).along(share)[0]
+    if motions.arcs:
+        circles = motions.circles
+        rows = circles.rows[circles.turns > 0]
+        shares = np.array([middle_share(turned) for turned in circles.turned[circles.turns > 0].tolist()], float)
+        middles[rows] = positions_along(motions, rows, shares)
     return middles

@@ -10,15 +10,16 @@ from typing import ClassVar, TypeAlias
 import numpy as np
 
 from kinematics.inverse import inverse
-from kinematics.machine import Machine
+from kinematics.machine import Machine, NDArrayBool
 from postproc.control.codes import DISTANCES, HARMLESS_M, INVERSE_TIME, MOTION, PLANES
+from postproc.control.plain_arcs import ArcModes, arc_motion, plain_arcs
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
 from postproc.control.words import value_of
 from postproc.motion.frames import Frame, cartesian, in_workpiece, to_machine
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, AxisWord, Kind, Known
-from postproc.motion.recorder import Recorder
+from postproc.motion.recorder import PlainMoves, Recorder
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
 from postproc.text.flow import Variables
@@ -105,26 +106,51 @@ class Interpreter(ABC):
 
     def _read_run(self, index: int, run: PlainRun) -> Iterator[Block | PlainRun]:
         """Take over plain lines: as columns from the first line before which the state is plain."""
-        for line in range(len(run)):
-            if self.plain and (run.columns.motion[line] >= 0 or self.motion in (0.0, 1.0)):
-                rest = run.part(line, len(run))
-                self._take_run(index + line, rest)
-                yield rest
-                return
-            yield self._read_single(index + line, run.block(line))
+        line = 0
+        while line < len(run):
+            taken = self._take_lines(index + line, run.part(line, len(run))) if self.plain else 0
+            yield run.part(line, line + taken) if taken else self._read_single(index + line, run.block(line))
+            line += max(taken, 1)
 
     @property
     def plain(self) -> bool:
-        """True while lines of axis words, with or without a motion code, are straight moves to absolute positions."""
+        """True while lines of axis words, with or without a motion code, are moves to absolute positions."""
         return False
 
-    def _take_run(self, index: int, run: PlainRun) -> None:
-        """Take over lines that are read in the present state, which is plain, as `_read_block` does one by one."""
-        words = run.columns
-        motion = np.append(-1 if self.motion is None else int(self.motion), words.motion)
+    @property
+    def arc_modes(self) -> ArcModes | None:
+        """The modes of arcs in plain lines; None if the arcs are read one by one in this state."""
+        return ArcModes(self.plane, self.unit, absolute=False)
+
+    def _take_lines(self, index: int, run: PlainRun) -> int:
+        """Take over the first lines of a run in the present state, which is plain; returns their number.
+
+        It ends before a line that has no motion, or words that contradict it.
+        """
+        motion = np.append(-1 if self.motion is None else int(self.motion), run.columns.motion)
         motion = motion[np.maximum.accumulate(np.where(motion >= 0, np.arange(len(motion)), 0))][1:]
+        curved, contradicted = arc_motion(run, motion)
+        arcs: dict[int, Arc] = {}
+        moves = self.recorder.plain_moves(run, self.unit)
+        taken = _before(contradicted | (motion < 0))
+        if curved[:taken].any():
+            modes = self.arc_modes
+            if modes is None or not self.recorder.frame.keeps_circles(modes.plane[:2]):
+                taken = _before(curved)
+            else:
+                curved[taken:] = False
+                arcs, whole = plain_arcs(run, moves, motion, curved, modes)
+                taken = min(taken, whole)
+        if taken:
+            self._take_run(index, run.part(0, taken), moves.first(taken), motion[:taken], arcs)
+        return taken
+
+    def _take_run(
+        self, index: int, run: PlainRun, moves: PlainMoves, motion: np.ndarray, arcs: Mapping[int, Arc]
+    ) -> None:
+        """Take over lines, as `_read_block` does one by one; motion `(lines,)`: in force, arcs: by line."""
         self.motion = float(motion[-1])
-        self.recorder.append(index, run, motion, self.unit, timed=self.timed)
+        self.recorder.append(index, run, moves, np.minimum(motion, int(Kind.ARC)), arcs, self.unit, timed=self.timed)
         if not self.control_state.uses(self.recorder.used):
             self.control_state.use(run.block(0), self.recorder.used)
 
@@ -315,3 +341,8 @@ class Interpreter(ABC):
         for axis, angle in self.along_tool_axis(block, target, vector).items():
             target[axis] = angle
             self.recorder.known[axis] = Known.MACHINE
+
+
+def _before(found: NDArrayBool) -> int:
+    """Number of lines before the first one that is found `(lines,)`."""
+    return int(found.argmax()) if found.any() else len(found)

@@ -117,8 +117,8 @@ class CorrectedPaths:
         extents = np.abs(motions.machine_target - self._starts)
         linear = ~machine.rotary
         lengths = np.linalg.norm(travel[:, linear], axis=1)
-        for row in motions.arcs:
-            lengths[row] += arc_length(motions, row)
+        if motions.arcs:
+            lengths[motions.circles.rows] += motions.circles.lengths
         curved = motions.coupled.copy()
         curved[list(motions.arcs)] = True
         extents[np.ix_(curved, linear)] += lengths[curved, None]
@@ -128,9 +128,10 @@ class CorrectedPaths:
     def steps(self) -> Array:
         """Number of steps `(n,)`, not rounded, in which a move must be evaluated so that no feature is errors."""
         steps = 4.0 * (self.extents / self.models[0].feature_lengths(self.motions.machine)).max(axis=1, initial=0.0)
-        for row in self.motions.arcs:
-            if self.motions.arcs[row].turns:
-                steps[row] = max(steps[row], STEPS * abs(arc_turned(self.motions, row)) / math.pi)
+        if self.motions.arcs:
+            circles = self.motions.circles
+            rows = circles.rows[circles.turns > 0]
+            steps[rows] = np.maximum(steps[rows], STEPS * np.abs(circles.turned[circles.turns > 0]) / math.pi)
         return np.asarray(steps)
 
     @cached_property
@@ -169,12 +170,6 @@ class CorrectedPaths:
         heading = np.sign(motions.machine_target - self._starts)
         heading[motions.tcp | (motions.kind != Kind.LINE)] = 0.0
         return np.asarray(heading)
-
-
-def arc_length(motions: Motions, row: int) -> float:
-    """Length of an arc in its plane, mm."""
-    start, _ = arc_ends(motions, row)
-    return math.dist(start, motions.arcs[row].centre) * abs(arc_turned(motions, row))
 
 
 class Limits(NamedTuple):

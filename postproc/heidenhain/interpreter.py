@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from postproc.control.codes import INCH
 from postproc.control.words import Content, value_of
 from postproc.heidenhain.arcs import Arcs
@@ -32,7 +34,8 @@ from postproc.heidenhain.tilted_planes import Planes
 from postproc.heidenhain.tools import Tools
 from postproc.heidenhain.variables import operations_of
 from postproc.motion.motions import Motions
-from postproc.motion.moves import Kind
+from postproc.motion.moves import Arc, Kind
+from postproc.motion.recorder import PlainMoves
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
 
@@ -88,8 +91,10 @@ class HeidenhainInterpreter(ModalState):
         blocked = self.ended or self.compensated or self.cornered or self.levelled or self.tilt is not None
         return self.begun and not transformed and not blocked
 
-    def _take_run(self, index: int, run: PlainRun) -> None:
-        super()._take_run(index, run)
+    def _take_run(
+        self, index: int, run: PlainRun, moves: PlainMoves, motion: np.ndarray, arcs: Mapping[int, Arc]
+    ) -> None:
+        super()._take_run(index, run, moves, motion, arcs)
         self.motion = None
 
     def _read_block(self, index: int, block: Block) -> Block:

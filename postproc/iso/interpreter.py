@@ -10,6 +10,7 @@ import numpy as np
 
 from postproc.control.codes import DWELL, MOTION, PALLET_CHANGE, PLANES, PROGRAM_ENDS, TOOL_CHANGE
 from postproc.control.interpreter import AxisWords
+from postproc.control.plain_arcs import ArcModes
 from postproc.control.words import whole_of
 from postproc.iso.arcs import PolarCoordinates, arc_of
 from postproc.iso.codes import (
@@ -50,7 +51,8 @@ from postproc.iso.variables import variables_of
 from postproc.iso.words import Content, check_content, dwells_alone, sort_words, take_own_words
 from postproc.motion.circles import point_around
 from postproc.motion.cutter_compensation import follow_contour
-from postproc.motion.moves import AxisWord, Kind, Polar
+from postproc.motion.moves import Arc, AxisWord, Kind, Polar
+from postproc.motion.recorder import PlainMoves
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
 
@@ -88,7 +90,7 @@ class IsoInterpreter(ModalState):
 
     @property
     def plain(self) -> bool:
-        """True while lines of axis words are straight moves to absolute positions in X Y Z and rotary axes."""
+        """True while lines of axis words are moves to absolute positions in X Y Z and rotary axes."""
         return (
             self.absolute
             and not (self.ended or self.compensated or self.tilted or self.lengths.vectors)
@@ -97,13 +99,20 @@ class IsoInterpreter(ModalState):
             and self.not_programmed.keys() <= {"plane"}
         )
 
+    @property
+    def arc_modes(self) -> ArcModes | None:
+        """The modes of arcs in plain lines; None as long as the program has not given the plane."""
+        return None if self.not_programmed else ArcModes(self.plane, self.unit, self.arc_absolute)
+
     def _read_run(self, index: int, run: PlainRun) -> Iterator[Block | PlainRun]:
         if self.machine.control.integer_words == "increments" and _has_integers(run):
             return (self._read_single(index + line, run.block(line)) for line in range(len(run)))
         return super()._read_run(index, run)
 
-    def _take_run(self, index: int, run: PlainRun) -> None:
-        super()._take_run(index, run)
+    def _take_run(
+        self, index: int, run: PlainRun, moves: PlainMoves, motion: np.ndarray, arcs: Mapping[int, Arc]
+    ) -> None:
+        super()._take_run(index, run, moves, motion, arcs)
         if _has_integers(run):
             integers = _integers(run)
             self.notes.add(INTEGERS, run.number + int(np.flatnonzero(integers)[0]), int(integers.sum()))

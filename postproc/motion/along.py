@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from kinematics.transforms import Array
@@ -13,21 +11,14 @@ from postproc.motion.moves import Arc
 
 
 def positions_along(motions: Motions, rows: np.ndarray, shares: Array) -> Array:
-    """Programmed positions `(k, axes)` at shares `(k,)` of the paths of rows `(k,)`; equal rows are adjacent.
+    """Programmed positions `(k, axes)` at shares `(k,)` of the paths of rows `(k,)`.
 
     If the radii at the two ends of an arc differ, the radius changes linearly between them.
     """
     start, target = motions.start[rows], motions.target[rows]
     program = np.asarray(start + shares[:, None] * (target - start))
     if motions.arcs:
-        edges = [*np.flatnonzero(np.diff(rows, prepend=-1)).tolist(), len(rows)]
-        for first, last in pairwise(edges):
-            arc = motions.arcs.get(int(rows[first]))
-            if arc is not None:
-                plane = list(arc.plane[:2])
-                ends = complex(*start[first, plane]), complex(*target[first, plane])
-                points = round_the_circle(arc, ends, shares[first:last])
-                program[first:last, plane] = np.stack([points.real, points.imag], axis=1)
+        motions.circles.put_some(program, rows, shares)
     return program
 
 

@@ -76,10 +76,16 @@ def radius_alone(block: Block, other: Mapping[str, int], radius: str) -> int | N
 
 def arc_by_radius(block: Block, ends: Ends, radius: float, word: int, form: str = "radius") -> Arc:
     """The arc with this radius, mm, negative for the longer arc; Refusal if there is none."""
-    centre = centre_from_radius(ends.start, ends.end, radius, ends.sense)
-    if centre is None:
+    arc = circle_by_radius(ends, radius, word, form)
+    if arc is None:
         raise block.refuse("no circle of this radius joins start and end: write a larger radius, or the centre")
-    return Arc(ends.plane, ends.sense, centre, False, form, (word, None))
+    return arc
+
+
+def circle_by_radius(ends: Ends, radius: float, word: int, form: str) -> Arc | None:
+    """The arc with this radius, mm, as `arc_by_radius`; None if there is none."""
+    centre = centre_from_radius(ends.start, ends.end, radius, ends.sense)
+    return None if centre is None else Arc(ends.plane, ends.sense, centre, False, form, (word, None))
 
 
 def arc_by_centre(
@@ -96,11 +102,17 @@ def arc_by_centre(
     hint: text added to the message where the centre would fit as a position. Refusal if the ends do not lie on a circle
     around the centre.
     """
-    x, y = (0.0, 0.0) if absolute else ends.start
-    centre = (x + programmed[0], y + programmed[1])
-    fault = radius_fault(ends.start, ends.end, centre)
+    arc = circle_by_centre(ends, programmed, words, absolute=absolute)
+    fault = radius_fault(ends.start, ends.end, arc.centre)
     if fault is not None:
         fits = not absolute and radius_fault(ends.start, ends.end, programmed) is None
         raise block.refuse(fault + (hint if fits else ""))
+    return arc
+
+
+def circle_by_centre(ends: Ends, programmed: Point, words: tuple[int | None, int | None], *, absolute: bool) -> Arc:
+    """The arc around the programmed centre, mm, as `arc_by_centre`; its ends may not lie on the circle."""
+    x, y = (0.0, 0.0) if absolute else ends.start
     form = "absolute" if absolute else "incremental"
+    centre = (x + programmed[0], y + programmed[1])
     return Arc(ends.plane, ends.sense, centre, same(ends.start, ends.end), form, words)

@@ -151,18 +151,6 @@ def point_at(start: Point, centre: Point, angle: float) -> Point:
     return centre[0] + c * x - s * y, centre[1] + s * x + c * y
 
 
-def point_along(ends: tuple[Point, Point], centre: Point, turned: float, share: float) -> Point:
-    """The point at a share of an arc with the sweep `turned`, rad.
-
-    If the radii at the two ends differ, the radius changes linearly between them.
-    """
-    start, end = ends
-    first, last = math.dist(start, centre), math.dist(end, centre)
-    x, y = point_at(start, centre, share * turned)
-    grown = 1.0 + share * (last / first - 1.0) if first else 1.0
-    return centre[0] + grown * (x - centre[0]), centre[1] + grown * (y - centre[1])
-
-
 def height_over_chord(start: Point, end: Point, centre: Point) -> float:
     """Distance of the centre from the line through start and end."""
     chord = math.dist(start, end)

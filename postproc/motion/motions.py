@@ -13,7 +13,8 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import AnyArray, Array, read_only
 from postproc.motion import axis_words
 from postproc.motion.axis_words import AxisWords
-from postproc.motion.circles import SAME, point_along, sweep
+from postproc.motion.circle_columns import CircleColumns
+from postproc.motion.circles import SAME
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
 from postproc.motion.moves import Arc, Cycle, Kind, Known, Polar, PolarEnd
 from postproc.text import blocks as text_blocks
@@ -203,14 +204,15 @@ class Motions:
         """
         if share == 1.0:
             return self.target.copy()
-        program = self.start + share * (self.target - self.start)
-        for row, arc in self.arcs.items():
-            i, j, _ = arc.plane
-            start, end = self.start[row].tolist(), self.target[row].tolist()
-            first, last = (start[i], start[j]), (end[i], end[j])
-            turned = sweep(first, last, arc.centre, arc.sense, arc.full, arc.turns)
-            program[row, [i, j]] = point_along((first, last), arc.centre, turned, share)
-        return np.asarray(program)
+        program = np.asarray(self.start + share * (self.target - self.start))
+        if self.arcs:
+            self.circles.put(program, share)
+        return program
+
+    @cached_property
+    def circles(self) -> CircleColumns:
+        """The circles of all arcs."""
+        return CircleColumns.of(self.arcs, self.start, self.target)
 
     @property
     def line(self) -> np.ndarray:

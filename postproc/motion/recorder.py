@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kinematics.machine import Machine
+from kinematics.transforms import Array
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.circles import SAME
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
@@ -22,6 +23,21 @@ _Places = tuple[float, ...]
 _Knowledge = tuple[Known, ...]
 _Modes = tuple[bool, bool, bool]
 _Row = tuple[int, Kind, int, float, bool, bool, bool, _Places, _Places, _Knowledge, _Knowledge]
+
+
+class PlainMoves(NamedTuple):
+    """Moves of plain lines to absolute positions; columns `(lines, axes)`."""
+
+    start: Array
+    target: Array
+    """Programmed coordinates, mm and degrees."""
+    known_start: np.ndarray
+    known: np.ndarray
+    """`Known` before and after the moves."""
+
+    def first(self, lines: int) -> PlainMoves:
+        """The first moves."""
+        return PlainMoves(*(column[:lines] for column in self))
 
 
 RECORDED = {
@@ -126,19 +142,36 @@ class Recorder:
         self._last = (self.frame, start, end, arc)
         self.used = self.frame
 
-    def append(self, block: int, run: PlainRun, kind: np.ndarray, unit: float, *, timed: bool) -> None:
-        """Record the moves of plain lines to absolute positions, as `move` does line by line.
-
-        block: index of the block of the first line. kind `(lines,)`. unit: mm per unit of the words of linear axes.
-        """
-        words, lines = run.columns, len(run)
-        named = (words.end > 0).T
-        values = words.value.T * np.where(self.machine.rotary, 1.0, unit)
+    def plain_moves(self, run: PlainRun, unit: float) -> PlainMoves:
+        """The moves of plain lines to absolute positions; unit: mm per unit of the words of linear axes."""
+        words, lines, axes = run.columns, len(run), len(self.position)
+        named = (words.end[:axes] > 0).T
+        values = words.value[:axes].T * np.where(self.machine.rotary, 1.0, unit)
         last = np.maximum.accumulate(np.where(named, np.arange(lines)[:, None], -1), axis=0)
         found = last >= 0
-        target = np.where(found, values[np.maximum(last, 0), np.arange(len(self.position))], self.position)
+        target = np.where(found, values[np.maximum(last, 0), np.arange(axes)], self.position)
         known = np.where(found, int(Known.PROGRAM), self.known)
+        start, known_start = np.concatenate([[self.position], target[:-1]]), np.concatenate([[self.known], known[:-1]])
+        return PlainMoves(start, target, known_start, known)
+
+    def append(
+        self,
+        block: int,
+        run: PlainRun,
+        moves: PlainMoves,
+        kind: np.ndarray,
+        arcs: Mapping[int, Arc],
+        unit: float,
+        *,
+        timed: bool,
+    ) -> None:
+        """Record the moves of plain lines, as `move` does line by line.
+
+        block: index of the block of the first line. kind `(lines,)`. arcs: by line. unit: mm per unit of the words.
+        """
+        lines = len(run)
         self._join_rows()
+        self._by_row["arcs"].update((self._joined + line, arc) for line, arc in arcs.items())
         self._joined += lines
         self._column_words.append(run)
         self._columns.append(
@@ -150,14 +183,12 @@ class Recorder:
                 "incremental": np.zeros(lines, bool),
                 "timed": np.full(lines, timed),
                 "frame_unchanged": np.ones(lines, bool),
-                "start": (start := np.concatenate([[self.position], target[:-1]])),
-                "target": target,
-                "known_start": np.concatenate([[self.known], known[:-1]]),
-                "known": known,
+                **moves._asdict(),
             }
         )
-        self.position, self.known = target[-1].tolist(), [Known(value) for value in known[-1].tolist()]
-        self._last = (self.frame, tuple(start[-1].tolist()), tuple(target[-1].tolist()), None)
+        start, target, _, known = (column[-1].tolist() for column in moves)
+        self.position, self.known = target, [Known(value) for value in known]
+        self._last = (self.frame, tuple(start), tuple(target), arcs.get(lines - 1))
         self.used = self.frame
 
     def drill(

@@ -14,7 +14,7 @@ from postproc.control.words import value_of, whole_of
 from postproc.motion.cutter_compensation import follow_contour
 from postproc.motion.frames import Frame, Placement, renamed
 from postproc.motion.moves import Arc, AxisWord, Kind, Known
-from postproc.motion.recorder import Recorder
+from postproc.motion.recorder import PlainMoves, Recorder
 from postproc.siemens.arcs import ARC_WORDS, Programmed, arc_of, calculated_arc, with_angle
 from postproc.siemens.calls import ends
 from postproc.siemens.codes import (
@@ -87,15 +87,17 @@ class SiemensInterpreter(Interpreter):
 
     @property
     def plain(self) -> bool:
-        """True while lines of axis words are straight moves to absolute positions without corners and cycles."""
+        """True while lines of axis words are moves to absolute positions without corners and cycles."""
         blocked = self.ended or self.compensated or self.cornered or self.rounded or self.polar.radius is not None
         special = self.transformations.tilted is not None or self.cycles.modal is not None
         noted = bool(self.length) and self.plane != "XYZ"
         passive = not set(self.machine.control.passive_axes).isdisjoint(self.machine.names)
         return self.absolute and not (blocked or special or noted or passive)
 
-    def _take_run(self, index: int, run: PlainRun) -> None:
-        super()._take_run(index, run)
+    def _take_run(
+        self, index: int, run: PlainRun, moves: PlainMoves, motion: np.ndarray, arcs: Mapping[int, Arc]
+    ) -> None:
+        super()._take_run(index, run, moves, motion, arcs)
         self.begun = True
 
     def _read_block(self, index: int, block: Block) -> Block:

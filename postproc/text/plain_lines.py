@@ -99,6 +99,8 @@ class PlainStyle:
     """Addresses of words that neither move an axis nor change the meaning of others."""
     motions: str = ""
     """Digits of the motions that the word G may name."""
+    arcs: str = ""
+    """Addresses of the centres and radii of arcs."""
     head: str = ""
     """First word of a straight line, behind the number of the block; empty if lines begin with any word."""
     rapid: str = ""
@@ -110,13 +112,13 @@ class PlainStyle:
 
     @cached_property
     def letters(self) -> str:
-        """Addresses other than those of axes."""
+        """Addresses other than those of axes and arcs."""
         return self.other + ("G" if self.motions else "")
 
     def classes(self, axes: str) -> bytes:
         """Class of every byte, for the addresses `axes` of the axes."""
         classes = bytearray([_OTHER] * 256)
-        letters = axes + self.letters
+        letters = axes + self.arcs + self.letters
         kinds = (
             (b"0123456789", _DIGIT),
             (b".", _POINT),
@@ -159,7 +161,7 @@ class PlainStyle:
 
 
 class PlainLines:
-    """The lines of a piece of a program that ends with a line feed; columns `(lines,)` and `(axes, lines)`.
+    """The lines of a piece of a program that ends with a line feed; columns `(lines,)` and `(addresses, lines)`.
 
     Values of words are defined for plain lines only.
     """
@@ -177,6 +179,11 @@ class PlainLines:
 
     def __len__(self) -> int:
         return len(self._ends)
+
+    @cached_property
+    def addresses(self) -> str:
+        """Addresses of the columns: the axes, and those of arcs that occur."""
+        return self.axes + "".join(letter for letter in self._style.arcs if (self._words.letter == ord(letter)).any())
 
     @cached_property
     def regular(self) -> NDArrayBool:
@@ -280,26 +287,26 @@ class PlainLines:
 
     @cached_property
     def columns(self) -> PlainColumns:
-        """The words of the axes as columns, and which lines are plain."""
+        """The words of axes and arcs as columns, and which lines are plain."""
         words, lines = self._words, len(self)
         plain = self.regular.copy()
         plain[words.line[words.several_points]] = False
         for letter in self._style.letters.encode():
             self._refuse_repeated(words.line[words.letter == letter], plain)
         letters = np.full(256, -1, np.int8)
-        letters[np.frombuffer(self.axes.encode(), np.uint8)] = np.arange(len(self.axes))
-        axis = letters[words.letter]
-        chosen = np.flatnonzero(axis >= 0)
-        axis, line = axis[chosen], words.line[chosen]
-        at, start, end, decimals = (column[chosen] for column in (words.at, words.start, words.end, words.decimals))
+        letters[np.frombuffer(self.addresses.encode(), np.uint8)] = np.arange(len(self.addresses))
+        column = letters[words.letter]
+        chosen = np.flatnonzero(column >= 0)
+        column, line = column[chosen], words.line[chosen]
+        at, start, end, decimals = (of[chosen] for of in (words.at, words.start, words.end, words.decimals))
         digits = start + (self._classes[start] == _SIGN)
-        for i in range(len(self.axes)):
-            self._refuse_repeated(line[axis == i], plain)
+        for i in range(len(self.addresses)):
+            self._refuse_repeated(line[column == i], plain)
         plain[line[(end - digits > WIDEST) | (decimals > MOST_DECIMALS)]] = False
         numbers = np.abs(self._numbers(digits, end, decimals))
         plain[line[numbers >= LARGEST]] = False
         numbers[self._bytes[start] == ord("-")] *= -1.0
-        shape, cell = (len(self.axes), lines), (axis, line)
+        shape, cell = (len(self.addresses), lines), (column, line)
         absent = np.full(lines, -1, np.int8)
         at_zero = np.zeros(shape, np.int32)
         ends = at_zero, at_zero.copy(), at_zero.copy()
@@ -313,14 +320,20 @@ class PlainLines:
         if self._style.motions:
             codes = words.letter == ord("G")
             found.motion[words.line[codes]] = self._motions_at(words.at[codes])
-        plain &= (found.end > 0).any(axis=0)
+        plain &= (found.end[: len(self.axes)] > 0).any(axis=0)
         several = np.flatnonzero(words.line[1:] == words.line[:-1]) + 1
         found.blank[words.line[several]] = self._classes[words.at[several] - 1] == _BLANK
         return found
 
+    def order_of(self, column: int, lines: np.ndarray) -> np.ndarray:
+        """Index `(k,)` of a word among the words of its line, for `lines` `(k,)` that have it."""
+        at = self._words.at
+        word = np.searchsorted(at, self.columns.at[column, lines])
+        return np.asarray(word - np.searchsorted(at, self.starts[lines]))
+
     @cached_property
     def usual_numbers(self) -> bool:
-        """True if all axis words have a digit before the point, and no plus."""
+        """True if all words of the columns have a digit before the point, and no plus."""
         plus, _, bare, _ = self.marks(self.columns)
         return not (plus.any() or bare.any())
 
@@ -372,7 +385,10 @@ class _Words:
 
 @dataclass(frozen=True)
 class PlainColumns:
-    """The words of plain lines: columns `(lines,)`, and `(axes, lines)` with zeros where a line omits an axis."""
+    """The words of plain lines: columns `(lines,)`, and `(addresses, lines)` with zeros where a line has no such word.
+
+    Addresses are those of the lines: first the axes, then those of centres and radii of arcs.
+    """
 
     plain: NDArrayBool
     motion: np.ndarray
@@ -382,7 +398,7 @@ class PlainColumns:
     start: np.ndarray
     """Position of the number."""
     end: np.ndarray
-    """Position behind the number; 0 where the line omits the axis."""
+    """Position behind the number; 0 where the line omits the word."""
     decimals: np.ndarray
     """Decimals; -1 for a number without a point."""
     value: Array

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from kinematics.machine import Machine
 from kinematics.transforms import Array
@@ -62,7 +63,8 @@ class CircleWriter:
         `PoleWriter.write_arc`. Returns the arc about the centre that the control uses. Refusal if the written text
         would be another arc.
         """
-        arc, block = motions.arcs[row], motions.blocks[motions.block[row]]
+        circle, block = NominalArc.of(motions, row, middle_shift), motions.blocks[motions.block[row]]
+        arc, turned = circle.arc, circle.turned
         i, j = arc.plane[:2]
         if (motions.known_start[row, [i, j]] != Known.PROGRAM).any():
             raise block.refuse(
@@ -71,15 +73,14 @@ class CircleWriter:
         start, end = ((at[i], at[j]) for at in ends)
         if same(start, end) != arc.full:
             raise block.refuse("rounding would exchange this arc and a full circle: its end points are too close")
-        turned = arc_turned(motions, row)
-        centre = _new_centre(motions, row, start, end, middle_shift)
+        centre = circle.centre(start, end)
         unit = float(motions.unit[row])
         if arc.form in ABOUT_POLES or dropped or self._helix_beside(arc, editor):
             about = arc._replace(centre=between(start, end, centre) if dropped else centre)
             centre = self._poles.write_arc(motions, row, about, ends, pole_editor, editor, dropped)
             end = (ends[1][i], ends[1][j])
         elif arc.form.startswith("radius") and not (isinstance(editor, AddedBlock) and not editor.klartext):
-            centre = self._write_radius(editor, arc, (start, end, centre), unit, turned)
+            centre = self._write_radius(editor, circle, (start, end, centre), unit)
         else:
             # a Siemens block marks its centre as absolute (I=AC), an added block does not
             absolute = arc.form.endswith("absolute") and not (
@@ -125,19 +126,18 @@ class CircleWriter:
     def _write_radius(
         self,
         editor: WordEditor | AddedBlock,
-        arc: Arc,
+        circle: NominalArc,
         points: tuple[Point, Point, Point],
         unit: float,
-        turned: float,
     ) -> Point:
         """Write the radius, or the centre if the radius moves the path too far; returns the centre on the control."""
-        start, end, centre = points
+        arc, (start, end, centre) = circle.arc, points
         decimals = decimals_for(self.machine.axes[arc.plane[0]].resolution / unit)
-        radius = math.hypot(math.dist(start, end) / 2, height_over_chord(start, end, centre)) / unit
         if isinstance(editor, AddedBlock):
+            radius = radius_of(circle, (start, end), centre, 1.0, unit)
             radius = editor.agreed("R", round(radius, decimals), decimals)
             by_radius = centre_from_radius(start, end, radius * unit, arc.sense)
-            if by_radius is None or _middle_deviation(start, end, centre, by_radius, arc.sense) >= LARGEST_DEVIATION:
+            if by_radius is None or middle_deviation(start, end, centre, by_radius, arc.sense) >= LARGEST_DEVIATION:
                 raise editor.beside.refuse(
                     "rounding the radius would move the segments of this arc: give its centre (CC and C)"
                 )
@@ -145,11 +145,9 @@ class CircleWriter:
             return by_radius
         index = arc.words[0]
         assert index is not None
-        programmed = editor.block.words[index].value or 0.0
-        # a segment of an arc of more than half a turn may itself be below half a turn
-        signed = math.copysign(radius, programmed if abs(turned) > math.pi - HALF else 1.0)
+        signed = radius_of(circle, (start, end), centre, editor.block.words[index].value or 0.0, unit)
         by_radius = centre_from_radius(start, end, editor.rounded(index, signed, decimals) * unit, arc.sense)
-        if by_radius is not None and _middle_deviation(start, end, centre, by_radius, arc.sense) < LARGEST_DEVIATION:
+        if by_radius is not None and middle_deviation(start, end, centre, by_radius, arc.sense) < LARGEST_DEVIATION:
             editor.set(index, signed, decimals)
             return by_radius
         if editor.block.kind != "words":
@@ -167,32 +165,61 @@ def round_off(motions: Motions, row: int, start: list[float], end: list[float], 
 
     This occurs on nearly full circles: their ends are close together, but may have different corrections.
     """
-    arc = motions.arcs[row]
-    i, j, _ = arc.plane
-    first, last = (start[i], start[j]), (end[i], end[j])
-    before, after = arc_ends(motions, row)
-    centre = _new_centre(motions, row, first, last, shift)
-    radius = math.dist(last, centre)
-    fault = math.dist(first, centre) - radius - math.dist(before, arc.centre) + math.dist(after, arc.centre)
-    excess = abs(fault) - OUT_OF_ROUND / 2
-    if excess > 0.0:
+    i, j, _ = motions.arcs[row].plane
+    moved = NominalArc.of(motions, row, shift).round_off((start[i], start[j]), (end[i], end[j]))
+    if moved is not None:
+        end[i] += moved[0]
+        end[j] += moved[1]
+
+
+class NominalArc(NamedTuple):
+    """An arc before its correction; points in its plane, mm."""
+
+    arc: Arc
+    ends: tuple[Point, Point]
+    turned: float
+    """Sweep, rad, positive counter-clockwise."""
+    middle_shift: Point
+    """Correction of its middle, mm."""
+
+    @classmethod
+    def of(cls, motions: Motions, row: int, middle_shift: Array) -> NominalArc:
+        """The arc of a row; middle_shift `(axes,)`, mm."""
+        arc = motions.arcs[row]
+        x, y = middle_shift[list(arc.plane[:2])].tolist()
+        return cls(arc, arc_ends(motions, row), arc_turned(motions, row), (x, y))
+
+    def centre(self, start: Point, end: Point) -> Point:
+        """Its centre with new ends and its middle corrected."""
+        before, after = self.ends
+        start_shift = (start[0] - before[0], start[1] - before[1])
+        end_shift = (end[0] - after[0], end[1] - after[1])
+        return moved_centre(self.ends, self.arc.centre, self.turned, (start_shift, self.middle_shift, end_shift))
+
+    def round_off(self, start: Point, end: Point) -> Point | None:
+        """Shift of a new end, mm, for the function of this name; None for an end that stays."""
+        before, after = self.ends
+        centre = self.centre(start, end)
+        radius = math.dist(end, centre)
+        fault = math.dist(start, centre) - radius - math.dist(before, self.arc.centre)
+        fault += math.dist(after, self.arc.centre)
+        excess = abs(fault) - OUT_OF_ROUND / 2
+        if excess <= 0.0:
+            return None
         share = math.copysign(excess, fault) / radius
-        end[i] += share * (last[0] - centre[0])
-        end[j] += share * (last[1] - centre[1])
+        return share * (end[0] - centre[0]), share * (end[1] - centre[1])
 
 
-def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shift: Array) -> Point:
-    """Centre of an arc with new ends in its plane and its middle shifted by `middle_shift` `(axes,)`, mm."""
-    arc = motions.arcs[row]
-    before, after = arc_ends(motions, row)
-    start_shift = (start[0] - before[0], start[1] - before[1])
-    end_shift = (end[0] - after[0], end[1] - after[1])
-    x, y = middle_shift[list(arc.plane[:2])].tolist()
-    turned = arc_turned(motions, row)
-    return moved_centre((before, after), arc.centre, turned, (start_shift, (x, y), end_shift))
+def radius_of(circle: NominalArc, ends: tuple[Point, Point], centre: Point, programmed: float, unit: float) -> float:
+    """Radius of an arc with new ends and centre, in units of its words, with the sign for its sweep.
+
+    programmed: the radius of the program. A segment of an arc of more than half a turn may itself be below half a turn.
+    """
+    radius = math.hypot(math.dist(*ends) / 2, height_over_chord(*ends, centre)) / unit
+    return math.copysign(radius, programmed if abs(circle.turned) > math.pi - HALF else 1.0)
 
 
-def _middle_deviation(start: Point, end: Point, centre: Point, other: Point, sense: int) -> float:
+def middle_deviation(start: Point, end: Point, centre: Point, other: Point, sense: int) -> float:
     """Distance of the middles of two arcs with the same ends, mm."""
     middles = [point_at(start, c, sweep(start, end, c, sense, False) / 2) for c in (centre, other)]
     return math.dist(*middles)

@@ -60,14 +60,21 @@ class FlatArcs:
 
     def take(self, motions: Motions, correction: Correction, ends: np.ndarray) -> None:
         """Add the arcs of a chunk; `ends` `(n, axes)`: written ends of the moves, mm and degrees."""
-        translators = list(motions.machine.translators)
-        for row, arc in motions.arcs.items():
+        if not motions.arcs:
+            return
+        machine, circles = motions.machine, motions.circles
+        across = np.zeros((len(circles.rows), len(machine.axes)), bool)
+        across[:, machine.translators] = True
+        for plane in (circles.first, circles.second):
+            across[np.arange(len(plane)), plane] = False
+        left = np.where(across, np.abs(ends - correction.target)[circles.rows], 0.0).max(axis=1)
+        resolutions = np.array([axis.resolution for axis in machine.axes])
+        flat = np.flatnonzero(left >= resolutions[across.argmax(axis=1)])
+        for row, size in zip(circles.rows[flat].tolist(), left[flat].tolist(), strict=True):
             block = motions.blocks[motions.block[row]]
-            across = [axis for axis in translators if axis not in arc.plane[:2]]
-            left = float(np.abs(ends[row] - correction.target[row])[across].max(initial=0.0))
-            if block.kind != "words" and left >= motions.machine.axes[across[0]].resolution:
+            if block.kind != "words":
                 self.lines.append(block.line)
-                self.largest_um = max(self.largest_um, left * 1e3)
+                self.largest_um = max(self.largest_um, size * 1e3)
 
     def notes(self) -> list[str]:
         """Notes on these arcs for the user."""

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array, read_only
+from postproc.motion.arcs import CENTRES
 from postproc.motion.motions import Motions
-from postproc.motion.moves import Kind
+from postproc.motion.moves import Arc, Kind
 from postproc.text.blocks import Blocks, PlainRun
 from postproc.text.editing import Layout, end_of, rank_of
 from postproc.text.number_style import NumberStyle
 from postproc.text.plain_lines import POWERS, PlainLines
 from postproc.text.source import ENCODING
+from postproc.write.arcs import NominalArc
+from postproc.write.plain_arcs import RADIUS, PlainArcs
 
 NEAR_HALF = 1e-6
 """Distance from a half, in units of the last decimal, within which a number is rounded by its exact digits."""
@@ -72,6 +75,29 @@ class PlainWords(NamedTuple):
     blank: NDArrayBool
     """True where blanks separate words."""
 
+    def take(self, chosen: NDArrayBool) -> PlainWords:
+        """Some of the words."""
+        columns: tuple[Any, ...] = self
+        return PlainWords(*(column[chosen] for column in columns))
+
+
+def joined(words: Iterable[PlainWords]) -> PlainWords:
+    """All words, in this order."""
+    columns: Iterator[tuple[Any, ...]] = zip(*words, strict=True)
+    return PlainWords(*map(np.concatenate, columns))
+
+
+class WrittenRows(NamedTuple):
+    """The first lines of a run of plain lines, written."""
+
+    words: PlainWords
+    ends: Array
+    """Positions on the control after each line `(lines, axes)`."""
+    arcs: dict[int, Arc]
+    """Arcs about the centres that the control uses, by line."""
+    layout: Layout
+    """Layout after the last line."""
+
 
 @dataclass
 class PlainRows:
@@ -86,9 +112,11 @@ class PlainRows:
     """True `(lines, axes)` where the program has given the position at the end."""
     kept: NDArrayBool
     """Lines `(lines,)` whose linear axes keep their positions; they name none."""
+    arcs: Mapping[int, NominalArc]
+    """Arcs by line."""
 
-    def write(self, axes: Sequence[WrittenAxis], held: list[float], layout: Layout) -> tuple[PlainWords, Array, Layout]:
-        """The words, the positions on the control after each line `(lines, axes)`, and the layout after the last line.
+    def write(self, axes: Sequence[WrittenAxis], held: list[float], layout: Layout) -> WrittenRows | None:
+        """Write the lines before the first arc that has to be written by itself; None if there are none.
 
         axes: in the order in which words are added. held: positions before the first line, mm and degrees.
         """
@@ -97,10 +125,71 @@ class PlainRows:
         for column in range(len(held)):
             ends[:, column] = _held(named[column], self.target[:, column], held[column])
         layouts = _Layouts(self.run, layout)
-        found = []
+        found: list[PlainWords] = []
         for axis in axes:
             found += self._axis(axis, held[axis.column], ends[:, axis.column], layouts)
-        return PlainWords(*(np.concatenate(column) for column in zip(*found, strict=True))), ends, layouts.last
+        arcs: dict[int, Arc] = {}
+        lines = len(ends)
+        if self.arcs:
+            starts = np.concatenate([[held], ends[:-1]])
+            circles, lines = PlainArcs.of(self.arcs, self.corrected, starts, ends)
+            arcs, last = self._write_arcs(circles, axes, layouts, found)
+            lines = lines if last is None else last
+        if not lines:
+            return None
+        words = joined(found)
+        if lines < len(ends):
+            words = words.take(words.line < self.run.first + lines)
+        return WrittenRows(words, ends[:lines], arcs, layouts.after(lines))
+
+    def _write_arcs(
+        self, circles: PlainArcs, axes: Sequence[WrittenAxis], layouts: _Layouts, found: list[PlainWords]
+    ) -> tuple[dict[int, Arc], int | None]:
+        """Add the words of arcs to `found`; returns what `PlainArcs.written` does."""
+        addresses, columns = self.run.lines.addresses, self.run.columns
+        radii, centres = np.full(len(circles.lines), np.nan), np.full((len(circles.lines), 2), np.nan)
+        if not len(circles.lines):
+            return {}, None
+        plane = circles.arcs[0].arc.plane
+        linear = {axis.column: axis for axis in axes}
+        by_radius = np.array([circle.arc.form.startswith("radius") for circle in circles.arcs], bool)
+        column = addresses.find(RADIUS)
+        if column >= 0 and by_radius.any():
+            rows, axis = circles.lines, linear[plane[0]]
+            wanted = circles.radius_words(columns.value[column, rows], axis.unit)
+            radii[by_radius] = self._arc_words(RADIUS, axis, rows[by_radius], wanted[by_radius], layouts, found)
+            radii *= axis.unit
+        if not by_radius.all():
+            for i, axis in enumerate(linear[at] for at in plane[:2]):
+                letter = CENTRES["XYZ".index(axis.name)]
+                wanted, origins = circles.centre_words(i, axis.unit)
+                rows = circles.lines[~by_radius]
+                numbers = self._arc_words(letter, axis, rows, wanted[~by_radius], layouts, found)
+                centres[~by_radius, i] = origins[~by_radius] + numbers * axis.unit
+        return circles.written(centres, radii)
+
+    def _arc_words(
+        self,
+        letter: str,
+        axis: WrittenAxis,
+        rows: np.ndarray,
+        wanted: Array,
+        layouts: _Layouts,
+        found: list[PlainWords],
+    ) -> Array:
+        """Add words of arcs in lines `rows` `(k,)`, with the decimals of an axis, to `found`; returns the numbers."""
+        column = self.run.lines.addresses.find(letter)
+        named, value, own = np.zeros(len(rows), bool), np.zeros(len(rows)), np.zeros(len(rows), np.int8)
+        if column >= 0:
+            columns = self.run.columns
+            named, value, own = self._named[column, rows], columns.value[column, rows], columns.decimals[column, rows]
+        counts, number, decimals = _to_write(wanted, named, value, own, axis.decimals)
+        changed, added = named & (number != value), ~named & (number != 0.0)
+        if changed.any():
+            found.append(self._replaced(column, rows[changed], counts[changed], decimals[changed], layouts))
+        if added.any():
+            found.append(self._added(axis._replace(name=letter), rows[added], counts[added], layouts))
+        return number
 
     @cached_property
     def _named(self) -> NDArrayBool:
@@ -110,10 +199,8 @@ class PlainRows:
         """Replaced numbers and added words of an axis; `ends` `(lines,)` becomes its positions on the control."""
         words, column = self.run.columns, axis.column
         named, value = self._named[column], words.value[column]
-        decimals = np.maximum(np.where(named, words.decimals[column], 0), axis.decimals)
         wanted = self.corrected[:, column] / axis.unit
-        counts, number = _rounded(wanted, decimals)
-        number = np.where(named & (np.abs(number - value) < 0.5 * _UNITS[decimals]), value, number)
+        counts, number, decimals = _to_write(wanted, named, value, words.decimals[column], axis.decimals)
         after = number * axis.unit
         active = self.programmed[:, column] & ~self.kept
         inserted = np.zeros(len(named), bool)
@@ -129,12 +216,16 @@ class PlainRows:
             else:
                 self._follow(axis, held, rows, wanted, after, inserted)
         ends[:] = _held(active, after, held)
-        changed = np.flatnonzero(named & (number != value))
-        letter, behind = np.zeros(len(changed), int), np.zeros(len(changed), bool)
-        cells = np.full(len(changed), column), counts[changed], decimals[changed]
-        styles = layouts.of(cells[0], changed)
-        found = [PlainWords(changed + self.run.first, *cells, letter, behind, *styles)]
-        return [*found, self._added(axis, np.flatnonzero(inserted), counts, layouts)] if inserted.any() else found
+        changed, added = np.flatnonzero(named & (number != value)), np.flatnonzero(inserted)
+        found = [self._replaced(column, changed, counts[changed], decimals[changed], layouts)]
+        return [*found, self._added(axis, added, counts[added], layouts)] if len(added) else found
+
+    def _replaced(
+        self, column: int, rows: np.ndarray, counts: Array, decimals: np.ndarray, layouts: _Layouts
+    ) -> PlainWords:
+        """Numbers in lines `rows` `(k,)` that replace those of a column; counts, decimals `(k,)`."""
+        letter, behind, columns = np.zeros(len(rows), int), np.zeros(len(rows), bool), np.full(len(rows), column)
+        return PlainWords(rows + self.run.first, columns, counts, decimals, letter, behind, *layouts.of(columns, rows))
 
     def _follow(
         self, axis: WrittenAxis, held: float, rows: np.ndarray, wanted: Array, after: Array, inserted: NDArrayBool
@@ -150,15 +241,15 @@ class PlainRows:
             held = float(after[row])
 
     def _added(self, axis: WrittenAxis, rows: np.ndarray, counts: Array, layouts: _Layouts) -> PlainWords:
-        """Words of an axis that are added in `rows`, behind the last word of an axis with a lower rank."""
+        """Words that are added in lines `rows` `(k,)`, behind the last word with a lower rank; counts `(k,)`."""
         words, named = self.run.columns, self._named[:, rows]
-        ranks = np.array([rank_of(letter) for letter in self.run.lines.axes])
+        ranks = np.array([rank_of(letter) for letter in self.run.lines.addresses])
         at = words.at[:, rows]
         lower = np.where(named & (ranks < rank_of(axis.name))[:, None], at, -1)
         behind = np.asarray((lower >= 0).any(axis=0))
         beside = np.where(behind, lower.argmax(axis=0), np.where(named, at, np.iinfo(at.dtype).max).argmin(axis=0))
         decimals = np.maximum(axis.decimals, words.decimals[beside, rows])
-        numbers = counts[rows] * POWERS[decimals - axis.decimals]
+        numbers = counts * POWERS[decimals - axis.decimals]
         letter, styles = np.full(len(rows), ord(axis.name)), layouts.of(beside, rows)
         return PlainWords(rows + self.run.first, beside, numbers, decimals, letter, behind, *styles)
 
@@ -227,10 +318,15 @@ def _written(words: PlainWords, gap: NDArrayBool, low: NDArrayBool, order: np.nd
     return text[shown], shown.sum(axis=1)
 
 
-def plain_stretches(motions: Motions) -> dict[int, PlainRun]:
-    """Runs of plain lines that are written together, by their first rows: each line has one row, and no added block."""
+def plain_stretches(motions: Motions, arcs: Iterable[int]) -> dict[int, PlainRun]:
+    """Runs of plain lines that are written together, by their first rows: each line has one row, and no added block.
+
+    arcs: rows of arcs that can be written together.
+    """
     again = motions.block[1:] == motions.block[:-1]
-    single = ~np.append(False, again) & ~np.append(again, False) & np.isin(motions.kind, (Kind.RAPID, Kind.LINE))
+    single = np.isin(motions.kind, (Kind.RAPID, Kind.LINE))
+    single[list(arcs)] = True
+    single &= ~np.append(False, again) & ~np.append(again, False)
     linear = list(motions.machine.translators)
     found = {}
     for part, first in zip(motions.blocks.parts, motions.blocks.firsts, strict=False):
@@ -282,15 +378,14 @@ class _Layouts:
         """True `(lines,)` where blanks separate words."""
         return _held(self._columns.blank >= 0, self._columns.blank == 1, self._before.blank)
 
-    @property
-    def last(self) -> Layout:
-        """The layout after the last line."""
-        run = self._run
-        end = end_of(run.data(len(run) - 1, len(run)).decode(ENCODING))
+    def after(self, lines: int) -> Layout:
+        """The layout after the first lines."""
+        last = lines - 1
+        end = end_of(self._run.data(last, lines).decode(ENCODING))
         numbers = self._before.numbers
         if not self._usual:
-            numbers = NumberStyle(bool(self._plus[-1]), numbers.mark, bool(self._leading_zero[-1]))
-        return replace(self._before, blank=bool(self._blank[-1]), numbers=numbers, end=end)
+            numbers = NumberStyle(bool(self._plus[last]), numbers.mark, bool(self._leading_zero[last]))
+        return replace(self._before, blank=bool(self._blank[last]), numbers=numbers, end=end)
 
     def of(self, axis: np.ndarray, line: np.ndarray) -> tuple[NDArrayBool, NDArrayBool, NDArrayBool]:
         """Styles of words like those of axes in lines `(k,)`: plus, zero and blank of `PlainWords`."""
@@ -312,6 +407,19 @@ def _held(sets: NDArrayBool, value: Array, before: float) -> np.ndarray:
         return value
     last = np.maximum.accumulate(np.where(sets, np.arange(len(sets)), -1))
     return np.where(last >= 0, value[last], before)
+
+
+def _to_write(
+    wanted: Array, named: NDArrayBool, value: Array, own: np.ndarray, least: int
+) -> tuple[Array, Array, np.ndarray]:
+    """Numbers to write `(k,)`, in units of their last decimals and as floats, and their decimals.
+
+    named: True where there is a number, `value` with `own` decimals, which stays if it is `wanted`, rounded.
+    """
+    decimals = np.maximum(np.where(named, own, 0), least)
+    counts, number = _rounded(wanted, decimals)
+    stays = named & (np.abs(number - value) < 0.5 * _UNITS[decimals])
+    return counts, np.where(stays, value, number), decimals
 
 
 def _rounded(values: Array, decimals: np.ndarray) -> tuple[Array, Array]:

@@ -35,11 +35,21 @@ from postproc.write.added_blocks import (
     mode_words,
     part,
 )
-from postproc.write.arcs import ABOUT_POLES, CircleWriter, round_off
+from postproc.write.arcs import ABOUT_POLES, CircleWriter, NominalArc, round_off
 from postproc.write.drilling import Depth, HoleWriter
 from postproc.write.helices import axes_across, replaced_by_angle
 from postproc.write.inverse_time import add_inverse_time, write_inverse_time
-from postproc.write.plain_rows import PlainRows, PlainText, PlainWords, WrittenAxis, plain_stretches, plain_texts
+from postproc.write.plain_arcs import writable_arcs
+from postproc.write.plain_rows import (
+    PlainRows,
+    PlainText,
+    PlainWords,
+    WrittenAxis,
+    WrittenRows,
+    joined,
+    plain_stretches,
+    plain_texts,
+)
 from postproc.write.polar import PolarWriter
 from postproc.write.poles import PoleWriter
 
@@ -119,7 +129,9 @@ class Writer:
         assumed = (motions.known_start == Known.ASSUMED).tolist()
         self._programmed = motions.correctable.tolist()
         self._ours, self._inner = motions.added.tolist(), motions.intermediate.tolist()
-        stretches = {} if self._turns or indices is not None else plain_stretches(motions)
+        together = not self._turns and indices is None
+        plain_arcs = writable_arcs(motions, correction.middle_shift) if together else {}
+        stretches = plain_stretches(motions, plain_arcs) if together else {}
         plain: list[tuple[int, PlainRun, PlainWords]] = []
         behind = 0
         for row in range(len(motions)):
@@ -129,13 +141,17 @@ class Writer:
             starts[row] = held
             if row in stretches and self._layout.numbers.mark == ".":
                 run = stretches[row]
-                behind = row + len(run)
-                rows = slice(row, behind)
-                words, ends[rows] = self._write_plain(motions, correction, rows, run, held)
-                starts[row + 1 : behind] = ends[row : behind - 1]
-                self._held = ends[behind - 1].tolist()
-                plain.append((int(motions.block[row]), run, words))
-                continue
+                written = self._write_plain(motions, correction, row, run, plain_arcs, held)
+                lines = 0 if written is None else len(written.ends)
+                behind = row + lines
+                if lines + 1 < len(run):
+                    stretches[behind + 1] = run.part(lines + 1, len(run))
+                if written is not None:
+                    ends[row:behind] = written.ends
+                    starts[row + 1 : behind] = ends[row : behind - 1]
+                    self._held = ends[behind - 1].tolist()
+                    plain.append((int(motions.block[row]), run.part(0, lines), written.words))
+                    continue
             if motions.kind[row] == Kind.MACHINE:
                 self._go_to_machine_position(motions, row, held)
             elif motions.kind[row] == Kind.PRESET:
@@ -170,10 +186,21 @@ class Writer:
         return edited(block.text, self._editors[index].edits) if index in self._editors else block.text
 
     def _write_plain(
-        self, motions: Motions, correction: Correction, rows: slice, run: PlainRun, held: list[float]
-    ) -> tuple[PlainWords, Array]:
-        """The words of a run of plain lines, and the positions on the control after their moves."""
-        unit = float(motions.unit[rows.start])
+        self,
+        motions: Motions,
+        correction: Correction,
+        row: int,
+        run: PlainRun,
+        arcs: Mapping[int, NominalArc],
+        held: list[float],
+    ) -> WrittenRows | None:
+        """Write a run of plain lines from a row on, up to the first line that has to be written by itself.
+
+        None if this is the first line of the run.
+        """
+        if self._straight and row in arcs:
+            return None
+        unit, rows = float(motions.unit[row]), slice(row, row + len(run))
         names, columns = self.machine.names, self._by_letter
         axes = [WrittenAxis(axis, names[axis], self._decimals(axis, unit), unit) for axis in columns]
         moves = PlainRows(
@@ -182,10 +209,13 @@ class Writer:
             motions.target[rows],
             motions.correctable[rows],
             motions.rotary_only[rows],
+            {line: arcs[row + line] for line in range(len(run)) if row + line in arcs} if arcs else {},
         )
-        words, ends, self._layout = moves.write(axes, held, self._layout)
-        self._straight = False
-        return words, ends
+        written = moves.write(axes, held, self._layout)
+        if written is not None:
+            self._layout, self._straight = written.layout, False
+            self._arcs.update((row + line, arc) for line, arc in written.arcs.items())
+        return written
 
     def _before(self, motions: Motions, row: int, assumed: list[bool]) -> list[float]:
         """Programmed position on the control before the row, in the frame of the row.
@@ -473,8 +503,7 @@ def _plain_texts(written: Iterable[tuple[int, PlainRun, PlainWords]]) -> dict[in
     texts: dict[int, PlainText] = {}
     for lines, group in itertools.groupby(written, lambda item: item[1].lines):
         indices, runs, words = zip(*group, strict=True)
-        joined = PlainWords(*(np.concatenate(column) for column in zip(*words, strict=True)))
-        texts |= zip(indices, plain_texts(lines, runs, joined), strict=True)
+        texts |= zip(indices, plain_texts(lines, runs, joined(words)), strict=True)
     return texts
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import io
 import json
+import math
 
 import pytest
 from hypothesis import strategies as st
@@ -73,6 +74,63 @@ def mixtures(draw, axes="XYZBC"):
         lines += draw(st.lists(st.sampled_from(SLOW), max_size=2)) + draw(plain_lines(axes))
     end = draw(st.sampled_from(["\n", "\n", "\r\n"]))
     return end.join(lines) + draw(st.sampled_from([end, end, ""]))
+
+
+ODD_ARCS = (
+    *("G2 X1. Y2.", "G1 X1. I5.", "X5. Y5. I1. R9.", "G3 X1. Y1. I1. J1. K2.", "G2 X900. Y0. R1.", "G3 X9. I0. J0."),
+    *("M8", "(comment)", "G91.1", "G90.1 X0. Y0.", "G3 I5.", "G2 X1. Y1. R0.", "G18", "G1 X5. K0.", "G40", "G3 R5."),
+)
+"""Lines between arcs: some are refused, or change the meaning of the arcs after them."""
+PLANES = {"G17": "XYZIJK", "G18": "ZXYKIJ", "G19": "YZXJKI"}
+
+
+@st.composite
+def arc_programs(draw, siemens=False):
+    """A program of straight lines and arcs by their centres or radii, with odd lines between them."""
+    plane = draw(st.sampled_from([*PLANES, "G17", "G17"]))
+    first, second, normal, i, j, _ = PLANES[plane]
+    unit, around = draw(st.sampled_from([1.0, 1.0, 25.4])), draw(st.sampled_from([0.0, 10.0, 100.0, 10.0]))
+    scale, height = 1.0 / unit, 200.0 / unit
+    blank, decimals = draw(st.sampled_from([" ", " ", ""])), draw(st.sampled_from([3, 4, 4, 5]))
+    metric = ("G71", "G70") if siemens else ("G21", "G20")
+    lines = [f"{plane} {metric[unit > 1.0]} G90 G54 G94"] if draw(st.integers(0, 9)) else ["G90"]
+    at = dict.fromkeys("XYZ", around * scale) | {"Z": height}
+    lines.append("G0" + "".join(f" {axis}{value:.4f}" for axis, value in at.items()))
+    odd = [line for line in ODD_ARCS if not siemens or not {"R", "("} & {*line}]
+    forms = ["line", "line", "arc", "arc", "arc", "radius", "radius", "full", *draw(st.sampled_from([[], [], ["odd"]]))]
+    for _ in range(draw(st.integers(1, 14))):
+        what = draw(st.sampled_from(forms))
+        if what == "odd":
+            lines.append(draw(st.sampled_from(odd)))
+            continue
+        x, y, z = (round(at[axis] + scale * draw(st.floats(-3.0, 3.0)), decimals) for axis in (first, second, normal))
+        code = ""
+        words = {first: x, second: y}
+        if what == "line":
+            code, words = draw(st.sampled_from(["G1", "G1", "G0", "G01"])), {**words, normal: z}
+            words = {axis: words[axis] for axis in draw(st.lists(st.sampled_from([*words]), min_size=1, unique=True))}
+        else:
+            code = draw(st.sampled_from(["G2", "G3", "G02", "G3"]))
+            radius = round(scale * draw(st.sampled_from([0.02, 0.5, 2.0, 2.0, 20.0, 300.0])), decimals)
+            begun, turned = draw(st.floats(0.0, 6.28)), draw(st.sampled_from([0.001, 0.3, 1.0, 2.0, 3.14159, 5.9, 6.2]))
+            centre = at[first] - radius * math.cos(begun), at[second] - radius * math.sin(begun)
+            last = begun + turned * (1.0 if code.endswith("3") else -1.0)
+            if what != "full":
+                words = {first: centre[0] + radius * math.cos(last), second: centre[1] + radius * math.sin(last)}
+            else:
+                words = {first: at[first], second: at[second]}
+            if draw(st.integers(0, 4)) == 0:
+                words[normal] = z
+            if what == "radius" and not siemens:
+                words["R"] = radius * (-1.0 if turned > math.pi else 1.0)
+            else:
+                words |= {i: centre[0] - at[first], j: centre[1] - at[second]}
+        at |= {axis: round(value, decimals) for axis, value in words.items() if axis in at}
+        texts = [f"{axis}{value:.{decimals}f}" for axis, value in words.items() if axis in at or round(value, decimals)]
+        if code in lines[-1].split() and draw(st.booleans()):
+            code = ""
+        lines.append(blank.join([*([code] if code else []), *texts]))
+    return "\n".join(lines) + "\n"
 
 
 def outcome(text, machine, model, *, plain=True, shortest=1, piece=1 << 20, dialect="iso", **options):
