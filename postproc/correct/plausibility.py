@@ -191,14 +191,15 @@ class Guard:
         if rounded.any():
             count, largest = self._rounded.get(where, (0, 0.0))
             self._rounded[where] = count + int(rounded.sum()), max(largest, float(excess[rounded].max()))
-        for i in np.flatnonzero(excess > limits).tolist():
+        worse = np.flatnonzero(excess > limits)
+        for i, line in zip(worse.tolist(), motions.line[rows[worse]].tolist(), strict=True):
             row = int(rows[i])
-            block = motions.blocks[motions.block[row]]
             found = f"predicted to be worse than in the input {where}: {after[i]:.3g} um instead of {before[i]:.3g} um"
             if "worse" not in self._plausibility.accepted:
                 hint = ROTARY_ONLY_HINT if motions.rotary_only[row] else hints.get(int(motions.block[row]), "")
-                raise block.refuse(f"{found}{hint}; --accept worse continues nevertheless")
-            self._add(block.line, float(before[i]), float(after[i]))
+                refused = motions.blocks[motions.block[row]]
+                raise refused.refuse(f"{found}{hint}; --accept worse continues nevertheless")
+            self._add(line, float(before[i]), float(after[i]))
 
     def notes(self) -> list[str]:
         """Notes with the numbers of moves that are worse than in the input by their rounding."""

@@ -49,8 +49,8 @@ def uncorrected_before_rotary_moves(
     kept[:, motions.machine.rotary] = 0.0
     harmed = _worse(motions, rows, kept, model, conditions, approach)
     left = np.unique(before[rows[harmed]])
-    for row in left.tolist():
-        notes.add(NOTE, motions.blocks[motions.block[row]].line)
+    for line in motions.line[left].tolist():
+        notes.add(NOTE, line)
     nominal = np.isin(before, left)[:, None]
     return replace(
         correction,

@@ -43,10 +43,11 @@ def refusals_outside(motions: Motions, positions: Array, when: str, state: Contr
 
 def note_outside(motions: Motions, positions: Array, notes: Notes) -> None:
     """Add notes on the moves that `refuse_outside` would refuse."""
-    for row, i in np.argwhere(_outside(motions, positions)):
-        axis = motions.machine.axes[i]
+    outside = _outside(motions, positions)
+    for i in np.flatnonzero(outside.any(axis=0)).tolist():
+        axis, rows = motions.machine.axes[i], np.flatnonzero(outside[:, i])
         text = f"{axis.name} outside its travel {axis.travel[0]:g}..{axis.travel[1]:g} {axis.unit}"
-        notes.add(text, motions.blocks[motions.block[row]].line)
+        notes.add(text, int(motions.line[rows[0]]), len(rows))
 
 
 def _outside(motions: Motions, positions: Array) -> NDArrayBool:

@@ -58,8 +58,9 @@ class CircleColumns:
 
     def put_some(self, program: Array, rows: np.ndarray, shares: Array) -> None:
         """The same for positions `(m, axes)` at shares `(m,)` of moves `rows` `(m,)`, some of which are arcs."""
-        some = np.flatnonzero(np.isin(rows, self.rows))
-        self._put(program, some, np.searchsorted(self.rows, rows[some]), shares[some])
+        arcs = np.minimum(np.searchsorted(self.rows, rows), len(self.rows) - 1)
+        some = np.flatnonzero(self.rows[arcs] == rows)
+        self._put(program, some, arcs[some], shares[some])
 
     def _put(self, program: Array, cells: np.ndarray, arcs: np.ndarray, shares: Array | float) -> None:
         """If the radii at the two ends of an arc differ, the radius changes linearly between them."""
