@@ -1,6 +1,7 @@
 """The second exam of `ncomp diagnose`: measurements as shops take them, with effects that no file declares.
 
     python benchmarks/shop_floor_exam.py --draws 20 --designs lines,serpentine --causes none,backlash,drift --jobs 2
+    python benchmarks/shop_floor_exam.py --designs all --causes all --draws 2 --sample 150  # a part, by chance
     python benchmarks/shop_floor_exam.py --resume          # goes on where an interrupted exam ended
     python benchmarks/shop_floor_exam.py --table           # the table of what is recorded; asks nothing
 
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import random
 import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -40,6 +42,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--designs", type=_listed(DESIGNS), default=list(FIRST_DESIGNS), help=",".join(DESIGNS))
     parser.add_argument("--causes", type=_listed(CAUSES), default=list(FIRST_CAUSES), help=",".join(CAUSES))
     parser.add_argument("--machines", type=_listed(MACHINES), default=["gantry", "cframe"], help=",".join(MACHINES))
+    parser.add_argument("--sample", type=int, metavar="N", help="N questions with an effect, chosen at random")
     parser.add_argument("--jobs", type=int, default=1, metavar="J", help="diagnoses at once")
     parser.add_argument("--timeout", type=float, default=1800.0, metavar="S", help="of a command, s")
     parser.add_argument("--records", type=Path, default=Path("out/shop_floor_exam.jsonl"), help="file of the answers")
@@ -69,13 +72,19 @@ def _listed(names: Iterable[str]) -> Callable[[str], list[str]]:
 def questions(args: argparse.Namespace) -> list[Key]:
     """The keys of all questions, draw by draw, so that an interrupted exam has all designs and causes."""
     causes = list(dict.fromkeys(["none", *args.causes]))
-    return [
+    keys = [
         Key(design, cause, machine, draw, args.seed)
         for draw in range(args.first, args.first + args.draws)
         for design in args.designs
         for machine in args.machines
         for cause in causes
     ]
+    if args.sample is None:
+        return keys
+    hidden = [key for key in keys if key.cause != "none"]
+    chosen = set(random.Random(args.seed).sample(hidden, min(args.sample, len(hidden))))
+    chosen |= {key._replace(cause="none") for key in chosen}
+    return [key for key in keys if key in chosen]
 
 
 def put(args: argparse.Namespace, known: list[Record]) -> list[Record]:

@@ -1,13 +1,15 @@
-"""Error motions between few measured positions: a smooth curve through them, and its uncertainty between them.
+"""Error motions as smooth curves, and their uncertainty: between few measured positions, and among many.
 
 With as many parameters as positions a basis follows every reading, so that its covariance holds the noise alone: the
-errors between the positions may differ by much more. Here each error motion of an axis with few positions is a Gaussian
-process (`smooth_process`). The values at the positions show its size, length and smoothness by their evidence: values
-that jump from one position to the next belong to short waves, about which nothing is known half-way between two
-positions. A Type B judgement (GUM) limits them where the positions are too few to show them.
+errors between the positions may differ by much more. Among many positions a basis with few parameters cannot follow
+the error, and its covariance does not hold what it lacks. Here each error motion of an axis is a Gaussian process
+(`smooth_process`). The values at the positions, or at equidistant ones among many, show its size, length and
+smoothness by their evidence: values that jump from one position to the next belong to short waves, about which nothing
+is known half-way between two positions. A Type B judgement (GUM) limits them where the positions are too few to show
+them.
 
-The curve and its covariance, given the data, are written as a cubic spline with a node at each position and half-way
-between them. Other effects keep their values.
+The curve and its covariance, given the data, are written as a cubic spline: with a node at each position and half-way
+between few of them, with as few nodes as hold the process among many. Other effects keep their values.
 """
 
 from __future__ import annotations
@@ -26,14 +28,18 @@ from calibration.fit.problem import UNSEEN
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import assemble, whitened, whiteners
-from kinematics.basis import BSpline
+from kinematics.basis import Basis, BSpline
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
 FEW = 24
-"""Most positions of an axis that count as few: of more, the residuals show the waves that a basis lacks."""
+"""Most positions of an axis that count as few; among more, values at equidistant ones are found."""
+LEAST, MOST = 13, FEW + 1
+"""Numbers of equidistant positions, at least and at most."""
+LACKING = 0.05
+"""Share of the size of a process, at most, that a spline among many positions may lack anywhere."""
 TOGETHER = 1e-3
 """Distance, as a share of the measured range, up to which positions are one."""
 SWEEPS = 2
@@ -74,16 +80,26 @@ class BetweenPositions:
 
 
 def with_curves_between(found: Fit) -> tuple[Fit, tuple[BetweenPositions, ...]]:
-    """The fit with the error motions of axes with few positions as smooth curves; the fit itself without such an axis.
+    """The fit with its error motions as smooth curves, and the uncertainties of those between few positions.
 
-    Of the result, only the model, with its covariance, and the priors belong to the new curves.
+    Of the result, only the model, with its covariance, and the priors belong to the new curves. Other error motions
+    than splines stay, and those of an axis with finer ones than the curves could be.
     """
-    axes = _few_positions(found) if found.prior.ndim == 1 else {}
+    splines = _splines(found) if found.prior.ndim == 1 else {}
+    measured = {axis: _positions(found.measurement, axis, found.kept) for axis in splines}
+    few = [axis for axis, x in measured.items() if 2 <= len(x) <= FEW]
+    axes = {axis: measured[axis] if axis in few else _among_many(measured[axis], splines[axis]) for axis in splines}
+    axes = {axis: x for axis, x in axes.items() if len(x)}
     if not axes:
         return found, ()
     values = _Values.of(found, axes)
     processes = values.processes()
-    return values.with_curves(processes), tuple(_between(axis, own) for axis, own in processes.items())
+    intervals = {axis: splines[axis][0].interval for axis in axes}
+    bases = {
+        axis: _cubic(intervals[axis], 2 * len(own.positions) - 1) if axis in few else _holding(own, intervals[axis])
+        for axis, own in processes.items()
+    }
+    return values.with_curves(processes, bases), tuple(_between(axis, processes[axis]) for axis in few)
 
 
 def as_table(effect: Effect, measurement: Measurement) -> Effect:
@@ -104,18 +120,24 @@ def as_table(effect: Effect, measurement: Measurement) -> Effect:
     return _motion(effect, BSpline(nodes, 1), np.zeros(len(nodes)))
 
 
-def _few_positions(found: Fit) -> dict[str, Array]:
-    """Measured positions, mm or degrees, of each axis with FEW or less and splines for its error motions."""
-    bases: dict[str, list[bool]] = {}
-    for effect in found.model.effects:
-        if isinstance(effect, ErrorMotion):
-            bases.setdefault(effect.axis, []).append(isinstance(effect.basis, BSpline))
+def _splines(found: Fit) -> dict[str, list[BSpline]]:
+    """Bases of the error motions of each axis, where all are splines; none of axes that turn fully."""
+    machine, bases = found.measurement.machine, dict[str, list[Basis]]()
     if found.measurement.across is not None:
         return {}
-    machine = found.measurement.machine
-    alike = [axis for axis, own in bases.items() if all(own) and not machine.axes[machine.index(axis)].turns_fully]
-    positions = {axis: _positions(found.measurement, axis, found.kept) for axis in alike}
-    return {axis: x for axis, x in positions.items() if 2 <= len(x) <= FEW}
+    for effect in found.model.effects:
+        if isinstance(effect, ErrorMotion) and not machine.axes[machine.index(effect.axis)].turns_fully:
+            bases.setdefault(effect.axis, []).append(effect.basis)
+    splines = {axis: [basis for basis in own if isinstance(basis, BSpline)] for axis, own in bases.items()}
+    return {axis: own for axis, own in splines.items() if len(own) == len(bases[axis])}
+
+
+def _among_many(x: Array, splines: list[BSpline]) -> Array:
+    """Equidistant positions among measured ones `(k,)`, twice as many as parameters; none where these are too many."""
+    size = max(basis.size for basis in splines)
+    if len(x) <= FEW or size > FEW:
+        return x[:0]
+    return np.linspace(x[0], x[-1], min(max(2 * size + 1, LEAST), MOST))
 
 
 def _positions(measurement: Measurement, axis: str, rows: np.ndarray) -> Array:
@@ -131,11 +153,11 @@ def _positions(measurement: Measurement, axis: str, rows: np.ndarray) -> Array:
 
 @dataclass(frozen=True)
 class _Values:
-    """Information of the data on the values of error motions at few positions, and on all other parameters."""
+    """Information of the data on the values of error motions at some positions, and on all other parameters."""
 
     found: Fit
     axes: Mapping[str, Array]
-    """Positions of each axis with few."""
+    """Positions `(k,)` of each axis, mm or degrees."""
     effects: tuple[Effect, ...]
     """The effects of the fit; error motions of these axes as tables of their values at the positions."""
     parts: tuple[slice, ...]
@@ -181,18 +203,16 @@ class _Values:
                 break
         return found
 
-    def with_curves(self, processes: Mapping[str, Processes]) -> Fit:
-        """The fit with the curves, given the data, in place of its error motions."""
+    def with_curves(self, processes: Mapping[str, Processes], bases: Mapping[str, BSpline]) -> Fit:
+        """The fit with the curves, given the data, in place of its error motions; bases: of the curves of each axis."""
         effects: list[Effect] = []
         reached: list[Array] = []
         roots: list[Array] = []
         for effect, part in zip(self.found.model.effects, self.parts, strict=True):
             if isinstance(effect, ErrorMotion) and effect.axis in self.axes:
-                x = self.axes[effect.axis]
-                nodes = np.linspace(*effect.basis.interval, 2 * len(x) - 1)
-                basis = BSpline(tuple(nodes.tolist()), 3)
-                roots.append(_root(processes[effect.axis], _class_of(effect), basis))
-                reached.append(basis.columns(x) @ roots[-1])
+                own, basis = processes[effect.axis], bases[effect.axis]
+                roots.append(_root(own, _class_of(effect), basis))
+                reached.append(basis.columns(own.positions) @ roots[-1])
                 effects.append(_motion(effect, basis, np.zeros(basis.size)))
             else:
                 effects.append(effect)
@@ -281,13 +301,39 @@ def _information(found: Fit, model: ErrorModel) -> tuple[Array, Array]:
     return (information + information.T) / 2.0, normal.right[size:] - eliminated @ (half.T @ normal.right[:size])
 
 
+def _holding(processes: Processes, interval: tuple[float, float]) -> BSpline:
+    """The cubic spline with the fewest nodes that follows the processes of an axis."""
+    k = len(processes.positions)
+    tried = (_cubic(interval, nodes) for nodes in range(5, k, 2))
+    return next((basis for basis in tried if _lacked(processes, basis) <= LACKING), _cubic(interval, k))
+
+
+def _cubic(interval: tuple[float, float], nodes: int) -> BSpline:
+    return BSpline(tuple(np.linspace(*interval, nodes).tolist()), 3)
+
+
+def _lacked(processes: Processes, basis: BSpline) -> float:
+    """Largest standard deviation of a process from the spline through it, as a share of its size."""
+    x, everywhere = _determining(basis), np.linspace(*basis.interval, 8 * FEW + 1)
+    through = np.hstack([-np.linalg.solve(basis.columns(x).T, basis.columns(everywhere).T).T, np.eye(len(everywhere))])
+    shares = []
+    for which in dict.fromkeys(processes.classes):
+        whole = processes.covariance(np.concatenate([x, everywhere]), which)
+        shares.append(np.einsum("ij,jk,ik->i", through, whole, through).max() / processes.size(which) ** 2)
+    return float(np.sqrt(max(shares)))
+
+
 def _root(processes: Processes, which: str, basis: BSpline) -> Array:
     """Root of the covariance of the parameters of a spline that is a process of a class."""
+    x = _determining(basis)
+    return np.asarray(np.linalg.solve(basis.columns(x), np.linalg.cholesky(processes.covariance(x, which))))
+
+
+def _determining(basis: BSpline) -> Array:
+    """Positions at which the values of a cubic spline determine its parameters, mm or degrees."""
     nodes = np.array(basis.nodes)
     knots = np.concatenate([nodes[[0, 0]], nodes, nodes[[-1, -1]]])
-    # the values there determine the parameters
-    x = (knots[:-2] + knots[1:-1] + knots[2:]) / 3.0
-    return np.asarray(np.linalg.solve(basis.columns(x), np.linalg.cholesky(processes.covariance(x, which))))
+    return np.asarray((knots[:-2] + knots[1:-1] + knots[2:]) / 3.0)
 
 
 def _diagonal(blocks: list[Array]) -> Array:

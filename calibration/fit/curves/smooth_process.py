@@ -8,7 +8,7 @@ an axis have the same length and smoothness, and those of one class (positioning
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,10 +18,12 @@ from kinematics.transforms import Array, read_only
 
 SIZES = read_only(10.0 * 2.0 ** (np.arange(-14, 13) / 2.0))
 """Standard deviations of a process that are tried, um or urad."""
-LENGTHS = (0.5, 1.0, 2.0, 4.0)
-"""Correlation lengths that are tried, in mean distances of positions. Shorter ones cannot be told from each other."""
-TYPICAL_SIZE, TYPICAL_LENGTH = 10.0, 2.0
-"""Size, um or urad, and length that are expected before the data are seen (Type B)."""
+SHORTEST = 0.5
+"""Least correlation length, in mean distances of positions: shorter ones cannot be told from each other."""
+TYPICAL_SIZE = 10.0
+"""Size, um or urad, that is expected before the data are seen (Type B)."""
+TYPICAL_SHARE, TYPICAL_LENGTH = 1.0 / 6.0, 2.0
+"""Length that is expected, as a share of the measured range; but at least this number of mean distances (Type B)."""
 SIZE_SPREAD, LENGTH_SPREAD = 1.5, 1.0
 """Standard deviations of the logarithms of size and length about these."""
 UNLIKELY = 1e-3
@@ -61,13 +63,6 @@ class Process(NamedTuple):
     sizes: Mapping[str, int]
     """Index in SIZES by class of error motions."""
 
-    @property
-    def away(self) -> float:
-        """Negative log probability before the data are seen, up to a constant."""
-        sizes = np.log(SIZES[list(self.sizes.values())] / TYPICAL_SIZE) / SIZE_SPREAD
-        length = np.log(self.length / TYPICAL_LENGTH) / LENGTH_SPREAD
-        return 0.5 * float(sizes @ sizes + length**2) - float(np.log(CORRELATIONS[self.correlation]))
-
 
 @dataclass(frozen=True)
 class Processes:
@@ -93,8 +88,23 @@ class Processes:
             which: int(np.argmin(np.abs(np.log(SIZES) - 0.5 * np.log(max(np.mean(own), SIZES[0] ** 2)))))
             for which, own in squares.items()
         }
-        classes = tuple(which for which, _ in values)
-        return cls(positions, trend, classes, ((1.0, Process(_twice, TYPICAL_LENGTH, sizes)),))
+        nothing = cls(positions, trend, tuple(which for which, _ in values))
+        return replace(nothing, possible=((1.0, Process(_twice, nothing.typical_length, sizes)),))
+
+    @property
+    def typical_length(self) -> float:
+        """Correlation length that is expected before the data are seen, in mean distances of positions."""
+        return max(TYPICAL_LENGTH, TYPICAL_SHARE * (len(self.positions) - 1))
+
+    def away(self, process: Process) -> float:
+        """Negative log probability of a process before the data are seen, up to a constant."""
+        sizes = np.log(SIZES[list(process.sizes.values())] / TYPICAL_SIZE) / SIZE_SPREAD
+        length = np.log(process.length / self.typical_length) / LENGTH_SPREAD
+        return 0.5 * float(sizes @ sizes + length**2) - float(np.log(CORRELATIONS[process.correlation]))
+
+    def size(self, which: str) -> float:
+        """Standard deviation of the error motions of a class about a straight line, um or urad."""
+        return float(np.sqrt(sum(p * SIZES[process.sizes[which]] ** 2 for p, process in self.possible)))
 
     def covariance(self, x: Array, which: str) -> Array:
         """Covariance of the values at positions `(m,)` of an error motion of a class, um2 or urad2."""
@@ -114,8 +124,9 @@ class Processes:
 
         information `(q, q)` and its product with the values `(q,)`, error motion by error motion.
         """
-        sizes = self.possible[0][1].sizes
-        starts = [Process(correlation, length, sizes) for correlation in CORRELATIONS for length in LENGTHS]
+        sizes, longest = self.possible[0][1].sizes, 2.0 * self.typical_length
+        lengths = SHORTEST * 2.0 ** np.arange(int(np.log2(longest / SHORTEST)) + 1)
+        starts = [Process(correlation, length, sizes) for correlation in CORRELATIONS for length in lengths.tolist()]
         found = _Evidence(self, information, right).climbed(starts)
         most = max(value for value, _ in found)
         odds = [(float(np.exp(value - most)), process) for value, process in found]
@@ -123,7 +134,7 @@ class Processes:
         likely = sorted(
             ((p / whole, process) for p, process in odds if p > UNLIKELY * whole), key=lambda each: -each[0]
         )
-        return Processes(self.positions, self.trend, self.classes, tuple(likely))
+        return replace(self, possible=tuple(likely))
 
     def root(self, process: Process, size: int) -> Array:
         """Root of the covariance of the values at the positions under one process."""
@@ -167,7 +178,7 @@ class _Evidence:
         factor = np.linalg.cholesky(np.eye(size) + across @ (self.information @ roots))
         explained = np.linalg.solve(factor, (across @ self.right)[:, :, None])
         volume = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        away = np.array([process.away for process in tried])
+        away = np.array([self.processes.away(process) for process in tried])
         return np.asarray(0.5 * np.sum(explained**2, axis=(1, 2)) - volume - away)
 
     def climbed(self, starts: Sequence[Process]) -> list[tuple[float, Process]]:
