@@ -48,6 +48,7 @@ from calibration.diagnosis.verdict import (
 )
 from calibration.fit.acceptance import disagreement, refuse_few, relative_deviations, significant_share
 from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
+from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
@@ -232,6 +233,27 @@ class _Found(NamedTuple):
     evaluated: tuple[Evaluated, ...]
 
 
+class _Searched(NamedTuple):
+    """Result of the search for causes; the whiteness tests are those before and after it."""
+
+    before: Stage
+    """Fit of the present model, with the uncertainties of a result."""
+    tests: list[Test]
+    found: _Found
+    tests_after: list[Test]
+    dependence: Unexplained | None
+
+
+class _Completed(NamedTuple):
+    """The fit of the result, with its whiteness tests."""
+
+    selector: Selector
+    stage: Stage
+    tests: list[Test]
+    unnamed: str
+    """Result of the request to add unnamed effects; empty without one, or with nothing to add."""
+
+
 def diagnose(
     measurement: Measurement,
     calibration: ErrorModel | None = None,
@@ -249,39 +271,54 @@ def diagnose(
     UserError when the data are not plausible or cannot be fitted.
     """
     start = _start(measurement, calibration, variance, progress)
-    first, findings, before = start.selector, start.findings, start.selector.bare
+    bare = start.selector.bare
     if calibration is None:
-        refuse_few(before.fit, identifiability(before.fit))
-    tests = unexplained_residual.tests(before.linearised)
-    found = without = _Found(first, before, ())
+        refuse_few(bare.fit, identifiability(bare.fit))
+    searched = _searched(start.selector, bare, progress)
+    completed = _completed(searched, left_over, progress)
+    # without a cause, before and after are one
+    after = searched.before if completed.stage is bare else completed.selector.cautious(completed.stage)
+    return _concluded(start, searched, completed._replace(stage=after), calibration, force=force)
+
+
+def _searched(first: Selector, bare: Stage, progress: Callable[[str], None]) -> _Searched:
+    """The causes of the residuals of the present model, of which `bare` is the fit."""
+    tests = unexplained_residual.tests(bare.linearised)
+    found = without = _Found(first, bare, ())
     # the noise of an axis hides whatever acts along it
-    doubtful = _unrepeatable(before) or len(before.fit.outliers) or first.base.fine(first.measurement)
+    doubtful = _unrepeatable(bare) or len(bare.fit.outliers) or first.base.fine(first.measurement)
     if doubtful or combined(tests, GATE):
         found = _causes(first)
     progress("testing the residual")
-    cautious = first.cautious(before)
-    found, tests_after, dependence = _without_impostors(found, without, cautious)
-    complete, unnamed = found, ""
-    if dependence is not None and left_over == "add":
-        progress("adding unnamed effects")
-        selector, after, unnamed = add_unnamed(found.selector, found.stage, dependence)
-        complete = found._replace(selector=selector, stage=after)
-    selector, after = complete.selector, complete.stage
-    if after is not found.stage:
-        tests_after = unexplained_residual.tests(after.linearised)
-    after = cautious if after is before else selector.cautious(after)
-    before = cautious
+    before = first.cautious(bare)
+    return _Searched(before, tests, *_without_impostors(found, without, before))
+
+
+def _completed(searched: _Searched, left_over: LeftOver, progress: Callable[[str], None]) -> _Completed:
+    """The fit with the causes, and with unnamed effects where these are requested and predict better."""
+    (selector, stage, _), tests = searched.found, searched.tests_after
+    if searched.dependence is None or left_over != "add":
+        return _Completed(selector, stage, tests, "")
+    progress("adding unnamed effects")
+    selector, complete, unnamed = add_unnamed(selector, stage, searched.dependence)
+    if complete is not stage:
+        tests = unexplained_residual.tests(complete.linearised)
+    return _Completed(selector, complete, tests, unnamed)
+
+
+def _concluded(
+    start: _Start, searched: _Searched, completed: _Completed, calibration: ErrorModel | None, *, force: bool
+) -> Diagnosis:
+    """The diagnosis: the named causes, the new calibration and its comparison with the present one."""
+    first, found, dependence = start.selector, searched.found, searched.dependence
+    selector, after, before, tests = completed.selector, completed.stage, searched.before, searched.tests
     bare = after.linearised if not after.accepted else selector.without_causes(after)
-    causes = named(after, bare)
     # an unexplained dependence makes outliers too
     lost = outliers(after.fit, bare) if dependence is None else None
-    causes += [*([] if lost is None else [lost]), *misplaced_targets(start.positions, after.fit)]
+    causes = [*named(after, bare), *([] if lost is None else [lost]), *misplaced_targets(start.positions, after.fit)]
     evaluated = found.evaluated or tuple(evaluate(after.linearised, first.library))
     added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
     acceptance = Acceptance.of(before, after, calibration, force=force)
-    findings += zero_findings(run_zeros(after.fit))
-    if too_many := disagreement(after.fit):
-        findings.append(Finding("outliers", too_many, False))
     curved, between = with_curves_between(after.fit) if selector.base.curves else (after.fit, ())
     model = new_calibration(selector.base, curved, added, calibration)
     given, change = before, None
@@ -294,32 +331,38 @@ def diagnose(
         elif dependence is None:
             causes = with_changed_lines(causes, change, given, after)
     return Diagnosis(
-        selector.measurement,
-        selector.base,
-        given,
-        found.stage,
-        after,
-        model,
-        tuple(findings),
-        start.noise,
-        tuple(tests),
-        tuple(tests_after),
-        tuple(causes),
-        after.linearised.squares / in_terms_of(bare, after.linearised),
-        (*not_visible(evaluated), *below_spacing(selector.measurement)),
-        tuple(start.untested),
-        identifiability(after.fit) if after.fit.prior.ndim == 1 else None,
-        dependence,
-        unnamed,
-        evaluated,
-        closure(after.linearised),
-        volume(given, after),
-        tuple(proposed_measurements(found.stage, causes, dependence)),
-        acceptance,
-        tuple(separability(before.linearised, first.library)),
-        between,
-        change,
+        measurement=selector.measurement,
+        base=selector.base,
+        before=given,
+        named=found.stage,
+        after=after,
+        model=model,
+        findings=(*start.findings, *_findings(after.fit)),
+        repeats=start.noise,
+        tests=tuple(tests),
+        tests_after=tuple(completed.tests),
+        causes=tuple(causes),
+        unexplained_share=after.linearised.squares / in_terms_of(bare, after.linearised),
+        not_visible=(*not_visible(evaluated), *below_spacing(selector.measurement)),
+        untested=tuple(start.untested),
+        identifiability=identifiability(after.fit) if after.fit.prior.ndim == 1 else None,
+        unexplained=dependence,
+        unnamed=completed.unnamed,
+        evaluated=evaluated,
+        closure=closure(after.linearised),
+        volume=volume(given, after),
+        proposed_measurements=tuple(proposed_measurements(found.stage, causes, dependence)),
+        acceptance=acceptance,
+        design=tuple(separability(before.linearised, first.library)),
+        between_positions=between,
+        machine_change=change,
     )
+
+
+def _findings(fit: Fit) -> list[Finding]:
+    """Anomalies of the data that the fit of the result shows."""
+    too_many = disagreement(fit)
+    return [*zero_findings(run_zeros(fit)), *([Finding("outliers", too_many, False)] if too_many else [])]
 
 
 def _start(
