@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.design.equations import Columns, Made, Sample
 from calibration.design.random_machines import TrueModels
-from calibration.fit.linear import NormalBlocks, Part, Posterior, pseudo_inverse
+from calibration.fit.linear import NormalBlocks, Part, Posterior, of_columns, pseudo_inverse
 from kinematics.transforms import Array
 
 UNSEEN = 1e-10
@@ -39,7 +39,7 @@ class Fits:
 
     def __post_init__(self) -> None:
         self.true_observed, self.true_volume = self.columns.of_true_models(self.true_models)
-        self._blocks = NormalBlocks(lambda part: self._of(part).observed)
+        self._blocks = NormalBlocks(of_columns(lambda part: self._of(part).observed))
         self.factorised = lru_cache(maxsize=KEPT)(self._factorised)
 
     def right(self, part: Part, drawn: Sample) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import cache
 
 import msgspec
 import numpy as np
@@ -30,16 +30,15 @@ from calibration.observation.full_model import (
     with_effects,
 )
 from calibration.observation.normal_equations import NormalEquations, residuals, whitened, whiteners
+from calibration.observation.products import Products, arm_products, between, factored
 from kinematics.effects import Effect
-from kinematics.error_model.model import Design, ErrorModel, no_errors
+from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.transforms import Array, read_only
 
 FINE = 24
 """Largest number of nodes of an axis in the first fit."""
 ROWS = 5000
 """Largest number of rows, evenly spread, in the evidence."""
-KEPT = 250_000_000
-"""Size of the cache of columns, bytes, in addition to the blocks."""
 REGISTRATION: Part = ("", "registration")
 OTHER_EFFECTS: Part = ("", "besides")
 
@@ -105,15 +104,16 @@ class LinearEvidence:
         at_start = msgspec.structs.replace(no_errors(self._measurement.machine), effects=self._effects)
         left = residuals(self._measurement, at_start.with_parameters(self._other_effects), self._registration)
         self._decorrelation = Decorrelation.of(self._measurement.noise, whiteners(self._measurement))
-        self._residual = self._decorrelation.apply(whitened(self._white, left)).reshape(-1)
-        widest = 6 * (FINEST + 2) * self._residual.nbytes
-        self._columns = lru_cache(maxsize=max(KEPT // widest, len(self._measurement.machine.axes) + 4))(self._made)
+        self._residual = self._decorrelation.apply(whitened(self._white, left))
+        self._columns = cache(self._made)
+        self._arms: dict[str, Array] = {}
+        self._arm_products: dict[tuple[str, str], Array] = {}
         self._right = cache(self._along)
         self._priors = cache(self._typical)
         own = self._priors(OTHER_EFFECTS)
         start = np.array([value for effect in effects for value in effect.parameters])
         self._moved = np.where(np.isfinite(own), (self._other_effects - start) / own, 0.0)
-        self._blocks = NormalBlocks(self._columns)
+        self._blocks = NormalBlocks(self._between)
         self._known: dict[str, float] = {}
 
     def of_all(self, choices: Sequence[Choice]) -> Array:
@@ -136,24 +136,34 @@ class LinearEvidence:
         away = np.zeros(len(prior))
         away[len(prior) - len(self._moved) :] = self._moved
         solved = solution(normal, self._registration, prior, away)
-        return -0.5 * (float(self._residual @ self._residual) - solved.reduction + solved.log_determinant)
+        return -0.5 * (float(np.sum(self._residual**2)) - solved.reduction + solved.log_determinant)
 
     def _along(self, part: Part) -> Array:
         """J'r `(parameters,)`: products of the columns of a part with the residual."""
-        return read_only(np.asarray(self._residual @ self._columns(part)))
+        return read_only(self._columns(part).along(self._residual))
+
+    def _between(self, a: Part, b: Part) -> Array:
+        """Ja'Jb of two parts."""
+        first, second, axes = self._columns(a), self._columns(b), (a[0], b[0])
+        if first.functions is None or second.functions is None:
+            return between(first, second)
+        if axes not in self._arm_products:
+            self._arm_products[axes] = arm_products(first, second)
+        return between(first, second, self._arm_products[axes])
 
     def _typical(self, part: Part) -> Array:
         """Priors `(parameters,)` of a part."""
         return priors(self._model(part))
 
-    def _made(self, part: Part) -> Array:
-        """Whitened derivatives `(n * d, parameters)` by the parameters of a part."""
+    def _made(self, part: Part) -> Products:
+        """Whitened derivatives by the parameters of a part."""
         if part == REGISTRATION:
-            columns = self._white @ equations.registration_design(self._measurement, self._registration)
-        else:
-            machine, state = self._measurement.machine, self._measurement.state
-            columns = Design(self._model(part), machine, state, with_instrument=True).of(slice(None), self._transform)
-        return read_only(np.asarray(self._decorrelation.apply(columns).reshape(len(self._residual), -1)))
+            design = equations.registration_design(self._measurement, self._registration)
+            return Products(self._white @ design).decorrelated(self._decorrelation)
+        machine, state = self._measurement.machine, self._measurement.state
+        made = factored(self._model(part), machine, state, self._transform).decorrelated(self._decorrelation)
+        # the arms of an axis are the same in all bases
+        return made if made.functions is None else replace(made, arms=self._arms.setdefault(part[0], made.arms))
 
     def _model(self, part: Part) -> ErrorModel:
         """The model of a part: the error motions of an axis in its basis, or the additional effects."""

@@ -21,7 +21,14 @@ from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from calibration.observation.full_model import priors
-from calibration.observation.normal_equations import NormalEquations, assemble, residuals, whitened, whiteners
+from calibration.observation.normal_equations import (
+    Derivatives,
+    NormalEquations,
+    assemble,
+    residuals,
+    whitened,
+    whiteners,
+)
 from calibration.observation.outliers import Variance, refuse_lines
 from calibration.observation.stops_and_lines import held_out_blocks, lines
 from kinematics.error_model.model import ErrorModel, no_errors
@@ -176,7 +183,7 @@ class LeavingOut:
         normal = NormalEquations(self._whole.matrix - left_out.matrix, self._whole.right - left_out.right)
         fitted = self.problem.moved(self.point, self.problem.solution(normal, self.point).step)
         if self._design is not None:  # of few rows the step is large: again, with the exact residuals
-            right = np.tensordot(self._white(fitted)[others], self._design[others], 2)
+            right = self._design.rows(others).along(self._white(fitted)[others])
             solved = self.problem.solution(NormalEquations(normal.matrix, right), fitted)
             fitted = self.problem.moved(fitted, solved.step)
         return _Fitted(self.problem.at(fitted.parameters), fitted.registration)
@@ -186,10 +193,10 @@ class LeavingOut:
         return self._normal(np.arange(len(self.problem.measurement)))
 
     @cached_property
-    def _design(self) -> Array | None:
-        """Whitened derivatives `(n, d, q)`; None where they are too many to be kept."""
+    def _design(self) -> Derivatives | None:
+        """Whitened derivatives; None where they are too many to be kept."""
         derivatives = self.problem.derivatives(self.point)
-        return None if derivatives is None else self._decorrelation.apply(self.problem.white @ derivatives)
+        return None if derivatives is None else derivatives.whitened(self.problem.white, self._decorrelation)
 
     @cached_property
     def _decorrelation(self) -> Decorrelation:

@@ -129,12 +129,17 @@ def column_space(columns: Array, share: float) -> ColumnSpace:
     return ColumnSpace(u[:, determined], v[determined].T / values[determined])
 
 
+def of_columns(columns: Callable[[Part], Array]) -> Callable[[Part, Part], Array]:
+    """Products Ja'Jb `(k, l)` of the whitened designs `(N, k)` of parts."""
+    return lambda a, b: np.asarray(columns(a).T @ columns(b))
+
+
 @dataclass(frozen=True)
 class NormalBlocks:
     """Blocks Ja'Jb of normal matrices by the parts of a model; each is computed once, however many models share it."""
 
-    columns: Callable[[Part], Array]
-    """Whitened design `(N, k)` of a part."""
+    block: Callable[[Part, Part], Array]
+    """Ja'Jb `(k, l)` of two parts with whitened designs J."""
     _blocks: dict[tuple[Part, Part], Array] = field(default_factory=dict)
 
     def matrix(self, parts: Sequence[Part]) -> Array:
@@ -151,6 +156,6 @@ class NormalBlocks:
         """The block of two parts, computed in one order of the two: its bits do not depend on the order of threads."""
         first, second = min(a, b), max(a, b)
         if (first, second) not in self._blocks:
-            self._blocks[first, second] = read_only(self.columns(first).T @ self.columns(second))
+            self._blocks[first, second] = read_only(self.block(first, second))
         block = self._blocks[first, second]
         return block if first == a else block.T

@@ -14,6 +14,7 @@ from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation.normal_equations import (
+    Derivatives,
     NormalEquations,
     assemble,
     derivatives,
@@ -31,7 +32,7 @@ UNSEEN = 1e-10
 FIXED = 1e-9
 """Prior standard deviation of a parameter that is held."""
 KEPT = 8_000_000
-"""Most derivatives that are kept from step to step."""
+"""Most numbers of derivatives that are kept from step to step."""
 HALVINGS = 12
 """Largest number of halvings of a step that raises the objective."""
 ROUNDING = 1e-9
@@ -154,14 +155,11 @@ class Problem:
         shortened = (self.moved(point, 0.5**k * step) for k in range(HALVINGS))
         return next((moved for moved in shortened if self.objective(moved, weights, factor) <= limit), point)
 
-    def derivatives(self, point: Point) -> Array | None:
-        """Derivatives `(n, d, q)` at a point, not whitened; None where they are too many to be kept."""
-        entries = len(self.measurement) * self.measurement.components * (point.registered + len(point.parameters))
-        if entries > KEPT:
-            return None
-        return derivatives(self.measurement, self.at(point.parameters), point.registration)
+    def derivatives(self, point: Point) -> Derivatives | None:
+        """Derivatives of the observations at a point, not whitened; None where they are too many to be kept."""
+        return derivatives(self.measurement, self.at(point.parameters), point.registration, KEPT)
 
-    def solve(self, point: Point, weights: Array, factor: float, derivatives: Array | None = None) -> Solved:
+    def solve(self, point: Point, weights: Array, factor: float, derivatives: Derivatives | None = None) -> Solved:
         """The Gauss-Newton step at a point; weights `(n,)` of the rows; the instrument's variances times `factor`.
 
         derivatives: those of a point near by, as `Problem.derivatives`; at the point itself when None.
@@ -173,8 +171,7 @@ class Problem:
         if derivatives is None:
             normal = assemble(self.measurement, model, point.registration, white, residual, decorrelation)
         else:
-            normal = NormalEquations.zero(derivatives.shape[2])
-            normal.add(decorrelation.apply(white @ derivatives).reshape(residual.size, -1), residual.reshape(-1))
+            normal = derivatives.whitened(white, decorrelation).normal(residual)
         return self.solution(normal, point)
 
     def covariance(self, solved: Solved, widened: float = 1.0) -> Array:

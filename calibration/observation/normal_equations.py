@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +13,8 @@ from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
-from kinematics.error_model.model import Design, ErrorModel, Observation
+from calibration.observation.products import ModelProducts, Products, between
+from kinematics.error_model.model import ErrorModel, Observation
 from kinematics.transforms import Array, blocks
 from kinematics.user_error import UserError
 
@@ -33,10 +36,52 @@ class NormalEquations:
         """The equations of `size` parameters without any rows."""
         return cls(np.zeros((size, size)), np.zeros(size))
 
-    def add(self, design: Array, residual: Array) -> None:
-        """Add whitened rows: design `(rows, parameters)`, residual `(rows,)`."""
-        self.matrix += design.T @ design
-        self.right += design.T @ residual
+    def add(self, parts: Sequence[Products], residual: Array) -> None:
+        """Add rows: the whitened columns of all parts of the design, in their order, and the residual `(n, d)`."""
+        ends = np.cumsum([0, *(part.width for part in parts)]).tolist()
+        own = [slice(low, high) for low, high in pairwise(ends)]
+        for (i, a), (j, b) in combinations_with_replacement(enumerate(parts), 2):
+            block = between(a, b)
+            self.matrix[own[i], own[j]] += block
+            if i != j:
+                self.matrix[own[j], own[i]] += block.T
+        for place, part in zip(own, parts, strict=True):
+            self.right[place] += part.along(residual)
+
+    def in_order(self, order: np.ndarray) -> NormalEquations:
+        """The equations in the order of the unknowns; `order` `(size,)` is that of each column of these."""
+        back = np.argsort(order)
+        if np.array_equal(back, np.arange(len(back))):
+            return self
+        return NormalEquations(self.matrix[np.ix_(back, back)], self.right[back])
+
+
+class Derivatives(NamedTuple):
+    """Derivatives of observations by the registration and the parameters of a model."""
+
+    parts: Sequence[Products]
+    order: np.ndarray
+    """Number `(q,)` of the unknown of each column; those of the registration come first."""
+
+    def rows(self, rows: slice | np.ndarray) -> Derivatives:
+        """The derivatives of some of the observations."""
+        return self._replace(parts=[part.rows(rows) for part in self.parts])
+
+    def whitened(self, white: Array, decorrelation: Decorrelation) -> Derivatives:
+        """The derivatives whitened by `white` `(n, d, d)` and decorrelated."""
+        return self._replace(parts=[part.whitened(white, decorrelation) for part in self.parts])
+
+    def along(self, residual: Array) -> Array:
+        """J'r `(q,)` of whitened derivatives J and a residual `(n, d)`."""
+        right = np.empty(len(self.order))
+        right[self.order] = np.concatenate([part.along(residual) for part in self.parts])
+        return right
+
+    def normal(self, residual: Array) -> NormalEquations:
+        """The normal equations of whitened derivatives and a residual `(n, d)`."""
+        normal = NormalEquations.zero(len(self.order))
+        normal.add(self.parts, residual)
+        return normal.in_order(self.order)
 
 
 def whiteners(measurement: Measurement) -> Array:
@@ -73,38 +118,46 @@ def assemble(
     decorrelation: Decorrelation,
 ) -> NormalEquations:
     """The normal equations of all rows; `residual` `(n, d)` is whitened and decorrelated already."""
-    normal = NormalEquations.zero(len(registration.names) + len(model.parameters))
-    for rows, design in designs(measurement, model, registration, whitener, decorrelation):
-        normal.add(design, residual[rows].reshape(-1))
-    return normal
-
-
-def designs(
-    measurement: Measurement,
-    model: ErrorModel,
-    registration: Registration,
-    whitener: Array,
-    decorrelation: Decorrelation,
-) -> Iterator[tuple[slice, Array]]:
-    """Blocks of rows with their whitened design `(rows * d, registration + parameters)`; one where rows correlate."""
-    of_model = Design(model, measurement.machine, measurement.state, with_instrument=True)
+    scalars = len(measurement) * measurement.components
+    of_model = ModelProducts(model, measurement.machine, measurement.state, scalars)
+    order = _order(of_model, registration)
+    normal = NormalEquations.zero(len(order))
     for rows in [slice(0, len(measurement))] if decorrelation.stops else blocks(len(measurement)):
-        part, white = measurement.rows(rows), whitener[rows]
-        design = white @ equations.registration_design(part, registration)
-        if model.effects:
-            of_effects = of_model.of(rows, white @ equations.transform(part, registration))
-            design = np.concatenate([design, of_effects], axis=2)
-        design = decorrelation.apply(design)
-        yield rows, design.reshape(-1, design.shape[2])
+        design = Derivatives(_parts(measurement, of_model, registration, rows), order)
+        normal.add(design.whitened(whitener[rows], decorrelation).parts, residual[rows])
+    return normal.in_order(order)
 
 
-def derivatives(measurement: Measurement, model: ErrorModel, registration: Registration) -> Array:
-    """Derivatives `(n, d, registration + parameters)` of the observations of all rows, not whitened."""
-    own = equations.registration_design(measurement, registration)
-    if not model.effects:
-        return own
-    of_model = Design(model, measurement.machine, measurement.state, with_instrument=True)
-    return np.concatenate([own, of_model.of(slice(None), equations.transform(measurement, registration))], axis=2)
+def derivatives(
+    measurement: Measurement, model: ErrorModel, registration: Registration, most: float
+) -> Derivatives | None:
+    """Derivatives of the observations of all rows, not whitened; None where more than `most` numbers describe them."""
+    scalars = len(measurement) * measurement.components
+    of_model = ModelProducts(model, measurement.machine, measurement.state, scalars)
+    if scalars * (len(registration.names) + of_model.arms) > most:
+        return None
+    parts = _parts(measurement, of_model, registration, slice(0, len(measurement)))
+    return Derivatives(parts, _order(of_model, registration))
+
+
+def _order(of_model: ModelProducts, registration: Registration) -> np.ndarray:
+    """As `Derivatives.order`."""
+    size = len(registration.names)
+    return np.concatenate([np.arange(size), size + of_model.order])
+
+
+def _parts(
+    measurement: Measurement, of_model: ModelProducts, registration: Registration, rows: slice
+) -> list[Products]:
+    """Derivatives at some rows, not whitened: by the registration, and by the parts of a model."""
+    some = measurement.rows(rows)
+    own = Products(equations.registration_design(some, registration))
+    if not len(of_model.order):
+        return [own]
+    parts = [own, *of_model.of(rows, equations.transform(some, registration))]
+    if all(part.functions is None for part in parts):
+        return [Products(np.concatenate([part.arms for part in parts], axis=2))]
+    return parts
 
 
 def residuals(measurement: Measurement, model: ErrorModel, registration: Registration) -> Array:

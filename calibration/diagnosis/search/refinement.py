@@ -19,7 +19,7 @@ from calibration.cores import each
 from calibration.diagnosis.search.linearised_fit import signals, whole_stops
 from calibration.diagnosis.search.nested_bases import refined
 from calibration.fit.fit import DOUBTFUL_P, Fit
-from calibration.fit.linear import NormalBlocks, Part
+from calibration.fit.linear import NormalBlocks, Part, of_columns
 from calibration.fit.problem import solution
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
@@ -114,7 +114,7 @@ class _Evidence:
         left = residuals(found.measurement, present, found.registration)[self._rows]
         self._residual = self._decorrelation.apply(whitened(self._white, left)).reshape(-1)
         self._columns = cache(self._made)
-        self._blocks = NormalBlocks(self._columns)
+        self._blocks = NormalBlocks(of_columns(self._columns))
 
     def of(self, refinement: Refinement) -> float:
         """The evidence of a refinement."""
