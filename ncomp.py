@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from postproc.correct.check import Findings
     from postproc.correct.pipeline import Job
     from postproc.correct.result import CorrectionResult
-    from postproc.correct.trace import Trace
+    from postproc.evaluation.trace import Trace
     from postproc.motion.motions import Motions
     from postproc.tables.export import Exported
     from postproc.text.source import Source
@@ -186,13 +186,15 @@ def correct(
     output: BinaryIO | None = None,
     progress: Callable[[int], None] = lambda _: None,
     traced: bool = False,
+    jobs: int = 1,
 ) -> Corrected:
     """Correct a program: each block ends at its nominal position, by the machine's error model.
 
     classes: ISO/TR 16907 classes (`L-VOL,R-VOL`); None for all but FOR. tolerance_um: feed moves that deviate more
     between their ends are split. max_correction_um: larger corrections are refused. accept: implausible conditions that
     are accepted (`stale,outside`). output: file for the program instead of `text`; `progress` gets the number of bytes
-    done since its last call.
+    done since its last call. jobs: number of processes that a long program may use; a script that sets it must guard
+    its main part by `if __name__ == "__main__"`, because a new process reads the script.
 
     UserError, with file and line, for a construct that is not fully understood; discard `output` then.
 
@@ -228,7 +230,7 @@ def correct(
         accepted=accepted,
         unroll=unroll,
     )
-    pipeline = Pipeline(job, traced=traced)
+    pipeline = Pipeline(job, traced=traced, processes=jobs)
     file = io.BytesIO()
     report = pipeline.run(output or file, progress)
     return Corrected(file.getvalue().decode(ENCODING), report, job, pipeline.trace)

@@ -49,6 +49,7 @@ POSTPROC = (
     "postproc.execution",
     "postproc.program_path",
     "postproc.generate",
+    "postproc.evaluation",
     "postproc.correct",
     "postproc.verification",
     "postproc.tables",

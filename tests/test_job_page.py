@@ -16,7 +16,7 @@ from support.programs import load, random_model, shifted
 from support.tiers import drawn
 
 from kinematics.error_model.model import write_model
-from postproc.correct import trace
+from postproc.evaluation import trace
 
 BOX = Path(__file__).parents[1] / "examples" / "box.nc"
 DEMO = ("--machine", "dmu50", "--work-offset", "G54=-30,-20,150", "--tool-length", "T1=80")

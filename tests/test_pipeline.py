@@ -30,7 +30,7 @@ from postproc.compensation.correction import pose_errors
 from postproc.control.setup import make_setup
 from postproc.control.state import ControlState
 from postproc.correct.mark import mark_in
-from postproc.correct.pipeline import STRAIGHT, Pipeline
+from postproc.evaluation.evaluation import STRAIGHT, Evaluation
 from postproc.text.source import ENCODING, chunks
 from postproc.tool_tables import ToolTable
 from postproc.verification.verify import verify
@@ -476,18 +476,18 @@ def test_errors_between_ends_follow_from_those_at_the_ends(head):
     """Where the bound of the second difference is small; to within that, and with the same text."""
     text = f"G21 G90 G17 G54 G94\nT1 M6\nG0 X60 Y0 Z200 B0 C0\n{head}{BENT}{TURNS}"
     dmu50 = load("dmu50")
-    model, evaluate = random_model(dmu50, 4), Pipeline._errors_between
+    model, evaluate = random_model(dmu50, 4), Evaluation._errors_between
     found, counts = [], []
 
-    def counted(pipeline, motions, commanded, states, rows, *shares):
+    def counted(evaluation, motions, commanded, states, rows, *shares):
         counts[-1] += len(rows)
-        return evaluate(pipeline, motions, commanded, states, rows, *shares)
+        return evaluate(evaluation, motions, commanded, states, rows, *shares)
 
     for share in (STRAIGHT, -1.0):
         counts.append(0)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("postproc.correct.pipeline.STRAIGHT", share)
-            patch.setattr(Pipeline, "_errors_between", counted)
+            patch.setattr("postproc.evaluation.evaluation.STRAIGHT", share)
+            patch.setattr(Evaluation, "_errors_between", counted)
             found.append(correct(text, dmu50, model, tools=["T1=80"], travel_check=False))
     by_ends, exact = found
     assert by_ends.text == exact.text

@@ -84,23 +84,30 @@ class DatumPrediction(NamedTuple):
     """Derivatives of the shift by the parameters of the model `(n, 3, parameters)`."""
 
 
-def datum_prediction(motions: Motions, model: ErrorModel, conditions: Conditions) -> DatumPrediction | None:
-    """Predicted datum of every row of a chunk; 0 for true work offsets, None if all work offsets are true."""
-    machine, (touch_offs, which) = motions.machine, touched(motions)
-    if not touch_offs:
+def datum_prediction(
+    machine: Machine, model: ErrorModel, touch_offs: Sequence[TouchOff | None], conditions: Conditions
+) -> DatumPrediction | None:
+    """Predicted datum of rows with these touch-offs; 0 for true work offsets, None if all work offsets are true."""
+    used, which = _distinct(touch_offs)
+    if not used:
         return None
-    sensitivity = sensitivities(machine, model, touch_offs, conditions)
-    none = np.zeros((1, *sensitivity.shape[1:]))
-    return DatumPrediction(datum_shifts(motions, model, conditions), np.concatenate([sensitivity, none])[which])
+    shift, sensitivity = (of(machine, model, used, conditions) for of in (deviations, sensitivities))
+    return DatumPrediction(
+        *(np.concatenate([each, np.zeros((1, *each.shape[1:]))])[which] for each in (shift, sensitivity))
+    )
 
 
 def touched(motions: Motions) -> tuple[list[TouchOff], np.ndarray]:
     """The touch-offs of the rows of a chunk, each once, and the index of that of each row `(n,)`; -1 for none."""
+    found, of_frame = _distinct([frame.touch_off for frame in motions.frames])
+    return found, of_frame[motions.frame]
+
+
+def _distinct(touch_offs: Sequence[TouchOff | None]) -> tuple[list[TouchOff], np.ndarray]:
+    """The touch-offs, each once, and the index of each of those given; -1 for None."""
     found: dict[TouchOff, int] = {}
-    of_frame = [
-        -1 if frame.touch_off is None else found.setdefault(frame.touch_off, len(found)) for frame in motions.frames
-    ]
-    return list(found), np.array(of_frame, int)[motions.frame]
+    which = [-1 if touch_off is None else found.setdefault(touch_off, len(found)) for touch_off in touch_offs]
+    return list(found), np.array(which, int)
 
 
 def datum_shifts(motions: Motions, model: ErrorModel, conditions: Conditions) -> Array:

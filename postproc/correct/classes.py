@@ -13,7 +13,7 @@ from postproc.compensation.conditions import Conditions
 from postproc.compensation.correction import COLD, correct, pose_errors
 from postproc.compensation.datum import datum_shifts
 from postproc.compensation.predicted_error import MachineStates, in_a_program
-from postproc.correct.result import Statistic
+from postproc.evaluation.predicted_errors import Statistic
 from postproc.motion.motions import Motions
 
 CHOICES = (*CLASSES, "L-VOL,R-VOL", "L-VOL+,R-VOL+")

@@ -14,16 +14,14 @@ import numpy as np
 
 from kinematics.error_model.model import ROUNDING, ErrorModel
 from kinematics.machine import Machine
-from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.correction import pose_errors
 from postproc.compensation.significance import Significance
+from postproc.evaluation.guard import Outside
 from postproc.motion.frames import Frame
 from postproc.motion.motions import Motions
-from postproc.motion.moves import Kind
-from postproc.text.line_numbers import ranges, shortened
 
 REASONS: Mapping[str, str] = {
     "stale": "the calibration is older than its validity (365 days, unless it states its own)",
@@ -40,18 +38,10 @@ OUTSIDE_SHARE = 0.01
 """Share of the evaluated moves that may end outside the measured range."""
 MOST = 0.5
 """Share of the moves worth correcting that may have an improvement that is not significant."""
-ROTARY_ONLY_HINT = (
-    ": rotary axes move at feed, and the linear axes keep their earlier correction; move at rapid (G0), or program X, "
-    "Y or Z in this block"
-)
 HIGHEST_UM = 500.0
 """Largest correction, um, unless the user sets another limit."""
-MOST_LINES = 1000
-"""Largest number of lines that are kept for a message."""
 ENDLESS_MM = 1000.0
 """Length, mm, over which the largest error is searched along a linear axis without travel limits."""
-UNSEEN_UM = 1e-4
-"""Increase of the error, um, below which a move does not count as worse."""
 SAMPLES = 4096
 """Number of positions, besides the corners of the travel, for the search of the largest error."""
 
@@ -102,122 +92,6 @@ class Plausibility:
         """Check the significance of the improvement, once all moves are known."""
         if significance.unsure > MOST * significance.worthwhile:
             self.meet("insignificant", significance.text())
-
-
-@dataclass
-class Outside:
-    """Evaluated moves that end outside the range of the calibration, collected chunk by chunk."""
-
-    moves: int = 0
-    outside: int = 0
-    lines: list[int] = field(default_factory=list)
-    """Lines of the first MOST_LINES moves outside."""
-    largest: dict[tuple[str, str], float] = field(default_factory=dict)
-    """Largest excess by effect and unit, as `ErrorModel.outside`."""
-
-    def add(self, excesses: Mapping[tuple[str, str], Array], lines: Array) -> None:
-        """Add the excesses of moves `(n,)`, as from `ErrorModel.excesses`, and their lines in the program."""
-        self.moves += len(lines)
-        beyond = np.zeros(len(lines), bool)
-        for quantity, excess in excesses.items():
-            if excess.max(initial=0.0) > ROUNDING:
-                self.largest[quantity] = max(float(excess.max()), self.largest.get(quantity, 0.0))
-                if f" in {TEMPERATURE}" not in quantity[0]:
-                    beyond |= excess > ROUNDING
-        self.outside += int(beyond.sum())
-        self.lines += lines[beyond][: MOST_LINES - len(self.lines)].tolist()
-
-    @property
-    def share(self) -> float:
-        """Share of the evaluated moves that end outside."""
-        return self.outside / self.moves if self.moves else 0.0
-
-    def text(self) -> str:
-        """Text with numbers and lines."""
-        return (
-            f"{self.outside} of {self.moves} evaluated moves ({self.share:.1%}) end outside the range for which "
-            f"the calibration was measured (lines {shortened(ranges(self.lines))})"
-        )
-
-
-class Guard:
-    """Compares the error of every evaluated move with its error in the input.
-
-    The error may be larger than in the input by the rounding of the words of the move: by this rounding at its end; by
-    twice this along a straight move, because its chord error may be that large before it is split; by four times this
-    along an arc, because the rounding of its centre moves a nearly full circle by as much as the rounding of two ends.
-    """
-
-    def __init__(self, machine: Machine, plausibility: Plausibility, *, turns: bool) -> None:
-        rounding = machine.rounding_mm + (machine.turned_mm if turns else 0.0)
-        self._rounding_um, self._plausibility = rounding * 1e3, plausibility
-        self._lines: list[int] = []
-        self._largest = (0.0, 0.0)
-        self._worse = 0
-        self._rounded: dict[str, tuple[int, float]] = {}
-        """Number of moves that are worse by their rounding, and the largest increase, um; by `where` of `_check`."""
-
-    def check_ends(self, motions: Motions, rows: np.ndarray, errors: Array) -> None:
-        """Compare errors `(k, 2)`, um, before and after at the ends of rows `(k,)` of a chunk.
-
-        Refusal at the first move that is worse by more than its rounding, unless that is accepted.
-        """
-        self._check(motions, rows, errors, np.full(len(rows), self._rounding_um), "at its end", {})
-
-    def check_paths(
-        self, motions: Motions, rows: np.ndarray, errors: Array, reasons: Mapping[int, str], otherwise: str
-    ) -> None:
-        """Compare the largest errors `(k, 2)`, um, before and after along moves that end at rows `(k,)`.
-
-        Refusal as by `check_ends`; `reasons`: why a move is not split, by block.
-        """
-        factors = np.where(motions.kind[rows] == Kind.ARC, 4.0, 2.0)
-        hints = {int(block): f": {reasons.get(int(block), otherwise)}" for block in motions.block[rows]}
-        self._check(motions, rows, errors, factors * self._rounding_um, "between its ends", hints)
-
-    def _check(
-        self,
-        motions: Motions,
-        rows: np.ndarray,
-        errors: Array,
-        limits: Array,
-        where: str,
-        hints: Mapping[int, str],
-    ) -> None:
-        """Refusal, with the hint for its block, at the first move that is worse by more than its limit `(k,)`, um."""
-        before, after = errors.T
-        excess = after - before
-        rounded = (excess > UNSEEN_UM) & (excess <= limits)
-        if rounded.any():
-            count, largest = self._rounded.get(where, (0, 0.0))
-            self._rounded[where] = count + int(rounded.sum()), max(largest, float(excess[rounded].max()))
-        worse = np.flatnonzero(excess > limits)
-        for i, line in zip(worse.tolist(), motions.line[rows[worse]].tolist(), strict=True):
-            row = int(rows[i])
-            found = f"predicted to be worse than in the input {where}: {after[i]:.3g} um instead of {before[i]:.3g} um"
-            if "worse" not in self._plausibility.accepted:
-                hint = ROTARY_ONLY_HINT if motions.rotary_only[row] else hints.get(int(motions.block[row]), "")
-                refused = motions.blocks[motions.block[row]]
-                raise refused.refuse(f"{found}{hint}; --accept worse continues nevertheless")
-            self._add(line, float(before[i]), float(after[i]))
-
-    def notes(self) -> list[str]:
-        """Notes with the numbers of moves that are worse than in the input by their rounding."""
-        return [
-            f"{count} moves are predicted to be worse than in the input {where.replace('its', 'their')} by at most "
-            f"{largest:.2g} um, the rounding of their words"
-            for where, (count, largest) in self._rounded.items()
-        ]
-
-    def _add(self, line: int, before: float, after: float) -> None:
-        self._worse += 1
-        self._lines += [line] if len(self._lines) < MOST_LINES else []
-        self._largest = max(self._largest, (after, before))
-        after, before = self._largest
-        self._plausibility.met["worse"] = (
-            f"{self._worse} moves are predicted to be worse than in the input, at most {after:.3g} um instead of "
-            f"{before:.3g} um (lines {shortened(ranges(self._lines))})"
-        )
 
 
 class CorrectionLimit:

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from postproc.control.tool_table import shown_tool
-from postproc.correct.result import CorrectionResult, Statistic
+from postproc.correct.result import CorrectionResult
+from postproc.evaluation.predicted_errors import Statistic
 from postproc.text.line_numbers import ranges, shortened
 from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
     from postproc.correct.pipeline import Job
-    from postproc.correct.trace import MoveEnd, Trace
+    from postproc.evaluation.trace import MoveEnd, Trace
 
 SIGNS = (
     "Errors are actual minus nominal, tool relative to workpiece: predicted by the exact error model of the "

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.machine import Machine
 from kinematics.transforms import Array
-from postproc.correct.trace import Bins, DrawnPaths
+from postproc.evaluation.trace import Bins, DrawnPaths
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,67 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
-from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions
-from postproc.compensation.significance import Significance
 from postproc.compensation.used_datums import UsedDatums
-from postproc.text.line_numbers import ranges, shortened
+from postproc.evaluation.predicted_errors import PredictedErrors, Statistic
+from postproc.text.line_numbers import ranges
 
 
-@dataclass
-class Statistic:
-    """Largest size and RMS of a stream of numbers."""
-
-    count: int = 0
-    square_sum: float = 0.0
-    largest: float = 0.0
-
-    def add(self, values: Array) -> None:
-        """Add values of any shape; signs do not matter."""
-        self.count += values.size
-        self.square_sum += float(np.sum(values * values))
-        self.largest = max(self.largest, float(np.abs(values).max(initial=0.0)))
-
-    @property
-    def rms(self) -> float:
-        """Root mean square; 0 without values."""
-        return math.sqrt(self.square_sum / self.count) if self.count else 0.0
-
-    def json(self) -> dict[str, float | int]:
-        """The machine-readable form, rounded to 4 decimals: 0.1 nm for numbers in um."""
-        return {"max": round(self.largest, 4), "rms": round(self.rms, 4), "count": self.count}
-
-
-@dataclass
-class UnsplitMoves:
-    """Moves that deviate by more than the tolerance between their ends, and could not be split."""
-
-    lines: list[int] = field(default_factory=list)
-    largest_um: float = 0.0
-
-    def add(self, line: int, size_um: float) -> None:
-        """Add a move."""
-        self.lines.append(line)
-        self.largest_um = max(self.largest_um, size_um)
-
-    def text(self, reason: str) -> str:
-        """The note for the user."""
-        lines = shortened(ranges(self.lines))
-        return f"not split, deviates by up to {self.largest_um:.3g} um between its ends: {reason} (lines {lines})"
-
-    def json(self, reason: str) -> dict[str, Any]:
-        """The machine-readable form."""
-        return {"reason": reason, "lines": ranges(self.lines), "strays_up_to_um": round(self.largest_um, 4)}
-
-
-@dataclass
-class CorrectionResult:
+@dataclass(kw_only=True)
+class CorrectionResult(PredictedErrors):
     """The result of one run; lengths in um."""
 
     program: dict[str, Any]
@@ -78,8 +28,6 @@ class CorrectionResult:
     """Number of blocks added for backlash take-ups and for the segments of moves."""
     split_moves: int = 0
     """Number of moves written in several blocks, so that the path stays within the tolerance."""
-    not_split: dict[str, UnsplitMoves] = field(default_factory=dict)
-    """Moves in one segment that exceed the tolerance, by reason."""
     left: dict[str, list[int]] = field(default_factory=dict)
     """Lines of feed moves with axes that are not corrected, by these axes."""
     conditions: Conditions = field(default_factory=Conditions)
@@ -87,17 +35,6 @@ class CorrectionResult:
     """Corrections by linear axis, um."""
     rotary_correction: dict[str, Statistic] = field(default_factory=dict)
     """Corrections by rotary axis, urad, if the orientation is corrected."""
-    before: Statistic = field(default_factory=Statistic)
-    after: Statistic = field(default_factory=Statistic)
-    absolute_before: Statistic = field(default_factory=Statistic)
-    """Errors before correction from the nominal tool point, um, if the given work offsets are true."""
-    absolute_after: Statistic = field(default_factory=Statistic)
-    tilt_before: Statistic = field(default_factory=Statistic)
-    """Errors of the tool axis, urad."""
-    tilt_after: Statistic = field(default_factory=Statistic)
-    between_ends: Statistic = field(default_factory=Statistic)
-    uncertainty: Statistic = field(default_factory=Statistic)
-    significance: Significance = field(default_factory=Significance)
     max_correction_um: float | None = None
     """Largest correction that is not refused, um; None if nothing is corrected."""
     accepted: dict[str, str] = field(default_factory=dict)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from postproc.correct.classes import ClassResiduals
-from postproc.correct.result import Statistic
+from postproc.evaluation.predicted_errors import Statistic
 from postproc.verification.verify import Verdict
 from postproc.verification.verify_programs import Verification
 from rendering.report import Report, Section, Table, facts

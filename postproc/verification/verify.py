@@ -22,8 +22,8 @@ from postproc.compensation.correction import COLD, pose_errors
 from postproc.compensation.datum import datum_shifts, poses, touched
 from postproc.compensation.predicted_error import MachineStates, directions_at, in_a_program
 from postproc.control.setup import Setup
-from postproc.correct.result import Statistic
 from postproc.dialects import Dialect, Interpreter
+from postproc.evaluation.predicted_errors import Statistic
 from postproc.execution import execution
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.motions import Motions

@@ -100,9 +100,9 @@ def job_of(program: Program, seed: int, **options: Any) -> Job:
     )  # fmt: skip
 
 
-def corrected(job: Job) -> dict[str, Any]:
+def corrected(job: Job, processes: int = 1) -> dict[str, Any]:
     """The corrected text, the report and the figures of a job; or the message of its refusal."""
-    pipeline, out = Pipeline(job, traced=True), io.BytesIO()
+    pipeline, out = Pipeline(job, traced=True, processes=processes), io.BytesIO()
     try:
         report = pipeline.run(out, lambda _: None)
     except UserError as refusal:

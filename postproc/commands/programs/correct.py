@@ -18,6 +18,7 @@ from postproc.commands.options.shared import (
     MachineName,
     ResultOptions,
     check_files,
+    number_of_workers,
     whole_results,
 )
 from postproc.commands.programs.in_place import backup_of, target_of
@@ -72,6 +73,9 @@ def correct(
     calibration: CalibrationName,
     set_up: DatumOptions,
     no_travel_check: NoTravelCheck,
+    jobs: int | None = option(
+        "Number of processes for a long program, which uses at most two; default: one for each core.", "N", "-j", min=1
+    ),
     correction: CorrectionOptions,
     at: ConditionsOptions,
     others: ResultOptions,
@@ -109,6 +113,7 @@ def correct(
             output=file,
             progress=progress,
             traced=others.report is not None,
+            jobs=number_of_workers(jobs, None, "--jobs"),
             **vars(correction),
         )
         command = f"ncomp {program} --machine {machine} -o {target}"

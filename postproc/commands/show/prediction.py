@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.fit.prediction import Predicted
 from postproc.compensation.significance import COVERAGE
-from postproc.correct.result import Statistic
+from postproc.evaluation.predicted_errors import Statistic
 from rendering.report import Report, Section, Table, facts
 
 

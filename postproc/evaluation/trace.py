@@ -13,7 +13,7 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.correction import pose_errors
 from postproc.compensation.predicted_error import MachineStates
-from postproc.correct.result import Statistic
+from postproc.evaluation.predicted_errors import Statistic
 from postproc.motion.along import positions_along
 from postproc.motion.motions import Motions
 
@@ -141,16 +141,16 @@ class Trace:
         self.worst: tuple[list[MoveEnd], list[MoveEnd]] = ([], [])
         """Moves with the largest errors before and after correction."""
 
-    def add(self, motions: Motions, rows: NDArrayBool, moved: Array, errors: Array) -> None:
+    def add(self, motions: Motions, lines: np.ndarray, rows: NDArrayBool, moved: Array, errors: Array) -> None:
         """Add the rows of a chunk, by a mask `(n,)`, that end programmed moves.
 
-        moved `(n, axes)`: correction of their ends, mm and degrees; nan for axes that the program has not given. errors
-        `(n, 2)`, um, before and after; nan if they are not evaluated.
+        lines `(n,)`: numbers of the lines of all rows. moved `(n, axes)`: correction of their ends, mm and degrees; nan
+        for axes that the program has not given. errors `(n, 2)`, um, before and after; nan if they are not evaluated.
         """
         scale = np.where(self.machine.rotary, np.deg2rad(1.0) * 1e6, 1e3)
         self.bins.add(errors[rows], (moved * scale)[rows])
         for which, known in enumerate(self.worst):
-            known[:] = _worst(known, motions, errors, which)
+            known[:] = _worst(known, motions, lines, errors, which)
 
     def add_paths(self, motions: Motions, machine_states: MachineStates) -> None:
         """Add some feed moves of a chunk, by `machine_states`, which follows the uncorrected text."""
@@ -167,12 +167,12 @@ class Trace:
         self.paths.add(tips.reshape(len(rows), -1, 3), errors.reshape(len(rows), -1))
 
 
-def _worst(known: list[MoveEnd], motions: Motions, errors: Array, which: int) -> list[MoveEnd]:
+def _worst(known: list[MoveEnd], motions: Motions, lines: np.ndarray, errors: Array, which: int) -> list[MoveEnd]:
     """Moves with the largest errors, of those known and of a chunk, before (0) or after (1), the earliest of equals."""
     size = errors[:, which]
     largest = np.argsort(-size, kind="stable")[:WORST]  # nan comes last
     here = [
-        MoveEnd(motions.blocks[motions.block[row]].line, tuple(motions.target[row].tolist()), *errors[row].tolist())
+        MoveEnd(int(lines[row]), tuple(motions.target[row].tolist()), *errors[row].tolist())
         for row in largest[~np.isnan(size[largest])].tolist()
     ]
     return sorted([*known, *here], key=lambda position: -(position.before, position.after)[which])[:WORST]

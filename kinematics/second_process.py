@@ -1,0 +1,97 @@
+"""A process that does tasks of this one, in their order, while this one goes on.
+
+Tasks travel through a pipe, the columns in them without a copy. The process ends when this one ends, whatever the
+reason, because the pipe is then closed.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+import queue
+import signal
+import threading
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any
+
+BUFFERS = 5
+"""Protocol of pickle that leaves the memory of columns where it is."""
+
+
+class LostProcess(Exception):
+    """The process has ended before its tasks were done."""
+
+
+class SecondProcess:
+    """A process that calls a function with one task after the other."""
+
+    def __init__(self, work: Callable[[Any], Any]) -> None:
+        """`work` is sent to the process: its own state is there, and not in this process."""
+        # spawned, because a fork keeps locks that other threads of this process hold
+        context = multiprocessing.get_context("spawn")
+        self._pipe, other = context.Pipe()
+        self._process = context.Process(target=_serve, args=(other, work), daemon=True)
+        self._process.start()
+        other.close()
+        self._tasks: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._sender = threading.Thread(target=self._send_all, daemon=True)
+        self._sender.start()
+
+    def give(self, task: Any) -> None:
+        """A further task, whose columns must not change any more; LostProcess where the process has ended."""
+        if not self._process.is_alive():
+            raise LostProcess
+        self._tasks.put((task,))
+
+    def answer(self) -> Any:
+        """The result of the first task without one, when it is done; its exception, or LostProcess."""
+        try:
+            done, answer = self._pipe.recv()
+        except (EOFError, OSError):
+            raise LostProcess from None
+        if not done:
+            raise answer
+        return answer
+
+    def end(self) -> None:
+        """End the process, in the midst of its work if it has any."""
+        self._tasks.put(None)
+        self._process.terminate()
+        self._process.join()
+        self._sender.join()
+        self._pipe.close()
+
+    def _send_all(self) -> None:
+        with suppress(OSError):  # the process has ended: `answer` finds it
+            while (given := self._tasks.get()) is not None:
+                _send(self._pipe, given[0])
+
+
+def _send(pipe: Connection, task: Any) -> None:
+    buffers: list[pickle.PickleBuffer] = []
+    text = pickle.dumps(task, BUFFERS, buffer_callback=buffers.append)
+    pipe.send((text, len(buffers)))
+    for buffer in buffers:
+        pipe.send_bytes(buffer.raw())
+
+
+def _received(pipe: Connection) -> Any:
+    text, number = pipe.recv()
+    return pickle.loads(text, buffers=[pipe.recv_bytes() for _ in range(number)])
+
+
+def _serve(pipe: Connection, work: Callable[[Any], Any]) -> None:
+    """In the process: do the tasks until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all processes; the first one decides
+    with suppress(EOFError, OSError):
+        while True:
+            task = _received(pipe)
+            try:
+                answer = True, work(task)
+            except Exception as fault:
+                fault.add_note(traceback.format_exc())
+                answer = False, fault
+            pipe.send(answer)

@@ -1,0 +1,1 @@
+"""Evaluation of the written moves of a program: predicted errors before and after its correction."""

@@ -1,0 +1,252 @@
+"""Evaluation of written moves: the errors that the exact model predicts before and after the correction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Set
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.error_model.model import ErrorModel
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.transforms import Array
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.correction import pose_errors
+from postproc.compensation.predicted_error import MachineStates
+from postproc.compensation.significance import Significance
+from postproc.evaluation.guard import Guard, Outside, WorseMove
+from postproc.evaluation.predicted_errors import PredictedErrors, UnsplitMoves
+from postproc.evaluation.sampled_uncertainty import SampledUncertainties
+from postproc.evaluation.trace import Trace
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind
+
+BETWEEN = (0.25, 0.5, 0.75)
+"""Shares of the path of a written block at which the error between its ends is predicted."""
+STRAIGHT = 0.02
+"""Share of the tolerance by which the error between the ends of a move may deviate from that at its ends, if it is not
+evaluated there."""
+CLOSELY = tuple(i / 32 for i in range(1, 33))
+"""Shares for moves that may be worse than in the input."""
+ERROR_JUMPS = "its error jumps, or an axis with backlash reverses within it"
+ROTARY_ONLY = "a feed move of rotary axes only keeps its linear axes, because F would mean another speed with them"
+
+
+@dataclass(frozen=True)
+class WrittenMoves:
+    """The moves of a chunk, as programmed and as written."""
+
+    motions: Motions
+    commanded: Motions
+    """The same rows with starts, ends and arcs as written."""
+    lines: np.ndarray
+    """Number of the first line of the block of each row `(n,)`."""
+    bounds: Array
+    """Upper bounds `(n,)`, mm, of the second difference of the error along each move."""
+    unsplit: Mapping[int, str]
+    """Reason why a move beyond the tolerance is not split, by block."""
+    suspect: Set[int]
+    """Blocks whose moves may exceed their limits."""
+
+    @cached_property
+    def correctable(self) -> NDArrayBool:
+        """Rows `(n,)` that end programmed moves."""
+        return np.asarray(self.motions.programmed & ~self.motions.intermediate)
+
+    @property
+    def moved(self) -> Array:
+        """Written minus programmed ends `(n, axes)`, mm and degrees."""
+        return np.asarray(self.commanded.target - self.motions.target)
+
+    @property
+    def corrected(self) -> NDArrayBool:
+        """True `(n, axes)` where the program has given the position at the end of a programmed move."""
+        return np.asarray(self.motions.correctable & self.correctable[:, None])
+
+
+class Evaluated(NamedTuple):
+    """Results of an evaluation."""
+
+    errors: PredictedErrors
+    outside: Outside
+    worse: str
+    """Text on moves that are worse than in the input, if that is accepted; empty for none."""
+    notes: list[str]
+    trace: Trace | None
+
+
+class Evaluation:
+    """Evaluates the moves of a program, chunk after chunk."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        model: ErrorModel,
+        conditions: Conditions,
+        tolerance_um: float,
+        *,
+        worse: bool,
+        turns: bool,
+        traced: bool,
+    ) -> None:
+        """`worse`: moves may be worse than in the input; `turns`: rotary axes are corrected; `traced`: for figures."""
+        self.machine, self._model, self._conditions, self._tolerance_um = machine, model, conditions, tolerance_um
+        self._before = MachineStates(model, machine, conditions, tolerance_um)
+        self._after = MachineStates(model, machine, conditions, tolerance_um, written=True)
+        self._uncertainties = SampledUncertainties(machine, model, conditions, Significance(tolerance_um))
+        self._found = PredictedErrors(
+            uncertainty=self._uncertainties.statistic, significance=self._uncertainties.significance
+        )
+        self._guard = Guard(machine, worse=worse, turns=turns)
+        self._outside = Outside()
+        self._trace = Trace(machine, model) if traced else None
+
+    def add(self, moves: WrittenMoves) -> None:
+        """Evaluate the moves of the next chunk; Refusal for one that is worse than in the input."""
+        try:
+            self.evaluate(moves)
+        except WorseMove as found:
+            raise moves.motions.blocks[found.block].refuse(found.reason) from None
+
+    def settle(self) -> None:
+        """All chunks are evaluated already."""
+
+    def evaluate(self, moves: WrittenMoves) -> None:
+        """As `add`, with a WorseMove instead of the Refusal: no texts are needed."""
+        motions, evaluated = moves.motions, moves.motions.evaluated
+        errors, left = np.full((len(motions), 2), np.nan), np.full((len(motions), 3), np.nan)
+        errors[evaluated], left[evaluated] = self._evaluate_ends(moves, evaluated)
+        self._guard.check_ends(motions, moves.lines, np.flatnonzero(evaluated), errors[evaluated])
+        self._evaluate_between(moves, errors[:, 0], left)
+        if self._trace is not None:
+            moved = np.where(moves.corrected, moves.moved, np.nan)
+            self._trace.add(motions, moves.lines, moves.correctable, moved, errors)
+            self._trace.add_paths(motions, self._before)
+
+    def finish(self) -> Evaluated:
+        """The results for all moves."""
+        self._uncertainties.finish()
+        return Evaluated(self._found, self._outside, self._guard.worse(), self._guard.notes(), self._trace)
+
+    def _evaluate_ends(self, moves: WrittenMoves, evaluated: NDArrayBool) -> tuple[Array, Array]:
+        """Errors `(k, 2)`, um, before and after at the ends of the evaluated rows, and those after as vectors `(k, 3)`.
+
+        Vectors in mm, workpiece frame, relative to the datum.
+        """
+        motions, found, machine = moves.motions, self._found, self.machine
+        tool = motions.tool[evaluated]
+        states_before = self._before.states(motions, evaluated)
+        states_after = self._after.states(moves.commanded, evaluated)
+        if not evaluated.any():
+            return np.empty((0, 2)), np.empty((0, 3))
+        nominal, ends = motions.machine_target[evaluated], motions.in_machine(moves.commanded.target)[evaluated]
+        shift = self._before.datum_shifts(motions)[evaluated]
+        before = pose_errors(machine, self._model, nominal, nominal, tool, states_before, shift)
+        after = pose_errors(machine, self._model, ends, nominal, tool, states_after, shift)
+        found.before.add(before.point_um)
+        found.after.add(after.point_um)
+        found.absolute_before.add(before.absolute_um)
+        found.absolute_after.add(after.absolute_um)
+        found.tilt_before.add(before.axis_urad)
+        found.tilt_after.add(after.axis_urad)
+        errors = np.stack([before.point_um, after.point_um], axis=1)
+        touch_offs = [frame.touch_off for frame in motions.frames], motions.frame[evaluated]
+        self._uncertainties.add(nominal, states_before.approach, tool, touch_offs, errors)
+        self._outside.add(self._model.excesses(machine, states_before(nominal)), moves.lines[evaluated])
+        return errors, after.apart - shift
+
+    def _evaluate_between(self, moves: WrittenMoves, before: Array, left: Array) -> None:
+        """Evaluate feed moves between their ends; before `(n,)`: errors in the input at the ends of all rows, um.
+
+        left `(n, 3)`: errors after the correction at these ends, mm.
+        """
+        motions, commanded = moves.motions, moves.commanded
+        rows = motions.known_paths
+        if not rows.any():
+            return
+        evaluated = motions.evaluated_paths[rows]
+        if self._trace is not None:
+            self._trace.between_before.add(self._errors_between(motions, motions, self._before, rows)[evaluated])
+        errors_between = self._between_by_ends(moves, before, left)[rows]
+        exact = np.isnan(errors_between)
+        if exact.any():
+            some = np.flatnonzero(rows)[exact]
+            errors_between[exact] = self._errors_between(motions, commanded, self._after, some)
+        self._found.between_ends.add(errors_between[evaluated])
+        self._guard_between(moves, before, np.flatnonzero(rows)[evaluated], errors_between[evaluated])
+        beyond, rotary_only = errors_between > self._tolerance_um, motions.rotary_only
+        for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), errors_between[beyond].tolist(), strict=True):
+            block = int(motions.block[row])
+            reason = ROTARY_ONLY if rotary_only[row] else moves.unsplit.get(block, ERROR_JUMPS)
+            self._found.not_split.setdefault(reason, UnsplitMoves()).add(int(moves.lines[row]), size)
+
+    def _between_by_ends(self, moves: WrittenMoves, before: Array, left: Array) -> Array:
+        """Largest errors `(n,)`, um, between the ends of straight moves, from the errors at both ends; nan if unknown.
+
+        The error deviates from the straight line between those of the ends by no more than a bound of its second
+        difference; it is unknown where this is more than a share STRAIGHT of the tolerance, or could make the move
+        worse than the tolerance or the input.
+        """
+        motions, commanded = moves.motions, moves.commanded
+        found = np.full(len(motions), np.nan)
+        if len(motions) < 2 or self._after.axes:
+            return found
+        first, last = left[:-1], left[1:]
+        joined = (commanded.start[1:] == commanded.target[:-1]).all(axis=1) & (motions.frame[1:] == motions.frame[:-1])
+        joined &= (motions.start[1:] == motions.target[:-1]).all(axis=1) & (motions.kind[1:] == Kind.LINE)
+        shifts = (commanded.target - motions.target)[:, motions.machine.translators]
+        sizes = np.linalg.norm(shifts, axis=1)
+        rotary = motions.machine.rotary
+        turned = np.deg2rad(np.abs((motions.target - motions.start)[1:, rotary]).sum(axis=1))
+        turned[motions.tcp[1:]] = 0.0
+        bound = moves.bounds[1:] + turned**2 / 4.0 * np.maximum(sizes[1:], sizes[:-1])
+        bound = (bound + turned / 2.0 * np.linalg.norm(np.diff(shifts, axis=0), axis=1)) * 1e3
+        between = [np.linalg.norm((1.0 - share) * first + share * last, axis=1) for share in BETWEEN]
+        largest = np.max(between, axis=0) * 1e3
+        tolerance = self._tolerance_um
+        straight = joined & (bound <= STRAIGHT * tolerance) & (largest + bound <= np.minimum(tolerance, before[1:]))
+        found[1:][straight] = largest[straight]
+        return found
+
+    def _guard_between(self, moves: WrittenMoves, before: Array, rows: np.ndarray, errors_between: Array) -> None:
+        """Compare programmed moves between their ends with the input; errors_between `(rows,)`: of their segments, um.
+
+        In the input the largest error of a path is at least that of its end: moves within that error need no further
+        evaluation.
+        """
+        motions = moves.motions
+        ends = np.flatnonzero(~motions.intermediate)
+        move = np.searchsorted(ends, rows)
+        doubtful = np.zeros(len(ends), bool)
+        doubtful[move[~(errors_between <= before[ends[move]])]] = True
+        suspect = np.isin(motions.block[ends], list(moves.suspect))
+        chosen = (doubtful | suspect)[move]
+        if not chosen.any():
+            return
+        rows, move = rows[chosen], move[chosen]
+        errors = np.zeros((len(ends), 2))
+        for column, (text, states) in enumerate(((motions, self._before), (moves.commanded, self._after))):
+            np.maximum.at(errors[:, column], move, self._errors_between(motions, text, states, rows, CLOSELY))
+        found = np.unique(move)
+        self._guard.check_paths(motions, moves.lines, ends[found], errors[found], moves.unsplit, ERROR_JUMPS)
+
+    def _errors_between(
+        self,
+        motions: Motions,
+        commanded: Motions,
+        machine_states: MachineStates,
+        rows: np.ndarray,
+        shares: Iterable[float] = BETWEEN,
+    ) -> Array:
+        """Largest errors `(rows,)`, um, of commanded moves between their ends; rows as a mask or by their numbers."""
+        tool, shift = motions.tool[rows], machine_states.datum_shifts(motions)[rows]
+        errors_between = np.zeros(len(tool))
+        for share in shares:
+            states = machine_states.last_states(rows, share)
+            nominal = motions.in_machine(motions.along(share))[rows]
+            actual = motions.in_machine(commanded.along(share))[rows]
+            here = pose_errors(self.machine, self._model, actual, nominal, tool, states, shift).point_um
+            errors_between = np.maximum(errors_between, here)
+        return errors_between

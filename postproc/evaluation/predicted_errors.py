@@ -1,0 +1,78 @@
+"""Predicted errors of a program in numbers, collected chunk by chunk."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from kinematics.transforms import Array
+from postproc.compensation.significance import Significance
+from postproc.text.line_numbers import ranges, shortened
+
+
+@dataclass
+class Statistic:
+    """Largest size and RMS of a stream of numbers."""
+
+    count: int = 0
+    square_sum: float = 0.0
+    largest: float = 0.0
+
+    def add(self, values: Array) -> None:
+        """Add values of any shape; signs do not matter."""
+        self.count += values.size
+        self.square_sum += float(np.sum(values * values))
+        self.largest = max(self.largest, float(np.abs(values).max(initial=0.0)))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square; 0 without values."""
+        return math.sqrt(self.square_sum / self.count) if self.count else 0.0
+
+    def json(self) -> dict[str, float | int]:
+        """The machine-readable form, rounded to 4 decimals: 0.1 nm for numbers in um."""
+        return {"max": round(self.largest, 4), "rms": round(self.rms, 4), "count": self.count}
+
+
+@dataclass
+class UnsplitMoves:
+    """Moves that deviate by more than the tolerance between their ends, and could not be split."""
+
+    lines: list[int] = field(default_factory=list)
+    largest_um: float = 0.0
+
+    def add(self, line: int, size_um: float) -> None:
+        """Add a move."""
+        self.lines.append(line)
+        self.largest_um = max(self.largest_um, size_um)
+
+    def text(self, reason: str) -> str:
+        """The note for the user."""
+        lines = shortened(ranges(self.lines))
+        return f"not split, deviates by up to {self.largest_um:.3g} um between its ends: {reason} (lines {lines})"
+
+    def json(self, reason: str) -> dict[str, Any]:
+        """The machine-readable form."""
+        return {"reason": reason, "lines": ranges(self.lines), "strays_up_to_um": round(self.largest_um, 4)}
+
+
+@dataclass
+class PredictedErrors:
+    """Errors that the exact model predicts before and after a correction, um; of the tool axis, urad."""
+
+    before: Statistic = field(default_factory=Statistic)
+    after: Statistic = field(default_factory=Statistic)
+    absolute_before: Statistic = field(default_factory=Statistic)
+    """Errors before correction from the nominal tool point, um, if the given work offsets are true."""
+    absolute_after: Statistic = field(default_factory=Statistic)
+    tilt_before: Statistic = field(default_factory=Statistic)
+    """Errors of the tool axis, urad."""
+    tilt_after: Statistic = field(default_factory=Statistic)
+    between_ends: Statistic = field(default_factory=Statistic)
+    uncertainty: Statistic = field(default_factory=Statistic)
+    significance: Significance = field(default_factory=Significance)
+    not_split: dict[str, UnsplitMoves] = field(default_factory=dict)
+    """Moves in one segment that exceed the tolerance, by reason."""

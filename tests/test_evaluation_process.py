@@ -1,0 +1,260 @@
+"""The second process that evaluates written moves: the same results, the same refusals, and a whole output or none."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+from pathlib import Path
+
+import pytest
+from hypothesis import strategies as st
+from support.program_runs import corrected, job_of, programs
+from support.programs import correct, load, model_of, random_model, setup_of, source_of
+from support.tiers import drawn, quick
+
+from kinematics.effects import LocationError
+from kinematics.error_model.model import write_model
+from kinematics.second_process import BUFFERS, LostProcess, SecondProcess
+from kinematics.user_error import UserError
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.dialects import find_dialect
+from postproc.evaluation.guard import Guard, WorseMove
+
+GANTRY, DMU50 = load("gantry"), load("dmu50")
+RUN = "from postproc.cli import run; run()"
+HEAD = "G21 G90 G17 G54 G94\nG0 X100. Y100. Z100.\n"
+LONG = HEAD + "G1 X200. F500\nX100.\nY300.\nX150.\nY100.\n" * 200_000 + "M30\n"
+MOVES = "G1 X30. Y30. Z41. B5. C9. F100\nX20.\nX40. C30.\nG2 X45. I2.5 J0.\nG1 X30. Y31.\n"
+NEEDS_PROC = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found in /proc")
+
+
+class Here:
+    """A second process that is none: tasks and answers are copied as if they were sent."""
+
+    def __init__(self, work):
+        self._work, self._answers = pickle.loads(pickle.dumps(work)), deque()
+
+    def give(self, task):
+        buffers = []
+        sent = pickle.dumps(task, BUFFERS, buffer_callback=buffers.append)
+        task = pickle.loads(sent, buffers=[bytes(buffer.raw()) for buffer in buffers])
+        try:
+            self._answers.append((True, pickle.loads(pickle.dumps(self._work(task)))))
+        except Exception as fault:
+            self._answers.append((False, pickle.loads(pickle.dumps(fault))))
+
+    def answer(self):
+        done, answer = self._answers.popleft()
+        if not done:
+            raise answer
+        return answer
+
+    def end(self):
+        """Nothing to end."""
+
+
+@pytest.fixture(name="always")
+def _always(monkeypatch):
+    """Programs of any size are evaluated in a second process."""
+    monkeypatch.setattr("postproc.correct.pipeline.LARGE", 0)
+
+
+@drawn(8, 300, program=programs(), seed=st.integers(0, 99), size=st.sampled_from([1, 7, 4096]))
+def test_the_results_are_those_of_one_process(program, seed, size):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("postproc.execution.CHUNK", size)
+        alone = corrected(job_of(program, seed))
+        patch.setattr("postproc.correct.pipeline.LARGE", 0)
+        patch.setattr("postproc.evaluation.evaluation_process.SecondProcess", Here)
+        assert corrected(job_of(program, seed), processes=2) == alone
+
+
+@pytest.mark.usefixtures("always")
+@pytest.mark.parametrize("head", ["", "G43.4 H1\n"], ids=["axes", "tcp"])
+def test_a_process_gives_the_results_of_one(head, monkeypatch):
+    monkeypatch.setattr("postproc.execution.CHUNK", 50)
+    text = f"{HEAD}T1 M6\nG0 X60 Y0 Z200 B0 C0\n{head}{MOVES * 40}"
+    job = Job(source_of(text), find_dialect("iso", "", ""), DMU50, random_model(DMU50, 4), setup_of(DMU50, tools=["T1=80"]),
+              travel_check=False, accepted=frozenset({"worse", "outside"}))  # fmt: skip
+    alone = corrected(job)
+    assert "text" in alone
+    assert corrected(job, processes=2) == alone
+
+
+@pytest.mark.usefixtures("always")
+@pytest.mark.parametrize("size", [1, 2, 100])
+@pytest.mark.parametrize("last", ["M30\n", "G1 X5. Q9 ?\n", "#1=#2+1\nX#1\n"], ids=["end", "unknown", "unresolved"])
+def test_the_first_move_that_is_worse_is_refused(last, size, monkeypatch):
+    """Before a later block that is refused as well, whenever its evaluation ends."""
+    worse, check = {}, Guard.check_ends
+
+    def found(guard, motions, lines, rows, errors):
+        check(guard, motions, lines, rows, errors)
+        for row in rows.tolist():
+            if lines[row] in worse:
+                raise WorseMove(int(motions.block[row]), worse[lines[row]])
+
+    monkeypatch.setattr(Guard, "check_ends", found)
+    monkeypatch.setattr("postproc.evaluation.evaluation_process.SecondProcess", Here)
+    monkeypatch.setattr("postproc.execution.CHUNK", size)
+    worse.update({4: "the first", 5: "the second"})
+    text = f"{HEAD}G1 X200. F500\nX210.\nX220.\nX230.\n{last}"
+    messages = []
+    for processes in (1, 2):
+        job = Job(source_of(text), find_dialect("iso", "", ""), GANTRY, model_of(GANTRY, LocationError("C", "Y", 90.0)),
+                  setup_of(GANTRY))  # fmt: skip
+        with pytest.raises(UserError) as refusal:
+            Pipeline(job, processes=processes).run(_Nowhere(), lambda _: None)
+        messages.append(str(refusal.value))
+    assert messages[0] == messages[1]
+    if size <= 2 or last == "M30\n":
+        assert ":4: 'X210.': the first" in messages[0]
+
+
+class _Nowhere:
+    def write(self, data):
+        return len(data)
+
+
+# ---- the process itself
+
+
+class Total:
+    """Adds numbers; refuses those below zero, fails for a text, and ends its process at 13."""
+
+    def __init__(self):
+        self.sum = 0
+
+    def __call__(self, number):
+        if number == 13:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if number < 0:
+            raise UserError(f"{number} is below zero")
+        self.sum += number
+        return self.sum
+
+
+@pytest.fixture(name="total")
+def _total():
+    process = SecondProcess(Total())
+    yield process
+    process.end()
+
+
+def test_tasks_are_done_in_order_and_their_faults_come_back(total):
+    for number in (1, 2, -4, "text", 5):
+        total.give(number)
+    assert total.answer() == 1
+    assert total.answer() == 3
+    with pytest.raises(UserError, match="-4 is below zero"):
+        total.answer()
+    with pytest.raises(TypeError, match="not supported") as fault:
+        total.answer()
+    assert any("__call__" in note for note in fault.value.__notes__)
+    assert total.answer() == 8
+
+
+def test_a_process_that_is_killed_is_lost(total):
+    for number in (1, 13, 2):
+        total.give(number)
+    assert total.answer() == 1
+    for _ in range(2):
+        with pytest.raises(LostProcess):
+            total.answer()
+    total._process.join()
+    with pytest.raises(LostProcess):
+        total.give(3)
+
+
+# ---- killed
+
+
+def children(process: int) -> set[int]:
+    """The running processes that a process has started."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            words = path.read_text().rsplit(")", 1)[1].split()
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if int(words[1]) == process and words[0] != "Z":
+            found.add(int(path.parent.name))
+    return found
+
+
+def evaluating(process: int) -> set[int]:
+    """Those of them that evaluate moves."""
+    found = set()
+    for child in children(process):
+        try:
+            words = Path(f"/proc/{child}/cmdline").read_text()
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        found |= {child} if "spawn_main" in words else set()
+    return found
+
+
+def wait_until(true, seconds=30.0):
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+@pytest.fixture(name="started")
+def _started(tmp_path, monkeypatch):
+    """A long program in work, with a second process and some of the output written."""
+    write_model(model_of(GANTRY, LocationError("C", "Y", 100.0)), tmp_path / "cal.json")
+    (tmp_path / "in.nc").write_text(LONG)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+    words = [sys.executable, "-c", RUN, "in.nc", "-m", "gantry", "-c", "cal.json", "--set-up-zero", "-o", "out.nc",
+             "--jobs", "2", "--json", "out.json"]  # fmt: skip
+    with subprocess.Popen(words, stderr=subprocess.PIPE) as process:
+        wait_until(lambda: evaluating(process.pid))
+        yield process
+        process.kill()
+
+
+def names() -> set[str]:
+    return {path.name for path in Path().iterdir()}
+
+
+@NEEDS_PROC
+def test_a_lost_process_ends_the_run_with_a_message_and_without_an_output(started):
+    for child in evaluating(started.pid):
+        os.kill(child, signal.SIGKILL)
+    assert started.wait(60) == 2
+    said = started.stderr.read().decode()
+    assert "the process that evaluates the corrected moves was ended from outside" in said
+    assert said.count("\n") == 1
+    assert names() == {"in.nc", "cal.json"}
+
+
+@NEEDS_PROC
+@pytest.mark.parametrize(
+    "stop", quick([signal.SIGKILL, signal.SIGTERM, signal.SIGINT], [signal.SIGTERM, signal.SIGKILL])
+)
+def test_the_process_ends_with_the_first_one(started, stop):
+    family = children(started.pid)
+    started.send_signal(stop)
+    assert started.wait(60) == (-stop if stop == signal.SIGKILL else 128 + stop)
+    assert b"Traceback" not in started.stderr.read()
+    wait_until(lambda: not any(Path(f"/proc/{child}/cmdline").exists() and _runs(child) for child in family))
+    left = names() - {"in.nc", "cal.json"}
+    assert not left if stop != signal.SIGKILL else not {"out.nc", "out.json"} & left
+
+
+def _runs(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def test_a_short_program_starts_no_process(monkeypatch):
+    monkeypatch.setattr("kinematics.second_process.SecondProcess.__init__", lambda *_: 1 / 0)
+    assert correct(HEAD + MOVES.replace("B5. C9.", "").replace("C30.", ""), GANTRY, model_of(GANTRY)).text
