@@ -243,6 +243,7 @@ REFUSED = {
     "G10 L2 P1 X1. I5.": "I in a G10 block is not corrected",
     "G10 L2 P1 R5.\nG1 X1. Y1. Z1.\nG92 X0.": "a preset of the present position",
     "G10 L2 P1 R5.\nG68 X1. Y1. R5.": "within a work offset that rotates the coordinates",
+    "G52 Y1.\nG10 L2 P1 R5.": "rotates the active work offset under G52 or G92",
     "G10 L20 P1 X1.": "sets different data on FANUC and on LinuxCNC",
     "G10 L10 P1 R1.": "sets different data on FANUC and on LinuxCNC",
     "G10 L50": "G10 needs L and P",

@@ -297,3 +297,12 @@ def test_refusals_name_the_same_line(text, piece):
                 lines.append((refusal.line, refusal.reason))
         found.append(lines)
     assert found[0] == found[1]
+
+
+@drawn(5, 800, text=arc_programs(), size=st.sampled_from([1, 2, 3, 7]))
+def test_chunks_of_any_size_give_the_same_arcs(text, size):
+    model = model_of_errors(1)
+    whole = outcome(text, DMU50, model)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("postproc.execution.CHUNK", size)
+        assert outcome(text, DMU50, model) == whole

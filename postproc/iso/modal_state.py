@@ -218,6 +218,11 @@ class ModalState(Interpreter):
             raise block.refuse(
                 "G10 changes the active work offset while the coordinates are rotated: write it before the rotation"
             )
+        if turn is not None and name == self.offsets.name and turn != self.offsets.turn and self.offsets.moved:
+            raise block.refuse(
+                "LinuxCNC loses the positions of X and Y when G10 rotates the active work offset under G52 or G92: end "
+                "G52 or G92 before it"
+            )
         self.offsets.enter(name, values)
         self.notes.add(f"{name} has the values that G10 sets", block.line)
         changed = set(values)
