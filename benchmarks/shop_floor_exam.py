@@ -70,7 +70,10 @@ def _listed(names: Iterable[str]) -> Callable[[str], list[str]]:
 
 
 def questions(args: argparse.Namespace) -> list[Key]:
-    """The keys of all questions, draw by draw, so that an interrupted exam has all designs and causes."""
+    """The keys of all questions, draw by draw, so that an interrupted exam has all designs and causes.
+
+    Those of a sample are in the order in which chance chose them, each behind that of the same data without its cause.
+    """
     causes = list(dict.fromkeys(["none", *args.causes]))
     keys = [
         Key(design, cause, machine, draw, args.seed)
@@ -82,9 +85,8 @@ def questions(args: argparse.Namespace) -> list[Key]:
     if args.sample is None:
         return keys
     hidden = [key for key in keys if key.cause != "none"]
-    chosen = set(random.Random(args.seed).sample(hidden, min(args.sample, len(hidden))))
-    chosen |= {key._replace(cause="none") for key in chosen}
-    return [key for key in keys if key in chosen]
+    chosen = random.Random(args.seed).sample(hidden, min(args.sample, len(hidden)))
+    return list(dict.fromkeys(each for key in chosen for each in (key._replace(cause="none"), key)))
 
 
 def put(args: argparse.Namespace, known: list[Record]) -> list[Record]:
