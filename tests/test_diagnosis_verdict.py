@@ -10,8 +10,8 @@ from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling
 from calibration.diagnosis.search.linearised_fit import Projected, Score
 from calibration.diagnosis.search.stage import Accepted
-from calibration.diagnosis.verdict import notes, tied_with, verdict_of
-from kinematics.effects import Backlash, CrossAxis, Cyclic, Settling
+from calibration.diagnosis.verdict import may_be_mean, notes, tied_with, verdict_of
+from kinematics.effects import Backlash, CrossAxis, Cyclic, LocationError, Scale, Settling
 
 SCORE = Score(500.0, 500.0, 1.0, -480.0, 1e-9, np.ones(1))
 PROJECTED = Projected(np.ones((3, 1)), np.zeros((2, 1)), np.ones((1, 1)))
@@ -77,3 +77,28 @@ def test_a_negative_size_is_explained():
     assert "reading came early" in early
     assert not list(notes(linearised, Backlash("X", 12.3)))
     assert not list(notes(linearised, Settling(axis="X", share_ppm=31.0)))
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        (LocationError("B", "Z", 10.0), True),
+        (LocationError("A", "Z", 10.0), True),
+        (LocationError("C", "Y", 10.0), False),
+        (LocationError("X", "Z", 10.0), False),
+        (LocationError("B", "B", 10.0), False),
+        (Scale("Z", 10.0), False),
+        (Scale("Y", 10.0), False),
+    ],
+)
+def test_a_squareness_may_be_the_mean_of_a_cross_axis_error(line, expected):
+    sag = CrossAxis("Z", "Y", "X", (0.0, 1.0), (0.0, 1.0), 2, 1, (1.0, 0.0, 0.5))
+    assert may_be_mean(line, sag) == expected
+    assert not may_be_mean(line, Backlash("Z", 5.0))
+
+
+def test_a_scale_may_be_the_mean_of_a_positioning_error_that_depends_on_another_axis():
+    error = CrossAxis("X", "X", "Z", (0.0, 1.0), (0.0, 1.0), 1, 1, (1.0, 0.5))
+    assert may_be_mean(Scale("X", 10.0), error)
+    assert not may_be_mean(Scale("Z", 10.0), error)
+    assert not may_be_mean(Scale("X", 10.0), CrossAxis("A", "X", "Z", (0.0, 1.0), (0.0, 1.0), 1, 1, (1.0, 0.5)))

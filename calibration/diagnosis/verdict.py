@@ -22,6 +22,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes
 from kinematics.effects import (
     Backlash,
+    CrossAxis,
     Cyclic,
     Effect,
     LocationError,
@@ -35,6 +36,7 @@ from kinematics.effects import (
 )
 
 Verdict = Literal["strong", "tied", "weak"]
+LINEAR, ANGLES = "XYZ", "ABC"
 ALIKE = 0.9
 """Cosine from which two causes can be tied."""
 CLEAR = 2.0
@@ -198,12 +200,31 @@ def named(stage: Stage, before: LinearisedFit) -> list[Named]:
 def with_changed_lines(causes: Sequence[Named], change: MachineChange, given: Stage, after: Stage) -> list[Named]:
     """The causes, and the scales and location errors that differ from the calibration as it was given.
 
-    Where a line is a cause already, its size becomes that of the whole difference.
+    Where a line is a cause already, its size becomes that of the whole difference. The mean of a cross-axis error that
+    is a cause is no further one.
     """
     lines = {line.name: line for line in change.lines}
     sized = [replace(cause, effect=lines.get(cause.effect.name, cause.effect)) for cause in causes]
     known = {cause.effect.name for cause in causes}
-    return [*sized, *(each for each in _changed_lines(change, given, after) if each.effect.name not in known)]
+    new = [line for line in change.lines if line.name not in known]
+    new = [line for line in new if not any(may_be_mean(line, cause.effect) for cause in causes)]
+    return [*sized, *(each for each in _changed_lines(change, given, after) if each.effect in new)]
+
+
+def may_be_mean(line: LocationError | Scale, effect: Effect) -> bool:
+    """True if an error of the kind of a cross-axis effect, which leaves out its mean, may have a line as its mean.
+
+    The mean over one of its axes displaces along the component, by the position of the other: a scale, or a squareness.
+    """
+    if not isinstance(effect, CrossAxis) or effect.component in ANGLES:
+        return False
+    if isinstance(line, Scale):
+        return line.axis == effect.component and line.axis in (effect.axis, effect.other)
+    if line.component not in ANGLES:
+        return False
+    # E_B0Z: Z and X are not square, X moves along Z or Z along X
+    plane = set(LINEAR) - {LINEAR[ANGLES.index(line.component)]}
+    return line.axis in plane and any({effect.component, axis} == plane for axis in (effect.axis, effect.other))
 
 
 def _changed_lines(change: MachineChange, given: Stage, after: Stage) -> Iterator[Named]:
