@@ -262,11 +262,12 @@ def _iterate(
         )
         # amplitudes first: a period or time constant is undetermined without one
         held = shapes_held and not step
-        solved = (problem.shapes_fixed() if held else problem).solve(point, weights, factor, derivatives)
+        decorrelation = problem.decorrelation(weights)
+        solved = (problem.shapes_fixed() if held else problem).solve(point, weights, factor, derivatives, decorrelation)
         aim = solved.step * (AHEAD if step % 2 else 1.0)
         before, point, effective_parameters = (
             point,
-            problem.descended(point, aim, weights, factor),
+            problem.descended(point, aim, weights, factor, decorrelation),
             solved.effective_parameters,
         )
         if variance == "estimate":

@@ -134,9 +134,13 @@ class Problem:
         """Squared Mahalanobis distances `(n,)` of the residuals."""
         return np.asarray(np.sum(self.whitened(point.residual) ** 2, axis=1))
 
-    def squares(self, point: Point, weights: Array) -> float:
-        """Sum of squares of the white residuals, with weights `(n,)` of the rows."""
-        decorrelation = Decorrelation.of(self.measurement.noise, self.white, weights)
+    def decorrelation(self, weights: Array) -> Decorrelation:
+        """The transform that makes rows of one stop independent, with weights `(n,)` of the rows."""
+        return Decorrelation.of(self.measurement.noise, self.white, weights)
+
+    def squares(self, point: Point, weights: Array, decorrelation: Decorrelation | None = None) -> float:
+        """Sum of squares of the white residuals, with weights `(n,)` of the rows; decorrelation: the one of these."""
+        decorrelation = decorrelation or self.decorrelation(weights)
         return float(np.sum(decorrelation.apply(self.whitened(point.residual) * np.sqrt(weights)[:, None]) ** 2))
 
     def moved(self, point: Point, step: Array) -> Point:
@@ -144,28 +148,42 @@ class Problem:
         size = point.registered
         return self.point(self._inside(point.parameters, step[size:]), point.registration.moved(step[:size]))
 
-    def objective(self, point: Point, weights: Array, factor: float) -> float:
-        """The objective of the fit, with weights `(n,)` of the rows and the instrument's variances times `factor`."""
-        away = self.away(point.parameters)
-        return self.squares(point, weights) / factor + float(away @ away)
+    def descended(
+        self, point: Point, step: Array, weights: Array, factor: float, decorrelation: Decorrelation
+    ) -> Point:
+        """The point after a step, halved until the objective does not rise; the same point if every halving fails.
 
-    def descended(self, point: Point, step: Array, weights: Array, factor: float) -> Point:
-        """The point after a step, halved until the objective does not rise; the same point if every halving fails."""
-        limit = self.objective(point, weights, factor) * (1.0 + ROUNDING) + ROUNDING
+        The objective: with weights `(n,)` of the rows, their decorrelation, and the instrument's variances times
+        `factor`.
+        """
+
+        def objective(at: Point) -> float:
+            away = self.away(at.parameters)
+            return self.squares(at, weights, decorrelation) / factor + float(away @ away)
+
+        limit = objective(point) * (1.0 + ROUNDING) + ROUNDING
         shortened = (self.moved(point, 0.5**k * step) for k in range(HALVINGS))
-        return next((moved for moved in shortened if self.objective(moved, weights, factor) <= limit), point)
+        return next((moved for moved in shortened if objective(moved) <= limit), point)
 
     def derivatives(self, point: Point) -> Derivatives | None:
         """Derivatives of the observations at a point, not whitened; None where they are too many to be kept."""
         return derivatives(self.measurement, self.at(point.parameters), point.registration, KEPT)
 
-    def solve(self, point: Point, weights: Array, factor: float, derivatives: Derivatives | None = None) -> Solved:
+    def solve(
+        self,
+        point: Point,
+        weights: Array,
+        factor: float,
+        derivatives: Derivatives | None = None,
+        decorrelation: Decorrelation | None = None,
+    ) -> Solved:
         """The Gauss-Newton step at a point; weights `(n,)` of the rows; the instrument's variances times `factor`.
 
-        derivatives: those of a point near by, as `Problem.derivatives`; at the point itself when None.
+        derivatives: those of a point near by, as `Problem.derivatives`; at the point itself when None. decorrelation:
+        the one of the weights.
         """
         root = np.sqrt(weights / factor)
-        decorrelation = Decorrelation.of(self.measurement.noise, self.white, weights)
+        decorrelation = decorrelation or self.decorrelation(weights)
         residual = decorrelation.apply(self.whitened(point.residual) * root[:, None])
         white, model = self.white * root[:, None, None], self.at(point.parameters)
         if derivatives is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any, ClassVar, Literal, NamedTuple, Self, cast
 
 import msgspec
@@ -64,9 +65,14 @@ class Parameter(NamedTuple):
     """True when it may also lie on the bound."""
 
     @property
+    def bounded(self) -> bool:
+        """True when it has a bound."""
+        return not math.isinf(self.lower)
+
+    @property
     def bound(self) -> str:
         """`> 0` or `>= 0`; empty when there is none."""
-        return "" if math.isinf(self.lower) else f"{'>=' if self.closed else '>'} {self.lower:g}"
+        return "" if not self.bounded else f"{'>=' if self.closed else '>'} {self.lower:g}"
 
     @property
     def key(self) -> str:
@@ -77,7 +83,7 @@ class Parameter(NamedTuple):
 
     def allows(self, value: float) -> bool:
         """True within its bound; not a number is not."""
-        return not self.bound or value > self.lower or (self.closed and value == self.lower)
+        return not self.bounded or value > self.lower or (self.closed and value == self.lower)
 
 
 def unit_of(direction: str) -> tuple[str, float]:
@@ -129,6 +135,8 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         if self.u and len(self.u) != len(self.parameters):
             raise ValueError(f"{self.name}: {len(self.parameters)} parameters with {len(self.u)} u")
         for quantity in self.QUANTITIES:
+            if not quantity.bounded:
+                continue
             value = getattr(self, quantity.name)
             for number in value if isinstance(value, tuple) else () if value is None else (value,):
                 if not quantity.allows(number):
@@ -213,6 +221,16 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return tuple(table)
 
     @property
+    def linear(self) -> tuple[bool, ...]:
+        """True for each parameter in which the errors are linear."""
+        flags: list[bool] = []
+        for quantity in self.QUANTITIES:
+            value = getattr(self, quantity.name)
+            if value is not None:
+                flags += [quantity.linear] * (len(value) if isinstance(value, tuple) else 1)
+        return tuple(flags)
+
+    @property
     def parameters(self) -> tuple[float, ...]:
         """Their values, flat."""
         values: list[float] = []
@@ -229,7 +247,7 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     def with_parameters(self, values: Sequence[float], u: Sequence[float] = ()) -> Self:
         """The same effect with other parameters, flat, and their standard uncertainties."""
-        changes: dict[str, Any] = {quantity.name: value for quantity, value in self._by_quantity(values)}
+        changes: dict[str, Any] = dict(self._by_field(values))
         return msgspec.structs.replace(self, **changes, u=tuple(map(float, u)))
 
     def by_key(self, values: Sequence[float]) -> dict[str, float | tuple[float, ...]]:
@@ -237,15 +255,18 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
         `{"width_um": 31.2}`; a row of numbers stays one, unless it is empty.
         """
-        return {quantity.key: value for quantity, value in self._by_quantity(values) if value != ()}
+        fields = dict(self._by_field(values))
+        return {quantity.key: fields[quantity.name] for quantity in self.quantities() if fields[quantity.name] != ()}
 
-    def _by_quantity(self, values: Sequence[float]) -> Iterator[tuple[Parameter, float | tuple[float, ...]]]:
+    def _by_field(self, values: Sequence[float]) -> Iterator[tuple[str, float | tuple[float, ...]]]:
+        """Names of the fields that hold parameters, with their part of values, flat."""
         if len(values) != len(self.parameters):
             raise ValueError(f"{self.name}: {len(self.parameters)} parameters, got {len(values)}")
         left = iter(map(float, values))
-        for quantity in self.quantities():
+        for quantity in self.QUANTITIES:
             value = getattr(self, quantity.name)
-            yield quantity, tuple(next(left) for _ in value) if isinstance(value, tuple) else next(left)
+            if value is not None:
+                yield quantity.name, tuple(islice(left, len(value))) if isinstance(value, tuple) else next(left)
 
     @abstractmethod
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
@@ -258,6 +279,6 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         """
         amplitudes = np.array(self.parameters)
         if not all(quantity.linear for quantity in self.QUANTITIES):
-            amplitudes = amplitudes * [parameter.linear for parameter in self.parameter_table]
+            amplitudes = amplitudes * self.linear
         for column, component, values in self.columns(machine, state):
             yield column, component, values @ amplitudes
