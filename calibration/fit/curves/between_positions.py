@@ -38,7 +38,7 @@ FEW = 24
 """Most positions of an axis that count as few; among more, values at equidistant ones are found."""
 LEAST, MOST = 13, FEW + 1
 """Numbers of equidistant positions, at least and at most."""
-LACKING = 0.05
+LACKING = 0.01
 """Share of the size of a process, at most, that a spline among many positions may lack anywhere."""
 TOGETHER = 1e-3
 """Distance, as a share of the measured range, up to which positions are one."""
