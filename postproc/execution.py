@@ -15,6 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from kinematics.user_error import UserError
 from postproc.control.codes import AXES
 from postproc.dialects import Dialect, Interpreter
 from postproc.motion.motions import Motions, merged
@@ -26,7 +27,7 @@ from postproc.text.flow import Flow
 from postproc.text.source import CHUNK, Source
 from postproc.write.plain_rows import PlainText
 
-KEPT = 32
+KEPT = 16
 """Number of chunks of a stored program that are kept in memory; later ones are kept in a temporary file."""
 Item = TypeVar("Item")
 
@@ -85,6 +86,10 @@ def turns(source: Source, dialect: Dialect) -> bool:
     return False
 
 
+class Turns(Exception):
+    """A program that was taken for one without jumps, loops and calls has one."""
+
+
 @dataclass
 class StreamedProgram:
     """A program whose blocks run once: it is run, and its corrected blocks are put into the order of the text."""
@@ -94,13 +99,21 @@ class StreamedProgram:
     interpreter: Interpreter
 
     def parts(self) -> Iterator[Part]:
-        """The chunks in the order of execution; UserError, located in the program, for a block that is refused."""
+        """The chunks in the order of execution; UserError, located in the program, for a block that is refused.
+
+        Turns for a block that jumps, loops or calls.
+        """
         try:
             chunks = _Chunks(read_blocks(self.source, self.dialect, self._axes), self.dialect.leads)
-            while (motions := self.interpreter.read(straight(chunks.next(), self.interpreter.scope))).blocks:
+            while (
+                motions := self.interpreter.read(straight(_without_turns(chunks.next()), self.interpreter.scope))
+            ).blocks:
                 yield Part(motions, motions.blocks.size)
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
+
+    def _read(self, items: Iterator[Block | PlainRun]) -> Motions:
+        return self.interpreter.read(straight(items, self.interpreter.scope))
 
     @property
     def _axes(self) -> str:
@@ -187,6 +200,22 @@ def execution(source: Source, dialect: Dialect, interpreter: Interpreter) -> Str
     """The program, stored if it has a jump, a loop or a call, otherwise streamed."""
     kind = StoredProgram if turns(source, dialect) else StreamedProgram
     return kind(source, dialect, interpreter)
+
+
+def _without_turns(items: Iterator[Block | PlainRun]) -> Iterator[Block | PlainRun]:
+    """The items of a chunk; Turns, before the first of them, for a block that jumps, loops or calls."""
+    found: list[Block | PlainRun] = []
+    refused = None
+    try:
+        for item in items:
+            if isinstance(item, Block) and item.code is not None and item.code.turns:
+                raise Turns
+            found.append(item)
+    except UserError as fault:
+        refused = fault
+    yield from found
+    if refused is not None:
+        raise refused
 
 
 class _Contexts:

@@ -110,3 +110,42 @@ def test_a_refusal_names_the_work_offset_at_the_move():
     job = Job(source_of(text), find_dialect("iso", "", ""), machine, model_of(GANTRY, BOWED), setup_of(GANTRY))
     with pytest.raises(UserError, match=r"work offset G54 = X 10, Y 20, Z 30 \(set by the program\)"):
         Pipeline(job).run(io.BytesIO(), lambda _: None)
+
+
+def results(text, *, stored):
+    """The corrected text and the report, or the message of a refusal."""
+    job = Job(source_of(text), find_dialect("iso", "", ""), GANTRY, model_of(GANTRY, BOWED), setup_of(GANTRY))
+    out, steps = io.BytesIO(), []
+    try:
+        report = Pipeline(job, stored=stored).run(out, steps.append)
+    except UserError as refusal:
+        return str(refusal)
+    content = report.json()
+    content["calibration"].pop("age_days")
+    return out.getvalue(), content, sum(steps)
+
+
+STRAIGHT = "".join(f"X{10 + i % 7}. Y{20 + i}.\n" for i in range(20))
+LATE = "#1=0\nN50 #1=#1+1\nG1 X30. F100\nG0 X31.\nIF[#1 LT 3]GOTO50\nM30\n"
+
+
+@pytest.mark.parametrize("size", [1, 4, 1000])
+@pytest.mark.parametrize(
+    "straight", [STRAIGHT, f"{STRAIGHT}X#5\n", f"{STRAIGHT}X99999.\n", f"{STRAIGHT}G1 Q5 ?\n"],
+    ids=["moves", "unknown value", "outside", "unknown word"],
+)  # fmt: skip
+def test_a_jump_that_is_found_on_the_way(straight, size, monkeypatch):
+    """The result is that of a program that is known to jump, also where a block before is refused."""
+    monkeypatch.setattr("postproc.execution.CHUNK", size)
+    text = HEAD + straight + LATE
+    assert results(text, stored=False) == results(text, stored=True)
+
+
+def test_a_program_that_goes_straight_on_is_read_once(monkeypatch):
+    """Without a look for jumps; the refusal of a block alone makes one."""
+    looks = []
+    monkeypatch.setattr("postproc.correct.pipeline.turns", lambda *_: looks.append(1))
+    results(HEAD + STRAIGHT, stored=False)
+    assert not looks
+    assert "Q5" in results(f"{HEAD}{STRAIGHT}G1 Q5 ?\n", stored=False)
+    assert looks

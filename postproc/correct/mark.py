@@ -28,6 +28,8 @@ DIGITS = 8
 """Number of hexadecimal digits in the fingerprints of set-up and datum."""
 DECIMALS = 6
 """Decimals of mm and degrees in the text of a fingerprint."""
+AT_ONCE = 1 << 20
+"""Bytes of a program that are copied together."""
 PARTS = ("calibration", "set-up", "datum")
 """Parts of a mark, by the names of `ncomp verify --accept`."""
 
@@ -96,27 +98,33 @@ def mark_index(dialect: Dialect, blocks: Sequence[Block]) -> int | None:
 
 
 class MarkedOutput:
-    """Writes a program with room for its mark, which is known only after the whole program has run."""
+    """Collects a program with room for its mark, which is known only after the whole program has run."""
 
-    def __init__(self, out: IO[bytes], rest: IO[bytes]) -> None:
-        self._out, self._rest = out, rest
-        self.has_room = False
+    def __init__(self, lines: IO[bytes]) -> None:
+        """`lines`: an empty file for the lines of the program."""
+        self._lines, self._room = lines, -1
         self._number = ""
 
+    @property
+    def has_room(self) -> bool:
+        """True if there is room for the mark."""
+        return self._room >= 0
+
     def write(self, text: bytes) -> None:
-        """Write lines, after the room for the mark if there is one."""
-        (self._rest if self.has_room else self._out).write(text)
+        """Write lines."""
+        self._lines.write(text)
 
     def leave_room(self, number: str = "") -> None:
         """Leave room for the mark here, after the number of its block."""
-        self.has_room, self._number = True, number
+        self._room, self._number = self._lines.tell(), number
 
-    def finish(self, mark: str) -> None:
-        """Write the mark, if there is room for it, and the lines after it."""
+    def finish(self, mark: str, out: IO[bytes]) -> None:
+        """Write the program, with the mark if there is room for it."""
+        self._lines.seek(0)
         if self.has_room:
-            self._out.write((self._number + mark).encode(ENCODING))
-            self._rest.seek(0)
-            shutil.copyfileobj(self._rest, self._out)
+            out.write(self._lines.read(self._room))
+            out.write((self._number + mark).encode(ENCODING))
+        shutil.copyfileobj(self._lines, out, AT_ONCE)
 
 
 def _short(lines: Iterable[str]) -> str:

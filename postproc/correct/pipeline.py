@@ -37,7 +37,7 @@ from postproc.dialects import Dialect
 from postproc.evaluation.evaluation import ROTARY_ONLY, Evaluated, Evaluation, WrittenMoves
 from postproc.evaluation.predicted_errors import Statistic
 from postproc.evaluation.trace import Trace
-from postproc.execution import Part, StoredProgram, StreamedProgram, execution, joined_before_rotary_moves, turns
+from postproc.execution import Part, StoredProgram, StreamedProgram, Turns, joined_before_rotary_moves, turns
 from postproc.iso.lines import refuse_lengthened
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Known
@@ -88,9 +88,12 @@ class Job:
 class Pipeline:
     """Correction of one program, with the state between its chunks; use it once, by `run`."""
 
-    def __init__(self, job: Job, *, traced: bool = False, processes: int = 1) -> None:
-        """`traced`: record the moves for figures; `processes`: number of processes that may be used."""
-        self.job, self._traced, self._processes = job, traced, processes
+    def __init__(self, job: Job, *, traced: bool = False, processes: int = 1, stored: bool = False) -> None:
+        """`traced`: record the moves for figures; `processes`: number of processes that may be used.
+
+        `stored`: the program has a jump, a loop or a call.
+        """
+        self.job, self._traced, self._processes, self._stored = job, traced, processes, stored
         self.notes = Notes()
         self.interpreter = job.dialect.interpreter(job.machine, job.setup, self.notes)
         self.orientation = job.classes is not None and ORIENTATION in job.classes
@@ -122,20 +125,39 @@ class Pipeline:
     def run(self, out: BinaryIO, progress: Callable[[int], None]) -> CorrectionResult:
         """Write the corrected program to `out`; `progress` gets the number of bytes read since its last call.
 
-        UserError, located in the program, for a block that cannot be corrected; discard `out` then.
+        A program without jumps, loops and calls is read only once: where one is found on the way, the program begins
+        again as a stored one. UserError, located in the program, for a block that cannot be corrected; discard `out`
+        then.
         """
+        if self._stored:
+            return self._run(out, progress)
+        seen = _Seen(progress)
+        try:
+            return self._run(out, seen)
+        except Turns:
+            pass
+        except UserError:
+            if not turns(self.job.source, self.job.dialect):
+                raise
+        stored = Pipeline(self.job, traced=self._traced, processes=self._processes, stored=True)
+        self.report = stored.run(out, seen.again())
+        self.trace = stored.trace
+        return self.report
+
+    def _run(self, out: BinaryIO, progress: Callable[[int], None]) -> CorrectionResult:
+        """As `run`; Turns for a jump, a loop or a call in a program that is not stored."""
         job = self.job
         if self.model.effects:
             self.plausibility.check_calibration(job.model, job.conditions, datetime.datetime.now(datetime.UTC))
         with self._evaluation() as self.evaluation, tempfile.SpooledTemporaryFile(SPOOLED) as rest:
-            marked = MarkedOutput(out, rest)
-            self._run(marked, progress)
+            marked = MarkedOutput(rest)
+            self._correct_all(marked, progress)
             evaluated = self.evaluation.finish()
             self.report, self.trace = replace(self.report, **vars(evaluated.errors)), evaluated.trace
             self._check_whole(evaluated)
             accepted = self.plausibility.met
             mark = mark_of(job.model, self.interpreter.control_state)
-            marked.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted))
+            marked.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted), out)
         report, state = self.report, self.interpreter.control_state
         report.work_offsets, report.tools = state.used_offsets, state.used_tools
         report.assumed, report.assumption = list(state.assumed), state.assumption()
@@ -165,7 +187,7 @@ class Pipeline:
         with evaluated_elsewhere(evaluation) as process:
             yield process
 
-    def _run(self, out: MarkedOutput, progress: Callable[[int], None]) -> None:
+    def _correct_all(self, out: MarkedOutput, progress: Callable[[int], None]) -> None:
         """Write the corrected program with room for its mark."""
         job = self.job
         out.write(job.source.mark.encode(ENCODING))
@@ -187,12 +209,14 @@ class Pipeline:
     def _program(self) -> StreamedProgram:
         """The program, or on request its text without loops and calls."""
         job = self.job
-        if job.unroll and turns(job.source, job.dialect):
+        if not self._stored:
+            return StreamedProgram(job.source, job.dialect, self.interpreter)
+        if job.unroll:
             from postproc.correct.unroll import unrolled
 
             interpreter = job.dialect.interpreter(job.machine, job.setup, Notes())
             return unrolled(StoredProgram(job.source, job.dialect, interpreter), self.interpreter)
-        return execution(job.source, job.dialect, self.interpreter)
+        return StoredProgram(job.source, job.dialect, self.interpreter)
 
     def _check_whole(self, evaluated: Evaluated) -> None:
         """Plausibility checks that need all moves; UserError for conditions that are not accepted."""
@@ -328,6 +352,22 @@ class Pipeline:
         behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
         for row in np.flatnonzero(motions.rotary_only & (behind * 1e3 > self.job.tolerance_um)):
             self.notes.add(ROTARY_ONLY, int(motions.line[row]))
+
+
+class _Seen:
+    """Passes numbers of bytes on, without those that were seen before."""
+
+    def __init__(self, progress: Callable[[int], None], before: int = 0) -> None:
+        self._progress, self._before, self._seen = progress, before, 0
+
+    def __call__(self, size: int) -> None:
+        new = max(self._seen + size - max(self._seen, self._before), 0)
+        self._seen += size
+        self._progress(new)
+
+    def again(self) -> _Seen:
+        """For the same bytes once more."""
+        return _Seen(self._progress, self._seen)
 
 
 def _new_report(job: Job) -> CorrectionResult:

@@ -71,8 +71,13 @@ class Source:
 
     @property
     def size(self) -> int:
-        """Number of bytes."""
-        return Path(self.name).stat().st_size if self.data is None else len(self.data)
+        """Number of bytes; UserError where the file has vanished."""
+        if self.data is not None:
+            return len(self.data)
+        try:
+            return Path(self.name).stat().st_size
+        except OSError as fault:
+            raise UserError(f"program {self.name}: {fault.strerror or fault}") from None
 
     @property
     def mark(self) -> str:
