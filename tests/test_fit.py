@@ -21,7 +21,7 @@ from calibration.measurement.instruments import Interferometer, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
-from calibration.observation.full_model import BasisChoice, moving_axes, parse_basis, priors, rigid_model
+from calibration.observation.full_model import BasisChoice, moving_axes, parse_basis, priors, rigid_model, with_effects
 from calibration.observation.stops_and_lines import held_out_blocks
 from kinematics.basis import Fourier
 from kinematics.deviation import exact_deviation
@@ -316,6 +316,18 @@ def test_effects_with_memory_and_periods_are_fitted_anew():
     assert cross_validation._is_linear(model)
     for effect in (Hysteresis("X", 10.0, 5.0), Cyclic("X", "X", 10.0, (0.0,), (0.0,))):
         assert not cross_validation._is_linear(msgspec.structs.replace(model, effects=(*model.effects, effect)))
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_period_is_found_from_afar(seed):
+    machine, rng = machines.load("gantry"), np.random.default_rng(seed)
+    q, model = positions(machine, 150, rng), truth(machine, rng, 5.0)
+    wave = Cyclic(component="X", axis="X", period=800.0, sine=(300.0,), cosine=(150.0,))
+    data = measured(machine, q, THREE, msgspec.structs.replace(model, effects=(*model.effects, wave)), rng)
+    start = Cyclic(component="X", axis="X", period=1000.0, sine=(0.0,), cosine=(0.0,))
+    found = fit(data, with_effects(data, dict.fromkeys("XYZ", BasisChoice("b-spline", 5)), [start], 1.0)[0])
+    assert found.model.effects[-1].period == pytest.approx(800.0, abs=0.2)
+    assert found.chi2_reduced < 1.5
 
 
 def test_interferometer_data_give_positioning_and_backlash():

@@ -47,7 +47,8 @@ STEPS = 30
 CONVERGED = 1e-3
 """Length of a step, in standard uncertainties, below which the iteration ends."""
 RENEWED = 3
-"""Steps in which derivatives are calculated anew where they depend on the parameters; then the last ones serve."""
+"""Steps in which derivatives are calculated anew where they depend on the parameters; then the last ones serve, except
+after a step that was halved."""
 AHEAD = 1.9
 """Over-relaxation of every other step: with Huber weights a Gauss-Newton step is too short. Below 2 the objective
 cannot rise by it."""
@@ -252,9 +253,10 @@ def _iterate(
     components = problem.measurement.components
     factor, effective_parameters, least = 1.0, 0.0, 1.0
     renewed = RENEWED if any(not q.linear for effect in problem.model.effects for q in effect.parameter_table) else 1
-    derivatives = None
+    derivatives, halvings = None, 0
     for step in range(STEPS):
-        if step < renewed:
+        # along old derivatives, a step that had to be halved ends short again and again
+        if anew := step < renewed or halvings > 0:
             derivatives = problem.derivatives(point)
         distances = problem.distances(point)
         weights = huber_weights(
@@ -265,15 +267,12 @@ def _iterate(
         decorrelation = problem.decorrelation(weights)
         solved = (problem.shapes_fixed() if held else problem).solve(point, weights, factor, derivatives, decorrelation)
         aim = solved.step * (AHEAD if step % 2 else 1.0)
-        before, point, effective_parameters = (
-            point,
-            problem.descended(point, aim, weights, factor, decorrelation),
-            solved.effective_parameters,
-        )
+        before, effective_parameters = point, solved.effective_parameters
+        point, halvings = problem.descended(point, aim, weights, factor, decorrelation)
         if variance == "estimate":
             least = _least(solved, len(distances) * components, variance)
             factor = robust_factor(problem.distances(point), components, effective_parameters, least, stop)
-        if step and (solved.length < CONVERGED or point is before):
+        if step and (solved.length < CONVERGED or (anew and point is before)):
             break
     return point, factor, solved
 

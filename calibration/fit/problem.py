@@ -150,11 +150,11 @@ class Problem:
 
     def descended(
         self, point: Point, step: Array, weights: Array, factor: float, decorrelation: Decorrelation
-    ) -> Point:
-        """The point after a step, halved until the objective does not rise; the same point if every halving fails.
+    ) -> tuple[Point, int]:
+        """The point after a step, halved until the objective does not rise, and the number of halvings.
 
-        The objective: with weights `(n,)` of the rows, their decorrelation, and the instrument's variances times
-        `factor`.
+        The same point if every halving fails. The objective: with weights `(n,)` of the rows, their decorrelation, and
+        the instrument's variances times `factor`.
         """
 
         def objective(at: Point) -> float:
@@ -162,8 +162,8 @@ class Problem:
             return self.squares(at, weights, decorrelation) / factor + float(away @ away)
 
         limit = objective(point) * (1.0 + ROUNDING) + ROUNDING
-        shortened = (self.moved(point, 0.5**k * step) for k in range(HALVINGS))
-        return next((moved for moved in shortened if objective(moved) <= limit), point)
+        shortened = ((self.moved(point, 0.5**k * step), k) for k in range(HALVINGS))
+        return next((found for found in shortened if objective(found[0]) <= limit), (point, HALVINGS))
 
     def derivatives(self, point: Point) -> Derivatives | None:
         """Derivatives of the observations at a point, not whitened; None where they are too many to be kept."""
@@ -185,8 +185,9 @@ class Problem:
         root = np.sqrt(weights / factor)
         decorrelation = decorrelation or self.decorrelation(weights)
         residual = decorrelation.apply(self.whitened(point.residual) * root[:, None])
-        white, model = self.white * root[:, None, None], self.at(point.parameters)
+        white = self.white * root[:, None, None]
         if derivatives is None:
+            model = self.at(point.parameters)
             normal = assemble(self.measurement, model, point.registration, white, residual, decorrelation)
         else:
             normal = derivatives.whitened(white, decorrelation).normal(residual)
