@@ -14,6 +14,7 @@ from calibration.diagnosis.search.candidates import RARE, Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling, evaluate, passing, predicts, siblings
 from calibration.diagnosis.search.proposed_shapes import finer, joined
 from calibration.diagnosis.search.stage import chosen_of
+from calibration.diagnosis.search.start_model import Base
 from kinematics.basis import Fourier
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, GrowthWithTime, LocationJump, ThermalDrift, TrackerDrift
 
@@ -271,3 +272,18 @@ def test_a_whole_drift_stands_in_place_of_a_growth_beside_a_part_of_it():
     found = made.commoner(made.stage([(forms[2], np.ones(1)), (growth, scored.score.size)]))
     assert sorted(each.candidate.axis for each in found.accepted) == ["X", "Y", "Z"]
     assert {each.candidate.kind for each in found.accepted} == {"thermal-drift"}
+
+
+def test_the_same_causes_are_fitted_once(monkeypatch):
+    fits, fit = [], Base.fit
+    monkeypatch.setattr(Base, "fit", lambda *given: fits.append(given) or fit(*given))
+    made, cause = selector(data_with(n=100)), Candidate(Backlash("X", 0.0))
+    first = made.stage([(cause, np.ones(1))])
+    assert made.stage([(cause, np.ones(1))]).fit is first.fit
+    assert len(fits) == 1
+    # another prior is another fit, and only the last fits are kept
+    for size in range(2, selection.RECENT + 2):
+        made.stage([(cause, np.full(1, float(size)))])
+    assert len(fits) == selection.RECENT + 1
+    assert len(made.recent) == selection.RECENT
+    assert made.stage([(cause, np.ones(1))]).fit is not first.fit

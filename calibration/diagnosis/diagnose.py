@@ -388,7 +388,7 @@ def _start(
     selector = Selector(measurement, base, candidates, variance, progress, search)
     noise = repeats(measurement, selector.bare.fit.kept)
     if variance == "sheet" and noise is not None and _contradicted(noise):
-        selector = replace(selector, measurement=_as_noisy_as(measurement, noise), bare_stages={})
+        selector = replace(selector, measurement=_as_noisy_as(measurement, noise), bare_stages={}, recent={})
         text = f"repeats contradict the instrument specification, its noise is taken from them: {noise.text}"
         findings.append(Finding("noise", text, False))
     return _Start(selector, findings, positions, noise, untested)

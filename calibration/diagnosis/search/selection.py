@@ -55,6 +55,8 @@ NEARLY = 0.05
 """Share of the delta-BIC by which a simpler cause may be less likely: what it lacks is found after it."""
 MANY = 8
 """Blocks from which the fit of the others has nearly all data, so that it judges bases as the whole does."""
+RECENT = 12
+"""Most fits that are kept."""
 PASSES = 2
 """Most rounds in which a sibling replaces a cause."""
 Progress = Callable[[str], None]
@@ -94,6 +96,8 @@ class Selector:
     search: Search
     bare_stages: dict[str, Stage] = field(default_factory=dict, compare=False, repr=False)
     """Fits of bases alone, by their choice: bases come back, and each is fitted once."""
+    recent: dict[tuple[object, ...], Fit] = field(default_factory=dict, compare=False, repr=False)
+    """The last fits, by the choice of the bases and the causes: the same causes come back after other steps."""
 
     @property
     def bare(self) -> Stage:
@@ -141,7 +145,12 @@ class Selector:
 
     def stage(self, chosen: Sequence[tuple[Candidate, Array]]) -> Stage:
         """The full fit with these causes, each evaluated on the linearised fit without it."""
-        return self._stage_of(chosen, self.base.fit(self.measurement, chosen, self.variance))
+        key = repr(self.base.bases), *((candidate, size.tobytes()) for candidate, size in chosen)
+        if key not in self.recent:
+            while len(self.recent) >= RECENT:
+                del self.recent[next(iter(self.recent))]
+            self.recent[key] = self.base.fit(self.measurement, chosen, self.variance)
+        return self._stage_of(chosen, self.recent[key])
 
     def cautious(self, stage: Stage) -> Stage:
         """The stage with an uncertainty that contains errors which the model lacks."""
