@@ -167,7 +167,7 @@ def test_siblings_do_much_the_same():
     assert chosen_of(stage.accepted)[0][0] is accepted.candidate
 
 
-@given(st.lists(st.floats(-100.0, 100.0), min_size=2, max_size=40), st.integers(-20, 20))
+@given(st.lists(st.floats(-100.0, 100.0, width=32), min_size=2, max_size=40), st.integers(-20, 20))
 def test_prediction_does_not_depend_on_units(gains, octaves):
     gains = np.array(gains)
     if abs(gains.mean()) > 1e-6 and gains.std() > 1e-6:
