@@ -9,7 +9,7 @@ from support.virtual_measurements import THREE, measured, pose_of, positions, tr
 import machines
 from calibration.measurement.instruments import Interferometer, LaserTracker, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.measurement.registration import Registration, rigid
+from calibration.measurement.registration import PLANAR, RIGID, Registration, rigid
 from calibration.observation import equations
 from calibration.plausibility.recording_mistakes import by_axes
 from kinematics.error_model.model import Observation
@@ -37,7 +37,7 @@ def part_case(components):
     state = with_moves(State(positions(machine, 20, rng), target=np.full(20, "1")))
     part = Measurement(machine, Part(u_um=2.0, components=components), state, np.ones((20, components)))
     pose = Pose(rotation_vector_matrix([[0.0, 0.0, 0.3]]), np.array([[5.0, 6.0, 0.0]]))
-    return part, Registration({"1": pose}, {"1": np.array([100.0, 50.0, 0.0])}, components == 2)
+    return part, Registration({"1": pose}, {"1": np.array([100.0, 50.0, 0.0])}, PLANAR if components == 2 else RIGID)
 
 
 def laser_case():

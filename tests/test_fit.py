@@ -19,7 +19,7 @@ from calibration.fit.identifiability import identifiability
 from calibration.fit.location_errors import split_locations, transformed
 from calibration.measurement.instruments import Interferometer, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.measurement.registration import Registration
+from calibration.measurement.registration import PLANAR, Registration
 from calibration.observation import equations
 from calibration.observation.full_model import BasisChoice, moving_axes, parse_basis, priors, rigid_model, with_effects
 from calibration.observation.stops_and_lines import held_out_blocks
@@ -359,7 +359,7 @@ def test_a_part_shows_what_its_plane_shows():
 
     pose = Pose(rotation_vector_matrix([[0, 0, 0.3]]), np.array([[5.0, 6.0, 0.0]]))
     seen = equations.expected(
-        empty, Registration({"1": pose}, {"1": np.zeros(3)}, True), model.observation(machine, state)
+        empty, Registration({"1": pose}, {"1": np.zeros(3)}, PLANAR), model.observation(machine, state)
     )
     part = replace(empty, observed=seen + rng.normal(0, 2e-3, seen.shape), source="part")
     found = calibrate(part, basis="b-spline:6")

@@ -271,9 +271,11 @@ def _registration_scale(normal: NormalEquations, registration: Registration) -> 
     A station that observed one position is shifted, not rotated: over an arm of um no rotation can replace a shift.
     """
     diagonal = np.diag(normal.matrix)[: len(registration.names)].copy()
-    moves, shifts = (3, 2) if registration.planar else (6, 3)
+    moves = len(registration.moves)
     poses = diagonal[: moves * len(registration.poses)].reshape(-1, moves)
-    poses[:, shifts:] = np.maximum(poses[:, shifts:], poses[:, :shifts].max(axis=1, keepdims=True))
+    turns = [k for k, move in enumerate(registration.moves) if move in "ABC"]
+    shifts = np.delete(poses, turns, axis=1)
+    poses[:, turns] = np.maximum(poses[:, turns], shifts.max(axis=1, keepdims=True))
     return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)))
 
 

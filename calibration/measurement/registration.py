@@ -14,6 +14,11 @@ import numpy as np
 from calibration.measurement.measurement import Measurement
 from kinematics.transforms import Array, Pose, rotation_vector_matrix, turn
 
+RIGID = ("x", "y", "z", "A", "B", "C")
+"""Moves of a rigid body: three shifts, then three rotations."""
+PLANAR = ("x", "y", "C")
+"""Moves of a part that is measured in x and y only."""
+
 
 @dataclass(frozen=True)
 class Registration:
@@ -26,8 +31,8 @@ class Registration:
     """Pose of each group, from the frame to which the instrument is fixed to its own."""
     centres: Mapping[str, Array] = field(default_factory=dict)
     """Centre of rotation of each group `(3,)`, mm, in the instrument's frame."""
-    planar: bool = False
-    """True for a part measured in x and y only: two shifts and the rotation about z."""
+    moves: tuple[str, ...] = RIGID
+    """Moves by which the pose of a group is unknown, some of RIGID in its order."""
     zeros: Mapping[str, float] = field(default_factory=dict)
     """Reading for an axis without error, by run of an interferometer."""
     slopes: Mapping[str, float] = field(default_factory=dict)
@@ -38,23 +43,28 @@ class Registration:
     @property
     def names(self) -> list[str]:
         """Names of the parameters."""
-        moves = ("x", "y", "C") if self.planar else ("x", "y", "z", "A", "B", "C")
         return [
-            *(f"pose {group} {move}" for group in self.poses for move in moves),
+            *(f"pose {group} {move}" for group in self.poses for move in self.moves),
             *(f"zero {group}" for group in self.zeros),
             *(f"slope {group}" for group in self.slopes),
             *(f"target {name} {letter}" for name in self.targets for letter in "xyz"),
         ]
 
+    @property
+    def move_numbers(self) -> list[int]:
+        """Numbers of the moves among those of a rigid body."""
+        return [RIGID.index(move) for move in self.moves]
+
     def moved(self, step: Array) -> Registration:
         """The registration after a step `(parameters,)`."""
-        size = 3 if self.planar else 6
+        size = len(self.moves)
         left = step[size * len(self.poses) :]
         poses = {}
         for (group, pose), own in zip(
             self.poses.items(), step.reshape(-1)[: size * len(self.poses)].reshape(-1, size), strict=True
         ):
-            six = own[[0, 1, 0, 0, 0, 2]] * (1, 1, 0, 0, 0, 1) if self.planar else own
+            six = np.zeros(len(RIGID))
+            six[self.move_numbers] = own
             turned, centre = rotation_vector_matrix(six[3:]), self.centres[group]
             shift = Pose(turned, centre - turn(turned, centre) + six[:3])
             poses[group] = shift @ pose
@@ -62,7 +72,7 @@ class Registration:
         slopes, left = _stepped(self.slopes, left)
         shifts = left.reshape(-1, 3)
         targets = {name: own + shift for (name, own), shift in zip(self.targets.items(), shifts, strict=True)}
-        return Registration(poses, self.centres, self.planar, zeros, slopes, targets)
+        return Registration(poses, self.centres, self.moves, zeros, slopes, targets)
 
     def tool(self, measurement: Measurement) -> Array:
         """Positions `(n, 3)`, mm, of the targets on their carriers, as estimated so far."""

@@ -13,7 +13,7 @@ import numpy as np
 from calibration.measurement.instruments import Interferometer, Part
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.observed_points import carried, derivatives_by_errors, target_points
-from calibration.measurement.registration import Registration, rigid
+from calibration.measurement.registration import PLANAR, RIGID, Registration, rigid
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS
 from kinematics.error_model.model import Observation
@@ -47,7 +47,7 @@ def start(measurement: Measurement, trusted: np.ndarray) -> Registration:
         rows = next((rows for rows in choices if planar or width(points[rows]) > IN_LINE), [*choices, mine][0])
         poses[name] = rigid(points[rows], observed[rows], planar=planar)
         centres[name] = observed[rows].mean(axis=0)
-    registration = Registration(poses, centres, planar)
+    registration = Registration(poses, centres, PLANAR if planar else RIGID)
     return replace(registration, targets=_first_targets(measurement, registration))
 
 
@@ -104,7 +104,7 @@ def registration_design(measurement: Measurement, registration: Registration) ->
         rows = groups == group
         own[rows, :, :3] = np.eye(3)
         own[rows, :, 3:] = by_turn(points[rows] - centre)
-        columns.append(own[:, :, [0, 1, 5]] if registration.planar else own)
+        columns.append(own[:, :, registration.move_numbers])
     turns = registration.rotations(measurement) @ carried(measurement) if registration.targets else None
     numbers = {name: i for i, name in enumerate(measurement.targets)}
     for name in registration.targets:

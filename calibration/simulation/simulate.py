@@ -15,7 +15,7 @@ import numpy as np
 from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker
 from calibration.measurement.measurement import SPINDLE_NOSE, Measurement, Target, with_moves
 from calibration.measurement.observed_points import target_points
-from calibration.measurement.registration import Registration
+from calibration.measurement.registration import PLANAR, RIGID, Registration
 from calibration.observation.equations import covariance, expected
 from kinematics.effects.base import UM, URAD
 from kinematics.error_model.model import ErrorModel, Observation
@@ -191,7 +191,7 @@ def _registration(blank: Measurement, poses: Mapping[str, Pose] | None, rng: np.
     missing = [group for group in groups if group not in poses]
     if missing:
         raise UserError(f"no pose of the instrument for {', '.join(missing)}")
-    return Registration(poses, planar=blank.instrument.components == 2)
+    return Registration(poses, moves=PLANAR if blank.instrument.components == 2 else RIGID)
 
 
 def _alignment(planar: bool, rng: np.random.Generator) -> Pose:
