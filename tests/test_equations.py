@@ -7,9 +7,9 @@ import pytest
 from support.virtual_measurements import THREE, measured, pose_of, positions, truth
 
 import machines
-from calibration.measurement.instruments import Interferometer, LaserTracker, Part
+from calibration.measurement.instruments import Interferometer, LaserTracker, Part, TouchProbe
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.measurement.registration import PLANAR, RIGID, Registration, rigid
+from calibration.measurement.registration import PLANAR, RIGID, SHIFTS, Registration, rigid
 from calibration.observation import equations
 from calibration.plausibility.recording_mistakes import by_axes
 from kinematics.error_model.model import Observation
@@ -51,11 +51,23 @@ def laser_case():
     return laser, Registration(zeros=dict.fromkeys(np.unique(laser.groups).tolist(), 0.002))
 
 
+def probe_case():
+    machine, rng = machines.load("dmu50"), np.random.default_rng(3)
+    sphere = np.array(["s1", "s2"])[np.arange(20) % 2]
+    state = with_moves(State(positions(machine, 20, rng), station=sphere, target=np.full(20, "probe")))
+    tip = {"probe": Target((0.0, 0.0, -150.0))}
+    probe = Measurement(machine, TouchProbe(u_um=1.0), state, np.zeros((20, 3)), tip)
+    poses = {name: Pose(np.eye(3)[None], -np.array([centre])) for name, centre in CENTRES.items()}
+    return probe, Registration(poses, dict.fromkeys(poses, np.zeros(3)), SHIFTS)
+
+
+CENTRES = {"s1": (130.0, 20.0, 60.0), "s2": (-110.0, 60.0, 50.0)}
 CASES = {
     **{f"{name} {on}": (lambda n=name, o=on: tracker_case(n, o)) for name in ("dmu50", "cframe") for on in ("workpiece", "bed")},
     "part 2": lambda: part_case(2),
     "part 3": lambda: part_case(3),
     "interferometer": laser_case,
+    "touch probe": probe_case,
 }  # fmt: skip
 
 

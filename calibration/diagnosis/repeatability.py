@@ -16,7 +16,7 @@ from scipy import special
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.normal_equations import whitened, whiteners
@@ -71,7 +71,8 @@ class Repeats:
 def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
     """Noise from repeats among the rows kept, a mask `(n,)`; None without repeats."""
     own = measurement.rows(np.flatnonzero(kept))
-    if not len(own):
+    # a touch probe records its repeats in the positions
+    if not len(own) or (isinstance(own.instrument, TouchProbe) and not own.observed.any()):
         return None
     states = position_numbers(own)
     close = _repeated(own, _clusters(own, states))

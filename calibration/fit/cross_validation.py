@@ -184,13 +184,24 @@ class LeavingOut:
         fitted = self.problem.moved(self.point, self.problem.solution(normal, self.point).step)
         if self._design is not None:  # of few rows the step is large: again, with the exact residuals
             right = self._design.rows(others).along(self._white(fitted)[others])
-            solved = self.problem.solution(NormalEquations(normal.matrix, right), fitted)
+            again = NormalEquations(normal.matrix - self._distances.matrix, right)
+            again.add_distances(self.problem.measurement, fitted.registration)
+            solved = self.problem.solution(again, fitted)
             fitted = self.problem.moved(fitted, solved.step)
         return _Fitted(self.problem.at(fitted.parameters), fitted.registration)
 
     @cached_property
     def _whole(self) -> NormalEquations:
-        return self._normal(np.arange(len(self.problem.measurement)))
+        normal = self._normal(np.arange(len(self.problem.measurement)))
+        normal.add_distances(self.problem.measurement, self.point.registration)
+        return normal
+
+    @cached_property
+    def _distances(self) -> NormalEquations:
+        """The normal equations of the calibrated distances between spheres, which no block holds."""
+        normal = NormalEquations.zero(self.point.registered + len(self.point.parameters))
+        normal.add_distances(self.problem.measurement, self.point.registration)
+        return normal
 
     @cached_property
     def _design(self) -> Derivatives | None:

@@ -19,6 +19,7 @@ from calibration.fit.problem import Point, Problem, Solved
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
+from calibration.observation.equations import distance_residuals
 from calibration.observation.full_model import priors
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import (
@@ -158,8 +159,11 @@ class Fit:
 
     @property
     def log_evidence(self) -> float:
-        """Log marginal likelihood, up to a constant of the data: misfit, distance from the priors, log determinant."""
-        own = float(np.sum(self.away**2))
+        """Log marginal likelihood, up to a constant of the data: misfit, distance from the priors, log determinant.
+
+        Calibrated distances between spheres count as priors of the registration.
+        """
+        own = float(np.sum(self.away**2)) + float(np.sum(distance_residuals(self.measurement, self.registration) ** 2))
         scale = self.observations * float(np.log(self.variance_factor))
         return -0.5 * (self.chi2 / self.variance_factor + own + self.solved.log_determinant + scale)
 

@@ -10,6 +10,8 @@ import numpy as np
 
 from calibration.fit.datum import gauge, null_space
 from calibration.fit.fit import Fit
+from calibration.measurement.instruments import TouchProbe
+from calibration.measurement.measurement import Measurement
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.effects.base import own_component
 from kinematics.transforms import Array
@@ -146,6 +148,8 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
             "lines that are not alike about the middle would show it (ncomp plan --strategy on-the-fly); another tool "
             "vector would not"
         )
+    if isinstance(measurement.instrument, TouchProbe):
+        return _remedy_of_probe(measurement, effects)
     if measurement.instrument.components < 3:
         return "a measurement in all three directions of space would show it"
     if any(effect.angular for effect in effects) and spread < 2:
@@ -154,3 +158,19 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
     if len(used) < len(measurement.targets):
         return "some targets were never measured"
     return "positions in which the axes move independently of each other, over their whole travel, would show it"
+
+
+def _remedy_of_probe(measurement: Measurement, effects: Sequence[Effect]) -> str:
+    """The spheres, distances or tips that would determine the effects for a touch probe."""
+    spheres = len(np.unique(measurement.groups))
+    if all(_along_itself(effect) for effect in effects):
+        second = "a second sphere, and " if spheres == 1 else ""
+        return (
+            f"spheres have no scale: {second}the calibrated distance of two spheres (# distance.A.B: mm u) would show "
+            "it, or an interferometer"
+        )
+    if spheres == 1:
+        return "a second sphere, at another height and farther from the lines of the rotary axes, would show some of it"
+    if any(effect.angular for effect in effects):
+        return "a second tip would show some of it: a probe of another length, or a stylus to the side"
+    return "more spheres, or rotary positions farther from each other, would show it"

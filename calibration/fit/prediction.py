@@ -25,6 +25,7 @@ from calibration.measurement.states import (
     state_columns,
 )
 from calibration.measurement.text_table import Table, read_table
+from calibration.measurement.touch_probe import is_sphere_key
 from kinematics.deviation import exact_deviation
 from kinematics.error_model.model import Design, ErrorModel
 from kinematics.error_transform import error_transform_with_tool
@@ -161,7 +162,7 @@ def read_points(path: Path, machine: Machine) -> Points:
     check_machine(table, machine, notes)
     uncertainties = [key for kind in KINDS.values() for key in uncertainty_keys(kind)]
     keys = ["machine", "instrument", *uncertainties, *(key for keys in KEYS.values() for key in keys)]
-    note_unknown_keys(table, lambda key: key in keys, notes)
+    note_unknown_keys(table, lambda key: key in keys or is_sphere_key(key), notes)
     again = [name for name in ADDED if name in table.names]
     if again:
         raise UserError(f"{table.head} column {again[0]}: these points already have a prediction")

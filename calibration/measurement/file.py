@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from calibration.measurement.error_columns import spread
-from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, Part
+from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, Part, TouchProbe
 from calibration.measurement.measurement import Measurement, in_space, with_moves
 from calibration.measurement.states import (
     CARRIERS,
@@ -28,6 +28,18 @@ from calibration.measurement.states import (
     state_columns,
 )
 from calibration.measurement.text_table import Table, read_table
+from calibration.measurement.touch_probe import (
+    READINGS,
+    SPHERE,
+    TIP,
+    TOUCH_PROBE,
+    is_sphere_key,
+    read_distances,
+    read_observed,
+    read_spheres,
+    readings,
+)
+from calibration.measurement.touch_probe import header_lines as probe_lines
 from kinematics.effects.base import UM, URAD, own_component
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
@@ -35,20 +47,27 @@ from kinematics.state import REFERENCE
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-KINDS: dict[str, type[Instrument]] = {"laser-tracker": LaserTracker, "interferometer": Interferometer, "part": Part}
+KINDS: dict[str, type[Instrument]] = {
+    "laser-tracker": LaserTracker,
+    "interferometer": Interferometer,
+    "part": Part,
+    TOUCH_PROBE: TouchProbe,
+}
 OBSERVED = {
     "laser-tracker": ["x", "y", "z"],
     "interferometer": ["axis", "component", "direction", "target_mm", "target_deg", "deviation_um", "deviation_urad"],
     "part": ["nominal_x", "nominal_y", "nominal_z", "x", "y", "z"],
+    TOUCH_PROBE: [SPHERE, *READINGS],
 }
 """Columns of the observations, in addition to those of the state."""
 NEEDED = {
     "laser-tracker": (("u_range_um", "u_range_um_per_m"), ("u_angle_um", "u_angle_um_per_m")),
     "interferometer": (("u_um",),),
     "part": (("u_um",),),
+    TOUCH_PROBE: (("u_um",),),
 }
 """Groups of uncertainties, of which at least one must be above zero; otherwise an observation had infinite weight."""
-KEYS = {"laser-tracker": ["stands_on"], "interferometer": [], "part": ["part_offset"]}
+KEYS = {"laser-tracker": ["stands_on"], "interferometer": [], "part": ["part_offset"], TOUCH_PROBE: [TIP]}
 CHUNK = 50_000
 """Number of rows converted to text at a time."""
 
@@ -67,11 +86,14 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     check_machine(table, machine, notes)
     instrument = read_instrument(table)
     keys = ["machine", "instrument", *uncertainty_keys(KINDS[kind]), *KEYS[kind]]
-    note_unknown_keys(table, lambda key: key in keys, notes)
+    of_probe = kind == TOUCH_PROBE
+    note_unknown_keys(table, lambda key: key in keys or (of_probe and is_sphere_key(key)), notes)
     own = ["scatter_um"] if kind == "laser-tracker" else []
     allow_columns(table, [*OBSERVED[kind], *state_columns(machine), *own])
     if kind == "interferometer":
         table.need_columns(["axis", "run", "direction"], "an interferometer")
+    spheres = read_spheres(table) if of_probe else {}
+    distances = read_distances(table, spheres) if of_probe else ()
     states = read_states(table, machine, notes)
     _check_component_uncertainties(table, instrument, states)
     observed = _observed(table, machine, kind, states)
@@ -100,6 +122,8 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
         tuple(notes),
         component=states.component,
         scatter=_scatter(table),
+        spheres=spheres,
+        distances=distances,
     )
 
 
@@ -197,6 +221,8 @@ def _observed(table: Table, machine: Machine, kind: str, states: MeasurementStat
         angular = None if states.component is None else rotary | np.isin(states.component, list("ABC"))
         sizes = np.where(rotary if angular is None else angular, URAD, UM)
         return (by_kind(table, machine, "deviation_um", "deviation_urad", angular) * sizes)[:, None]
+    if kind == TOUCH_PROBE:
+        return read_observed(table, machine, states.state.positions)
     points = ["x", "y", "z"] if kind == "laser-tracker" or "z" in table.names else ["x", "y"]
     table.need_columns(points, kind)
     if kind == "part":
@@ -231,6 +257,9 @@ def header_lines(measurement: Measurement) -> Iterator[str]:
         yield f"stands_on: {measurement.stands_on}"
     if kind == "part":
         yield f"part_offset: {_numbers(measurement.part_zero)}"
+    if kind == TOUCH_PROBE:
+        yield from probe_lines(measurement.targets[TIP].position, measurement.spheres, measurement.distances)
+        return
     keys = {carrier: key for key, carrier in CARRIERS.items()}
     for name, target in measurement.targets.items():
         if not PLAIN_NAME.fullmatch(name):
@@ -246,8 +275,12 @@ def _columns(measurement: Measurement) -> dict[str, np.ndarray]:
     for i, name in enumerate(machine.names):
         columns[name] = _in_units(state.positions[:, i], machine.scale[i])
     columns |= _directions(measurement)
-    columns |= {"target": state.target, "station": state.station, "run": measurement.run}
-    if isinstance(instrument, Interferometer):
+    of_probe = isinstance(instrument, TouchProbe)
+    named = {SPHERE: state.station} if of_probe else {"target": state.target, "station": state.station}
+    columns |= {**named, "run": measurement.run}
+    if of_probe:
+        columns |= readings(machine, state.positions, measurement.observed)
+    elif isinstance(instrument, Interferometer):
         columns |= _deviations(measurement)
     else:
         if isinstance(instrument, Part):

@@ -66,4 +66,12 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="k
     components: Literal[2, 3] = 3
 
 
-Instrument = LaserTracker | Interferometer | Part
+class TouchProbe(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="touch-probe"):
+    """A touch probe in the spindle that finds the centres of spheres on the table, or an R-test that reads them."""
+
+    u_um: float = 0.0
+    """Standard uncertainty of each coordinate of a sphere's centre, um."""
+    components: Literal[3] = 3
+
+
+Instrument = LaserTracker | Interferometer | Part | TouchProbe

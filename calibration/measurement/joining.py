@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.instruments import TouchProbe
+from calibration.measurement.measurement import Distance, Measurement, Target
+from calibration.measurement.touch_probe import TIP
 from kinematics.files import fingerprint
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -31,6 +33,8 @@ def joined(measurements: Sequence[Measurement]) -> Measurement:
         return first
     _check_alike(measurements)
     names = _names(measurements)
+    measurements = _with_own_tips(measurements, names)
+    first = measurements[0]
     notes = [f"{name}: {note}" for name, m in zip(names, measurements, strict=True) for note in m.notes]
     state = _state(measurements, names, notes)
     return replace(
@@ -38,6 +42,10 @@ def joined(measurements: Sequence[Measurement]) -> Measurement:
         state=state,
         observed=np.concatenate([m.observed for m in measurements]),
         targets=_targets(measurements, names),
+        spheres={
+            f"{name}:{s}": xyz for name, m in zip(names, measurements, strict=True) for s, xyz in m.spheres.items()
+        },
+        distances=_distances(measurements, names),
         axis=_together("the axis", [m.axis for m in measurements], names, notes),
         component=_components(measurements),
         run=_named(names, [m.run for m in measurements], measurements),
@@ -144,6 +152,28 @@ def _targets(measurements: Sequence[Measurement], names: list[str]) -> dict[str,
                     "two targets different names"
                 )
     return found
+
+
+def _with_own_tips(measurements: Sequence[Measurement], names: list[str]) -> Sequence[Measurement]:
+    """The measurements; tips of touch probes that differ become targets `file:probe`."""
+    if len({m.targets.get(TIP) for m in measurements}) == 1:
+        return measurements
+    if not all(isinstance(m.instrument, TouchProbe) for m in measurements):
+        return measurements
+    result = []
+    for name, m in zip(names, measurements, strict=True):
+        own = f"{name}:{TIP}"
+        result.append(replace(m, targets={own: m.targets[TIP]}, state=replace(m.state, target=np.full(len(m), own))))
+    return result
+
+
+def _distances(measurements: Sequence[Measurement], names: list[str]) -> tuple[Distance, ...]:
+    """Distances between the spheres of each file."""
+    return tuple(
+        each._replace(one=f"{name}:{each.one}", other=f"{name}:{each.other}")
+        for name, m in zip(names, measurements, strict=True)
+        for each in m.distances
+    )
 
 
 def _shown(target: Target) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,17 @@ class Target:
 
 
 SPINDLE_NOSE = Target((0.0, 0.0, 0.0))
+
+
+class Distance(NamedTuple):
+    """A calibrated distance between the centres of two spheres, such as the length of a scale bar."""
+
+    one: str
+    other: str
+    length: float
+    """Distance, mm."""
+    u: float
+    """Standard uncertainty of the distance, mm."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +83,8 @@ class Measurement:
     """State with approach, last move, run as cycle, station and target; for a tracker and a part also `observed`."""
     observed: Array
     """Observations `(n, components)`: points in the instrument's or the part's frame, mm; deviations of an
-    interferometer, mm, or rad for angles."""
+    interferometer, mm, or rad for angles; of a touch probe the vectors from a sphere's centre to the tip, mm, in the
+    workpiece frame."""
     targets: Mapping[str, Target] = field(default_factory=lambda: {"1": SPINDLE_NOSE})
     """Targets by the names in `state.target`."""
     stands_on: Literal["workpiece", "bed"] = "workpiece"
@@ -104,6 +116,11 @@ class Measurement:
     deviation, along a positive command. None if all are empty."""
     scatter: Array | None = None
     """Standard uncertainty `(n,)`, mm, of each coordinate, from the scatter of the readings in the mean of a row."""
+    spheres: Mapping[str, Vector] = field(default_factory=dict)
+    """Centres of a touch probe's spheres, mm, in the workpiece frame at zero pose of the machine, as the header states
+    them: first values, by the stations of the state."""
+    distances: tuple[Distance, ...] = ()
+    """Calibrated distances between spheres."""
     noise: EstimatedNoise | None = None
     """Noise estimated from the data; None for that of the instrument's specification."""
 
@@ -122,7 +139,7 @@ class Measurement:
 
     @property
     def groups(self) -> np.ndarray:
-        """Registration group `(n,)`: the station of a tracker, the run of an interferometer, one part."""
+        """Registration group `(n,)`: a tracker's station, a probe's sphere, the run of an interferometer, one part."""
         if self.instrument.components == 1:
             assert self.axis is not None
             assert self.run is not None

@@ -1,7 +1,7 @@
 """Registration: the unknown pose of the instrument, which every fit estimates together with the errors.
 
-A tracker has one pose for each station, a part one alignment, an interferometer one zero for each run; each target on
-the table or the bed has an unknown position.
+A tracker has one pose for each station, a part one alignment, an interferometer one zero for each run, a touch probe
+one centre for each sphere; each target on the table or the bed has an unknown position.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ RIGID = ("x", "y", "z", "A", "B", "C")
 """Moves of a rigid body: three shifts, then three rotations."""
 PLANAR = ("x", "y", "C")
 """Moves of a part that is measured in x and y only."""
+SHIFTS = ("x", "y", "z")
+"""Moves of a touch probe's sphere: its orientation has no effect."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,11 @@ class Registration:
     def move_numbers(self) -> list[int]:
         """Numbers of the moves among those of a rigid body."""
         return [RIGID.index(move) for move in self.moves]
+
+    @property
+    def sphere_centres(self) -> dict[str, Array]:
+        """Centres `(3,)`, mm, of a touch probe's spheres, in the workpiece frame at zero pose of the machine."""
+        return {sphere: -pose.translation[0] for sphere, pose in self.poses.items()}
 
     def moved(self, step: Array) -> Registration:
         """The registration after a step `(parameters,)`."""

@@ -12,6 +12,7 @@ import numpy as np
 from calibration.measurement.measurement import SPINDLE_NOSE, Carrier, Target, with_moves
 from calibration.measurement.registration import rigid
 from calibration.measurement.text_table import Table
+from calibration.measurement.touch_probe import SPHERE, is_touch_probe, read_tip
 from calibration.measurement.velocity import velocities
 from kinematics.effects import COMPONENTS
 from kinematics.forward import tool_point
@@ -115,7 +116,7 @@ def read_states(table: Table, machine: Machine, notes: list[str]) -> Measurement
     else:
         _refuse_on_the_fly(table, machine)
     optional = table.numbers([name for name in ("time_s", "feed") if name in table.names])
-    texts = table.texts([name for name in ("station", "run", "axis") if name in table.names])
+    texts = table.texts([name for name in ("station", SPHERE, "run", "axis") if name in table.names])
     run = texts.get("run")
     state = State(
         positions,
@@ -123,7 +124,7 @@ def read_states(table: Table, machine: Machine, notes: list[str]) -> Measurement
         temperatures=read_temperatures(table),
         spindle_speed=_spindle_speed(table, notes),
         cycle=None if run is None else _in_order(run).astype(float),
-        station=texts.get("station"),
+        station=texts.get(SPHERE if is_touch_probe(table) else "station"),
         target=target,
     )
     if "nominal_x" not in table.names:
@@ -283,6 +284,8 @@ def _observed_zero(table: Table, points: Array, notes: list[str]) -> Vector:
 
 def read_targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndarray]:
     """The targets by name, and the name of the target of each row `(n,)`."""
+    if is_touch_probe(table):
+        return read_tip(table)
     targets: dict[str, Target] = {}
     for key in table.entries:
         first, dot, name = key.partition(".")

@@ -10,16 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.measurement.instruments import Interferometer, Part
-from calibration.measurement.measurement import Measurement
+from calibration.measurement.instruments import Interferometer, Part, TouchProbe
+from calibration.measurement.measurement import Distance, Measurement
 from calibration.measurement.observed_points import carried, derivatives_by_errors, target_points
-from calibration.measurement.registration import PLANAR, RIGID, Registration, rigid
+from calibration.measurement.registration import PLANAR, RIGID, SHIFTS, Registration, rigid
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS
 from kinematics.error_model.model import Observation
 from kinematics.error_transform import error_transform_with_tool, pose_slopes
 from kinematics.forward import axis_frames
-from kinematics.transforms import Array, by_turn, turn
+from kinematics.transforms import Array, Pose, by_turn, turn
 
 IN_LINE = 1.0
 """RMS distance of points from a line, mm, below which they do not determine the instrument's rotation about it."""
@@ -35,6 +35,8 @@ def start(measurement: Measurement, trusted: np.ndarray) -> Registration:
         across = dict.fromkeys(np.unique(groups[measurement.straightness]).tolist(), 0.0)
         zeros = {name: _mean_zero(measurement, (groups == name), trusted) for name in names}
         return Registration(zeros=zeros, slopes=across)
+    if isinstance(measurement.instrument, TouchProbe):
+        return _first_centres(measurement, trusted)
     planar = measurement.instrument.components == 2
     points = target_points(measurement, None, measurement.tool)
     observed = _in_space(measurement, points)
@@ -113,6 +115,37 @@ def registration_design(measurement: Measurement, registration: Registration) ->
     return _counted(measurement, np.concatenate(columns, axis=2))
 
 
+def distance_residuals(measurement: Measurement, registration: Registration) -> Array:
+    """Calibrated minus present distances between spheres `(k,)`, in standard uncertainties; exact."""
+    if not measurement.distances:
+        return np.zeros(0)
+    centres = registration.sphere_centres
+    return np.array(
+        [
+            (each.length - float(np.linalg.norm(centres[each.one] - centres[each.other]))) / each.u
+            for each in known_distances(measurement, registration)
+        ]
+    )
+
+
+def distance_design(measurement: Measurement, registration: Registration) -> Array:
+    """Derivatives `(k, registration)` of the distances by the registration, in standard uncertainties."""
+    centres, columns = registration.sphere_centres, {name: i for i, name in enumerate(registration.names)}
+    known = known_distances(measurement, registration)
+    design = np.zeros((len(known), len(columns)))
+    for row, each in zip(design, known, strict=True):
+        apart = centres[each.one] - centres[each.other]
+        along = apart / np.linalg.norm(apart) / each.u
+        for sphere, sign in ((each.one, -1.0), (each.other, 1.0)):  # the registration shifts by minus the centre
+            row[[columns[f"pose {sphere} {move}"] for move in SHIFTS]] = sign * along
+    return design
+
+
+def known_distances(measurement: Measurement, registration: Registration) -> list[Distance]:
+    """The calibrated distances between spheres that are in the registration."""
+    return [each for each in measurement.distances if {each.one, each.other} <= registration.poses.keys()]
+
+
 def covariance(measurement: Measurement) -> Array:
     """Covariances `(n, d, d)`, mm2 or rad2, of the components that count, each row by itself.
 
@@ -134,6 +167,8 @@ def specified_covariance(measurement: Measurement) -> Array:
     if isinstance(instrument, Part):
         u = (instrument.u_um + instrument.u_um_per_m * 1e-3 * np.linalg.norm(measurement.observed, axis=1)) * 1e-3
         return np.asarray(u[:, None, None] ** 2 * np.eye(instrument.components))
+    if isinstance(instrument, TouchProbe):
+        return np.tile((instrument.u_um * 1e-3) ** 2 * np.eye(3), (len(measurement), 1, 1))
     whole, across = instrument.covariance(measurement.observed), measurement.across
     if across is None:
         return whole if measurement.scatter is None else _widened(whole, measurement.scatter)
@@ -211,6 +246,18 @@ def _along_axes(measurement: Measurement, instrument: Interferometer) -> Array:
     )
     u = np.where(measurement.angular & ~machine.rotary[column], instrument.u_angle_urad, u)
     return np.asarray(((u * np.where(measurement.angular, 1e-6, 1e-3)) ** 2)[:, None, None])
+
+
+def _first_centres(measurement: Measurement, trusted: np.ndarray) -> Registration:
+    """First centres of the spheres of a touch probe: medians over the trusted rows, where a sphere has any."""
+    shifts, groups = measurement.observed - target_points(measurement, None, measurement.tool), measurement.groups
+    poses, centres = {}, {}
+    for name in np.unique(groups).tolist():
+        mine = groups == name
+        rows = mine & trusted if (mine & trusted).any() else mine
+        poses[name] = Pose(np.eye(3)[None], np.median(shifts[rows], axis=0)[None])
+        centres[name] = np.zeros(3)
+    return Registration(poses, centres, SHIFTS)
 
 
 def _mean_zero(measurement: Measurement, mine: np.ndarray, trusted: np.ndarray) -> float:

@@ -55,6 +55,14 @@ class NormalEquations:
             return self
         return NormalEquations(self.matrix[np.ix_(back, back)], self.right[back])
 
+    def add_distances(self, measurement: Measurement, registration: Registration) -> None:
+        """Add the calibrated distances between spheres, a whitened row each; the registration comes first."""
+        if not measurement.distances:
+            return
+        own, size = equations.distance_design(measurement, registration), len(registration.names)
+        self.matrix[:size, :size] += own.T @ own
+        self.right[:size] += own.T @ equations.distance_residuals(measurement, registration)
+
 
 class Derivatives(NamedTuple):
     """Derivatives of observations by the registration and the parameters of a model."""

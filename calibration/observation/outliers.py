@@ -18,6 +18,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy import special
 
+from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.observed_points import target_points
 from calibration.measurement.registration import Registration
@@ -154,7 +155,7 @@ def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarr
 
 def refuse_lines(measurement: Measurement) -> None:
     """UserError where a station observed points on one line only: its rotation about the line is undetermined."""
-    if measurement.instrument.components < 3:
+    if measurement.instrument.components < 3 or isinstance(measurement.instrument, TouchProbe):
         return
     points, groups = target_points(measurement, None, measurement.tool), measurement.groups
     for name in np.unique(groups).tolist():

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
+from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import duplicates
 from calibration.plausibility.chain_order import other_chains
@@ -26,6 +27,7 @@ from calibration.plausibility.recording_mistakes import (
     worst_rms,
 )
 from calibration.plausibility.repeated_positions import position_numbers
+from calibration.plausibility.spheres import moved_spheres, sphere_notes
 from calibration.plausibility.times import paused, repeated_times
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -84,7 +86,7 @@ def sanity(measurement: Measurement) -> list[Finding]:
     if measurement.across is None:  # otherwise the alignment with the path finds them
         mistakes += list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
     if measurement.across is None and not any(finding.fatal for finding in mistakes):
-        odd += [*_small_volume(own), *_clock(own), *_first_cycle(own), *_read_back(own)]
+        odd += [*_spheres(own), *_small_volume(own), *_clock(own), *_first_cycle(own), *_read_back(own)]
     return sorted([*mistakes, *odd], key=lambda finding: not finding.fatal)
 
 
@@ -140,7 +142,9 @@ def _temperatures(measurement: Measurement) -> Iterator[Finding]:
 
 
 def _dead(measurement: Measurement) -> Iterator[Finding]:
-    """Equal observations although the machine moves."""
+    """Equal observations although the machine moves; a touch probe's are all zero where it found the centres."""
+    if isinstance(measurement.instrument, TouchProbe):
+        return
     moved = np.ptp(measurement.state.positions, axis=0).any()
     if moved and len(measurement) >= LEAST and not np.ptp(measurement.observed, axis=0).any():
         yield Finding(
@@ -164,6 +168,10 @@ def _far_targets(measurement: Measurement) -> Iterator[Finding]:
                 "(the longest travel, or 1 m), and would multiply all tilts of axes. Correct its position (mm)",
                 True,
             )
+
+
+def _spheres(measurement: Measurement) -> Iterator[Finding]:
+    yield from (Finding("spheres", text, False) for text in sphere_notes(measurement))
 
 
 def _small_volume(measurement: Measurement) -> Iterator[Finding]:
@@ -192,7 +200,7 @@ def _mistakes(measurement: Measurement) -> Iterator[Finding]:
     before = worst_rms(some, residual)
     if before < SUSPICIOUS:
         return
-    for kinds in (alternatives, other_chains, misplaced):
+    for kinds in (alternatives, other_chains, misplaced, moved_spheres):
         tried = [(worst_rms(other.measurement, misfit(other.measurement)[0]), other) for other in kinds(some)]
         best = min((after for after, _ in tried), default=np.inf)
         if best < before / FALLS and best < PLAUSIBLE:
@@ -225,14 +233,14 @@ def _mistake(before: float, tied: list[tuple[float, Alternative]]) -> Finding:
 
 def _stations(measurement: Measurement, lengths: Array) -> Iterator[Finding]:
     """Stations with large residuals while others have small ones."""
-    groups = measurement.groups
+    groups, kind = measurement.groups, "sphere" if measurement.spheres else "station"
     sizes = {name: trimmed_rms(lengths[groups == name]) for name in np.unique(groups).tolist()}
     usual = float(np.median(list(sizes.values())))
     for name, size in sizes.items():
         if len(sizes) > 1 and size > max(FALLS * usual, PLAUSIBLE):
             yield Finding(
                 "station",
-                f"the points of station {name} differ from the commanded positions by {size:.3g} mm RMS, those of the "
+                f"the points of {kind} {name} differ from the commanded positions by {size:.3g} mm RMS, those of the "
                 f"others by {usual:.3g} mm: it moved while it measured, or its rows are of other positions",
                 False,
             )

@@ -1,7 +1,7 @@
 """Mistakes in the recording of a measurement: each one reversed, and the resulting fit of the points.
 
 No model of the machine's errors is needed: the nominal machine is registered to the points as recorded, and to the
-points without the mistake. Only mistakes of points are considered, of a tracker or a part.
+points without the mistake. Only mistakes of points are considered: of a tracker, a part or a touch probe.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.observed_points import carried, derivatives_by_positions, target_points
 from calibration.measurement.registration import Registration
@@ -52,12 +53,21 @@ class Alternative(NamedTuple):
 def alternatives(measurement: Measurement) -> Iterator[Alternative]:
     """The measurement with each mistake reversed in turn, also mistakes that the data cannot distinguish."""
     yield from _units(measurement)
+    yield from _signs(measurement)
+    yield from _axes(measurement)
+    yield from _targets(measurement)
+
+
+def _signs(measurement: Measurement) -> Iterator[Alternative]:
+    """Points of a left-handed frame; readings of an R-test with the opposite sign."""
+    if isinstance(measurement.instrument, TouchProbe):
+        by = "with the signs of dx, dy and dz reversed (they are those of the centre from the tip)"
+        yield Alternative("sign", by, replace(measurement, observed=-measurement.observed))
+        return
     mirrored = measurement.observed * np.append(-1.0, np.ones(measurement.instrument.components - 1))
     yield Alternative(
         "mirrored", "with the points' frame mirrored (left-handed as it is)", replace(measurement, observed=mirrored)
     )
-    yield from _axes(measurement)
-    yield from _targets(measurement)
 
 
 def misfit(measurement: Measurement) -> tuple[Array, Registration]:
@@ -104,7 +114,9 @@ def _units(measurement: Measurement) -> Iterator[Alternative]:
 
 
 def _scale(measurement: Measurement) -> float | None:
-    """Ratio of the distances between points to the commanded ones; None if all points coincide."""
+    """Ratio of the distances between points to the commanded ones; None if there are none."""
+    if isinstance(measurement.instrument, TouchProbe):  # its readings are no coordinates
+        return None
     points = target_points(measurement, None, measurement.tool)[:, : measurement.instrument.components]
     nominal_spread, observed_spread = _spread(measurement, points), _spread(measurement, measurement.observed)
     if min(nominal_spread, observed_spread) <= 0.0:
@@ -134,7 +146,7 @@ def _centred(measurement: Measurement, values: Array) -> Array:
 
 
 def _axes(measurement: Measurement) -> Iterator[Alternative]:
-    """Columns of axes that are exchanged, of wrong sign, or in rad."""
+    """Columns of axes that are exchanged, of wrong sign, or in rad; mm read as degrees and the reverse."""
     machine, q = measurement.machine, measurement.state.positions
     moving = np.flatnonzero(np.ptp(q / machine.scale, axis=0) > STANDSTILL).tolist()
     for i, j in combinations(moving, 2):
@@ -143,6 +155,11 @@ def _axes(measurement: Measurement) -> Iterator[Alternative]:
             order[[i, j]] = j, i
             by = f"with columns {machine.names[i]} and {machine.names[j]} exchanged"
             yield Alternative("axes", by, _with_positions(measurement, q[:, order]))
+        elif isinstance(measurement.instrument, TouchProbe):
+            exchanged = q / machine.scale
+            exchanged[:, [i, j]] = exchanged[:, [j, i]]
+            by = f"with columns {machine.names[i]} and {machine.names[j]} exchanged (mm and degrees)"
+            yield Alternative("axes", by, _with_positions(measurement, exchanged * machine.scale))
     for i in moving:
         signs = np.where(np.arange(q.shape[1]) == i, -1.0, 1.0)
         yield Alternative(
@@ -203,10 +220,11 @@ def _exchanged_at_a_moment(measurement: Measurement, one: str, other: str) -> It
 def misplaced(measurement: Measurement) -> Iterator[Alternative]:
     """Each target on the tool at the position that follows from the points, with the others as given in the file.
 
-    Any position is allowed, so that other mistakes can imitate this one: it is tried after `alternatives`.
+    Any position is allowed, so that other mistakes can imitate this one: it is tried after `alternatives`. Points of
+    one target show its position to a touch probe only, whose spheres do not turn with an instrument.
     """
     own = {name: target for name, target in measurement.targets.items() if target.known}
-    if len(own) < 2:
+    if len(own) < 2 and not isinstance(measurement.instrument, TouchProbe):
         return
     for name, target in own.items():
         other = measurement
@@ -220,6 +238,8 @@ def misplaced(measurement: Measurement) -> Iterator[Alternative]:
             other = _with_targets(other, {name: replace(target, position=position)})
         moved = np.linalg.norm(np.array(position) - target.position)
         by = f"with target {name} at {_mm(position)} instead of {_mm(target.position)}, {moved:.3g} mm away"
+        if isinstance(measurement.instrument, TouchProbe):
+            by += " (or with the lines of all rotary axes displaced alike: check the machine's file)"
         yield Alternative("targets", by, other)
 
 

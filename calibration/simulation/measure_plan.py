@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
-from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, Part
+from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, Part, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.plan import Plan
+from calibration.measurement.touch_probe import TIP
 from calibration.observation.reach import Reach, in_reach
 from calibration.simulation.simulate import (
     Faults,
@@ -21,6 +22,7 @@ from calibration.simulation.simulate import (
     tracker_pose,
     with_temperatures,
 )
+from calibration.simulation.touch_probe import Spheres, into_positions, probed
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
@@ -35,6 +37,7 @@ SPECIFICATIONS: Mapping[str, Instrument] = {
     "laser-tracker": TRACKER,
     "interferometer": Interferometer(u_um=0.2, u_um_per_m=0.5, u_straightness_um=0.5, u_angle_urad=1.0),
     "part": Part(u_um=1.0, u_um_per_m=1.5),
+    "touch-probe": TouchProbe(u_um=1.0),
 }
 """Default uncertainties of each instrument."""
 AWAY_MM = 1500.0
@@ -61,6 +64,8 @@ class VirtualInstrument:
     faults: Faults = field(default_factory=Faults)
     temperatures: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Start and end by sensor, K from 20 degC."""
+    spheres: Spheres = field(default_factory=lambda: Spheres({}, {}))
+    """Spheres of a touch probe."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +96,8 @@ def measure_plan(
     draws: random numbers of the poses, the noise and the faults. UserError for options that the instrument does not
     have, for a tracker that sees no point, and for a tracker inside the targets.
     """
+    if isinstance(virtual.instrument, TouchProbe):
+        return _probed(plan, model, virtual, virtual.instrument, draws)
     state, poses, notes = _stationed(plan, virtual, draws[0])
     check_names(model.effects, plan.targets, [] if state.station is None else np.unique(state.station).tolist())
     state = with_temperatures(state, virtual.temperatures) if virtual.temperatures else state
@@ -113,6 +120,26 @@ def measure_plan(
     if not len(measured):
         raise UserError("--missing leaves no observation")
     return Simulated(measured, (*notes, *unseen), spoiled)
+
+
+def _probed(
+    plan: Plan, model: ErrorModel, virtual: VirtualInstrument, probe: TouchProbe, draws: Sequence[np.random.Generator]
+) -> Simulated:
+    """The virtual measurement of a touch probe; draws as of `measure_plan`."""
+    refused = {"--tracker": virtual.trackers, "--elevation and --incidence": virtual.reach}
+    for option, given in refused.items():
+        if given:
+            raise UserError(f"{option}: no option of --instrument touch-probe")
+    if not virtual.spheres.centres:
+        raise UserError("--instrument touch-probe: the spheres are missing: state --sphere NAME=x,y,z")
+    check_names(model.effects, {TIP: None}, list(virtual.spheres.centres))
+    if virtual.temperatures:
+        plan = replace(plan, state=with_temperatures(plan.state, virtual.temperatures))
+    measured, notes = probed(plan, model, probe, virtual.spheres, (draws[0], draws[1]), virtual.noise_scale)
+    measured, spoiled = spoil(measured, virtual.faults, draws[2])
+    if not len(measured):
+        raise UserError("--missing leaves no observation")
+    return Simulated(into_positions(measured), notes, spoiled)
 
 
 def tracker_poses(

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker
+from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, TouchProbe
 from calibration.measurement.measurement import SPINDLE_NOSE, Measurement, Target, with_moves
 from calibration.measurement.observed_points import target_points
 from calibration.measurement.registration import PLANAR, RIGID, Registration
@@ -185,6 +185,8 @@ def _registration(blank: Measurement, poses: Mapping[str, Pose] | None, rng: np.
         slopes = dict(zip(across, rng.uniform(-ALIGNMENT_RAD, ALIGNMENT_RAD, len(across)).tolist(), strict=True))
         return Registration(zeros=dict.fromkeys(groups, 0.0), slopes=slopes)
     if poses is None:
+        if isinstance(blank.instrument, TouchProbe):
+            raise UserError("the spheres of the touch probe are missing: state --sphere NAME=x,y,z")
         if isinstance(blank.instrument, LaserTracker):
             raise UserError("the position of the laser tracker is missing: state --tracker x,y,z")
         poses = {group: _alignment(blank.instrument.components == 2, rng) for group in groups}

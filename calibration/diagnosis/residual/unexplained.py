@@ -15,7 +15,7 @@ from calibration.diagnosis.residual.whiteness import Columns, Test, whiteness
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Accepted, Stage
-from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.observed_points import carried
 from calibration.observation.full_model import moving_axes
@@ -125,10 +125,10 @@ def _of_machine(linearised: LinearisedFit) -> Array:
 
 
 def _into_tool(linearised: LinearisedFit) -> Array | None:
-    """Rotations `(n, 3, 3)` from observations to the tool; None without a tracker or without moving rotary axes."""
+    """Rotations `(n, 3, 3)` from observations to the tool; None without points or without moving rotary axes."""
     measurement = linearised.measurement
     turning = [axis for axis in moving_axes(measurement) if axis[0] in "ABC"]
-    if not turning or not isinstance(measurement.instrument, LaserTracker):
+    if not turning or not isinstance(measurement.instrument, LaserTracker | TouchProbe):
         return None
     some = measurement.rows(linearised.rows)
     return np.swapaxes(linearised.fit.registration.rotations(some) @ carried(some), 1, 2)

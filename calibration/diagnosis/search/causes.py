@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, cast, get_args
 
 import numpy as np
 
-from calibration.measurement.instruments import LaserTracker, Part
+from calibration.measurement.instruments import LaserTracker, Part, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import is_log, moving_axes, observed_components
 from kinematics.basis import Interval, Legendre
@@ -115,14 +115,14 @@ def causes(measurement: Measurement) -> Iterator[Cause]:
 def jumps(measurement: Measurement) -> Iterator[Effect]:
     """Effects with a moment, which is to be searched for: each holds from the first row on.
 
-    A knock at the instrument, a target seated again, the zero of an axis; the squareness of a linear axis; the line of
-    a rotary axis. None for a part, whose times are those of the measuring machine, and none without the stations of a
-    tracker: a knock would be blamed on the machine.
+    A knock at the instrument or at a sphere, a target seated again, the zero of an axis; the squareness of a linear
+    axis; the line of a rotary axis. None for a part, whose times are those of the measuring machine, and none without
+    the stations of a tracker: a knock would be blamed on the machine.
     """
     state, start = measurement.state, -np.inf
     if state.time is None or isinstance(measurement.instrument, Part):
         return
-    if isinstance(measurement.instrument, LaserTracker):
+    if isinstance(measurement.instrument, LaserTracker | TouchProbe):
         if state.station is None:
             return
         for station in np.unique(state.station).tolist():

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import linalg, special
 
 from calibration.fit.fit import Fit, fit
-from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.full_model import (
     BasisChoice,
@@ -56,6 +56,11 @@ COVERAGE = 2.0
 ONE_TARGET = (
     "one target on the tool: an error of its stated position cannot be separated from the pose of the instrument (with "
     "rotary axes: from their location errors); a second target would show it"
+)
+ONE_TIP = (
+    "one tip: an error of its stated position cannot be separated from location errors of rotary axes in the table, "
+    "nor, with one in the head, the length of the probe from the scale; a second file with a probe of another length "
+    "would show it"
 )
 
 
@@ -161,8 +166,12 @@ def findings(measurement: Measurement, found: Sequence[TargetPosition]) -> Itera
     """Findings on the positions of targets; also where a wrong position could not be seen."""
     for each in found:
         yield Finding("targets", each.text, False)
-    if isinstance(measurement.instrument, LaserTracker) and len(_on_tool(measurement)) == 1:
+    if len(_on_tool(measurement)) != 1:
+        return
+    if isinstance(measurement.instrument, LaserTracker):
         yield Finding("targets", ONE_TARGET, False)
+    if isinstance(measurement.instrument, TouchProbe):
+        yield Finding("targets", ONE_TIP, False)
 
 
 def _on_tool(measurement: Measurement) -> list[str]:

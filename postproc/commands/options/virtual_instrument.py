@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from calibration.observation.reach import Reach
     from calibration.simulation.measure_plan import VirtualInstrument
     from calibration.simulation.simulate import Faults
+    from calibration.simulation.touch_probe import Spheres
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +91,9 @@ class InstrumentOptions(TrackerOptions):
     PANEL: ClassVar[str] = "Instrument"
 
     instrument: str = option(
-        "Instrument: laser-tracker, interferometer or part (a measured workpiece).", "KIND", default="laser-tracker"
+        "Instrument: laser-tracker, interferometer, part (a measured workpiece) or touch-probe (with spheres).",
+        "KIND",
+        default="laser-tracker",
     )
     error_motions: str | None = option(
         "Error motions of linear axes that an interferometer observes at each position, by their letters (X is E_X of "
@@ -101,6 +104,14 @@ class InstrumentOptions(TrackerOptions):
         "Foundation of the laser tracker: the workpiece table, or the bed.", default="workpiece"
     )
     planar: bool = option("Measure a part in x and y only.", default=False)
+    sphere: tuple[str, ...] = option(
+        "Sphere on the table that a touch probe finds at each rotary position, mm, in the workpiece frame with all "
+        "axes at 0; the linear axes follow from it.",
+        "s1=x,y,z",
+    )
+    distance: tuple[str, ...] = option(
+        "Calibrated distance between two spheres, with its standard uncertainty (k=1), um.", "s1.s2=u_um"
+    )
     noise: float = option("Noise, as a multiple of the uncertainties; 0: no noise.", default=1.0, min=0.0)
 
     def virtual_instrument(self, faults: Faults, temperatures: Mapping[str, tuple[float, float]]) -> VirtualInstrument:
@@ -116,7 +127,33 @@ class InstrumentOptions(TrackerOptions):
             self.noise,
             faults,
             temperatures,
+            self._spheres(),
         )
+
+    def _spheres(self) -> Spheres:
+        """Spheres of a touch probe and distances between them; none for other instruments."""
+        from calibration.measurement.touch_probe import NAME
+        from calibration.simulation.touch_probe import Spheres
+
+        if self.instrument != "touch-probe":
+            for name, given in (("sphere", self.sphere), ("distance", self.distance)):
+                if given:
+                    raise UserError(f"--{name} is no option of --instrument {self.instrument}")
+        centres, distances = [], []
+        for text in self.sphere:
+            name, _, vector = text.partition("=")
+            if not NAME.fullmatch(name.strip()):
+                raise UserError(f"--sphere {text}: expected s1=x,y,z, a name without blanks and dots")
+            x, y, z = numbers(vector, 3, f"--sphere {text}")
+            centres.append((name.strip(), (x, y, z)))
+        for text in self.distance:
+            pair, _, value = text.partition("=")
+            one, dot, other = pair.strip().partition(".")
+            (u_um,) = numbers(value, 1, f"--distance {text}")
+            if not dot or u_um <= 0.0:
+                raise UserError(f"--distance {text}: expected s1.s2=u_um, the uncertainty above zero")
+            distances.append(((one, other), u_um * 1e-3))
+        return Spheres(given_once(centres, "--sphere "), dict(distances))
 
     def _letters(self) -> Sequence[str]:
         """Letters of the error motions in `all` or in a list; empty for None."""

@@ -1,0 +1,85 @@
+"""Mistakes with the spheres of a touch probe: moved or exchanged between rows, or not where they are stated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from calibration.measurement.instruments import TouchProbe
+from calibration.measurement.measurement import Measurement
+from calibration.observation.outliers import ASTRAY
+from calibration.plausibility.recording_mistakes import Alternative, misfit
+from kinematics.transforms import Array
+
+APART_MM = 5.0
+"""Distance of a sphere's centre from its stated position, mm, from which one of the two is doubted."""
+LEAST = 3
+"""Least number of rows before and behind the moment at which a sphere moved."""
+
+
+def moved_spheres(measurement: Measurement) -> Iterator[Alternative]:
+    """The measurement with each sphere moved once, where this brings most with the other rows as they are."""
+    if not isinstance(measurement.instrument, TouchProbe):
+        return
+    residual, _ = misfit(measurement)
+    for sphere in np.unique(measurement.groups).tolist():
+        rows = np.flatnonzero(measurement.groups == sphere)
+        if len(rows) < 2 * LEAST:
+            continue
+        first = rows[_moment(residual[rows])]
+        behind = rows[rows >= first]
+        station = measurement.groups.astype(object)
+        station[behind] = f"{sphere} moved"
+        moved = replace(measurement, state=replace(measurement.state, station=station.astype(str)))
+        shift = np.median(residual[behind], axis=0) - np.median(residual[rows[rows < first]], axis=0)
+        by = f"with sphere {sphere} moved by {np.linalg.norm(shift):.3g} mm before {measurement.where(int(first))}"
+        yield Alternative("spheres", by, moved)
+
+
+def sphere_notes(measurement: Measurement) -> Iterator[str]:
+    """Notes on rows whose tip is in another sphere than stated, and on centres far from their stated positions."""
+    if not isinstance(measurement.instrument, TouchProbe):
+        return
+    residual, registration = misfit(measurement)
+    centres = registration.sphere_centres
+    lengths = np.linalg.norm(residual, axis=1)
+    astray = np.flatnonzero(lengths > max(1.0, ASTRAY * float(np.median(lengths))))
+    for row in astray.tolist():
+        own = str(measurement.groups[row])
+        others = {name: residual[row] - centres[own] + centres[name] for name in centres if name != own}
+        near = [name for name, off in others.items() if np.linalg.norm(off) < APART_MM]
+        where = f": it is in sphere {near[0]}. Correct the name of the sphere" if near else ""
+        yield f"{measurement.where(row)}: the tip is {lengths[row]:.4g} mm from the centre of sphere {own}{where}"
+    for name, centre in centres.items():
+        stated = measurement.spheres.get(name)
+        if stated is None:
+            continue
+        apart = float(np.linalg.norm(centre - stated))
+        if apart > APART_MM:
+            here = [other for other, own in centres.items() if np.linalg.norm(own - stated) < APART_MM]
+            there = f", where sphere {here[0]} is" if here else ""
+            yield (
+                f"sphere {name} is at {_mm(centre)} by the data, {apart:.4g} mm from its stated position{there}: check "
+                "the length of the probe, the columns and the header (workpiece frame with all axes at 0)"
+            )
+    for one, other in pairwise(sorted(centres)):
+        if np.linalg.norm(centres[one] - centres[other]) < APART_MM:
+            yield f"spheres {one} and {other} are at the same position: are they one sphere?"
+
+
+def _moment(residual: Array) -> int:
+    """The row of residuals `(n, 3)` from which on another mean explains most, LEAST rows from both ends."""
+    n = len(residual)
+    sums = np.cumsum(residual, axis=0)
+    before = np.arange(LEAST, n - LEAST + 1)
+    mean_before = sums[before - 1] / before[:, None]
+    mean_behind = (sums[-1] - sums[before - 1]) / (n - before)[:, None]
+    gain = before * (n - before) / n * np.sum((mean_behind - mean_before) ** 2, axis=1)
+    return int(before[np.argmax(gain)])
+
+
+def _mm(position: Array) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in position) + ") mm"

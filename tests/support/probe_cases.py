@@ -1,0 +1,73 @@
+"""Virtual measurements with a touch probe and spheres on the five-axis machines, and their true location errors."""
+
+import numpy as np
+
+import machines
+from calibration.fit.datum import error_motions, to_datum
+from calibration.fit.location_errors import split_locations, transformed
+from calibration.measurement.instruments import TouchProbe
+from calibration.measurement.measurement import Target
+from calibration.measurement.plan import Choices
+from calibration.planning.strategies import plan
+from calibration.simulation.measure_plan import VirtualInstrument, measure_plan, streams
+from calibration.simulation.touch_probe import Spheres
+from calibration.simulation.true_model import model_of, random_location_errors
+from kinematics.effects import LocationError
+from kinematics.state import State
+
+MIDDLE = {
+    "dmu50": (0.0, 0.0, 0.0),
+    "trunnion_ac": (0.0, 0.0, 0.0),
+    "trunnion_bc": (0.0, 0.0, 0.0),
+    "head_table": (0.0, 0.0, 200.0),
+    "head_head": (2000.0, 1250.0, 300.0),
+}
+"""Middle of the spheres, mm, by machine."""
+AROUND = np.array([[130.0, 20.0, 60.0], [-110.0, 60.0, 50.0], [20.0, -130.0, 90.0]])
+TIP = (0.0, 0.0, -150.0)
+RANGES = {
+    "trunnion_ac": {"C": (0.0, 360.0), "A": (-100.0, 30.0)},
+    "trunnion_bc": {"C": (0.0, 360.0), "B": (-90.0, 90.0)},
+    "head_table": {"C": (0.0, 360.0), "B": (-60.0, 60.0)},
+    "head_head": {"C": (-180.0, 180.0), "B": (-90.0, 90.0)},
+}
+"""Rotary positions at which the spheres are within reach, degrees, by machine."""
+
+
+def spheres_of(name, count=3, distances=None):
+    """Spheres about the middle of a machine's volume, with standard uncertainties of distances, mm."""
+    centres = {f"s{k + 1}": tuple((AROUND[k] + MIDDLE[name]).tolist()) for k in range(count)}
+    return Spheres(centres, distances or {})
+
+
+def poses(machine, count, seed=0):
+    """A plan of random rotary positions."""
+    choices = Choices(ranges=RANGES.get(machine.name, {}), rotary="random", targets={"probe": Target(TIP)}, seed=seed)
+    return plan(machine, "random", count, None, choices)
+
+
+def probed(name, count=34, *, spheres=None, seed=0, effects=None, noise=1.0, u_um=1.0, location=50.0):
+    """A measurement with random location errors, and the true model."""
+    machine, draws = machines.load(name), streams(seed, 4)
+    effects = random_location_errors(machine, draws[0], location) if effects is None else effects
+    model = model_of(machine, effects)
+    virtual = VirtualInstrument(TouchProbe(u_um=u_um), spheres=spheres or spheres_of(name), noise_scale=noise)
+    return measure_plan(poses(machine, count, seed), model, virtual, draws[1:]).measurement, model
+
+
+def in_datum(model, found):
+    """Location errors of a true model, um and urad, by name, in the datum of a fit."""
+    machine, fitted = found.measurement.machine, found.model
+    parameters = np.zeros(len(fitted.parameters))
+    for effect, part in error_motions(fitted):
+        i, low, high = machine.index(effect.axis), *effect.basis.interval
+        positions = np.zeros((50, len(machine.axes)))
+        x = np.linspace(low, high, 50)
+        positions[:, i] = x * machine.scale[i]
+        errors = model.errors(machine, State(positions))[:, i, "XYZABC".index(effect.component)]
+        size = 1e-6 if effect.angular else 1e-3
+        parameters[part] = np.linalg.lstsq(effect.basis.columns(x), errors / size)[0]
+    whole = fitted.with_parameters(parameters, np.eye(len(parameters)))
+    inside = transformed(whole, whole.effects, to_datum(machine, whole, found.prior))
+    split = transformed(inside, *split_locations(machine, inside))
+    return {effect.name: effect.value for effect in split.effects if isinstance(effect, LocationError)}

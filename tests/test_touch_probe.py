@@ -1,0 +1,367 @@
+"""Calibration with a touch probe and spheres: files, simulation, fit, identifiability, mistakes."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.probe_cases import MIDDLE, TIP, in_datum, poses, probed, spheres_of
+from support.tiers import quick
+from support.virtual_measurements import written
+
+import machines
+from calibration.fit.calibrate import calibrate
+from calibration.fit.calibrate import in_datum as fitted_in_datum
+from calibration.measurement.file import read_measurement
+from calibration.measurement.instruments import TouchProbe
+from calibration.measurement.joining import joined
+from calibration.measurement.measurement import Distance, Target
+from calibration.measurement.touch_probe import TIP as PROBE
+from calibration.observation import equations
+from calibration.observation.normal_equations import NormalEquations, residuals
+from calibration.observation.outliers import first_registration
+from calibration.plausibility.checks import sanity
+from calibration.simulation.measure_plan import VirtualInstrument, measure_plan, streams
+from calibration.simulation.touch_probe import PLACED_MM, Spheres
+from calibration.simulation.true_model import model_of, random_true_model
+from kinematics.basis import BSpline
+from kinematics.effects import Backlash, ErrorMotion, LocationError
+from kinematics.forward import forward, tool_point
+from kinematics.inverse import linear_positions
+from kinematics.transforms import turn
+from kinematics.user_error import UserError
+
+DMU50 = machines.load("dmu50")
+HEAD = (
+    "# machine: dmu50\n# instrument: touch-probe\n# u_um: 1.5\n# probe: 0 0 -150\n"
+    "# sphere.s1: 130 20 60\n# sphere.s2: -110 60 50\n"
+)
+ROWS = "X,Y,Z,B,C,sphere\n130.1,20.2,210.3,0,0,s1\n-110,60,200.5,0,0,s2\n"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def reading(text):
+        path = tmp_path / "data.csv"
+        path.write_text(text)
+        return read_measurement(path, DMU50)
+
+    return reading
+
+
+# ---- the file
+
+
+def test_a_file_of_centres(read):
+    measured = read(HEAD + "# distance.s1.s2: 300.0012 0.0005\n" + ROWS)
+    assert measured.instrument == TouchProbe(u_um=1.5)
+    assert measured.targets == {"probe": Target(TIP)}
+    assert measured.groups.tolist() == ["s1", "s2"]
+    assert measured.spheres == {"s1": (130.0, 20.0, 60.0), "s2": (-110.0, 60.0, 50.0)}
+    assert measured.distances == (Distance("s1", "s2", 300.0012, 0.0005),)
+    assert not measured.observed.any()
+    assert not measured.notes
+    np.testing.assert_allclose(equations.covariance(measured), np.tile(2.25e-6 * np.eye(3), (2, 1, 1)))
+
+
+def test_readings_of_an_r_test_point_from_the_tip_to_the_centre_in_the_directions_of_the_tool(read):
+    """At B = 90 deg the table has turned by 90 deg about (0, 1, -1): the tool's x is no longer the workpiece's."""
+    measured = read(HEAD + "X,Y,Z,B,C,sphere,dx,dy,dz\n10,20,210,90,30,s1,0.1,-0.2,0.3\n")
+    rotation = forward(DMU50, measured.state.positions).rotation[0]
+    np.testing.assert_allclose(measured.observed[0], -rotation @ [0.1, -0.2, 0.3])
+    assert abs(rotation[0, 0]) < 0.9
+
+
+@pytest.mark.parametrize("readings", [False, True])
+def test_writing_and_reading_gives_the_same(tmp_path, readings):
+    measured, _ = probed("dmu50", 10, spheres=spheres_of("dmu50", 3, {("s1", "s2"): 0.0005}))
+    if readings:
+        rng = np.random.default_rng(0)
+        measured = replace(measured, observed=rng.normal(0.0, 0.1, measured.observed.shape))
+    other = read_measurement(written(measured, tmp_path / "data.csv"), DMU50)
+    np.testing.assert_allclose(other.state.positions, measured.state.positions, rtol=4e-16)
+    np.testing.assert_allclose(other.observed, measured.observed, atol=1e-14)
+    np.testing.assert_array_equal(other.groups, measured.groups)
+    for field in ("instrument", "targets", "spheres", "distances"):
+        assert getattr(other, field) == getattr(measured, field)
+    np.testing.assert_array_equal(other.state.approach, measured.state.approach)
+
+
+REFUSED = {
+    "no tip": (HEAD.replace("# probe: 0 0 -150\n", "") + ROWS, "header line '# probe: x y z' is missing"),
+    "tip": (HEAD.replace("0 0 -150", "-150") + ROWS, ":4 probe: expected 3 numbers"),
+    "no uncertainty": (HEAD.replace("# u_um: 1.5\n", "") + ROWS, "(k=1) of the touch-probe is missing: state u_um"),
+    "no column": (HEAD + "X,Y,Z,B,C\n1,2,3,4,5\n", ":7 a touch probe: column sphere missing"),
+    "unknown sphere": (HEAD + ROWS.replace(",s2", ",s9"), ":9 column sphere: 's9' is not in the header, which has s1"),
+    "name of a sphere": (HEAD + "# sphere.a.b: 1 2 3\n" + ROWS, ":7 sphere.a.b: expected sphere.NAME"),
+    "target": (HEAD + "# target.t: 0 0 1\n" + ROWS, ":7 target.t: a touch probe has one target, its tip"),
+    "target column": (HEAD + "X,Y,Z,B,C,sphere,target\n1,2,3,4,5,s1,t\n", ":7 column target: a touch probe has one"),
+    "station": (HEAD + "X,Y,Z,B,C,sphere,station\n1,2,3,4,5,s1,t\n", ":7 column station: a touch probe has its spheres"),
+    "distance": (HEAD + "# distance.s1: 1 2\n" + ROWS, ":7 distance.s1: expected distance.A.B"),
+    "distance to itself": (HEAD + "# distance.s1.s1: 1 2\n" + ROWS, ":7 distance.s1.s1: expected distance.A.B"),
+    "distance to nothing": (HEAD + "# distance.s1.s7: 9 1\n" + ROWS, ":7 distance.s1.s7: sphere 's7' is not"),
+    "certain distance": (HEAD + "# distance.s1.s2: 9 0\n" + ROWS, ":7 distance.s1.s2: expected the distance and its"),
+    "distance twice": (
+        HEAD + "# distance.s1.s2: 9 1\n# distance.s2.s1: 9 1\n" + ROWS, ":8 distance.s2.s1: the distance of these",
+    ),
+    "readings": (HEAD + "X,Y,Z,B,C,sphere,dx\n1,2,3,4,5,s1,0\n", ":7 the readings of an R-test: columns dy, dz missing"),
+    "points": (HEAD + "X,Y,Z,B,C,sphere,x,y,z\n1,2,3,4,5,s1,0,0,0\n", ":7 column x: not known"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "message"), REFUSED.values(), ids=REFUSED)
+def test_refusals(read, text, message):
+    with pytest.raises(UserError, match=r"data\.csv") as caught:
+        read(text)
+    assert message in str(caught.value)
+
+
+def test_files_with_tips_of_different_lengths_are_joined():
+    one, _ = probed("dmu50", 6, spheres=spheres_of("dmu50", 2, {("s1", "s2"): 0.001}))
+    other = replace(one, targets={PROBE: Target((0.0, 0.0, -200.0))}, source="long.csv")
+    both = joined([replace(one, source="short.csv"), other])
+    assert list(both.targets) == ["short.csv:probe", "long.csv:probe"]
+    assert both.state.target.tolist() == ["short.csv:probe"] * len(one) + ["long.csv:probe"] * len(one)
+    assert list(both.spheres) == ["short.csv:s1", "short.csv:s2", "long.csv:s1", "long.csv:s2"]
+    assert set(both.groups.tolist()) == set(both.spheres)
+    assert [each[:2] for each in both.distances] == [("short.csv:s1", "short.csv:s2"), ("long.csv:s1", "long.csv:s2")]
+
+
+# ---- simulation
+
+
+@pytest.mark.parametrize("name", MIDDLE)
+def test_the_actual_tip_is_in_the_actual_centre(name):
+    """All error motions and backlash; without noise, to the rounding of the recorded positions."""
+    machine = machines.load(name)
+    effects = [*random_true_model(machine, np.random.default_rng(1)).effects, Backlash("X", 20.0)]
+    measured, model = probed(name, 8, effects=effects, noise=0.0)
+    tips = tool_point(machine, measured.state.positions, measured.tool, model.errors(machine, measured.state))
+    for sphere, stated in measured.spheres.items():
+        mine = tips[measured.groups == sphere]
+        assert np.ptp(mine, axis=0).max() < 4e-5
+        assert np.abs(mine.mean(axis=0) - stated).max() < PLACED_MM + 1e-5
+
+
+def test_noise_is_that_of_the_instrument():
+    measured, model = probed("dmu50", 300, u_um=5.0)
+    off = residuals(measured, model, first_registration(measured)[0])
+    for sphere in measured.spheres:
+        off[measured.groups == sphere] -= off[measured.groups == sphere].mean(axis=0)
+    assert np.std(off) * 1e3 == pytest.approx(5.0, rel=0.1)
+
+
+def test_outliers_are_in_the_recorded_positions():
+    machine, draws = machines.load("dmu50"), streams(0, 3)
+    virtual = VirtualInstrument(TouchProbe(u_um=1.0), spheres=spheres_of("dmu50"))
+    plan, model = poses(machine, 10), model_of(machine, [])
+    good = measure_plan(plan, model, virtual, draws).measurement
+    faults = replace(virtual.faults, outliers=0.1, outlier_mm=(0.2, 0.2))
+    bad = measure_plan(plan, model, replace(virtual, faults=faults), streams(0, 3)).measurement
+    assert not bad.observed.any()
+    apart = np.linalg.norm(tool_point(machine, bad.state.positions) - tool_point(machine, good.state.positions), axis=1)
+    assert np.flatnonzero(apart > 1e-4).size == 3
+    np.testing.assert_allclose(apart[apart > 1e-4], 0.2, atol=1e-4)
+
+
+# ---- equations
+
+
+def test_distances_are_rows_of_the_normal_equations():
+    measured, _ = probed("dmu50", 5, spheres=spheres_of("dmu50", 3, {("s1", "s2"): 0.01, ("s3", "s1"): 0.02}))
+    registration, _ = first_registration(measured)
+    design = equations.distance_design(measured, registration)
+    before = equations.distance_residuals(measured, registration)
+    for k in range(design.shape[1]):
+        step = np.zeros(design.shape[1])
+        step[k] = 1e-4
+        change = before - equations.distance_residuals(measured, registration.moved(step))
+        np.testing.assert_allclose(change / 1e-4, design[:, k], atol=1e-3)
+    normal = NormalEquations.zero(design.shape[1] + 2)
+    normal.add_distances(measured, registration)
+    np.testing.assert_allclose(normal.matrix[:-2, :-2], design.T @ design)
+    assert not normal.matrix[-2:].any()
+
+
+# ---- fit
+
+
+@pytest.mark.parametrize(("name", "seed"), quick([(n, s) for n in MIDDLE for s in range(3)], [("dmu50", 0)]))
+def test_location_errors_are_within_their_uncertainty(name, seed):
+    measured, model = probed(name, 34, seed=seed)
+    found = calibrate(measured, hold_out=False)
+    true = in_datum(model, found.fit)
+    got = {e.name: e for e in fitted_in_datum(found.fit).effects if isinstance(e, LocationError)}
+    assert got.keys() == true.keys()
+    inside = [abs(effect.value - true[name]) <= 2.0 * effect.uncertainties[0] + 0.01 for name, effect in got.items()]
+    assert np.mean(inside) >= 0.9
+    assert found.fit.chi2_reduced == pytest.approx(1.0, abs=0.25)
+    for sphere, centre in found.fit.registration.sphere_centres.items():
+        assert np.abs(centre - measured.spheres[sphere]).max() < PLACED_MM + 0.1
+
+
+def expansion(found):
+    return [each for each in found.identifiability.unidentifiable if each.effects == ("E_XX", "E_YY", "E_ZZ")]
+
+
+def test_spheres_without_a_distance_have_no_scale():
+    """A common expansion of the linear axes enlarges the positions of all spheres alike."""
+    (unseen,) = expansion(calibrate(probed("dmu50", 30)[0], basis="legendre:1", hold_out=False))
+    assert unseen.directions == 1
+    assert "calibrated distance of two spheres (# distance.A.B: mm u) would show it" in unseen.remedy
+
+
+def test_a_distance_shows_the_scale():
+    effects = [LocationError("C", "Y", 30.0), *scale_errors(0.1)]
+    measured, _ = probed("dmu50", 34, spheres=spheres_of("dmu50", 3, {("s1", "s2"): 0.0005}), effects=effects)
+    found = calibrate(measured, basis="legendre:1", hold_out=False)
+    assert not expansion(found)
+    for axis in "XYZ":
+        (motion,) = (e for e in found.fit.model.effects if e.name == f"E_{axis}{axis}")
+        low, high = motion.basis.interval
+        slope = np.ptp(motion.basis.columns(np.array([low, high])) @ motion.parameters) / (high - low)
+        assert slope == pytest.approx(0.1, rel=0.15)
+
+
+def scale_errors(um_per_mm):
+    """The positioning errors of a common expansion of the linear axes."""
+    for axis in "XYZ":
+        low, high = DMU50.axes[DMU50.index(axis)].travel
+        yield ErrorMotion(axis, axis, BSpline((low, high), 1), (0.0, um_per_mm * (high - low)))
+
+
+def test_one_sphere_is_no_worse_than_none():
+    measured, _ = probed("dmu50", 34, spheres=spheres_of("dmu50", 1))
+    found = calibrate(measured)
+    assert found.accepted
+    assert found.cross_validation.gains.better
+    assert expansion(found)
+    assert any("a second sphere" in each.remedy for each in found.identifiability.unidentifiable)
+
+
+def test_a_row_that_is_off_by_a_millimetre_is_left_out():
+    measured, _ = probed("dmu50", 34)
+    positions = measured.state.positions.copy()
+    positions[17, DMU50.index("X")] += 1.0
+    found = calibrate(at(measured, positions), basis="legendre:1", hold_out=False)
+    assert found.fit.outliers.tolist() == [17]
+
+
+# ---- mistakes
+
+
+def at(measured, positions):
+    return replace(measured, state=replace(measured.state, positions=positions))
+
+
+def columns_exchanged(measured):
+    degrees = measured.state.positions / DMU50.scale
+    i, j = DMU50.index("X"), DMU50.index("B")
+    degrees[:, [i, j]] = degrees[:, [j, i]]
+    return at(measured, degrees * DMU50.scale)
+
+
+def moved_sphere(measured):
+    tips = tool_point(DMU50, measured.state.positions, measured.tool)
+    tips[(measured.groups == "s1") & (np.arange(len(measured)) > 40)] += [1.2, 0.4, -0.3]
+    return at(measured, linear_positions(DMU50, measured.state.positions, tips, measured.tool))
+
+
+def another_sphere(measured):
+    station = measured.state.station.copy()
+    station[0], station[1] = station[1], station[0]
+    return replace(measured, state=replace(measured.state, station=station))
+
+
+def reversed_readings(measured):
+    tips = tool_point(DMU50, measured.state.positions, measured.tool)
+    centres = np.array([measured.spheres[name] for name in measured.groups.tolist()])
+    offset = turn(forward(DMU50, measured.state.positions).rotation, np.array([2.0, 1.0, 3.0]))
+    commanded = linear_positions(DMU50, measured.state.positions, centres + offset, measured.tool)
+    shifted = tool_point(DMU50, commanded, measured.tool) - tips
+    return replace(at(measured, commanded), observed=-shifted)
+
+
+MISTAKES = {
+    "length of the probe": (
+        lambda m: replace(m, targets={PROBE: Target((0.0, 0.0, -153.0))}), True, "with target probe at (0.0",
+    ),
+    "degrees for millimetres": (columns_exchanged, True, "with columns B and X exchanged (mm and degrees)"),
+    "inch": (
+        lambda m: at(m, np.where(DMU50.rotary, m.state.positions, m.state.positions / 25.4)), True, "multiplied by 25.4",
+    ),
+    "moved sphere": (moved_sphere, True, "with sphere s1 moved by 1.3"),
+    "name of the sphere": (another_sphere, False, "from the centre of sphere s2: it is in sphere s1. Correct the name"),
+    "reversed readings": (reversed_readings, True, "with the signs of dx, dy and dz reversed"),
+    "spheres of the header": (
+        lambda m: replace(m, spheres={**m.spheres, "s1": m.spheres["s2"], "s2": m.spheres["s1"]}), False,
+        "from its stated position, where sphere s2 is",
+    ),
+    "one sphere": (
+        lambda m: replace(m, state=replace(m.state, station=np.where(np.arange(len(m)) % 2, "s1", "s2"))), False,
+        "spheres s1 and s2 are at the same position",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_mistakes_are_found(name):
+    spoil, fatal, text = MISTAKES[name]
+    good, _ = probed("dmu50", 30, spheres=spheres_of("dmu50", 1 if name == "one sphere" else 3))
+    assert not sanity(good)
+    found = sanity(spoil(good))
+    assert any(text in finding.message and finding.fatal == fatal for finding in found), found
+
+
+# ---- the commands
+
+SIMULATE = [
+    "simulate", "--machine", "dmu50", "--strategy", "random", "--points", "34", "--rotary", "random",
+    "--instrument", "touch-probe", "--target", "t=0,0,-150", "--sphere", "s1=130,20,60", "--sphere", "s2=-110,60,50",
+    "--errors", "none", "--location", "50",
+]  # fmt: skip
+
+
+def test_simulate_fit_and_predict(ncomp):
+    done = ncomp(*SIMULATE, "--distance", "s1.s2=0.5", "-o", "data.csv", "--truth", "truth.json")
+    assert done.status == 0, done.err
+    assert "observations by touch-probe" in done.err
+    measured = read_measurement(Path("data.csv"), DMU50)
+    assert list(measured.spheres) == ["s1", "s2"]
+    assert len(measured.distances) == 1
+    done = ncomp(
+        "fit", "data.csv", "--machine", "dmu50", "--basis", "legendre:1", "-o", "cal.json", "--json", "fit.json"
+    )
+    assert done.status == 0, done.err
+    assert "one tip" in json.dumps(json.loads(Path("fit.json").read_text()))
+    done = ncomp("predict", "data.csv", "--machine", "dmu50", "-c", "cal.json", "-o", "predicted.csv")
+    assert done.status == 0, done.err
+    assert Path("predicted.csv").read_text().splitlines()[-1].count(",") == len(DMU50.axes) + 8
+
+
+BAD = {
+    "no sphere": (["--instrument", "touch-probe"], "the spheres are missing: state --sphere NAME=x,y,z"),
+    "sphere of a tracker": (["--sphere", "s1=1,2,3"], "--sphere is no option of --instrument laser-tracker"),
+    "tracker": (
+        ["--instrument", "touch-probe", "--sphere", "s=0,0,0", "--tracker", "1,2,3"],
+        "--tracker: no option of",
+    ),
+    "beyond": (["--instrument", "touch-probe", "--sphere", "s=9000,0,0"], "--sphere: no sphere is within the travel"),
+    "distance": (
+        ["--instrument", "touch-probe", "--sphere", "s=0,0,60", "--distance", "s.t=1"],
+        "there is no sphere 't'",
+    ),
+    "name": (["--instrument", "touch-probe", "--sphere", "a.b=0,0,60"], "--sphere a.b=0,0,60: expected s1=x,y,z"),
+}
+
+
+@pytest.mark.parametrize(("options", "message"), BAD.values(), ids=BAD)
+def test_bad_options(ncomp, options, message):
+    done = ncomp("simulate", "-m", "dmu50", "--strategy", "random", "--points", "3", *options, "-o", "data.csv")
+    assert (done.status, Path("data.csv").exists()) == (2, False)
+    assert message in " ".join(done.err.split())
+
+
+def test_spheres_are_stated_to_the_simulation():
+    assert Spheres({}, {}) == VirtualInstrument(TouchProbe(u_um=1.0)).spheres
