@@ -191,10 +191,11 @@ def correct(
     """Correct a program: each block ends at its nominal position, by the machine's error model.
 
     classes: ISO/TR 16907 classes (`L-VOL,R-VOL`); None for all but FOR. tolerance_um: feed moves that deviate more
-    between their ends are split. max_correction_um: larger corrections are refused. accept: implausible conditions that
-    are accepted (`stale,outside`). output: file for the program instead of `text`; `progress` gets the number of bytes
-    done since its last call. jobs: number of processes that a long program may use; a script that sets it must guard
-    its main part by `if __name__ == "__main__"`, because a new process reads the script.
+    between their ends are split. max_correction_um: larger corrections are refused. accept: implausible conditions
+    that are accepted (`stale,outside`). output: file for the program instead of `text`; `progress` gets the number
+    of bytes done since its last call. jobs: number of cores that a long program may use, by further processes; a
+    script that sets it must guard its main part by `if __name__ == "__main__"`, because a new process reads the
+    script.
 
     UserError, with file and line, for a construct that is not fully understood; discard `output` then.
 

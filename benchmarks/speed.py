@@ -251,9 +251,9 @@ INTRODUCTION = """\
 `make speed` writes this page: `python benchmarks/speed.py --page docs/speed.md`. Do not edit it.
 
 Programs of one smooth path, in the clothings that CAM systems post, are corrected by ncomp for the shipped DMU 50 and
-its demonstration calibration: read, corrected, checked and written, with the start of the process. A second process
-evaluates the corrections of long programs. In turn with it LinuxCNC's interpreter, in C++, only reads the same moves
-(`rs274 -g`). Ratios are those within a round. Memory is that of all processes together.
+its demonstration calibration: read, corrected, checked and written, with the start of the process. For long programs
+two further processes read ahead and evaluate the corrections. In turn with it LinuxCNC's interpreter, in C++, only
+reads the same moves (`rs274 -g`). Ratios are those within a round. Memory is that of all processes together.
 """
 
 if __name__ == "__main__":

@@ -49,12 +49,20 @@ class SecondProcess:
     def answer(self) -> Any:
         """The result of the first task without one, when it is done; its exception, or LostProcess."""
         try:
-            done, answer = self._pipe.recv()
+            done, answer = _received(self._pipe)
         except (EOFError, OSError):
             raise LostProcess from None
         if not done:
             raise answer
         return answer
+
+    @property
+    def has_answer(self) -> bool:
+        """True if `answer` would not wait."""
+        try:
+            return self._pipe.poll()
+        except OSError:
+            return True
 
     def end(self) -> None:
         """End the process, in the midst of its work if it has any."""
@@ -70,9 +78,9 @@ class SecondProcess:
                 _send(self._pipe, given[0])
 
 
-def _send(pipe: Connection, task: Any) -> None:
+def _send(pipe: Connection, item: Any) -> None:
     buffers: list[pickle.PickleBuffer] = []
-    text = pickle.dumps(task, BUFFERS, buffer_callback=buffers.append)
+    text = pickle.dumps(item, BUFFERS, buffer_callback=buffers.append)
     pipe.send((text, len(buffers)))
     for buffer in buffers:
         pipe.send_bytes(buffer.raw())
@@ -94,4 +102,4 @@ def _serve(pipe: Connection, work: Callable[[Any], Any]) -> None:
             except Exception as fault:
                 fault.add_note(traceback.format_exc())
                 answer = False, fault
-            pipe.send(answer)
+            _send(pipe, answer)

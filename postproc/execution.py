@@ -97,6 +97,8 @@ class StreamedProgram:
     source: Source
     dialect: Dialect
     interpreter: Interpreter
+    ahead: bool = field(default=False, kw_only=True)
+    """True if another process reads plain lines ahead."""
 
     def parts(self) -> Iterator[Part]:
         """The chunks in the order of execution; UserError, located in the program, for a block that is refused.
@@ -104,7 +106,7 @@ class StreamedProgram:
         Turns for a block that jumps, loops or calls.
         """
         try:
-            chunks = _Chunks(read_blocks(self.source, self.dialect, self._axes), self.dialect.leads)
+            chunks = _Chunks(read_blocks(self.source, self.dialect, self._axes, ahead=self.ahead), self.dialect.leads)
             while (
                 motions := self.interpreter.read(straight(_without_turns(chunks.next()), self.interpreter.scope))
             ).blocks:

@@ -11,24 +11,25 @@ from postproc.control.codes import AXES
 from postproc.dialects import Dialect
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
-from postproc.text.plain_lines import PlainLines, PlainStyle
+from postproc.text.plain_lines import PlainLines, PlainStyle, whole_lines
 from postproc.text.source import ENCODING, Source
 
 SHORTEST = 3
 """Lines of a run, at least: fewer are read one by one."""
 
 
-def read_blocks(source: Source, dialect: Dialect, axes: str) -> Iterator[Block | PlainRun]:
+def read_blocks(source: Source, dialect: Dialect, axes: str, *, ahead: bool = False) -> Iterator[Block | PlainRun]:
     """The blocks of a program, and runs of plain lines; `axes`: letters of the axes of the machine, empty for others.
 
-    Refusal for a block that the dialect does not know; UserError for a line that is no text.
+    `ahead`: another process reads the columns of plain lines ahead. Refusal for a block that the dialect does not know;
+    UserError for a line that is no text.
     """
     style = dialect.plain
     if style is None or not axes or not source.has_line_feeds:
         for number, text in dialect.join_lines(source.lines()):
             yield dialect.read_block(number, text)
         return
-    for item in _items(source, dialect, axes, style):
+    for item in _items(source, dialect, axes, style, ahead=ahead):
         if isinstance(item, PlainRun):
             yield item
         else:
@@ -46,7 +47,7 @@ def irregular_lines(source: Source, dialect: Dialect) -> Iterator[tuple[int, str
 
 
 def _items(
-    source: Source, dialect: Dialect, axes: str, style: PlainStyle, *, regular: bool = False
+    source: Source, dialect: Dialect, axes: str, style: PlainStyle, *, regular: bool = False, ahead: bool = False
 ) -> Iterator[PlainRun | tuple[int, str]]:
     """Runs of plain lines, or of regular ones, and the texts of all other blocks with the numbers of their lines."""
     first = next(iter(dialect.join_lines(source.lines())), None)
@@ -57,14 +58,12 @@ def _items(
     number = 1
     waiting: list[tuple[int, str]] = []
     """Lines that the next one continues."""
-    for piece in source.pieces():
-        whole = piece[: piece.rfind(b"\n") + 1]
-        if whole:
-            lines = PlainLines(whole, axes, style)
+    for piece, lines in _pieces(source, axes, style, ahead=ahead):
+        if len(lines):
             plain = (lines.regular if regular else lines.columns.plain).copy()
             plain[:done] = False
             if style.continued:
-                _leave_continued(whole, lines, plain, style.continued.encode())
+                _leave_continued(lines.data, lines, plain, style.continued.encode())
                 plain[0] &= not waiting
             for start, end, is_run in _runs(plain):
                 if is_run:
@@ -81,9 +80,20 @@ def _items(
                     yield from singles
             number += len(lines)
             done = max(0, done - len(lines))
-        if len(whole) < len(piece) and not done:
-            waiting.append(_checked(source, number, piece[len(whole) :]))
+        if len(lines.data) < len(piece) and not done:
+            waiting.append(_checked(source, number, piece[len(lines.data) :]))
     yield from dialect.join_lines(waiting) if style.continued else waiting
+
+
+def _pieces(source: Source, axes: str, style: PlainStyle, *, ahead: bool) -> Iterator[tuple[bytes, PlainLines]]:
+    """The pieces of a program, and their whole lines."""
+    if ahead:
+        from postproc.read_ahead import read_ahead
+
+        yield from read_ahead(source.pieces(), axes, style)
+        return
+    for piece in source.pieces():
+        yield piece, whole_lines(piece, axes, style)
 
 
 def _line(source: Source, lines: PlainLines, line: int, number: int) -> tuple[int, str]:

@@ -1,23 +1,22 @@
-"""The second process that evaluates written moves: the same results, the same refusals, and a whole output or none."""
+"""Processes beside the first one: the same results, the same refusals, and a whole output or none."""
 
 import os
-import pickle
 import signal
 import subprocess
 import sys
 import time
-from collections import deque
 from pathlib import Path
 
 import pytest
 from hypothesis import strategies as st
+from support.no_process import Here
 from support.program_runs import corrected, job_of, programs
 from support.programs import correct, load, model_of, random_model, setup_of, source_of
 from support.tiers import drawn, quick
 
 from kinematics.effects import LocationError
 from kinematics.error_model.model import write_model
-from kinematics.second_process import BUFFERS, LostProcess, SecondProcess
+from kinematics.second_process import LostProcess, SecondProcess
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
@@ -31,44 +30,28 @@ MOVES = "G1 X30. Y30. Z41. B5. C9. F100\nX20.\nX40. C30.\nG2 X45. I2.5 J0.\nG1 X
 NEEDS_PROC = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found in /proc")
 
 
-class Here:
-    """A second process that is none: tasks and answers are copied as if they were sent."""
-
-    def __init__(self, work):
-        self._work, self._answers = pickle.loads(pickle.dumps(work)), deque()
-
-    def give(self, task):
-        buffers = []
-        sent = pickle.dumps(task, BUFFERS, buffer_callback=buffers.append)
-        task = pickle.loads(sent, buffers=[bytes(buffer.raw()) for buffer in buffers])
-        try:
-            self._answers.append((True, pickle.loads(pickle.dumps(self._work(task)))))
-        except Exception as fault:
-            self._answers.append((False, pickle.loads(pickle.dumps(fault))))
-
-    def answer(self):
-        done, answer = self._answers.popleft()
-        if not done:
-            raise answer
-        return answer
-
-    def end(self):
-        """Nothing to end."""
-
-
 @pytest.fixture(name="always")
 def _always(monkeypatch):
     """Programs of any size are evaluated in a second process."""
     monkeypatch.setattr("postproc.correct.pipeline.LARGE", 0)
 
 
-@drawn(8, 300, program=programs(), seed=st.integers(0, 99), size=st.sampled_from([1, 7, 4096]))
-def test_the_results_are_those_of_one_process(program, seed, size):
+@drawn(
+    8,
+    300,
+    program=programs(),
+    seed=st.integers(0, 99),
+    size=st.sampled_from([1, 7, 4096]),
+    piece=st.sampled_from([1, 7, 100, 1 << 20]),
+)
+def test_the_results_are_those_of_one_process(program, seed, size, piece):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("postproc.execution.CHUNK", size)
         alone = corrected(job_of(program, seed))
         patch.setattr("postproc.correct.pipeline.LARGE", 0)
         patch.setattr("postproc.evaluation.evaluation_process.SecondProcess", Here)
+        patch.setattr("postproc.read_ahead.SecondProcess", Here)
+        patch.setattr("postproc.text.source.PIECE", piece)
         assert corrected(job_of(program, seed), processes=2) == alone
 
 
@@ -76,6 +59,7 @@ def test_the_results_are_those_of_one_process(program, seed, size):
 @pytest.mark.parametrize("head", ["", "G43.4 H1\n"], ids=["axes", "tcp"])
 def test_a_process_gives_the_results_of_one(head, monkeypatch):
     monkeypatch.setattr("postproc.execution.CHUNK", 50)
+    monkeypatch.setattr("postproc.text.source.PIECE", 300)
     text = f"{HEAD}T1 M6\nG0 X60 Y0 Z200 B0 C0\n{head}{MOVES * 40}"
     job = Job(source_of(text), find_dialect("iso", "", ""), DMU50, random_model(DMU50, 4), setup_of(DMU50, tools=["T1=80"]),
               travel_check=False, accepted=frozenset({"worse", "outside"}))  # fmt: skip
@@ -99,6 +83,7 @@ def test_the_first_move_that_is_worse_is_refused(last, size, monkeypatch):
 
     monkeypatch.setattr(Guard, "check_ends", found)
     monkeypatch.setattr("postproc.evaluation.evaluation_process.SecondProcess", Here)
+    monkeypatch.setattr("postproc.read_ahead.SecondProcess", Here)
     monkeypatch.setattr("postproc.execution.CHUNK", size)
     worse.update({4: "the first", 5: "the second"})
     text = f"{HEAD}G1 X200. F500\nX210.\nX220.\nX230.\n{last}"

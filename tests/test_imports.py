@@ -45,6 +45,7 @@ POSTPROC = (
     "postproc.dialects",
     "postproc.compensation",
     "postproc.write",
+    "postproc.read_ahead",
     "postproc.program_lines",
     "postproc.execution",
     "postproc.program_path",

@@ -179,13 +179,18 @@ class Pipeline:
             turns=self.orientation,
             traced=self._traced,
         )
-        if self._processes < 2 or not self.model.effects or job.source.size < LARGE:
+        if not self._several or not self.model.effects:
             yield evaluation
             return
         from postproc.evaluation.evaluation_process import evaluated_elsewhere
 
         with evaluated_elsewhere(evaluation) as process:
             yield process
+
+    @property
+    def _several(self) -> bool:
+        """True if the program is long enough for several processes, and these may be used."""
+        return self._processes > 1 and self.job.source.size >= LARGE
 
     def _correct_all(self, out: MarkedOutput, progress: Callable[[int], None]) -> None:
         """Write the corrected program with room for its mark."""
@@ -210,7 +215,7 @@ class Pipeline:
         """The program, or on request its text without loops and calls."""
         job = self.job
         if not self._stored:
-            return StreamedProgram(job.source, job.dialect, self.interpreter)
+            return StreamedProgram(job.source, job.dialect, self.interpreter, ahead=self._several)
         if job.unroll:
             from postproc.correct.unroll import unrolled
 

@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -168,17 +169,28 @@ class PlainLines:
 
     def __init__(self, data: bytes, axes: str, style: PlainStyle) -> None:
         self.data, self.axes, self._style = data, axes, style
-        self._bytes = np.frombuffer(data, np.uint8)
-        classes = style.with_flags(data).translate(style.classes(axes))
-        if style.rapid and FLAG in data:
-            classes = bytes([_OTHER]) * len(data)
-        self._classes = np.frombuffer(classes, np.uint8)
         self._ends = np.flatnonzero(self._bytes == ord("\n")).astype(np.int32)
         self.starts = np.concatenate([[0], self._ends + 1]).astype(np.int32)
         """Positions of the lines `(lines + 1,)`, and of the end."""
 
     def __len__(self) -> int:
         return len(self._ends)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what follows from the text in little time."""
+        return {name: value for name, value in vars(self).items() if name not in ("_bytes", "_classes")}
+
+    @cached_property
+    def _bytes(self) -> np.ndarray:
+        return np.frombuffer(self.data, np.uint8)
+
+    @cached_property
+    def _classes(self) -> np.ndarray:
+        """Class of each byte."""
+        style, data = self._style, self.data
+        if style.rapid and FLAG in data:
+            return np.full(len(data), _OTHER, np.uint8)
+        return np.frombuffer(style.with_flags(data).translate(style.classes(self.axes)), np.uint8)
 
     @cached_property
     def addresses(self) -> str:
@@ -365,6 +377,11 @@ class PlainLines:
             weights = np.concatenate([POWERS[:several], [0.0], POWERS[several:]]) if several >= 0 else POWERS
             values[rows] = (weights[: len(places)] @ digits.astype(float)) / POWERS[max(several, 0)]
         return values
+
+
+def whole_lines(piece: bytes, axes: str, style: PlainStyle) -> PlainLines:
+    """The lines of a piece up to its last line feed."""
+    return PlainLines(piece[: piece.rfind(b"\n") + 1], axes, style)
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ def correct(
     set_up: DatumOptions,
     no_travel_check: NoTravelCheck,
     jobs: int | None = option(
-        "Number of processes for a long program, which uses at most two; default: one for each core.", "N", "-j", min=1
+        "Number of cores for a long program, which uses at most two; default: all of them.", "N", "-j", min=1
     ),
     correction: CorrectionOptions,
     at: ConditionsOptions,

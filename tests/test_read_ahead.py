@@ -1,0 +1,105 @@
+"""Plain lines that another process reads ahead: the same lines, whenever it begins and ends."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+from support.no_process import Here
+from support.plain_programs import mixtures
+from support.tiers import drawn
+
+from kinematics.second_process import LostProcess
+from postproc.dialects import find_dialect
+from postproc.read_ahead import AHEAD, read_ahead
+from postproc.text.plain_lines import whole_lines
+
+AXES = "XYZBC"
+STYLE = find_dialect("iso", "", "").plain
+
+
+def check_all(pieces, found):
+    found = list(found)
+    assert [piece for piece, _ in found] == pieces
+    for piece, lines in found:
+        alone = whole_lines(piece, AXES, STYLE)
+        assert lines.data == alone.data
+        assert np.array_equal(lines.starts, alone.starts)
+        if not len(alone):
+            continue
+        assert np.array_equal(lines.regular, alone.regular)
+        assert lines.usual_numbers == alone.usual_numbers
+        for column, other in zip(vars(lines.columns).values(), vars(alone.columns).values(), strict=True):
+            assert np.array_equal(column, other)
+        for mark, other in zip(lines.marks(lines.columns), alone.marks(alone.columns), strict=True):
+            assert np.array_equal(mark, other)
+
+
+def divided(text, size):
+    """The text in pieces that end with a line feed, the last one perhaps without."""
+    lines = text.encode("latin-1").splitlines(keepends=True)
+    return [b"".join(lines[i : i + size]) for i in range(0, len(lines), size)]
+
+
+def late_process(begin, lost):
+    """A process that has an answer from the question `begin` on, and is lost with the task or answer `lost`."""
+
+    class Late(Here):
+        open_tasks = most = 0
+
+        def __init__(self, work):
+            super().__init__(work)
+            self._asked, self._steps = itertools.count(), itertools.count()
+
+        def _step(self):
+            if next(self._steps) == lost:
+                raise LostProcess
+
+        def give(self, task):
+            self._step()
+            super().give(task)
+            Late.open_tasks += 1
+            Late.most = max(Late.most, Late.open_tasks)
+
+        def answer(self):
+            self._step()
+            Late.open_tasks -= 1
+            return super().answer()
+
+        @property
+        def has_answer(self):
+            return next(self._asked) >= begin and super().has_answer
+
+    return Late
+
+
+@drawn(40, 600, text=mixtures(), size=st.integers(1, 4), begin=st.integers(0, 8), lost=st.integers(-1, 20))
+def test_the_lines_are_those_of_one_process(text, size, begin, lost):
+    pieces, process = divided(text, size), late_process(begin, lost)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("postproc.read_ahead.SecondProcess", process)
+        check_all(pieces, read_ahead(iter(pieces), AXES, STYLE))
+    assert process.most <= AHEAD + 1
+
+
+def test_a_process_reads_the_lines():
+    text = "".join(
+        f"N{i} G1 X{i % 7}.25 Y-{i % 5}. B{i / 100:.4f} F{i}\n(comment)\nG2 X1. I.5 J-1.\n" for i in range(400)
+    )
+    pieces = divided(text, 30)
+    check_all(pieces, read_ahead(iter(pieces), AXES, STYLE))
+
+
+def test_a_reader_that_is_not_used_to_its_end_leaves_no_process():
+    ended = []
+
+    class Noting(Here):
+        def end(self):
+            ended.append(1)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("postproc.read_ahead.SecondProcess", Noting)
+        reading = read_ahead(iter([b"X1.\n", b"X2.\n"]), AXES, STYLE)
+        next(reading)
+        reading.close()
+    assert ended
