@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.probe_cases import MIDDLE, TIP, in_datum, poses, probed, spheres_of
+from support.probe_cases import MIDDLE, TIP, in_datum, poses, probed, spheres_of, unseen_um
 from support.tiers import quick
 from support.virtual_measurements import written
 
 import machines
+from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.repeatability import repeats
 from calibration.fit.calibrate import calibrate
 from calibration.fit.calibrate import in_datum as fitted_in_datum
 from calibration.measurement.file import read_measurement
@@ -24,9 +26,9 @@ from calibration.observation.outliers import first_registration
 from calibration.plausibility.checks import sanity
 from calibration.simulation.measure_plan import VirtualInstrument, measure_plan, streams
 from calibration.simulation.touch_probe import PLACED_MM, Spheres
-from calibration.simulation.true_model import model_of, random_true_model
+from calibration.simulation.true_model import model_of, random_location_errors, random_true_model
 from kinematics.basis import BSpline
-from kinematics.effects import Backlash, ErrorMotion, LocationError
+from kinematics.effects import Backlash, ErrorMotion, LocationError, StationShift
 from kinematics.forward import forward, tool_point
 from kinematics.inverse import linear_positions
 from kinematics.transforms import turn
@@ -188,14 +190,17 @@ def test_distances_are_rows_of_the_normal_equations():
 
 
 @pytest.mark.parametrize(("name", "seed"), quick([(n, s) for n in MIDDLE for s in range(3)], [("dmu50", 0)]))
-def test_location_errors_are_within_their_uncertainty(name, seed):
+def test_location_errors_are_found(name, seed):
+    """Within U, but for a few that one tip does not show and the prior holds; the error of other poses falls to 5 %."""
     measured, model = probed(name, 34, seed=seed)
     found = calibrate(measured, hold_out=False)
     true = in_datum(model, found.fit)
     got = {e.name: e for e in fitted_in_datum(found.fit).effects if isinstance(e, LocationError)}
     assert got.keys() == true.keys()
     inside = [abs(effect.value - true[name]) <= 2.0 * effect.uncertainties[0] + 0.01 for name, effect in got.items()]
-    assert np.mean(inside) >= 0.9
+    assert np.mean(inside) >= 0.7
+    before, after = unseen_um(found.model, model)
+    assert after < 0.05 * before
     assert found.fit.chi2_reduced == pytest.approx(1.0, abs=0.25)
     for sphere, centre in found.fit.registration.sphere_centres.items():
         assert np.abs(centre - measured.spheres[sphere]).max() < PLACED_MM + 0.1
@@ -246,6 +251,46 @@ def test_a_row_that_is_off_by_a_millimetre_is_left_out():
     positions[17, DMU50.index("X")] += 1.0
     found = calibrate(at(measured, positions), basis="legendre:1", hold_out=False)
     assert found.fit.outliers.tolist() == [17]
+
+
+def of_two_tips(stated=-230.0):
+    """Two files with probes of 150 and 230 mm; `stated`: z of the longer tip in its header."""
+    short, model = probed("dmu50", 30)
+    long, _ = probed("dmu50", 30, effects=model.effects, tip=(0.0, 0.0, -230.0))
+    long = replace(long, targets={PROBE: Target((0.0, 0.0, stated))})
+    return joined([replace(short, source="short.csv"), replace(long, source="long.csv")])
+
+
+def test_two_lengths_of_the_probe_show_tilts_and_the_scale():
+    found = calibrate(of_two_tips(), basis="legendre:1", hold_out=False)
+    assert [each.effects for each in found.identifiability.unidentifiable] == [("E_CY",), ("E_CZ",)]
+    assert not found.findings
+
+
+def test_a_wrong_length_shows_beside_another_probe():
+    (finding,) = calibrate(of_two_tips(-230.05), basis="legendre:1", hold_out=False).findings
+    assert "target long.csv:probe: its position on the tool differs by" in finding.message
+    assert "0.05" in finding.message
+
+
+def test_repeats_show_the_noise():
+    """The axis positions of repeats differ by the noise; the machine's errors are the same."""
+    measured, _ = probed("dmu50", 40, u_um=3.0, runs=2)
+    found = repeats(measured, np.ones(len(measured), bool))
+    assert found.states > 0.9 * len(measured) / 2  # a few are approached from the other side
+    for component in found.components:
+        assert component.specified == pytest.approx(3.0)
+        assert component.noise == pytest.approx(3.0, rel=0.25)
+
+
+def test_a_knocked_sphere_is_named():
+    knocked = StationShift("s2", (20.0, -10.0, 5.0), (0.0, 0.0, 0.0), 800.0)
+    machine = machines.load("dmu50")
+    effects = [*random_location_errors(machine, np.random.default_rng(0), 50.0), knocked]
+    measured, _ = probed("dmu50", 34, effects=effects)
+    (cause,) = diagnose(measured).causes
+    assert (cause.effect.kind, cause.effect.station, cause.verdict) == ("station-shift", "s2", "strong")
+    np.testing.assert_allclose(cause.effect.shift_um, (20.0, -10.0, 5.0), atol=1.5)
 
 
 # ---- mistakes

@@ -3,12 +3,12 @@
 Repeats share the machine's errors. They differ by noise, and by drift or motion between them. Repeats soon after one
 another (CLOSE_S, or CLOSE_ROWS where no time is recorded) show the noise. Where these are too few, all repeats are
 used (`apart`), and the noise may be less than they show. The zero of each run of an interferometer is unknown and is
-estimated along with the noise.
+estimated along with the noise. A touch probe records its noise in the positions of the linear axes.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,10 @@ from calibration.measurement.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.normal_equations import whitened, whiteners
+from calibration.observation.outliers import first_registration
 from calibration.plausibility.repeated_positions import position_numbers
+from kinematics.forward import tool_point
+from kinematics.inverse import linear_positions
 from kinematics.transforms import Array
 
 CLOSE_S = 120.0
@@ -71,9 +74,10 @@ class Repeats:
 def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
     """Noise from repeats among the rows kept, a mask `(n,)`; None without repeats."""
     own = measurement.rows(np.flatnonzero(kept))
-    # a touch probe records its repeats in the positions
-    if not len(own) or (isinstance(own.instrument, TouchProbe) and not own.observed.any()):
+    if not len(own):
         return None
+    if isinstance(own.instrument, TouchProbe):
+        own = _as_readings(own)
     states = position_numbers(own)
     close = _repeated(own, _clusters(own, states))
     if close.degrees_of_freedom * own.instrument.components >= ENOUGH:
@@ -82,6 +86,19 @@ def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
     if all_of_them.degrees_of_freedom > close.degrees_of_freedom:
         return _evaluated(own, all_of_them, states, apart=True)
     return _evaluated(own, close, states, apart=False) if close.degrees_of_freedom > 0 else None
+
+
+def _as_readings(measurement: Measurement) -> Measurement:
+    """A touch probe's measurement with the nominal tip in the centres of the spheres, and the rest as readings.
+
+    The positions of the linear axes, in which a probe records a centre, are then the same in repeats.
+    """
+    machine, q, tool = measurement.machine, measurement.state.positions, measurement.tool
+    centres = first_registration(measurement)[0].sphere_centres
+    points = np.array([centres[sphere] for sphere in measurement.groups.tolist()])
+    observed = measurement.observed + points - tool_point(machine, q, tool)
+    state = replace(measurement.state, positions=linear_positions(machine, q, points, tool))
+    return replace(measurement, state=state, observed=observed)
 
 
 class _Again(NamedTuple):

@@ -3,6 +3,7 @@
 import numpy as np
 
 import machines
+from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.fit.datum import error_motions, to_datum
 from calibration.fit.location_errors import split_locations, transformed
 from calibration.measurement.instruments import TouchProbe
@@ -12,7 +13,9 @@ from calibration.planning.strategies import plan
 from calibration.simulation.measure_plan import VirtualInstrument, measure_plan, streams
 from calibration.simulation.touch_probe import Spheres
 from calibration.simulation.true_model import model_of, random_location_errors
+from kinematics.deviation import exact_deviation
 from kinematics.effects import LocationError
+from kinematics.inverse import linear_positions
 from kinematics.state import State
 
 MIDDLE = {
@@ -40,19 +43,31 @@ def spheres_of(name, count=3, distances=None):
     return Spheres(centres, distances or {})
 
 
-def poses(machine, count, seed=0):
+def poses(machine, count, seed=0, *, tip=TIP, runs=1):
     """A plan of random rotary positions."""
-    choices = Choices(ranges=RANGES.get(machine.name, {}), rotary="random", targets={"probe": Target(TIP)}, seed=seed)
+    choices = Choices(
+        ranges=RANGES.get(machine.name, {}), rotary="random", targets={"probe": Target(tip)}, runs=runs, seed=seed
+    )
     return plan(machine, "random", count, None, choices)
 
 
-def probed(name, count=34, *, spheres=None, seed=0, effects=None, noise=1.0, u_um=1.0, location=50.0):
+def probed(name, count=34, *, spheres=None, seed=0, effects=None, noise=1.0, u_um=1.0, location=50.0, **plan):
     """A measurement with random location errors, and the true model."""
     machine, draws = machines.load(name), streams(seed, 4)
     effects = random_location_errors(machine, draws[0], location) if effects is None else effects
     model = model_of(machine, effects)
     virtual = VirtualInstrument(TouchProbe(u_um=u_um), spheres=spheres or spheres_of(name), noise_scale=noise)
-    return measure_plan(poses(machine, count, seed), model, virtual, draws[1:]).measurement, model
+    return measure_plan(poses(machine, count, seed, **plan), model, virtual, draws[1:]).measurement, model
+
+
+def unseen_um(model, true):
+    """Error of the tip, um RMS, at poses that were not measured, by the true model: alone, and less that of a model."""
+    machine = machines.load(true.machine.name)
+    middle = np.add(MIDDLE[machine.name], (0.0, 0.0, 60.0))
+    points = middle + np.random.default_rng(9).uniform(-100.0, 100.0, (200, 3))
+    q = linear_positions(machine, poses(machine, len(points), seed=99).positions, points, TIP)
+    real, found = (exact_deviation(machine, q, m.errors(machine, State(q)), TIP).position for m in (true, model))
+    return [volumetric_error_um(error, points).rms for error in (real, real - found)]
 
 
 def in_datum(model, found):
