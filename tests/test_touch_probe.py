@@ -293,6 +293,17 @@ def test_a_knocked_sphere_is_named():
     np.testing.assert_allclose(cause.effect.shift_um, (20.0, -10.0, 5.0), atol=1.5)
 
 
+def test_distances_that_contradict_each_other_are_named():
+    pairs = [("s1", "s2"), ("s2", "s3"), ("s1", "s3")]
+    measured, _ = probed("dmu50", 34, spheres=spheres_of("dmu50", 3, dict.fromkeys(pairs, 0.0005)))
+    found = calibrate(measured, basis="legendre:1", hold_out=False)
+    assert not any(finding.check == "distances" for finding in found.findings)
+    wrong = measured.distances[0]._replace(length=measured.distances[0].length + 0.02)
+    measured = replace(measured, distances=(wrong, *measured.distances[1:]))
+    texts = [f.message for f in calibrate(measured, basis="legendre:1", hold_out=False).findings]
+    assert any("distance of spheres s1 and s2 is +" in text for text in texts)
+
+
 # ---- mistakes
 
 
@@ -331,6 +342,12 @@ def reversed_readings(measured):
 MISTAKES = {
     "length of the probe": (
         lambda m: replace(m, targets={PROBE: Target((0.0, 0.0, -153.0))}), True, "with target probe at (0.0",
+    ),
+    "length of the probe in m": (
+        lambda m: replace(m, targets={PROBE: Target((0.0, 0.0, -0.15))}), True, "with target probe at (0.",
+    ),
+    "distance": (
+        lambda m: replace(m, distances=(Distance("s1", "s2", 250.0, 0.0005),)), True, "but by the data 24",
     ),
     "degrees for millimetres": (columns_exchanged, True, "with columns B and X exchanged (mm and degrees)"),
     "inch": (

@@ -27,6 +27,7 @@ from calibration.fit.location_errors import split_locations, transformed
 from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
+from calibration.fit.set_up.distances import distance_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
@@ -134,7 +135,7 @@ def calibrate(
     start, _ = with_effects(measurement, choice.bases, effects, choice.prior_scale)
     held_out = cross_validate(measurement, start, prior, found.kept, variance, found) if hold_out else None
     too_many = disagreement(found)
-    findings += zero_findings(run_zeros(found))
+    findings += [*zero_findings(run_zeros(found)), *distance_findings(found)]
     if too_many:
         findings.append(Finding("outliers", too_many, False))
     curved, between = with_curves_between(found) if wanted.automatic else (found, ())

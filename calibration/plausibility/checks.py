@@ -15,7 +15,7 @@ from scipy import special
 
 from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
-from calibration.observation.outliers import duplicates
+from calibration.observation.outliers import duplicates, first_registration
 from calibration.plausibility.chain_order import other_chains
 from calibration.plausibility.recording_mistakes import (
     Alternative,
@@ -85,6 +85,7 @@ def sanity(measurement: Measurement) -> list[Finding]:
     odd = [*_copies(measurement, copies), *_times(own)]
     if measurement.across is None:  # otherwise the alignment with the path finds them
         mistakes += list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
+        mistakes += list(_distances(own))
     if measurement.across is None and not any(finding.fatal for finding in mistakes):
         odd += [*_spheres(own), *_small_volume(own), *_clock(own), *_first_cycle(own), *_read_back(own)]
     return sorted([*mistakes, *odd], key=lambda finding: not finding.fatal)
@@ -168,6 +169,23 @@ def _far_targets(measurement: Measurement) -> Iterator[Finding]:
                 "(the longest travel, or 1 m), and would multiply all tilts of axes. Correct its position (mm)",
                 True,
             )
+
+
+def _distances(measurement: Measurement) -> Iterator[Finding]:
+    """Calibrated distances that differ from those of the found centres by more than any axis errs."""
+    if not measurement.distances:
+        return
+    centres = first_registration(measurement)[0].sphere_centres
+    for each in measurement.distances:
+        if each.one in centres and each.other in centres:
+            found = float(np.linalg.norm(centres[each.one] - centres[each.other]))
+            if abs(found - each.length) > max(SLOPE * each.length, SUSPICIOUS):
+                yield Finding(
+                    "distances",
+                    f"the calibrated distance of spheres {each.one} and {each.other} is {each.length:.6g} mm, but by "
+                    f"the data {found:.6g} mm: no axis errs so much. Correct the distance, or the names of its spheres",
+                    True,
+                )
 
 
 def _spheres(measurement: Measurement) -> Iterator[Finding]:

@@ -232,7 +232,11 @@ def misplaced(measurement: Measurement) -> Iterator[Alternative]:
             residual, registration = misfit(other)
             rows = measurement.target_number == list(measurement.targets).index(name)
             directions = (registration.rotations(other) @ carried(other))[rows, : residual.shape[1]]
-            shift, *_ = np.linalg.lstsq(directions.reshape(-1, 3), residual[rows].reshape(-1), rcond=None)
+            off = residual[rows]
+            if isinstance(measurement.instrument, TouchProbe):  # the centres of the spheres follow the tip
+                groups = measurement.groups[rows]
+                directions, off = _less_means(groups, directions), _less_means(groups, off)
+            shift, *_ = np.linalg.lstsq(directions.reshape(-1, 3), off.reshape(-1), rcond=None)
             x, y, z = np.array(other.targets[name].position) + shift
             position: Vector = (float(x), float(y), float(z))
             other = _with_targets(other, {name: replace(target, position=position)})
@@ -241,6 +245,14 @@ def misplaced(measurement: Measurement) -> Iterator[Alternative]:
         if isinstance(measurement.instrument, TouchProbe):
             by += " (or with the lines of all rotary axes displaced alike: check the machine's file)"
         yield Alternative("targets", by, other)
+
+
+def _less_means(groups: np.ndarray, values: Array) -> Array:
+    """Values `(n, ...)` minus the mean of their group `(n,)`."""
+    result = values.copy()
+    for group in np.unique(groups).tolist():
+        result[groups == group] -= values[groups == group].mean(axis=0)
+    return result
 
 
 def _mm(position: Vector) -> str:
