@@ -132,7 +132,7 @@ def _heidenhain() -> Dialect:
         lambda block: block.kind == "begin_pgm",
         heidenhain_statements.OWN,
         leads=lambda block: block.kind == "centre",
-        plain=PlainStyle("FR", head="L", rapid="FMAX", unchanged="R", continued="~"),
+        plain=PlainStyle("FR", head="L", rapid="FMAX", unchanged="R", continued="~", marks=".,"),
     )
 
 

@@ -71,7 +71,8 @@ def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
                 assert words.value[cell] == word.value
                 assert block.words[lines.order_of(column, np.array([row]))[0]] is word
                 assert np.signbit(words.value[cell]) == np.signbit(word.value)
-                assert words.decimals[cell] == (len(number.partition(".")[2]) if "." in number else -1)
+                _, mark, decimals = number.replace(",", ".").partition(".")
+                assert words.decimals[cell] == (len(decimals) if mark else -1)
         named = int(found["G"].value) if "G" in found else -1
         assert words.motion[row] == ((0 if "FMAX" in found else 1) if dialect is KLARTEXT else named)
         before_last = text[block.words[-1].at - 1] in " \t" if len(block.words) > 1 else -1
@@ -153,6 +154,9 @@ def test_the_lines_of_cam_programs_are_plain(line):
     [
         "L X1 ~",
         "L X1,5",
+        "L X1,5.5",
+        "L X,5 Y1, Z-,5 F1,5",
+        "L X, Y1",
         "L X1 F\x01\x01\x01",
         "l x1 fmax",
         "L X1 Fmax",
@@ -167,7 +171,8 @@ def test_a_plain_line_of_klartext_is_read_as_its_block(lines):
 
 
 @pytest.mark.parametrize(
-    "line", ["L X1", "996 L X-28.606 Y-15.41", "5 L Z-1. FMAX", "LX+5 R0 F100\r", "l b5.5 r0 fmax"]
+    "line",
+    ["L X1", "5 L X+1,5 Y-,25 Z0,", "996 L X-28.606 Y-15.41", "5 L Z-1. FMAX", "LX+5 R0 F100\r", "l b5.5 r0 fmax"],
 )
 def test_the_lines_of_klartext_posts_are_plain(line):
     assert check_lines(f"{line}\n".encode(), KLARTEXT) == 1

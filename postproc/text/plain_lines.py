@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -110,6 +110,8 @@ class PlainStyle:
     """Address, one of `other`, that must have the number 0."""
     continued: str = ""
     """End of a line that the next one continues; empty for none."""
+    marks: str = "."
+    """Decimal marks."""
 
     @cached_property
     def letters(self) -> str:
@@ -122,7 +124,7 @@ class PlainStyle:
         letters = axes + self.arcs + self.letters
         kinds = (
             (b"0123456789", _DIGIT),
-            (b".", _POINT),
+            (self.marks.encode(), _POINT),
             (b"+-", _SIGN),
             (b" \t", _BLANK),
             (b"\n", _LINE),
@@ -345,18 +347,21 @@ class PlainLines:
 
     @cached_property
     def usual_numbers(self) -> bool:
-        """True if all words of the columns have a digit before the point, and no plus."""
-        plus, _, bare, _ = self.marks(self.columns)
-        return not (plus.any() or bare.any())
+        """True if all words of the columns have a digit before the point, which is no comma, and no plus."""
+        marks = self.marks(self.columns)
+        return not (marks.plus.any() or marks.bare.any() or marks.comma.any())
 
-    def marks(self, words: PlainColumns) -> tuple[NDArrayBool, NDArrayBool, NDArrayBool, NDArrayBool]:
-        """Words with a plus, with a minus, without a digit before the point, with the digit 0 alone before it."""
+    def marks(self, words: PlainColumns) -> NumberMarks:
+        """How the numbers of these words are written."""
         named, first = words.end > 0, self._bytes[words.start]
         plus, minus = named & (first == ord("+")), named & (first == ord("-"))
         digit = words.start + (plus | minus)
-        bare = named & (self._bytes[digit] == ord("."))
-        zero = named & (self._bytes[digit] == ord("0")) & (self._bytes[digit + 1] == ord("."))
-        return plus, minus, bare, zero
+        bare = named & (self._classes[digit] == _POINT)
+        zero = named & (self._bytes[digit] == ord("0")) & (self._classes[digit + 1] == _POINT)
+        comma = np.zeros_like(named)
+        if "," in self._style.marks and b"," in self.data:
+            comma = named & (words.decimals >= 0) & (self._bytes[words.end - 1 - words.decimals] == ord(","))
+        return NumberMarks(plus, minus, bare, zero, comma)
 
     @staticmethod
     def _refuse_repeated(lines: np.ndarray, plain: NDArrayBool) -> None:
@@ -382,6 +387,19 @@ class PlainLines:
 def whole_lines(piece: bytes, axes: str, style: PlainStyle) -> PlainLines:
     """The lines of a piece up to its last line feed."""
     return PlainLines(piece[: piece.rfind(b"\n") + 1], axes, style)
+
+
+class NumberMarks(NamedTuple):
+    """How numbers are written; columns of words `(addresses, lines)`."""
+
+    plus: NDArrayBool
+    minus: NDArrayBool
+    bare: NDArrayBool
+    """True for no digit before the point."""
+    zero: NDArrayBool
+    """True for the digit 0 alone before the point."""
+    comma: NDArrayBool
+    """True for a comma instead of the point."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from postproc.motion.moves import Arc, Kind
 from postproc.text.blocks import Blocks, PlainRun
 from postproc.text.editing import Layout, end_of, rank_of
 from postproc.text.number_style import NumberStyle
-from postproc.text.plain_lines import POWERS, PlainLines
+from postproc.text.plain_lines import POWERS, NumberMarks, PlainLines
 from postproc.text.source import ENCODING
 from postproc.write.arcs import NominalArc
 from postproc.write.plain_arcs import RADIUS, PlainArcs
@@ -74,6 +74,8 @@ class PlainWords(NamedTuple):
     """True for a zero before the point."""
     blank: NDArrayBool
     """True where blanks separate words."""
+    comma: NDArrayBool
+    """True for a comma instead of the decimal point."""
 
     def take(self, chosen: NDArrayBool) -> PlainWords:
         """Some of the words."""
@@ -310,7 +312,7 @@ def _written(words: PlainWords, gap: NDArrayBool, low: NDArrayBool, order: np.nd
         place = digits - 1 - i
         text[:, 4 + i] = ord("0") + (whole // 10**place) % 10
         shown[:, 4 + i] = (whole >= 10**place) | ((place == 0) & (words.zero | (decimals == 0)))
-    text[:, 4 + digits], shown[:, 4 + digits] = ord("."), decimals > 0
+    text[:, 4 + digits], shown[:, 4 + digits] = np.where(words.comma, ord(","), ord(".")), decimals > 0
     for i in range(most):
         text[:, 5 + digits + i] = ord("0") + (fraction // 10 ** (most - 1 - i)) % 10
         shown[:, 5 + digits + i] = decimals > i
@@ -347,24 +349,29 @@ class _Layouts:
     def __init__(self, run: PlainRun, before: Layout) -> None:
         self._run, self._before, self._columns = run, before, run.columns
         numbers = before.numbers
-        self._usual = run.lines.usual_numbers and not numbers.plus and numbers.leading_zero
+        self._usual = run.lines.usual_numbers and numbers == NumberStyle()
 
     @cached_property
-    def _marks(self) -> tuple[NDArrayBool, NDArrayBool, NDArrayBool, NDArrayBool]:
-        """Words `(axes, lines)` with a plus, with a minus, without a digit before the point, with a zero only."""
+    def _marks(self) -> NumberMarks:
         return self._run.lines.marks(self._columns)
 
     @cached_property
     def _plus(self) -> NDArrayBool:
         """True `(lines,)` where a positive number gets a sign if its own word does not show it."""
-        plus, minus, _, _ = self._marks
-        return self._last((self._columns.end > 0) & ~minus, plus, self._before.numbers.plus)
+        shown = (self._columns.end > 0) & ~self._marks.minus
+        return self._last(shown, self._marks.plus, self._before.numbers.plus)
 
     @cached_property
     def _leading_zero(self) -> NDArrayBool:
         """True `(lines,)` where a number gets a zero before the point if its own word does not show it."""
-        _, _, bare, zero = self._marks
-        return self._last(bare | zero, zero, self._before.numbers.leading_zero)
+        shown, zero = self._marks.bare | self._marks.zero, self._marks.zero
+        return self._last(shown, zero, self._before.numbers.leading_zero)
+
+    @cached_property
+    def _comma(self) -> NDArrayBool:
+        """True `(lines,)` where a number gets a comma if its own word does not show the decimal mark."""
+        shown = (self._columns.end > 0) & (self._columns.decimals >= 0)
+        return self._last(shown, self._marks.comma, self._before.numbers.mark == ",")
 
     def _last(self, shows: NDArrayBool, value: NDArrayBool, before: bool) -> NDArrayBool:
         """The value of the last word up to the end of each line that shows one; `before` before the first of them."""
@@ -384,17 +391,20 @@ class _Layouts:
         end = end_of(self._run.data(last, lines).decode(ENCODING))
         numbers = self._before.numbers
         if not self._usual:
-            numbers = NumberStyle(bool(self._plus[last]), numbers.mark, bool(self._leading_zero[last]))
+            mark = "," if self._comma[last] else "."
+            numbers = NumberStyle(bool(self._plus[last]), mark, bool(self._leading_zero[last]))
         return replace(self._before, blank=bool(self._blank[last]), numbers=numbers, end=end)
 
-    def of(self, axis: np.ndarray, line: np.ndarray) -> tuple[NDArrayBool, NDArrayBool, NDArrayBool]:
-        """Styles of words like those of axes in lines `(k,)`: plus, zero and blank of `PlainWords`."""
+    def of(self, axis: np.ndarray, line: np.ndarray) -> tuple[NDArrayBool, NDArrayBool, NDArrayBool, NDArrayBool]:
+        """Styles of words like those of axes in lines `(k,)`: plus, zero, blank and comma of `PlainWords`."""
         blank = self._blank[line]
         if self._usual:
-            return np.zeros(len(line), bool), np.ones(len(line), bool), blank
-        plus, minus, bare, zero = (mark[axis, line] for mark in self._marks)
+            none = np.zeros(len(line), bool)
+            return none, ~none, blank, none
+        plus, minus, bare, zero, comma = (mark[axis, line] for mark in self._marks)
         leads = ~bare & (zero | self._leading_zero[line])
-        return np.where(minus, self._plus[line], plus), leads, blank
+        comma = np.where(self._columns.decimals[axis, line] >= 0, comma, self._comma[line])
+        return np.where(minus, self._plus[line], plus), leads, blank, comma
 
 
 _UNITS = read_only(np.array([10.0**-decimals for decimals in range(23)]))

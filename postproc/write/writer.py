@@ -139,7 +139,7 @@ class Writer:
                 continue
             held = self._before(motions, row, assumed[row])
             starts[row] = held
-            if row in stretches and self._layout.numbers.mark == ".":
+            if row in stretches:
                 run = stretches[row]
                 written = self._write_plain(motions, correction, row, run, plain_arcs, held)
                 lines = 0 if written is None else len(written.ends)

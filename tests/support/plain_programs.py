@@ -243,7 +243,7 @@ KLARTEXT_SLOW = (
 @st.composite
 def klartext_lines(draw, axes="XYZBC", most=10):
     """A run of straight lines of Klartext."""
-    numbered, plus = draw(st.booleans()), draw(st.booleans())
+    numbered, plus, comma = draw(st.booleans()), draw(st.booleans()), draw(st.booleans())
     around = {axis: draw(st.sampled_from((0.0, 0.0, 10.0, -10.0, 100.0))) for axis in axes}
     lines = []
     for number in range(draw(st.integers(1, most))):
@@ -251,6 +251,7 @@ def klartext_lines(draw, axes="XYZBC", most=10):
         words = [f"{axis}{draw(numbers(around[axis]))}" for axis in named]
         words = [word if not plus or word[1] in "+-" else f"{word[0]}+{word[1:]}" for word in words]
         words += draw(st.sampled_from([[], [], ["R0"], ["FMAX"], ["R0", "FMAX"], ["F250"], ["R0", "F99.5"]]))
+        words = [word.replace(".", ",") if comma and draw(st.integers(0, 9)) else word for word in words]
         lines.append(" ".join([*([str(number + 1)] if numbered else []), "L", *words]))
     return lines
 
