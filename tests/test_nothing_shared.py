@@ -245,4 +245,12 @@ def test_moves_are_read_only():
     assert {"programmed", "machine_target", "tool"} <= {*derived}
     for name in derived:
         assert getattr(motions, name) is getattr(motions, name)
-        assert not getattr(motions, name).flags.writeable
+        assert not any(column.flags.writeable for column in columns_of(getattr(motions, name)))
+
+
+def columns_of(value):
+    """The arrays of a column, or of columns together."""
+    if isinstance(value, np.ndarray):
+        return [value]
+    each = vars(value).values() if dataclasses.is_dataclass(value) else value
+    return [column for part in each for column in columns_of(part)]

@@ -45,7 +45,10 @@ class CircleColumns:
         once = np.where(full > 0, TURN, (sense * (np.arctan2(v, u) - np.arctan2(y, x))) % TURN)
         begun = np.hypot(x, y)
         grown = np.divide(np.hypot(u, v), begun, out=np.ones(len(rows)), where=begun > 0.0)
-        return cls(rows, first, second, (x, y), (centre[0], centre[1]), sense * (once + turns * TURN), grown, turns)
+        turned = sense * (once + turns * TURN)
+        for column in (rows, first, second, x, y, centre, turned, grown, turns):
+            column.flags.writeable = False
+        return cls(rows, first, second, (x, y), (centre[0], centre[1]), turned, grown, turns)
 
     @property
     def lengths(self) -> Array:
