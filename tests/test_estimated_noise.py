@@ -5,17 +5,22 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from shop_floor.question import ask
 from support.diagnosis_cases import CFRAME, data_with, fitted, with_stops
 from support.virtual_measurements import ONE, THREE, measured, positions
 
+import machines
+from calibration.fit.fit import fit
 from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
+from calibration.measurement.file import read_measurement
 from calibration.measurement.instruments import Part
 from calibration.observation.equations import specified_covariance
+from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.stops_and_lines import stops
 from calibration.simulation.simulate import observe
-from kinematics.effects import Cyclic
+from kinematics.effects import Cyclic, StationShift
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
 
@@ -40,6 +45,20 @@ def test_all_axes_that_do_not_repeat_are_found_where_three_rows_share_a_stop():
     assert found is not None
     assert found.instrument_factor == 1.0
     assert list(found.non_repeatability.values()) == pytest.approx([0.05] * 3, rel=0.25)
+
+
+def test_of_two_axes_that_explain_the_same_the_clearer_remains(tmp_path):
+    """X and Y are each uncertain beside the other; without both, the instrument would seem to be noisy."""
+    path = tmp_path / "data.csv"
+    path.write_text(ask("bad-repeat", "shift", "gantry", 1, 15001).sheet(), encoding="utf-8")
+    data = read_measurement(path, machines.load("gantry"))
+    data = replace(data, state=replace(data.state, station=np.full(len(data), "1")))
+    knock = StationShift(station="1", shift_um=(0.0,) * 3, turn_urad=(0.0,) * 3, since_s=1051.9)
+    model, prior = with_effects(data, dict.fromkeys("XYZ", BasisChoice("cubic", 8)), [knock], 0.5)
+    found = with_estimated_noise(fit(data, model, prior=prior)).noise
+    assert found is not None
+    assert found.instrument_factor == 1.0
+    assert list(found.non_repeatability) == ["Y"]
 
 
 def test_an_error_that_recurs_at_each_visit_is_misfit_and_no_lack_of_repeatability():

@@ -41,6 +41,8 @@ ROUNDS = 4
 STEPS = 25
 CONVERGED = 0.03
 """Step in standard errors of the variances below which the iteration ends."""
+NEVER = 0.1
+"""Standard errors below which a variance does not become clear without another one."""
 FARTHEST = 100.0
 """Factor by which a variance changes in one step at most."""
 SHARED = 1e-6
@@ -129,11 +131,13 @@ def _estimate(components: _Components, start: Array) -> _Estimate | None:
         # two axes of a part measured in two coordinates are as uncertain as its instrument
         values, vectors = np.linalg.eigh(information[np.ix_(active, active)])
         error[active] = np.sqrt(vectors**2 @ (1.0 / np.maximum(values, RIDGE * values[-1])))
-        small = active & (variances < CERTAIN * error)
-        small[0] = False
-        if not small.any():
+        clear = np.divide(variances, error, out=np.full(len(error), np.inf), where=active & (error > 0.0))
+        clear[0] = np.inf
+        if clear.min() >= CERTAIN:
             break
-        active, variances = active & ~small, np.where(small, 0.0, variances)
+        # two axes may explain the same: without one of them the other is clear
+        dropped = active & (clear <= max(clear.min(), NEVER))
+        active, variances = active & ~dropped, np.where(dropped, 0.0, variances)
     factor = float(variances[0]) if abs(variances[0] - 1.0) > CERTAIN * error[0] else 1.0
     return None if factor == 1.0 and not variances[1:].any() else _Estimate(factor, variances[1:])
 
