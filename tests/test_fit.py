@@ -16,6 +16,7 @@ from calibration.fit.cross_validation import cross_validate
 from calibration.fit.datum import gauge, null_space, to_datum
 from calibration.fit.fit import fit
 from calibration.fit.identifiability import identifiability
+from calibration.fit.linear import effective_parameters
 from calibration.fit.location_errors import split_locations, transformed
 from calibration.measurement.instruments import Interferometer, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves
@@ -373,3 +374,9 @@ def test_a_part_shows_what_its_plane_shows():
 def test_bad_bases_are_refused(text):
     with pytest.raises(UserError, match="basis"):
         parse_basis(text)
+
+
+def test_effective_parameters_beside_information_that_is_large_beyond_rounding():
+    known = np.diag([1e18, 3.0, 0.0])
+    assert effective_parameters(known) == pytest.approx(1.75)
+    assert effective_parameters(np.diag([1e22, -1e5, -1e5])) == pytest.approx(1.0)

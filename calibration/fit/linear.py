@@ -77,7 +77,12 @@ def effective_parameters(information: Array) -> float:
     size = len(information)
     if not size:
         return 0.0
-    inverse, _ = linalg.lapack.dtrtri(np.linalg.cholesky(information + np.eye(size)), lower=1)
+    try:
+        inverse, _ = linalg.lapack.dtrtri(np.linalg.cholesky(information + np.eye(size)), lower=1)
+    except np.linalg.LinAlgError:
+        # beside very large information rounding makes small eigenvalues negative
+        values = np.maximum(np.linalg.eigvalsh(information), 0.0)
+        return float(np.sum(values / (1.0 + values)))
     return size - float(np.sum(inverse**2))
 
 

@@ -21,6 +21,7 @@ from functools import cached_property
 import msgspec
 import numpy as np
 
+from calibration.fit.cross_validation import diagonals
 from calibration.fit.curves.smooth_process import Processes
 from calibration.fit.fit import Fit
 from calibration.fit.linear import pseudo_inverse
@@ -83,12 +84,15 @@ def with_curves_between(found: Fit) -> tuple[Fit, tuple[BetweenPositions, ...]]:
     """The fit with its error motions as smooth curves, and the uncertainties of those between few positions.
 
     Of the result, only the model, with its covariance, and the priors belong to the new curves. Other error motions
-    than splines stay, and those of an axis with finer ones than the curves could be.
+    than splines stay, and those of an axis with finer ones than the curves could be. Also those of axes with many
+    positions on a few diagonals: the held-out lines have decided on the sizes of the errors there, not the evidence.
     """
     splines = _splines(found) if found.prior.ndim == 1 else {}
     measured = {axis: _positions(found.measurement, axis, found.kept) for axis in splines}
     few = [axis for axis, x in measured.items() if 2 <= len(x) <= FEW]
-    axes = {axis: measured[axis] if axis in few else _among_many(measured[axis], splines[axis]) for axis in splines}
+    axes = {axis: measured[axis] for axis in few}
+    if diagonals(found.measurement) is None:
+        axes |= {axis: _among_many(measured[axis], splines[axis]) for axis in splines if axis not in few}
     axes = {axis: x for axis, x in axes.items() if len(x)}
     if not axes:
         return found, ()
