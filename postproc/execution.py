@@ -107,9 +107,7 @@ class StreamedProgram:
         """
         try:
             chunks = _Chunks(read_blocks(self.source, self.dialect, self._axes, ahead=self.ahead), self.dialect.leads)
-            while (
-                motions := self.interpreter.read(straight(_without_turns(chunks.next()), self.interpreter.scope))
-            ).blocks:
+            while (motions := self._read(_without_turns(chunks.next()))).blocks:
                 yield Part(motions, motions.blocks.size)
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None

@@ -6,7 +6,7 @@ import itertools
 from collections import deque
 from collections.abc import Iterator
 
-from kinematics.second_process import LostProcess, SecondProcess
+from postproc.second_process import LostProcess, SecondProcess
 from postproc.text.plain_lines import PlainLines, PlainStyle, whole_lines
 
 AHEAD = 3

@@ -10,6 +10,7 @@ from concurrent.futures import BrokenExecutor, Future
 from pathlib import Path
 
 import pytest
+from support.child_processes import children
 from support.programs import load, model_of
 from support.real_programs import SHORT
 from support.tiers import quick
@@ -274,19 +275,6 @@ def test_a_task_that_ends_its_worker_is_lost_alone():
 
 
 # ---- killed
-
-
-def children(process: int) -> set[int]:
-    """The processes that a process has started."""
-    found = set()
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            words = path.read_text().rsplit(")", 1)[1].split()
-        except (FileNotFoundError, ProcessLookupError):
-            continue
-        if int(words[1]) == process and words[0] != "Z":
-            found.add(int(path.parent.name))
-    return found
 
 
 def wait_until(holds, seconds: float = 60.0) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import strategies as st
+from support.child_processes import children
 from support.no_process import Here
 from support.program_runs import corrected, job_of, programs
 from support.programs import correct, load, model_of, random_model, setup_of, source_of
@@ -16,11 +17,11 @@ from support.tiers import drawn, quick
 
 from kinematics.effects import LocationError
 from kinematics.error_model.model import write_model
-from kinematics.second_process import LostProcess, SecondProcess
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
 from postproc.evaluation.guard import Guard, WorseMove
+from postproc.second_process import LostProcess, SecondProcess
 
 GANTRY, DMU50 = load("gantry"), load("dmu50")
 RUN = "from postproc.cli import run; run()"
@@ -157,19 +158,6 @@ def test_a_process_that_is_killed_is_lost(total):
 # ---- killed
 
 
-def children(process: int) -> set[int]:
-    """The running processes that a process has started."""
-    found = set()
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            words = path.read_text().rsplit(")", 1)[1].split()
-        except (FileNotFoundError, ProcessLookupError):
-            continue
-        if int(words[1]) == process and words[0] != "Z":
-            found.add(int(path.parent.name))
-    return found
-
-
 def evaluating(process: int) -> set[int]:
     """Those of them that evaluate moves."""
     found = set()
@@ -241,5 +229,5 @@ def _runs(process: int) -> bool:
 
 
 def test_a_short_program_starts_no_process(monkeypatch):
-    monkeypatch.setattr("kinematics.second_process.SecondProcess.__init__", lambda *_: 1 / 0)
+    monkeypatch.setattr("postproc.second_process.SecondProcess.__init__", lambda *_: 1 / 0)
     assert correct(HEAD + MOVES.replace("B5. C9.", "").replace("C30.", ""), GANTRY, model_of(GANTRY)).text

@@ -45,6 +45,7 @@ POSTPROC = (
     "postproc.dialects",
     "postproc.compensation",
     "postproc.write",
+    "postproc.second_process",
     "postproc.read_ahead",
     "postproc.program_lines",
     "postproc.execution",

@@ -202,7 +202,7 @@ def test_real_programs_are_read_alike(nc_data, lines, tmp_path):
 
 
 def test_nine_of_ten_moves_of_real_programs_are_plain(nc_data):
-    """Of the lines with a position in the long ISO programs."""
+    """Share of the lines with coordinates in the long ISO programs that are read in bulk."""
     counted = {}
     for name in ("PARALLEL.NC", "BOTTLE.NC", "impeller-7bl-xyzac.ngc"):
         (path,) = (path for path in real_programs(nc_data) if path.name == name)

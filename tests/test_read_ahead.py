@@ -9,9 +9,9 @@ from support.no_process import Here
 from support.plain_programs import mixtures
 from support.tiers import drawn
 
-from kinematics.second_process import LostProcess
 from postproc.dialects import find_dialect
 from postproc.read_ahead import AHEAD, read_ahead
+from postproc.second_process import LostProcess
 from postproc.text.plain_lines import whole_lines
 
 AXES = "XYZBC"

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinematics.machine import Machine
-from kinematics.second_process import LostProcess, SecondProcess
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.evaluation.evaluation import Evaluated, Evaluation, WrittenMoves
@@ -22,6 +21,7 @@ from postproc.motion.axis_words import AxisWords
 from postproc.motion.frames import Frame
 from postproc.motion.motions import COLUMNS, Motions
 from postproc.motion.moves import Arc
+from postproc.second_process import LostProcess, SecondProcess
 from postproc.text.blocks import Blocks
 
 AHEAD = 4

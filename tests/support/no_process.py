@@ -3,7 +3,7 @@
 import pickle
 from collections import deque
 
-from kinematics.second_process import BUFFERS
+from postproc.second_process import BUFFERS
 
 
 class Here:

@@ -1,8 +1,8 @@
 """Error motions as smooth curves, and their uncertainty: between few measured positions, and among many.
 
 With as many parameters as positions a basis follows every reading, so that its covariance holds the noise alone: the
-errors between the positions may differ by much more. Among many positions a basis with few parameters cannot follow
-the error, and its covariance does not hold what it lacks. Here each error motion of an axis is a Gaussian process
+errors between the positions may differ by much more. Among many positions a basis with few parameters leaves a misfit,
+which its covariance does not contain. Here each error motion of an axis is a Gaussian process
 (`smooth_process`). The values at the positions, or at equidistant ones among many, show its size, length and
 smoothness by their evidence: values that jump from one position to the next belong to short waves, about which nothing
 is known half-way between two positions. A Type B judgement (GUM) limits them where the positions are too few to show

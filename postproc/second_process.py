@@ -1,7 +1,8 @@
 """A process that does tasks of this one, in their order, while this one goes on.
 
-Tasks travel through a pipe, the columns in them without a copy. The process ends when this one ends, whatever the
-reason, because the pipe is then closed.
+It keeps its state from task to task, which the workers of `kinematics/workers.py` do not. Tasks travel through a pipe,
+the columns in them without a copy. The process ends when this one ends, whatever the reason, because the pipe is then
+closed.
 """
 
 from __future__ import annotations
