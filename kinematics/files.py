@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import io
 import os
@@ -54,9 +55,10 @@ class Draft:
 
     def __init__(self, path: Path) -> None:
         self.path, self._target = path, Path(os.path.realpath(path))
+        self._temporary = self._target.with_name(f".{path.name}.{os.urandom(4).hex()}.tmp")
+        _unpublished.add(self._temporary)
         with writing(path):
-            handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=self._target.parent)
-        self._temporary = Path(name)
+            handle = os.open(self._temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
         self.file = named_file(handle, path)
 
     def complete(self) -> None:
@@ -77,6 +79,19 @@ class Draft:
         with suppress(OSError, UserError):
             self.file.close()
         self._temporary.unlink(missing_ok=True)
+        _unpublished.discard(self._temporary)
+
+
+_unpublished: set[Path] = set()
+"""Temporary files of this process, each from before it exists."""
+
+
+@atexit.register
+def remove_unpublished() -> None:
+    """Remove the temporary files of this process: for one that ends in the midst of its work."""
+    for temporary in tuple(_unpublished):
+        with suppress(OSError):
+            temporary.unlink()
 
 
 @contextmanager

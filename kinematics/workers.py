@@ -24,6 +24,7 @@ from itertools import islice
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
+from kinematics.files import remove_unpublished
 from kinematics.user_error import UserError
 
 LOCAL = "local"
@@ -158,6 +159,7 @@ def _listen(heard: Connection) -> None:
     with suppress(OSError, AttributeError):
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
     time.sleep(GRACE_S)
+    remove_unpublished()
     os._exit(128 + signal.SIGTERM)
 
 
@@ -170,6 +172,7 @@ def _do(function: Callable[..., Result], *task: Any) -> Result:
     try:
         return function(*task)
     except SystemExit:
+        remove_unpublished()
         os._exit(128 + signal.SIGTERM)
 
 

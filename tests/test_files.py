@@ -2,6 +2,8 @@
 
 import os
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -139,3 +141,28 @@ def test_reading(file, tmp_path):
 def test_fingerprint():
     assert fingerprint(b"") == "e3b0c44298fc"  # SHA-256 of nothing
     assert fingerprint(b"G1") != fingerprint(b"G0")
+
+
+DRAFT = """
+import multiprocessing, signal, sys, time
+from pathlib import Path
+from kinematics import workers
+from kinematics.files import Draft
+draft = Draft(Path("out.nc"))
+assert len(list(Path(".").iterdir())) == 1
+"""
+TOLD_TO_END_AND_DOES_NOT = """
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+workers.GRACE_S = 0.01
+heard, held = multiprocessing.Pipe(duplex=False)
+held.close()
+workers._listen(heard)
+"""
+
+
+@pytest.mark.parametrize(("end", "status"), [("sys.exit(3)", 3), ("1 / 0", 1), (TOLD_TO_END_AND_DOES_NOT, 143)])
+def test_a_process_that_ends_before_it_publishes_leaves_no_draft(tmp_path, end, status):
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    words = [sys.executable, "-c", DRAFT + end]
+    assert subprocess.run(words, check=False, cwd=tmp_path, env=environment, capture_output=True).returncode == status
+    assert not list(tmp_path.iterdir())

@@ -304,7 +304,10 @@ def test_refusals_name_the_same_line(text, piece):
     assert found[0] == found[1]
 
 
-@drawn(5, 800, text=arc_programs(), size=st.sampled_from([1, 2, 3, 7]))
+ONE_MOVE = {"text": "G90\nG0 X10.0000 Y10.0000 Z200.0000\nG1 X11.000\n", "size": 1}
+
+
+@drawn(5, 800, also=ONE_MOVE, text=arc_programs(), size=st.sampled_from([1, 2, 3, 7]))
 def test_chunks_of_any_size_give_the_same_arcs(text, size):
     model = model_of_errors(1)
     whole = outcome(text, DMU50, model)

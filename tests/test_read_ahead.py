@@ -82,6 +82,15 @@ def test_the_lines_are_those_of_one_process(text, size, begin, lost):
     assert process.most <= AHEAD + 1
 
 
+@pytest.mark.parametrize("piece", [b"\n", b" \n", b"\r\n", b"\n\n", b"X\n", b"0\n", b"(\n", b"%\n", b"\n0"])
+def test_a_piece_of_hardly_any_characters(piece):
+    """Words that no line has have no place in the piece, however short it is."""
+    check_all([piece], read_ahead(iter([piece]), AXES, STYLE))
+    lines = whole_lines(piece, AXES, STYLE)
+    assert not lines.columns.plain.any()
+    assert not any(mark.any() for mark in lines.marks(lines.columns))
+
+
 def test_a_process_reads_the_lines():
     text = "".join(
         f"N{i} G1 X{i % 7}.25 Y-{i % 5}. B{i / 100:.4f} F{i}\n(comment)\nG2 X1. I.5 J-1.\n" for i in range(400)

@@ -20,6 +20,7 @@ from postproc.evaluation.guard import Guard, Outside, WorseMove
 from postproc.evaluation.predicted_errors import PredictedErrors, UnsplitMoves
 from postproc.evaluation.sampled_uncertainty import SampledUncertainties
 from postproc.evaluation.trace import Trace
+from postproc.motion.frames import Frame
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
 
@@ -77,6 +78,17 @@ class Evaluated(NamedTuple):
     trace: Trace | None
 
 
+class _RowEnd(NamedTuple):
+    """The end of the last row of a chunk; nan before the first."""
+
+    frame: Frame | None
+    programmed: Array
+    """`(axes,)`, as `written`."""
+    written: Array
+    left: Array
+    """Error after the correction `(3,)`, mm."""
+
+
 class Evaluation:
     """Evaluates the moves of a program, chunk after chunk."""
 
@@ -102,6 +114,8 @@ class Evaluation:
         self._guard = Guard(machine, worse=worse, turns=turns)
         self._outside = Outside()
         self._trace = Trace(machine, model) if traced else None
+        nowhere = np.full(len(machine.axes), np.nan)
+        self._last = _RowEnd(None, nowhere, nowhere, np.full(3, np.nan))
 
     def add(self, moves: WrittenMoves) -> None:
         """Evaluate the moves of the next chunk; Refusal for one that is worse than in the input."""
@@ -120,6 +134,9 @@ class Evaluation:
         errors[evaluated], left[evaluated] = self._evaluate_ends(moves, evaluated)
         self._guard.check_ends(motions, moves.lines, np.flatnonzero(evaluated), errors[evaluated])
         self._evaluate_between(moves, errors[:, 0], left)
+        if len(motions):
+            frame = motions.frames[motions.frame[-1]]
+            self._last = _RowEnd(frame, motions.target[-1], moves.commanded.target[-1], left[-1])
         if self._trace is not None:
             moved = np.where(moves.corrected, moves.moved, np.nan)
             self._trace.add(motions, moves.lines, moves.correctable, moved, errors)
@@ -189,25 +206,32 @@ class Evaluation:
         difference; it is unknown where this is more than a share STRAIGHT of the tolerance, or could make the move
         worse than the tolerance or the input.
         """
-        motions, commanded = moves.motions, moves.commanded
+        motions, commanded, last = moves.motions, moves.commanded, self._last
         found = np.full(len(motions), np.nan)
-        if len(motions) < 2 or self._after.axes:
+        if self._after.axes:
             return found
-        first, last = left[:-1], left[1:]
-        joined = (commanded.start[1:] == commanded.target[:-1]).all(axis=1) & (motions.frame[1:] == motions.frame[:-1])
-        joined &= (motions.start[1:] == motions.target[:-1]).all(axis=1) & (motions.kind[1:] == Kind.LINE)
-        shifts = (commanded.target - motions.target)[:, motions.machine.translators]
-        sizes = np.linalg.norm(shifts, axis=1)
-        rotary = motions.machine.rotary
-        turned = np.deg2rad(np.abs((motions.target - motions.start)[1:, rotary]).sum(axis=1))
-        turned[motions.tcp[1:]] = 0.0
-        bound = moves.bounds[1:] + turned**2 / 4.0 * np.maximum(sizes[1:], sizes[:-1])
-        bound = (bound + turned / 2.0 * np.linalg.norm(np.diff(shifts, axis=0), axis=1)) * 1e3
-        between = [np.linalg.norm((1.0 - share) * first + share * last, axis=1) for share in BETWEEN]
-        largest = np.max(between, axis=0) * 1e3
+        frames: dict[Frame | None, int] = {last.frame: -1}
+        frame = np.array([frames.setdefault(frame, i) for i, frame in enumerate(motions.frames)])[motions.frame]
+        joined = (frame == _behind(-1, frame)) & (motions.kind == Kind.LINE)
+        joined &= (motions.start == _behind(last.programmed, motions.target)).all(axis=1)
+        joined &= (commanded.start == _behind(last.written, commanded.target)).all(axis=1)
+        linear, rotary = motions.machine.translators, motions.machine.rotary
+        shifts, first_shifts = (
+            (commanded.target - motions.target)[:, linear],
+            (commanded.start - motions.start)[:, linear],
+        )
+        largest_shifts = np.maximum(np.linalg.norm(shifts, axis=1), np.linalg.norm(first_shifts, axis=1))
+        turned = np.deg2rad(np.abs((motions.target - motions.start)[:, rotary]).sum(axis=1))
+        turned[motions.tcp] = 0.0
+        bound = moves.bounds + turned**2 / 4.0 * largest_shifts
+        bound = (bound + turned / 2.0 * np.linalg.norm(shifts - first_shifts, axis=1)) * 1e3
+        first = _behind(last.left, left)
+        largest = (
+            np.max([np.linalg.norm((1.0 - share) * first + share * left, axis=1) for share in BETWEEN], axis=0) * 1e3
+        )
         tolerance = self._tolerance_um
-        straight = joined & (bound <= STRAIGHT * tolerance) & (largest + bound <= np.minimum(tolerance, before[1:]))
-        found[1:][straight] = largest[straight]
+        straight = joined & (bound <= STRAIGHT * tolerance) & (largest + bound <= np.minimum(tolerance, before))
+        found[straight] = largest[straight]
         return found
 
     def _guard_between(self, moves: WrittenMoves, before: Array, rows: np.ndarray, errors_between: Array) -> None:
@@ -250,3 +274,10 @@ class Evaluation:
             here = pose_errors(self.machine, self._model, actual, nominal, tool, states, shift).point_um
             errors_between = np.maximum(errors_between, here)
         return errors_between
+
+
+def _behind(first: Array | float, column: Array) -> Array:
+    """A column `(n, …)` with each value one row later, and `first` in the first row."""
+    moved = np.empty_like(column)
+    moved[:1], moved[1:] = first, column[:-1]
+    return moved

@@ -357,7 +357,7 @@ class PlainLines:
         plus, minus = named & (first == ord("+")), named & (first == ord("-"))
         digit = words.start + (plus | minus)
         bare = named & (self._classes[digit] == _POINT)
-        zero = named & (self._bytes[digit] == ord("0")) & (self._classes[digit + 1] == _POINT)
+        zero = named & (self._bytes[digit] == ord("0")) & (self._classes[digit + named] == _POINT)
         comma = np.zeros_like(named)
         if "," in self._style.marks and b"," in self.data:
             comma = named & (words.decimals >= 0) & (self._bytes[words.end - 1 - words.decimals] == ord(","))
