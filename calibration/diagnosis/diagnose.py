@@ -33,6 +33,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Search, Selection, Selector
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.diagnosis.search.start_model import Base, base_of
+from calibration.diagnosis.search.sudden_changes import sudden_changes
 from calibration.diagnosis.separability import Separability, separability
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import (
@@ -416,7 +417,8 @@ def _causes(selector: Selector) -> _Found:
 
     Shapes must stand beside a smooth function of the variables on which the residual depends.
     """
-    found = _with_bases(selector.on(selector.base.coarser(selector.measurement, selector.progress)), ())
+    coarser = selector.on(selector.base.coarser(selector.measurement, selector.progress))
+    found = _with_bases(coarser, sudden_changes(coarser))
     commoner = found.selector.commoner(found.stage)
     if commoner is not found.stage:
         found = _with_bases(found.selector, commoner.accepted)

@@ -54,6 +54,8 @@ BEYOND = 3.0
 """Least prior standard deviation of a candidate's parameters, as a multiple of the largest estimate of them."""
 LIKELY = 2.0
 """Prior standard deviation of a parameter in the fit of some rows, as a multiple of the RMS estimate from all rows."""
+SILENT = 0.01
+"""Squares of a signal in a block, as a share of the mean of all blocks, up to which it does not act there."""
 LEAST_LINES = 8
 """Least number of lines whose signs are drawn as a whole."""
 OF_THE_DESIGN = (
@@ -468,6 +470,7 @@ class LinearisedFit:
     def held_out_gains(self, candidate: Projected) -> Array:
         """Reduction of the squares of each block's counted residuals by the candidate in the fit of the other blocks.
 
+        Only of blocks on which it acts, if these are several: a knock at the end acts on the last blocks alone.
         Outliers count with their weights: a cause that the model lacks makes outliers.
         """
         columns = candidate.columns
@@ -475,7 +478,7 @@ class LinearisedFit:
         # the size stays in this range where the other blocks do not determine it
         softened = max(LIKELY * float(np.sqrt(np.mean(size**2))), 1.0 / GENEROUS) ** -2 * np.eye(len(size))
         mixed, squares, right = self.design.T @ columns, columns.T @ columns, columns.T @ self.residual
-        gains = []
+        gains, signals = [], []
         for block in self.blocks:
             own, design = columns[block.rows], self.design[block.rows]
             others = mixed - design.T @ own
@@ -485,7 +488,9 @@ class LinearisedFit:
             seen = less_columns(own - design @ step, block.zeros)
             after = block.held_residual - seen @ np.linalg.solve(schur + softened, slope)
             gains.append(float(np.sum(block.held_residual[block.counted] ** 2) - np.sum(after[block.counted] ** 2)))
-        return np.array(gains)
+            signals.append(float(np.sum((seen @ size)[block.counted] ** 2)))
+        acting = np.array(signals) > SILENT * np.mean(signals)
+        return np.array(gains)[acting] if np.count_nonzero(acting) > 1 else np.array(gains)
 
     def in_lengths(self, residual: Array) -> Array:
         """A white residual `(N,)` as lengths `(n, d)`, mm and rad."""

@@ -1,0 +1,91 @@
+"""Sudden changes behind which all rows are outliers: a knock at the instrument, a target that was seated again.
+
+The rows behind a change near the end disagree with the others alike. Where they are few, the fit leaves them out, and
+no search in the other rows finds the change. The same holds for the rows before a change near the beginning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+
+from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.causes import jumps
+from calibration.diagnosis.search.evaluation import WORTH, Evaluated, evaluate
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.selection import Selector
+from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
+from calibration.measurement.measurement import Measurement
+from calibration.observation.stops_and_lines import stops
+
+LEAST, STOPS = 5, 3
+"""Least number of outliers in sequence that are no chance, and of their stops."""
+MOST = 0.6
+"""Share of the rows before or behind a change that are outliers, at least, and of the outliers that it explains."""
+CHANGES = 3
+"""Most changes that are looked for."""
+
+
+def sudden_changes(selector: Selector) -> tuple[Accepted, ...]:
+    """Jumps that explain outliers in sequence, in a fit that keeps most of these rows; empty for none."""
+    stage = selector.bare
+    for _ in range(CHANGES):
+        found = _likeliest(stage, selector.measurement)
+        if found is None:
+            break
+        best, sequences = found
+        trial = selector.stage([*chosen_of(stage.accepted), (best.candidate, best.score.size)])
+        if trial.accepted[-1].score.delta_bic > WORTH or trial.fit.kept[sequences].mean() < MOST:
+            break
+        stage = trial
+    return stage.accepted
+
+
+def _likeliest(stage: Stage, measurement: Measurement) -> tuple[Evaluated, np.ndarray] | None:
+    """The jump that explains most of the rows of a fit and of the outliers in sequence `(n,)`; None without these."""
+    fit, time = stage.fit, measurement.state.time
+    outlying = np.zeros(len(measurement), bool)
+    outlying[fit.outliers] = True
+    if time is None or np.count_nonzero(outlying) < LEAST:
+        return None
+    stop, moments, sequences = stops(measurement), set[float](), np.zeros(len(measurement), bool)
+    for part in _parts(measurement):
+        rows = np.flatnonzero(part & ~fit.copies)
+        rows = rows[np.argsort(time[rows], kind="stable")]
+        for first, sequence in _sequences(outlying[rows]):
+            if np.count_nonzero(outlying[rows[sequence]]) >= LEAST and len(np.unique(stop[rows[sequence]])) >= STOPS:
+                moments.add(float(time[rows[first]]))
+                sequences[rows[sequence]] = True
+    sequences &= outlying
+    candidates = [
+        Candidate(msgspec.structs.replace(effect, since_s=moment), 1, float(len(time)))
+        for effect in jumps(measurement)
+        for moment in sorted(moments)
+    ]
+    if not candidates:
+        return None
+    return evaluate(LinearisedFit.of(replace(fit, kept=fit.kept | sequences)), candidates)[0], sequences
+
+
+def _parts(measurement: Measurement) -> Iterator[np.ndarray]:
+    """Masks `(n,)` of the rows on which a jump may act alone: each station, each target, and all rows."""
+    for names in (measurement.groups, measurement.target_number):
+        for name in np.unique(names).tolist():
+            yield names == name
+    yield np.ones(len(measurement), bool)
+
+
+def _sequences(outlying: np.ndarray) -> Iterator[tuple[int, slice]]:
+    """The last rows, and the first, that are outliers, with the first row behind the change; rows in order of time.
+
+    A row between them that is none counts against the others; outlying `(n,)`.
+    """
+    to_the_end, from_the_first = np.cumsum((outlying - MOST)[::-1])[::-1], np.cumsum(outlying - MOST)
+    first, end = int(np.argmax(to_the_end)), int(np.argmax(from_the_first)) + 1
+    if first and to_the_end[first] > 0.0:
+        yield first, slice(first, None)
+    if end < len(outlying) and from_the_first[end - 1] > 0.0:
+        yield end, slice(0, end)
