@@ -11,6 +11,7 @@ from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions
 
 import machines
+from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.residual import unexplained as remainder
 from calibration.diagnosis.residual.absorber import absorbed, without_support
 from calibration.diagnosis.residual.chance_level import DRAWS, Chance
@@ -182,3 +183,14 @@ def test_a_sag_beside_much_of_its_variables_that_has_no_name_is_part_of_that(wav
     found = remainder.unexplained(stage.linearised) or Unexplained(("X",), (0.3,), 0.005, 1.0, np.zeros((N, 3)))
     assert "X" in found.variables
     assert without_support(stage, found) == ([] if stands else list(stage.accepted))
+
+
+@pytest.mark.statistical
+def test_a_walk_is_not_fitted_by_a_basis_that_leaves_no_row_to_check_it():
+    """From 80 rows the evidence would choose a parameter for nearly every observation."""
+    data, rng = data_with(n=80, seed=1), np.random.default_rng(1)
+    observed = data.observed + np.cumsum(rng.normal(scale=0.012, size=(80, 3)), axis=0)
+    found = diagnose(replace(data, observed=observed, state=replace(data.state, observed=observed)))
+    assert not found.causes
+    assert found.unexplained is not None
+    assert found.unexplained.variables == ("time",)

@@ -47,7 +47,7 @@ from calibration.diagnosis.verdict import (
     smallest_sizes,
     with_changed_lines,
 )
-from calibration.fit.acceptance import disagreement, refuse_few, relative_deviations, significant_share
+from calibration.fit.acceptance import disagreement, relative_deviations, significant_share, too_few
 from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, identifiability
@@ -61,6 +61,7 @@ from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
 from kinematics.effects import Unnamed
 from kinematics.error_model.model import ErrorModel
+from kinematics.user_error import UserError
 
 GATE = 0.2
 """Chance that causes are searched for although the residuals are pure noise."""
@@ -272,14 +273,27 @@ def diagnose(
     UserError when the data are not plausible or cannot be fitted.
     """
     start = _start(measurement, calibration, variance, progress)
-    bare = start.selector.bare
     if calibration is None:
-        refuse_few(bare.fit, identifiability(bare.fit))
+        start = start._replace(selector=_determined(start.selector))
+    bare = start.selector.bare
     searched = _searched(start.selector, bare, progress)
     completed = _completed(searched, left_over, progress)
     # without a cause, before and after are one
     after = searched.before if completed.stage is bare else completed.selector.cautious(completed.stage)
     return _concluded(start, searched, completed._replace(stage=after), calibration, force=force)
+
+
+def _determined(selector: Selector) -> Selector:
+    """The selector, with the coarser bases of the search where the rows are too few for its own.
+
+    UserError where they are too few for these too.
+    """
+    coarser = selector.on(selector.base.coarser(selector.measurement, selector.progress))
+    for tried in (selector, coarser):
+        reason = too_few(tried.bare.fit, identifiability(tried.bare.fit))
+        if not reason:
+            return tried
+    raise UserError(f"{selector.measurement.source}: {reason}")
 
 
 def _searched(first: Selector, bare: Stage, progress: Callable[[str], None]) -> _Searched:

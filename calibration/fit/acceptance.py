@@ -42,29 +42,37 @@ ANYWHERE = 300
 
 
 def refuse_few(found: Fit, identified: Identifiability) -> None:
-    """UserError where the rows cannot determine the model's parameters, or no redundant row is left to check them."""
+    """UserError with the reason of `too_few`."""
+    reason = too_few(found, identified)
+    if reason:
+        raise UserError(f"{found.measurement.source}: {reason}")
+
+
+def too_few(found: Fit, identified: Identifiability) -> str:
+    """Reason why the rows cannot determine and check the model's parameters, without a full stop; else empty."""
     measurement, registered = found.measurement, len(found.registration.names)
     if identified.parameters and not identified.rank_registered:
-        raise UserError(
-            f"{measurement.source}: the rows do not show the machine's errors: no axis moves between the instrument "
-            "and its targets, or the registration absorbs every motion; measure positions at which an axis moves"
+        return (
+            "the rows do not show the machine's errors: no axis moves between the instrument and its targets, or the "
+            "registration absorbs every motion; measure positions at which an axis moves"
         )
     # the priors determine the parameters of a basis finer than cubics where the rows do not
     cubics = 4 * len(COMPONENTS) * len(moving_axes(measurement))
     unknown = registered + min(identified.parameters - identified.by_convention, cubics)
     information = _information(measurement.rows(np.flatnonzero(found.kept)))
-    checked = found.observations * (1.0 - SPARE) >= registered + identified.rank_registered
+    determined = registered + identified.rank_registered
+    checked = found.observations * (1.0 - SPARE) >= determined
     if checked and (information >= unknown or measurement.components == 1):
-        return
+        return ""
     advice = "repeat the runs, or measure more positions"
     if measurement.components > 1:
-        positions = math.ceil(unknown / (1.0 - SPARE) / measurement.components)
+        positions = math.ceil(max(unknown, determined) / (1.0 - SPARE) / measurement.components)
         advice = f"measure about {positions} positions or more, spread over the travel, or fit a smaller basis"
-    raise UserError(
-        f"{measurement.source}: {np.count_nonzero(found.kept)} rows ({found.observations} observations) are too few "
-        f"for {identified.parameters} parameters of the machine and {registered} of the registration: they determine "
-        f"{registered + identified.rank_registered} of {unknown}, and {100 * SPARE:g} % of the observations must "
-        f"remain to check them; {advice}"
+    those = unknown if determined < unknown else "them"
+    return (
+        f"{np.count_nonzero(found.kept)} rows ({found.observations} observations) are too few for "
+        f"{identified.parameters} parameters of the machine and {registered} of the registration: they determine "
+        f"{determined} of {those}, and {100 * SPARE:g} % of the observations must remain to check them; {advice}"
     )
 
 
