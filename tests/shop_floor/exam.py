@@ -101,7 +101,10 @@ def _asked(key: Key, question: Question, folder: Path, timeout: float, options: 
     after = _unseen(question, new if calibration else given, folder, timeout)
     u = None if calibration is None else _sampled_u(question, calibration, folder, timeout)
     nameable = Unseen(question.nameable().unseen_errors(after.predicted), after.predicted)
-    heldout = [diagnosis[when]["heldout_rms_um"] for when in ("before", "after")]
+    # a confirmed calibration is written as it was
+    heldout = [
+        diagnosis[when]["heldout_rms_um"] for when in ("before", "before" if diagnosis["confirmed"] else "after")
+    ]
     return {
         "named": scored.named,
         "tied": scored.tied,
