@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, BinaryIO, Literal
 from kinematics.user_error import UserError
 
 if TYPE_CHECKING:
-    from calibration.diagnosis.diagnose import Diagnosis
+    from calibration.diagnosis.result import Diagnosis
     from calibration.fit.calibrate import Calibration
     from calibration.fit.prediction import Points, Prediction
     from calibration.measurement.measurement import Measurement

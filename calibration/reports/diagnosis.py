@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from calibration.diagnosis.diagnose import LEFT, Diagnosis
 from calibration.diagnosis.improvement import Figures
 from calibration.diagnosis.residual.whiteness import Test, combined
+from calibration.diagnosis.result import LEFT, Diagnosis
 from calibration.diagnosis.verdict import Named
 from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.reports import cause_text as words

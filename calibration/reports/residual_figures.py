@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calibration.diagnosis.diagnose import Diagnosis
 from calibration.diagnosis.improvement import in_micro
 from calibration.diagnosis.residual.unexplained import in_lengths, variables
+from calibration.diagnosis.result import Diagnosis
 from calibration.observation.full_model import moving_axes
 from calibration.reports.cause_text import title
 from calibration.reports.fit import in_uncertainties

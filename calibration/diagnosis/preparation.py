@@ -1,0 +1,148 @@
+"""Preparation of a diagnosis: the checked data, the model that they are compared with, and their noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from calibration.diagnosis.linear_order import other_order
+from calibration.diagnosis.repeatability import Repeats, repeats
+from calibration.diagnosis.search import proposed_shapes
+from calibration.diagnosis.search.candidates import Untested, changes, library
+from calibration.diagnosis.search.selection import Search, Selector
+from calibration.diagnosis.search.start_model import base_of
+from calibration.fit.acceptance import too_few
+from calibration.fit.identifiability import identifiability
+from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
+from calibration.fit.set_up.target_positions import findings as target_findings
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import is_log, moving_axes
+from calibration.observation.outliers import Variance
+from calibration.plausibility.checks import Finding, usable
+from kinematics.error_model.model import ErrorModel
+from kinematics.user_error import UserError
+
+QUIET = 1e-2
+"""Least ratio of the repeats' variance to the specified variance: rounded readings repeat exactly."""
+LATE = 3.0
+"""Multiple of the duration of the data: a clock that begins later counts from midnight or another epoch."""
+CONTRADICTED, ENOUGH = 1e-3, 20
+"""p-value of the specification below which repeats replace it, and the degrees of freedom that they need."""
+
+
+class Start(NamedTuple):
+    """Start of a search for causes."""
+
+    selector: Selector
+    findings: list[Finding]
+    positions: list[TargetPosition]
+    """Positions of targets by the data."""
+    noise: Repeats | None
+    untested: list[Untested]
+
+
+def prepared(
+    measurement: Measurement,
+    calibration: ErrorModel | None,
+    variance: Variance,
+    progress: Callable[[str], None],
+) -> Start:
+    """The start of the search, without a calibration beside a model of all error motions.
+
+    UserError where the data are not plausible, cannot be fitted, or do not determine the model.
+    """
+    progress("checking the data")
+    measurement, findings, positions = _checked(measurement)
+    base = base_of(measurement, calibration, progress)
+    if base.choice is not None and (doubt := other_order(measurement, base.choice)):
+        findings.append(Finding("chain", doubt, False))
+    progress("fitting the present model")
+    candidates, untested = library(measurement, base.model)
+    if base.present is not None:
+        free = [line.name for line in base.lines]
+        candidates += [each for each in changes(base.present.model) if each.effect.name not in free]
+    # in the log of a moving axis waves are no rare causes, and larger than others
+    log = all(is_log(measurement, axis) for axis in moving_axes(measurement))
+    search = Search(proposed_shapes.proposals if log else proposed_shapes.dominant)
+    selector = Selector(measurement, base, candidates, variance, progress, search)
+    noise = repeats(measurement, selector.bare.fit.kept)
+    if variance == "sheet" and noise is not None and _contradicted(noise):
+        selector = replace(selector, measurement=_as_noisy_as(measurement, noise), bare_stages={}, recent={})
+        text = f"repeats contradict the instrument specification, its noise is taken from them: {noise.text}"
+        findings.append(Finding("noise", text, False))
+    if calibration is None:
+        selector = _determined(selector)
+    return Start(selector, findings, positions, noise, untested)
+
+
+def _determined(selector: Selector) -> Selector:
+    """The selector, with the coarser bases of the search where the rows are too few for its own.
+
+    UserError where they are too few for these too.
+    """
+    coarser = selector.on(selector.base.coarser(selector.measurement, selector.progress))
+    for tried in (selector, coarser):
+        reason = too_few(tried.bare.fit, identifiability(tried.bare.fit))
+        if not reason:
+            return tried
+    raise UserError(f"{selector.measurement.source}: {reason}")
+
+
+def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding], list[TargetPosition]]:
+    """The measurement with times from its first row, and targets at their positions by the data, which come with it.
+
+    In between the findings about it. UserError where it cannot be used.
+    """
+    findings = usable(measurement)
+    # where all rows of a target are in sequence, the search compares its offset with a knock at the instrument
+    found = [each for each in target_positions(measurement) if not each.at_once]
+    findings += target_findings(measurement, found)
+    measurement = at_positions(measurement, found)
+    measurement, late = _from_its_start(_with_station(measurement))
+    if late:
+        text = f"time_s begins at {late:.10g}: times are counted from the first row"
+        findings.append(Finding("epoch", text, False))
+    return measurement, findings, found
+
+
+def _with_station(measurement: Measurement) -> Measurement:
+    """The measurement; where it names no station of a tracker, all rows are of one, which may have been knocked."""
+    if measurement.state.station is not None or not isinstance(measurement.instrument, LaserTracker):
+        return measurement
+    return replace(measurement, state=replace(measurement.state, station=measurement.groups))
+
+
+def _from_its_start(measurement: Measurement) -> tuple[Measurement, float]:
+    """The measurement, with times from its first row where its clock counts from an epoch.
+
+    Also the time that was subtracted, s; 0 where the clock is kept.
+    """
+    time = measurement.state.time
+    if time is None or time.min() <= LATE * np.ptp(time):
+        return measurement, 0.0
+    late = float(time.min())
+    return replace(measurement, state=replace(measurement.state, time=time - late)), late
+
+
+def _contradicted(noise: Repeats) -> bool:
+    """True where repeats contradict the instrument specification.
+
+    Repeats far apart in time count only where they scatter less than specified, since drift adds scatter.
+    """
+    return (
+        (not noise.apart or noise.factor < 1.0) and noise.degrees_of_freedom >= ENOUGH and noise.p_value < CONTRADICTED
+    )
+
+
+def _as_noisy_as(measurement: Measurement, noise: Repeats) -> Measurement:
+    """The measurement with the uncertainties of its instrument scaled to the noise of the repeats."""
+    instrument = measurement.instrument
+    specified = {field: getattr(instrument, field) for field in instrument.__struct_fields__ if field.startswith("u_")}
+    factor = max(noise.factor, QUIET) ** 0.5
+    scaled = {field: value * factor for field, value in specified.items()}
+    return replace(measurement, instrument=msgspec.structs.replace(instrument, **scaled))

@@ -1,0 +1,186 @@
+"""Result of a diagnosis: the data, the fits before and after, the causes and the new calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from calibration.diagnosis.acceptance import Acceptance
+from calibration.diagnosis.conclusion import Conclusion
+from calibration.diagnosis.improvement import Figures, Volume, by_direction, figures
+from calibration.diagnosis.machine_change import MachineChange
+from calibration.diagnosis.next.ranking import ProposedMeasurement
+from calibration.diagnosis.repeatability import Repeats
+from calibration.diagnosis.residual import unexplained as unexplained_residual
+from calibration.diagnosis.residual.dependence import Unexplained
+from calibration.diagnosis.residual.distance_correlation import Dependence
+from calibration.diagnosis.residual.whiteness import Test, combined
+from calibration.diagnosis.search.candidates import Untested
+from calibration.diagnosis.search.evaluation import Evaluated
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.stage import Stage
+from calibration.diagnosis.search.start_model import Base
+from calibration.diagnosis.separability import Separability
+from calibration.diagnosis.verdict import (
+    Named,
+    NotVisible,
+    smallest_sizes,
+)
+from calibration.fit.acceptance import relative_deviations, significant_share
+from calibration.fit.curves.between_positions import BetweenPositions
+from calibration.fit.identifiability import Identifiability
+from calibration.measurement.measurement import Measurement
+from calibration.plausibility.checks import Finding
+from kinematics.effects import Unnamed
+from kinematics.error_model.model import ErrorModel
+
+LEFT = 0.01
+"""Chance that residuals of pure noise are found to depend on something."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Result of a diagnosis: the data, the fits before and after, the causes and the new calibration."""
+
+    measurement: Measurement
+    base: Base
+    before: Stage
+    """Fit of the present model; of a calibration of other data as it is."""
+    named: Stage
+    """Fit with the causes found, errors that the model lacks no part of its noise."""
+    after: Stage
+    """Fit with unnamed effects too, where these were requested and predict better; otherwise `named`."""
+    model: ErrorModel
+    """The new calibration: the machine's effects, without the instrument's; the present one where it is confirmed."""
+    findings: tuple[Finding, ...]
+    repeats: Repeats | None
+    tests: tuple[Test, ...]
+    """Whiteness tests of the residuals of the present model."""
+    tests_after: tuple[Test, ...]
+    causes: tuple[Named, ...]
+    unexplained_share: float
+    """Squares of the residuals with all causes, as a share of those without any; reference as of the causes' shares."""
+    not_visible: tuple[NotVisible, ...]
+    untested: tuple[Untested, ...]
+    identifiability: Identifiability | None
+    """Identifiability of the error motions; None where a calibration of other data is the prior knowledge."""
+    unexplained: Unexplained | None
+    """Dependence that no cause explains, also where unnamed effects were added for it."""
+    unnamed: str
+    """Result of the request to add unnamed effects; empty without a request, or with nothing to add."""
+    evaluated: tuple[Evaluated, ...]
+    """All candidates, evaluated on the linearised fit of the result, the best first."""
+    closure: float | None
+    """Share of the residual beyond the noise that no rigid chain can explain; None where the data are too few."""
+    volume: Volume
+    proposed_measurements: tuple[ProposedMeasurement, ...]
+    """Proposed measurements: first for an unexplained dependence, then by predicted information per minute."""
+    acceptance: Acceptance
+    """Comparison with no correction and with the present model on held-out blocks."""
+    design: tuple[Separability, ...]
+    """Causes that the design of these data can show and separate, without the readings."""
+    between_positions: tuple[BetweenPositions, ...]
+    """Uncertainty between the positions of each axis that was measured at few."""
+    machine_change: MachineChange | None
+    """Change of the machine since its present calibration; None without one of other data."""
+
+    @property
+    def reason(self) -> str:
+        """Reason why the new calibration must not be used; empty if it may."""
+        return self.acceptance.reason
+
+    @property
+    def accepted(self) -> bool:
+        """True where the new calibration may be used."""
+        return not self.reason
+
+    @cached_property
+    def significant_share(self) -> float:
+        """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
+        kept = self.after.fit.measurement.rows(np.flatnonzero(self.after.fit.kept))
+        return significant_share(relative_deviations(self.model, kept))
+
+    @property
+    def with_unnamed(self) -> bool:
+        """True where the new model has unnamed effects."""
+        return any(isinstance(each.candidate.effect, Unnamed) for each in self.after.accepted)
+
+    @property
+    def unexplained_um(self) -> float:
+        """RMS, um per scalar (rotary axes: urad), of the dependence that no cause explains; 0 without one."""
+        if self.unexplained is None:
+            return 0.0
+        return unexplained_residual.shared_rms(self.named.linearised, self.unexplained)
+
+    @cached_property
+    def one_by_one(self) -> list[Dependence]:
+        """Dependence of the residuals on each variable alone; empty where `unexplained` is None."""
+        return [] if self.unexplained is None else unexplained_residual.one_by_one(self.named.linearised)
+
+    @cached_property
+    def figures(self) -> tuple[Figures, Figures]:
+        """Residuals before and after, of the same rows."""
+        return figures(self.before, self._same_rows), figures(self.after, self._same_rows)
+
+    @property
+    def by_direction(self) -> dict[str, dict[str, float]]:
+        """RMS residual, um, before and after, of the same rows, by direction (interferometer: by axis)."""
+        rows = self._same_rows
+        return {"before": by_direction(self.before, rows), "after": by_direction(self.after, rows)}
+
+    @property
+    def held_out_name(self) -> str:
+        """Name of the held-out blocks, plural."""
+        return self.after.linearised.held_out[1]
+
+    @property
+    def _same_rows(self) -> np.ndarray:
+        """Mask `(n,)` of the rows that both fits kept."""
+        return np.asarray(self.before.fit.kept & self.after.fit.kept)
+
+    @property
+    def smallest(self) -> list[tuple[str, float, str]]:
+        """Name, size and unit of the smallest effects of one parameter that these data would show."""
+        return list(smallest_sizes(self.evaluated, self.after.linearised.scalars))
+
+    @property
+    def next_measurement(self) -> str:
+        """Recommended next measurement, as text for the workshop."""
+        if self.proposed_measurements and self.conclusion.condition != "not noise":
+            return self.proposed_measurements[0].text
+        return self.conclusion.advice
+
+    @cached_property
+    def conclusion(self) -> Conclusion:
+        """The figures that decide on success, and the sentences that they permit."""
+        fit, left = self.after.fit, self.unexplained
+        return Conclusion(
+            tuple(cause.verdict for cause in self.causes),
+            tuple(combined(self.tests_after, LEFT)),
+            bool(self.tests_after),
+            ""
+            if left is None
+            else f"{self.unexplained_um:.2f} um depend on {', '.join(left.variables)} (p = {left.p_value:.2g})",
+            self.with_unnamed,
+            self.acceptance.objection,
+            fit.failed,
+            fit.chi2_reduced,
+            fit.variance_factor == 1.0,
+            fit.degrees_of_freedom,
+            "the present model" if self.base.present is None else "the present calibration, updated by these data,",
+        )
+
+    @property
+    def noise_um(self) -> float:
+        """RMS, um per scalar (rotary axes: urad), that residuals of pure noise would have."""
+        return _noise_um(self.after.linearised)
+
+
+def _noise_um(linearised: LinearisedFit) -> float:
+    spread = (
+        np.linalg.inv(linearised.white)[linearised.good]
+        * linearised.measurement.per_micro[linearised.rows][linearised.good, None]
+    )
+    return float(np.sqrt(np.sum(spread**2) / spread[:, :, 0].size))
