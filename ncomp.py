@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from calibration.diagnosis.result import Diagnosis
     from calibration.fit.calibrate import Calibration
     from calibration.fit.prediction import Points, Prediction
+    from calibration.fit.together import Together
     from calibration.measurement.measurement import Measurement
     from calibration.measurement.plan import Choices, Plan
     from calibration.on_the_fly.along_path import OnTheFly
@@ -369,6 +370,43 @@ def fit(
         basis=basis,
         margin=MARGIN if moving else 0,
         effects=[*read_effects(texts, data.machine), *others, *reversals(data, reversal)],
+        variance=noise,
+        prior_scale=prior_scale,
+        hold_out=hold_out,
+        valid_days=valid_days,
+        force=force,
+        progress=progress,
+    )
+
+
+def fit_together(
+    measurements: Sequence[Measurement],
+    *,
+    basis: str = "auto",
+    effects: Sequence[str | Effect] = (),
+    noise: Literal["sheet", "estimate"] = "sheet",
+    prior_scale: float | None = None,
+    hold_out: bool = True,
+    valid_days: float | None = None,
+    force: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Together:
+    """Fit the errors of a machine to measurements by several instruments, each with its own registration.
+
+    Arguments as for `fit`. `parts` of the result has each measurement alone, with the others and predicted by them.
+
+    UserError for too few data; `calibration.fit.together.TogetherNotAccepted`, a UserError with the result in `found`,
+    where the calibration is no improvement for one of the measurements.
+    """
+    from calibration.fit.together import calibrate_together
+    from calibration.simulation.effect_text import read_effects
+
+    texts = [effect for effect in effects if isinstance(effect, str)]
+    others = [effect for effect in effects if not isinstance(effect, str)]
+    return calibrate_together(
+        measurements,
+        basis=basis,
+        effects=[*read_effects(texts, measurements[0].machine), *others],
         variance=noise,
         prior_scale=prior_scale,
         hold_out=hold_out,

@@ -18,7 +18,7 @@ import numpy as np
 
 import machines
 from calibration.evaluation.volumetric import aligned, deviation_on
-from calibration.fit.basis_selection import choose
+from calibration.fit.bases.selection import choose
 from calibration.fit.fit import Fit, fit
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target

@@ -27,7 +27,8 @@ SIEMENS = "G71 G90 G54\nG0 X=100 Y100 Z100\nG1 X200 F500\nM30\n"
 REFUSED = "G21 G90 G54\nG0 X1. Y1. Z1.\nG31 X5.\nM30\n"
 LONG = PROGRAM.replace("M30", "X100.\nX200.\n" * 40_000 + "M30")
 GANTRY = ("--machine", "gantry", "--calibration", "cal.json", "--set-up-zero")
-RUN = "from postproc.cli import run; run()"
+# a process that a shell started in the background ignores SIGINT, and so do its children
+RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from postproc.cli import run; run()"
 FOLDER = {"a.nc": PROGRAM, "sub/b.h": KLARTEXT, "sub/deep/C.MPF": SIEMENS, "sub/bad.nc": REFUSED, "notes.txt": "x"}
 
 

@@ -22,7 +22,7 @@ from calibration.diagnosis.verdict import Named, below_spacing
 from calibration.fit.fit import fit
 from calibration.measurement.instruments import Part
 from calibration.observation.full_model import BasisChoice, rigid_model
-from calibration.reports.cause_text import title
+from calibration.reports.causes.text import title
 from calibration.simulation.simulate import observe, tracker_pose
 from kinematics.basis import Legendre
 from kinematics.effects import (

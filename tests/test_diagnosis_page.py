@@ -21,9 +21,9 @@ from calibration.diagnosis.separability import Separability
 from calibration.fit.fit import fit
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation import equations
-from calibration.reports.cause_figures import cause_figure
-from calibration.reports.cause_text import in_full, quantity_name, with_uncertainty
-from calibration.reports.cause_views import VIEWS, views
+from calibration.reports.causes.figures import cause_figure
+from calibration.reports.causes.text import in_full, quantity_name, with_uncertainty
+from calibration.reports.causes.views import VIEWS, views
 from calibration.reports.diagnosis import diagnosis_json, diagnosis_report
 from calibration.reports.separability import separability_section
 from kinematics.effects import (

@@ -10,7 +10,7 @@ from support.virtual_measurements import COLLINEAR, EXACT, MONTAVON, ONE, THREE,
 
 import machines
 from calibration.fit import cross_validation
-from calibration.fit.basis_selection import choose
+from calibration.fit.bases.selection import choose
 from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import cross_validate
 from calibration.fit.datum import gauge, null_space, to_datum

@@ -9,7 +9,7 @@ from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
 from calibration.diagnosis.linear_order import other_order
-from calibration.fit.basis_search import Choice
+from calibration.fit.bases.search import Choice
 from calibration.observation.full_model import BasisChoice
 from kinematics.effects import Backlash, CrossAxis
 

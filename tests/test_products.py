@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
-from calibration.fit.basis_search import Choice
-from calibration.fit.basis_selection import LinearEvidence
+from calibration.fit.bases.search import Choice
+from calibration.fit.bases.selection import LinearEvidence
 from calibration.fit.fit import fit
 from calibration.fit.problem import solution
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise

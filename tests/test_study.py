@@ -21,7 +21,7 @@ import machines
 from calibration.design.equations import Sample
 from calibration.design.random_machines import TrueModels
 from calibration.evaluation.volumetric import deviation_on, volumetric_error_um
-from calibration.fit.basis_search import Choice
+from calibration.fit.bases.search import Choice
 from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import cross_validate
 from calibration.fit.fit import fit

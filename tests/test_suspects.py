@@ -10,7 +10,7 @@ import pytest
 from support.virtual_measurements import THREE, measured, pose_of, positions, truth
 
 import machines
-from calibration.fit.basis_selection import choose
+from calibration.fit.bases.selection import choose
 from calibration.fit.fit import fit
 from calibration.fit.residual_tests import dependences
 from calibration.measurement.file import write_measurement

@@ -12,8 +12,8 @@ import numpy as np
 from calibration.design.equations import OTHER_EFFECTS, Columns, Sample
 from calibration.design.held_out_lines import HeldOutLines
 from calibration.design.solver import Fits
-from calibration.fit import basis_search
-from calibration.fit.basis_search import Choice, Evidence, Search, Unexplained
+from calibration.fit.bases import search as basis_search
+from calibration.fit.bases.search import Choice, Evidence, Search, Unexplained
 from calibration.fit.linear import Part
 from calibration.observation.full_model import BasisChoice
 from kinematics.transforms import Array

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.fit.basis_search import Choice
+from calibration.fit.bases.search import Choice
 from calibration.fit.cross_validation import CrossValidation, Gains, predicted_by_others
 from calibration.fit.fit import Fit, fit
 from calibration.measurement.measurement import Measurement

@@ -17,7 +17,7 @@ from calibration.fit.acceptance import (
     relative_deviations,
     significant_share,
 )
-from calibration.fit.basis_search import AUTO, Choice
+from calibration.fit.bases.search import AUTO, Choice
 from calibration.fit.cross_validation import CrossValidation, cross_validate
 from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
 from calibration.fit.datum import to_datum
@@ -175,12 +175,20 @@ def in_datum(found: Fit) -> ErrorModel:
 
 def _written(found: Fit, valid_days: float | None) -> ErrorModel:
     """The fitted model in the datum, with its location errors and its provenance."""
-    provenance = Provenance(
+    source = f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}"
+    return msgspec.structs.replace(in_datum(found), provenance=provenance([found.measurement], source, valid_days))
+
+
+def provenance(measurements: Sequence[Measurement], source: str, valid_days: float | None) -> Provenance:
+    """Provenance of a calibration from measurements; source: the fit in words."""
+    known = [name for each in measurements for name in each.temperatures]
+    ranges = {name: [each.temperatures[name] for each in measurements if name in each.temperatures] for name in known}
+    temperatures = {name: (min(low for low, _ in own), max(high for _, high in own)) for name, own in ranges.items()}
+    return Provenance(
         made_by=f"ncomp {VERSION}",
         made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
-        source=f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}",
-        inputs={found.measurement.source: found.measurement.fingerprint},
+        source=source,
+        inputs={each.source: each.fingerprint for each in measurements},
         valid_days=msgspec.UNSET if valid_days is None else valid_days,
-        temperatures_degC=found.measurement.temperatures or msgspec.UNSET,
+        temperatures_degC=temperatures or msgspec.UNSET,
     )
-    return msgspec.structs.replace(in_datum(found), provenance=provenance)

@@ -75,3 +75,8 @@ class TouchProbe(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fi
 
 
 Instrument = LaserTracker | Interferometer | Part | TouchProbe
+
+
+def kind_of(instrument: Instrument) -> str:
+    """Kind of an instrument, as in the header of a measurement file: `laser-tracker`."""
+    return str(type(instrument).__struct_config__.tag)

@@ -22,6 +22,13 @@ from kinematics.user_error import UserError
 
 UNNAMED = "1"
 """Station and run if the file names none."""
+ALIKE: Mapping[str, Callable[[Measurement], object]] = {
+    "the machine": lambda measurement: measurement.machine,
+    "the instrument or its uncertainties": lambda measurement: measurement.instrument,
+    "stands_on": lambda measurement: measurement.stands_on,
+    "the zero of the part": lambda measurement: measurement.part_zero,
+}
+"""Quantities, by name, in which files of one measurement agree."""
 
 
 def joined(measurements: Sequence[Measurement]) -> Measurement:
@@ -60,17 +67,23 @@ def joined(measurements: Sequence[Measurement]) -> Measurement:
     )
 
 
+def by_instrument(measurements: Sequence[Measurement]) -> list[Measurement]:
+    """The measurements, those by the same instrument as one; UserError where a file is given twice."""
+    groups: list[list[Measurement]] = []
+    for each in measurements:
+        same = next((group for group in groups if all(of(each) == of(group[0]) for of in ALIKE.values())), None)
+        if same is None:
+            groups.append([each])
+        else:
+            same.append(each)
+    return [joined(group) for group in groups]
+
+
 def _check_alike(measurements: Sequence[Measurement]) -> None:
     """UserError unless machine, instrument and frame are the same, and no file is given twice."""
     first = measurements[0]
-    alike: Mapping[str, Callable[[Measurement], object]] = {
-        "the machine": lambda m: m.machine,
-        "the instrument or its uncertainties": lambda m: m.instrument,
-        "stands_on": lambda m: m.stands_on,
-        "the zero of the part": lambda m: m.part_zero,
-    }
     for number, m in enumerate(measurements):
-        for quantity, of in alike.items():
+        for quantity, of in ALIKE.items():
             if of(m) != of(first):
                 raise UserError(f"{first.source} and {m.source} differ in {quantity}: they cannot be combined")
         for other in measurements[:number]:

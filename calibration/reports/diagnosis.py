@@ -13,9 +13,9 @@ from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.result import LEFT, Diagnosis
 from calibration.diagnosis.verdict import Named
 from calibration.fit.set_up.run_zeros import run_zeros
-from calibration.reports import cause_text as words
-from calibration.reports.cause_figures import cause_figure
-from calibration.reports.cause_views import views
+from calibration.reports.causes import text as words
+from calibration.reports.causes.figures import cause_figure
+from calibration.reports.causes.views import views
 from calibration.reports.fit import acceptance, between_positions, held_out_json, insignificant
 from calibration.reports.machine_change import change_sections, change_sentences, machine_change_json
 from calibration.reports.residual_figures import against_noise, before_and_after, share_chart, unexplained_shape

@@ -14,13 +14,14 @@ from calibration.fit.cross_validation import CrossValidation
 from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.datum import error_motions
 from calibration.fit.fit import Fit
-from calibration.fit.identifiability import Unidentifiable
+from calibration.fit.identifiability import Identifiability, Unidentifiable
 from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.observation.equations import covariance
 from calibration.on_the_fly.along_path import OnTheFly
 from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
 from calibration.reports.run_zeros import zeros_section
 from kinematics.effects import Effect, ErrorMotion, LocationError
+from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, against_normal, band, dots, some
 from rendering.report import Report, Section, Table, facts
@@ -59,16 +60,8 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         "noise_factor": fitted.variance_factor**0.5,
         "estimated_noise": None if measurement.noise is None else measurement.noise.json(),
         "n_observations": fitted.observations,
-        "n_parameters": identified.parameters,
         "effective_parameters": fitted.effective_parameters,
-        "rank": identified.rank,
-        "rank_registered": identified.rank_registered,
-        "by_convention": identified.by_convention,
-        "not_visible": identified.not_visible,
-        "blind": [
-            {"effects": list(b.effects), "directions": b.directions, "reason": b.reason, "remedy": b.remedy}
-            for b in identified.unidentifiable
-        ],
+        **identifiability_json(identified),
         "basis": {axis: str(choice) for axis, choice in found.choice.bases.items()},
         "prior_scale": found.choice.prior_scale,
         "log_evidence": fitted.log_evidence,
@@ -83,14 +76,7 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         "targets": [each.json() for each in found.targets],
         "zeros": [zero.json() for zero in run_zeros(fitted)],
         "sanity": [{"what": finding.check, "says": finding.message} for finding in found.findings],
-        "locations": {
-            e.name: {"value_urad" if e.angular else "value_um": e.value, "u": e.uncertainties[0]}
-            for e in _locations(found)
-        },
-        "effects": [
-            {"name": e.name, "parameters": e.by_key(e.parameters), "u": e.by_key(e.uncertainties)}
-            for e in besides(found.model.effects)
-        ],
+        **parameters_json(found.model),
         "calibration": found.model.id,
     } | ({} if taken is None else {"on_the_fly": _moving_json(found, taken)})
 
@@ -188,8 +174,9 @@ def besides(effects: Iterable[Effect]) -> list[Effect]:
     return [effect for effect in effects if not isinstance(effect, (ErrorMotion, LocationError))]
 
 
-def _locations(found: Calibration) -> list[LocationError]:
-    return [effect for effect in found.model.effects if isinstance(effect, LocationError)]
+def location_errors(model: ErrorModel) -> list[LocationError]:
+    """The location errors of a calibration."""
+    return [effect for effect in model.effects if isinstance(effect, LocationError)]
 
 
 def _verdict(fitted: Fit) -> Iterator[str]:
@@ -221,7 +208,24 @@ def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
     fitted = found.fit
     yield facts("Data and model", list(_facts(found, taken)))
     yield residuals((found.before_rms_um, found.before_max_um), fitted, found.cross_validation)
-    if locations := _locations(found):
+    yield from parameters(found.model)
+    yield error_motion_figures(found.model)
+    text = "Residuals in standard uncertainties; the curve is the distribution of noise alone."
+    yield Section("Unexplained residual", text, figure=partial(_distribution, fitted))
+    text = "A residual of noise alone has no shape. Lines: twice the standard uncertainty of an observation."
+    yield Section("Unexplained residual along each axis", text, figure=partial(_along_axes, fitted))
+    yield from hidden_section(found.identifiability)
+    yield from zeros_section(fitted)
+    if left_out := list(_left_out(fitted)):
+        yield Section(
+            "Rows that disagree, or repeat",
+            table=Table(("rows", "reason", "deviation from the other rows, um"), left_out),
+        )
+
+
+def parameters(model: ErrorModel) -> Iterator[Section]:
+    """Location errors and other effects of a calibration, with their uncertainties; its error motions are figures."""
+    if locations := location_errors(model):
         rows = [
             (e.name, f"{e.value:.2f}", f"{2 * e.uncertainties[0]:.2f}", "urad" if e.angular else "um")
             for e in locations
@@ -229,26 +233,53 @@ def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
         yield Section("Location errors", RIGHT_HANDED, Table(("", "value", "U (k=2)", ""), rows))
     others = [
         (effect.name, parameter.name, f"{value:.3f}", f"{2 * u:.3f}", parameter.unit)
-        for effect in besides(found.model.effects)
+        for effect in besides(model.effects)
         for parameter, value, u in zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
     ]
     if others:
         yield Section("Other effects", table=Table(("", "", "value", "U (k=2)", ""), others))
+
+
+def parameters_json(model: ErrorModel) -> dict[str, Any]:
+    """The same for programs."""
+    return {
+        "locations": {
+            e.name: {"value_urad" if e.angular else "value_um": e.value, "u": e.uncertainties[0]}
+            for e in location_errors(model)
+        },
+        "effects": [
+            {"name": e.name, "parameters": e.by_key(e.parameters), "u": e.by_key(e.uncertainties)}
+            for e in besides(model.effects)
+        ],
+    }
+
+
+def identifiability_json(identified: Identifiability) -> dict[str, Any]:
+    """Ranks of a fit and its unidentifiable effects, for programs."""
+    return {
+        "n_parameters": identified.parameters,
+        "rank": identified.rank,
+        "rank_registered": identified.rank_registered,
+        "by_convention": identified.by_convention,
+        "not_visible": identified.not_visible,
+        "blind": [
+            {"effects": list(b.effects), "directions": b.directions, "reason": b.reason, "remedy": b.remedy}
+            for b in identified.unidentifiable
+        ],
+    }
+
+
+def error_motion_figures(model: ErrorModel) -> Section:
+    """The error motions of a calibration with their uncertainties."""
     text = "Means and slopes that belong to location errors are removed. Band: U (k=2)."
-    yield Section("Error motions", text, figure=partial(_motions, found))
-    text = "Residuals in standard uncertainties; the curve is the distribution of noise alone."
-    yield Section("Unexplained residual", text, figure=partial(_distribution, fitted))
-    text = "A residual of noise alone has no shape. Lines: twice the standard uncertainty of an observation."
-    yield Section("Unexplained residual along each axis", text, figure=partial(_along_axes, fitted))
-    if hidden := unidentifiable(found.identifiability.unidentifiable):
+    return Section("Error motions", text, figure=partial(_motions, model))
+
+
+def hidden_section(identified: Identifiability) -> Iterator[Section]:
+    """The effects that the data do not show, with the measurement that would; nothing where they show all."""
+    if hidden := unidentifiable(identified.unidentifiable):
         head = ("effect", "reason", "measurement that would show it")
         yield Section("Unidentifiable effects", "NOT VISIBLE in these data.", Table(head, hidden))
-    yield from zeros_section(fitted)
-    if left_out := list(_left_out(fitted)):
-        yield Section(
-            "Rows that disagree, or repeat",
-            table=Table(("rows", "reason", "deviation from the other rows, um"), left_out),
-        )
 
 
 def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, str]]:
@@ -301,11 +332,11 @@ def _left_out(fitted: Fit) -> Iterator[Sequence[str]]:
         yield f"station {station}", "most of its rows disagree with all others", ""
 
 
-def _motions(found: Calibration, canvas: Figure) -> None:
+def _motions(model: ErrorModel, canvas: Figure) -> None:
     """The error motions with their uncertainties, one row per axis."""
-    whole = np.array(found.model.covariance)
+    whole = np.array(model.covariance)
     by_axis: dict[str, list[tuple[ErrorMotion, Array]]] = {}
-    for effect, part in error_motions(found.model):
+    for effect, part in error_motions(model):
         by_axis.setdefault(effect.axis, []).append((effect, whole[part, part]))
     across = max(len(motions) for motions in by_axis.values())
     canvas.set_size_inches(1.9 * max(across, 2), 1.7 * len(by_axis))

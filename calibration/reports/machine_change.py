@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from calibration.diagnosis.machine_change import MachineChange
-from calibration.reports import cause_text as words
+from calibration.reports.causes import text as words
 from kinematics.effects import LocationError, Scale
 from rendering.report import Section, Table, shortened
 

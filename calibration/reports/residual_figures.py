@@ -11,7 +11,7 @@ from calibration.diagnosis.improvement import in_micro
 from calibration.diagnosis.residual.unexplained import in_lengths, variables
 from calibration.diagnosis.result import Diagnosis
 from calibration.observation.full_model import moving_axes
-from calibration.reports.cause_text import title
+from calibration.reports.causes.text import title
 from calibration.reports.fit import in_uncertainties
 from kinematics.state import REFERENCE
 from kinematics.transforms import Array

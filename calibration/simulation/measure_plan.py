@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, Part, TouchProbe
+from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, Part, TouchProbe, kind_of
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.plan import Plan
 from calibration.measurement.touch_probe import TIP
@@ -189,7 +189,7 @@ def _stationed(
     """The measured states, once for each station, the poses of a tracker at its stations, and notes."""
     if not isinstance(virtual.instrument, LaserTracker):
         if virtual.trackers:
-            raise UserError(f"--tracker is no option of --instrument {type(virtual.instrument).__struct_config__.tag}")
+            raise UserError(f"--tracker is no option of --instrument {kind_of(virtual.instrument)}")
         return plan.state, None, ()
     poses, notes = tracker_poses(plan.machine, plan.positions, virtual.trackers, rng)
     return at_stations(plan.state, list(poses), SETUP_S), poses, notes

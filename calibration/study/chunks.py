@@ -12,7 +12,7 @@ from calibration.design.equations import Columns, Sample, sample
 from calibration.design.held_out_lines import HeldOutLines
 from calibration.design.layout import Setup
 from calibration.design.solver import Fits
-from calibration.fit.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Search
+from calibration.fit.bases.search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Search
 from calibration.fit.linear import Part
 from calibration.observation.full_model import moving_axes, stated_bases
 from calibration.study.cases import Case

@@ -34,6 +34,7 @@ from kinematics.basis import BSpline
 from kinematics.effects import (
     Component,
     Cyclic,
+    Effect,
     ErrorMotion,
     GrowthWithDuty,
     GrowthWithSensor,
@@ -74,7 +75,7 @@ LEAST_ROWS = 8
 def events(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:
     """Candidates of the library with moments and fixed points proposed from the residual of a linearised fit."""
     some = linearised.thinned(SCANNED)
-    yield from breaks(some)
+    yield from breaks(some, linearised)
     yield from fixed_points(some, library)
     yield from reversals(some)
 
@@ -85,7 +86,7 @@ def dominant(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterato
     Causes of the library would imitate such a shape one after the other.
     """
     some = linearised.thinned(SCANNED)
-    yield from events(some, library)
+    yield from events(linearised, library)
     beyond = some.squares - some.degrees_of_freedom
     if beyond < some.degrees_of_freedom:
         return
@@ -98,7 +99,7 @@ def dominant(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterato
 def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:
     """Candidates with shapes proposed from the residual of a linearised fit, in addition to those of the library."""
     some = linearised.thinned(SCANNED)
-    yield from events(some, library)
+    yield from events(linearised, library)
     yield from finer(some)
     yield from steps(some, linearised)
     yield from waves(some)
@@ -270,39 +271,56 @@ def reversals(linearised: LinearisedFit) -> Iterator[Candidate]:
             yield Candidate(Reversal(motion.component, motion.axis, motion.basis, zero))
 
 
-def breaks(linearised: LinearisedFit) -> Iterator[Candidate]:
+def breaks(linearised: LinearisedFit, whole: LinearisedFit | None = None) -> Iterator[Candidate]:
     """Jumps, each at its likeliest moment, the change point at which it explains most, and after its likeliest pause.
 
-    There are fewer pauses than moments, so that the same gain is the better evidence after a pause.
+    There are fewer pauses than moments, so that the same gain is the better evidence after a pause. The moment is
+    refined on `whole`, the fit of all rows, between the rows beside it.
     """
     measurement = linearised.measurement
     if measurement.state.time is None:
         return
-    time = measurement.state.time[linearised.rows]
     after_pauses = measurement.state.time[pauses(measurement)]
-    spanned = linearised.spanned.reshape(len(time), -1, linearised.spanned.shape[1])
-    residual = linearised.residual.reshape(len(time), -1)
     for effect in jumps(measurement):
-        columns = linearised.columns(effect).reshape(len(time), residual.shape[1], -1)
-        own = np.flatnonzero(columns.any(axis=(1, 2)))
-        moments = np.unique(time[own])
+        moments, gains = _change_points(linearised, effect)
         if len(moments) < 3 * LEAST_ROWS:
             continue
-        order = own[np.argsort(time[own], kind="stable")]
-        starts = np.searchsorted(time[order], moments)
-        here = columns[order]
-        # sums over all rows from each moment on
-        along = _from_each(np.einsum("ndk,nd->nk", here, residual[order]), starts)
-        squares = _from_each(np.einsum("ndk,ndl->nkl", here, here), starts)
-        through = _from_each(np.einsum("ndq,ndk->nqk", spanned[order], here), starts)
-        schur = squares - np.swapaxes(through, 1, 2) @ through + np.eye(here.shape[2]) / GENEROUS**2
-        gains = np.einsum("nk,nk->n", along, np.linalg.solve(schur, along[:, :, None])[:, :, 0])
         inside = slice(LEAST_ROWS, len(moments) - LEAST_ROWS)
         paused = np.isin(moments[inside], after_pauses)
         for possible, trials in ((np.ones(len(paused), bool), len(moments)), (paused, np.count_nonzero(paused))):
             if possible.any():
-                since = float(moments[inside][np.argmax(np.where(possible, gains[inside], -np.inf))])
+                best = LEAST_ROWS + int(np.argmax(np.where(possible, gains[inside], -np.inf)))
+                since = float(moments[best])
+                if whole is not None and len(whole.rows) > len(linearised.rows):
+                    since = _refined_moment(whole, effect, (moments[best - 1], moments[best + 1]))
                 yield Candidate(msgspec.structs.replace(effect, since_s=since), 1, float(trials))
+
+
+def _refined_moment(whole: LinearisedFit, effect: Effect, between: tuple[float, float]) -> float:
+    """The moment, between two others, at which a jump explains most of the residual of a fit."""
+    moments, gains = _change_points(whole, effect)
+    return float(moments[np.argmax(np.where((moments > between[0]) & (moments < between[1]), gains, -np.inf))])
+
+
+def _change_points(linearised: LinearisedFit, effect: Effect) -> tuple[Array, Array]:
+    """Moments `(m,)`, s, of the rows on which a jump acts, and its gains `(m,)` if it begins at each of them."""
+    time = linearised.measurement.state.need("time", effect.name)[linearised.rows]
+    spanned = linearised.spanned.reshape(len(time), -1, linearised.spanned.shape[1])
+    residual = linearised.residual.reshape(len(time), -1)
+    columns = linearised.columns(effect).reshape(len(time), residual.shape[1], -1)
+    own = np.flatnonzero(columns.any(axis=(1, 2)))
+    moments = np.unique(time[own])
+    if not len(moments):
+        return moments, np.zeros(0)
+    order = own[np.argsort(time[own], kind="stable")]
+    starts = np.searchsorted(time[order], moments)
+    here = columns[order]
+    # sums over all rows from each moment on
+    along = _from_each(np.einsum("ndk,nd->nk", here, residual[order]), starts)
+    squares = _from_each(np.einsum("ndk,ndl->nkl", here, here), starts)
+    through = _from_each(np.einsum("ndq,ndk->nqk", spanned[order], here), starts)
+    schur = squares - np.swapaxes(through, 1, 2) @ through + np.eye(here.shape[2]) / GENEROUS**2
+    return moments, np.einsum("nk,nk->n", along, np.linalg.solve(schur, along[:, :, None])[:, :, 0])
 
 
 def _from_each(values: Array, starts: np.ndarray) -> Array:

@@ -21,8 +21,8 @@ from calibration.diagnosis.search import refinement
 from calibration.diagnosis.search.candidates import Candidate, at_zero, changes, library
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.refinement import GENEROUS, Refinement
-from calibration.fit.basis_search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
-from calibration.fit.basis_selection import choose
+from calibration.fit.bases.search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
+from calibration.fit.bases.selection import choose
 from calibration.fit.curves.between_positions import as_table
 from calibration.fit.fit import Fit, Progress, fit
 from calibration.fit.noise import with_estimated_noise, with_noise_of_visits

@@ -12,8 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from calibration.fit.basis_search import AUTO, AUTOMATIC_KINDS, FINEST, ROTARY_KIND, Choice
-from calibration.fit.basis_selection import choose, finer
+from calibration.fit.bases.search import AUTO, AUTOMATIC_KINDS, FINEST, ROTARY_KIND, Choice
+from calibration.fit.bases.selection import choose, finer
 from calibration.fit.cross_validation import cross_validate, diagonals
 from calibration.fit.fit import Fit, Progress, fit
 from calibration.fit.noise import with_estimated_noise

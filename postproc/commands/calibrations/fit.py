@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import ncomp
+from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, argument, option
 from postproc.commands.options.measurement import DataOptions, Force, Noise
 from postproc.commands.options.path import OnTheFlyOptions, read_path
@@ -19,8 +20,14 @@ from postproc.commands.options.shared import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from calibration.measurement.measurement import Measurement
     from calibration.on_the_fly.along_path import OnTheFly
+    from kinematics.error_model.model import ErrorModel
+    from rendering.report import Report
+
+    Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +64,7 @@ EPILOG = (
     "tracker's stream\n\n"
     "`ncomp fit points.csv --machine cframe --path path.nc --reversal constant -o cal.json`  fits "
     "data taken on the fly\n\n"
+    "`ncomp fit spheres.csv lengths.csv --machine dmu50 -o cal.json`  fits data of several instruments together\n\n"
     "`ncomp fit plate.txt --machine cframe --header u_um=2.3 --noise estimate -o cal.json`  reads a CMM's table\n\n"
     "`ncomp fit tracker.csv --machine gantry --valid-days 90 -o gantry.json`  makes a calibration that "
     "is refused after 90 days\n\n"
@@ -66,7 +74,7 @@ EPILOG = (
 
 def fit(
     *,
-    data: Path = argument("Measurement file.", "DATA.csv"),
+    data: tuple[Path, ...] = argument("Measurement files, of one instrument or of several.", "DATA.csv..."),
     machine: MachineName,
     output: Path = option("File for the calibration.", "CAL.json", "-o", default=REQUIRED),
     model: FitOptions,
@@ -78,35 +86,71 @@ def fit(
     """Fit the machine's errors to measured points, with uncertainties, and list the errors that the points cannot show.
 
     Error motions of all axes that move, the instrument's position and outliers are found jointly. Errors that the data
-    do not determine are listed by name and keep their prior uncertainty.
+    do not determine are listed by name and keep their prior uncertainty. Files of several instruments are fitted
+    together: each has its own registration and is also predicted by the others.
     """
     from calibration.fit.beyond_measured import calibration_file
-    from calibration.fit.calibrate import NotAccepted
-    from calibration.reports.fit import fit_json, fit_report
     from postproc.commands.show.terminal import console, show
 
-    check_files((data, form.plan, moving.path), {"--output": output, **others.by_option})
+    check_files((*data, form.plan, moving.path), {"--output": output, **others.by_option})
     moving.check(form, set_up)
+    if moving.path is not None and len(data) > 1:
+        raise UserError("--path needs one measurement file: several cannot be along one path")
     found_machine = ncomp.load_machine(machine)
-    measured: Measurement | OnTheFly
-    if moving.path is None:
-        measured = form.read([data], found_machine)
-    else:
-        nominal = read_path(moving.path, found_machine, set_up.setup(found_machine), set_up.dialect)
-        measured = moving.read(data, nominal, form)
-    refusal = None
+    command = f"ncomp fit {' '.join(map(str, data))} --machine {machine} --basis {model.basis} --noise {model.noise}"
     with console.status("reading") as status:
-        try:
-            found = ncomp.fit(measured, reversal=moving.reversal, progress=status.update, **vars(model))
-        except NotAccepted as refused:
-            refusal, found = refused, refused.found
-    taken = None if moving.path is None else cast("OnTheFly", measured)
-    command = f"ncomp fit {data} --machine {machine} --basis {model.basis} --noise {model.noise}"
-    report = fit_report(found, taken, command)
-    with whole_results(*others.files, None if refusal else str(output)) as (results, page, file):
-        if refusal is None:
+        if moving.path is None:
+            measured: Sequence[Measurement | OnTheFly] = form.by_instrument(data, found_machine)
+        else:
+            nominal = read_path(moving.path, found_machine, set_up.setup(found_machine), set_up.dialect)
+            measured = [moving.read(data[0], nominal, form)]
+        fitted = _of_one if len(measured) == 1 else _of_several
+        found = fitted(measured, model, moving.reversal, command, status.update)
+    with whole_results(*others.files, None if found.refusal else str(output)) as (results, page, file):
+        if found.refusal is None:
             file.write(calibration_file(found.model, found_machine))
-        others.write(fit_json(found, taken), report, (results, page))
-    show(report, *others.files)
-    if refusal is not None:
-        raise refusal
+        others.write(found.results, found.report, (results, page))
+    show(found.report, *others.files)
+    if found.refusal is not None:
+        raise found.refusal
+
+
+class _Fitted(NamedTuple):
+    """A calibration, its results for programs and for people, and its refusal if it must not be used."""
+
+    model: ErrorModel
+    results: dict[str, Any]
+    report: Report
+    refusal: UserError | None
+
+
+def _of_one(
+    measured: Sequence[Measurement | OnTheFly], model: FitOptions, reversal: str, command: str, progress: Progress
+) -> _Fitted:
+    """The fit of the measurement by one instrument."""
+    from calibration.fit.calibrate import NotAccepted
+    from calibration.measurement.measurement import Measurement
+    from calibration.reports.fit import fit_json, fit_report
+
+    refusal, (one,) = None, measured
+    try:
+        found = ncomp.fit(one, reversal=reversal, progress=progress, **vars(model))
+    except NotAccepted as refused:
+        refusal, found = refused, refused.found
+    taken = None if isinstance(one, Measurement) else one
+    return _Fitted(found.model, fit_json(found, taken), fit_report(found, taken, command), refusal)
+
+
+def _of_several(
+    measured: Sequence[Measurement | OnTheFly], model: FitOptions, _: str, command: str, progress: Progress
+) -> _Fitted:
+    """The fit of the measurements by several instruments."""
+    from calibration.fit.together import TogetherNotAccepted
+    from calibration.reports.together import together_json, together_report
+
+    refusal = None
+    try:
+        found = ncomp.fit_together(cast("Sequence[Measurement]", measured), progress=progress, **vars(model))
+    except TogetherNotAccepted as refused:
+        refusal, found = refused, refused.found
+    return _Fitted(found.model, together_json(found), together_report(found, command), refusal)

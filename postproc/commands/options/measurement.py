@@ -71,6 +71,16 @@ class DataOptions:
     def read(self, paths: Sequence[Path], machine: Machine) -> Measurement:
         """The measurement in a file, or in several as one; shows the notes of each."""
         from calibration.measurement.joining import joined
+
+        return joined(self._each(paths, machine))
+
+    def by_instrument(self, paths: Sequence[Path], machine: Machine) -> list[Measurement]:
+        """The measurements in files, those by the same instrument as one; shows the notes of each file."""
+        from calibration.measurement.joining import by_instrument
+
+        return by_instrument(self._each(paths, machine))
+
+    def _each(self, paths: Sequence[Path], machine: Machine) -> list[Measurement]:
         from postproc.commands.show.terminal import say
 
         each = []
@@ -83,7 +93,7 @@ class DataOptions:
             )
             for note in each[-1].notes:
                 say("note", note)
-        return joined(each)
+        return each
 
 
 def header_of(lines: Sequence[str]) -> dict[str, str]:

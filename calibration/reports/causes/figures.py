@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calibration.reports.cause_views import View
+from calibration.reports.causes.views import View
 from kinematics.transforms import Array
 from rendering.figures import dots, some
 

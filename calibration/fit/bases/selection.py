@@ -1,7 +1,7 @@
 """Choice of the bases of the error motions by the evidence, the probability of the data.
 
 Too coarse a basis leaves a misfit that no number of points averages out; the determinant in the evidence penalises too
-fine a basis. The search is that of `calibration.fit.basis_search`.
+fine a basis. The search is that of `calibration.fit.bases.search`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from calibration.cores import each
-from calibration.fit.basis_search import FINEST, SIZES, Choice, Search, Unexplained, chosen
+from calibration.fit.bases.search import FINEST, SIZES, Choice, Search, Unexplained, chosen
 from calibration.fit.fit import DOUBTFUL_P, Fit, Progress, fit
 from calibration.fit.linear import NormalBlocks, Part
 from calibration.fit.problem import solution
@@ -55,7 +55,7 @@ def choose(
     unexplained: Unexplained | None = None,
     progress: Progress = lambda _: None,
 ) -> Choice:
-    """The choice of `basis_search.chosen` for a measurement.
+    """The choice of `calibration.fit.bases.search.chosen` for a measurement.
 
     rotary_kind: kind of basis for rotary axes. effects: fitted in addition. A given prior_scale is not changed. A first
     fit finds outliers, registration and, where the specified uncertainties are too small (p < DOUBT), the size of the

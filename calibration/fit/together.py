@@ -1,0 +1,338 @@
+"""Several instruments in one fit: spheres for the rotary axes, an interferometer for the scales, a ballbar, ...
+
+All measurements determine one model of the machine; each has its own registration and its own noise. With the
+registrations eliminated, the information of the measurements on the parameters adds up. The order of the measurements
+has no effect.
+
+The others also predict each measurement alone. The difference is tested by the information that the measurement adds,
+as the innovation of a Kalman filter by its covariance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+from itertools import chain
+from operator import add
+
+import msgspec
+import numpy as np
+from scipy import special
+
+from calibration.fit.acceptance import disagreement, nominal_residuals, reason_against, refuse_few
+from calibration.fit.bases.search import AUTO
+from calibration.fit.calibrate import in_datum, provenance
+from calibration.fit.cross_validation import CrossValidation, cross_validate
+from calibration.fit.datum import error_motions
+from calibration.fit.fit import Fit, Progress, fit
+from calibration.fit.identifiability import Identifiability, identifiability
+from calibration.fit.linear import Posterior, pseudo_inverse
+from calibration.fit.problem import FIXED, Problem
+from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
+from calibration.fit.set_up.distances import distance_findings
+from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
+from calibration.fit.set_up.target_positions import at_positions, target_positions
+from calibration.fit.set_up.target_positions import findings as target_findings
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import priors, with_effects
+from calibration.observation.outliers import Variance
+from calibration.plausibility.checks import Finding, usable
+from kinematics.basis import Basis, BSpline, Fourier, Harmonics
+from kinematics.effects import Effect, ErrorMotion
+from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.machine import TURN, Machine
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+STEPS, CONVERGED = 8, 1e-3
+"""Most steps of the fit, and the length of a step, in units of the priors, at which it ends."""
+CONTRADICTED = 1e-3
+"""p-value below which a measurement contradicts the others."""
+SEEN = 1e-8
+"""Share of the largest eigenvalue of an information above which it has information on a direction."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One measurement in the fit of all."""
+
+    alone: Fit
+    """Its own fit."""
+    together: Fit
+    """The fit of its registration to the model of all."""
+    before: Array
+    """Residuals `(kept, d)`, mm and rad, of the nominal machine with a registration of its own."""
+    by_others: Fit
+    """The fit of its registration to the model of the others."""
+    p_value: float
+    """p-value of its difference from the prediction by the others; 1 where they share no direction."""
+    held_out: CrossValidation | None
+    """Residuals of its blocks, predicted by its other blocks and the other measurements."""
+
+    @property
+    def before_um(self) -> float:
+        """RMS residual per scalar, um, of the nominal machine in the rows that the fit of all kept."""
+        kept = self.together.measurement.rows(np.flatnonzero(self.together.kept))
+        return float(np.sqrt(np.mean((self.before * kept.per_micro) ** 2)))
+
+    @property
+    def contradicts(self) -> bool:
+        """True where it differs from the prediction by the others more than the uncertainties allow."""
+        return self.p_value < CONTRADICTED
+
+
+@dataclass(frozen=True)
+class Together:
+    """The fit of several measurements, with its checks."""
+
+    parts: tuple[Part, ...]
+    fit: Fit
+    """The fit of the measurement with the most observations, with the information of all."""
+    model: ErrorModel
+    """The model to be written: in the datum, location errors as separate effects, with covariance."""
+    identifiability: Identifiability
+    findings: tuple[Finding, ...]
+    objection: str
+    """Reason against the calibration; empty without one."""
+    forced: bool
+    """True where it is accepted nevertheless."""
+
+    @property
+    def reason(self) -> str:
+        """Reason why the calibration must not be used; empty if it may."""
+        return "" if self.forced else self.objection
+
+    @property
+    def accepted(self) -> bool:
+        """True where the calibration may be used."""
+        return not self.reason
+
+    @property
+    def bases(self) -> dict[str, Basis]:
+        """The basis of each error motion, by its name."""
+        return {effect.name: effect.basis for effect in self.fit.model.effects if isinstance(effect, ErrorMotion)}
+
+
+class TogetherNotAccepted(UserError):
+    """A calibration of several measurements that must not be used; `found` has its figures."""
+
+    def __init__(self, found: Together) -> None:
+        super().__init__(found.reason)
+        self.found = found
+
+
+def calibrate_together(
+    measurements: Sequence[Measurement],
+    *,
+    basis: str = AUTO,
+    effects: Sequence[Effect] = (),
+    prior_scale: float | None = None,
+    variance: Variance = "sheet",
+    hold_out: bool = True,
+    valid_days: float | None = None,
+    force: bool = False,
+    progress: Progress = lambda _: None,
+) -> Together:
+    """Error motions of every axis that moves in one of the measurements, and additional `effects`, from all of them.
+
+    The arguments are those of `calibration.fit.calibrate.calibrate`. Each axis has the finest of the bases that the
+    measurements determine alone, over the range of all.
+
+    UserError where the measurements are of different machines; TogetherNotAccepted for a calibration that is no
+    improvement for one of the measurements, or with which too many of its rows disagree, without `force`.
+    """
+    machine = _machine(measurements)
+    alone, starts, scales, findings = list[Fit](), list[ErrorModel](), list[float](), list[Finding]()
+    for measurement in measurements:
+        name, found = measurement.source, usable(measurement)
+        positions = target_positions(measurement)
+        found += target_findings(measurement, positions)
+        wanted = Wanted(basis, 0, tuple(effects), prior_scale, variance, progress)
+        choice, own = with_bases_and_noise(at_positions(measurement, positions), wanted)
+        alone.append(own)
+        starts.append(with_effects(own.measurement, choice.bases, effects, choice.prior_scale)[0])
+        scales.append(choice.prior_scale)
+        found += [*zero_findings(run_zeros(own)), *distance_findings(own)]
+        findings += [each._replace(message=f"{name}: {each.message}") for each in found]
+    model = _model(machine, starts)
+    prior = priors(model)
+    for _, part in error_motions(model):
+        prior[part] *= max(scales)
+    progress("fitting all measurements together")
+    joint = _Joint.fitted([_Share.of(own, model, prior) for own in alone], model, prior)
+    whole = joint.whole
+    identified = identifiability(whole)
+    refuse_few(whole, identified)
+    progress("predicting each measurement by the others")
+    parts = tuple(joint.part(k, hold_out=hold_out) for k in range(len(alone)))
+    objections = [
+        f"{part.alone.measurement.source}: {reason}"
+        for part in parts
+        if (reason := disagreement(part.together) or reason_against(part.together, part.before, part.held_out))
+    ]
+    observations = sum(part.together.observations for part in parts)
+    source = f"fit of {observations} observations by {len(parts)} instruments"
+    made = provenance([own.measurement for own in alone], source, valid_days)
+    written = msgspec.structs.replace(in_datum(whole), provenance=made)
+    result = Together(parts, whole, written, identified, tuple(findings), "; ".join(objections), force)
+    if not result.accepted:
+        raise TogetherNotAccepted(result)
+    return result
+
+
+@dataclass(frozen=True)
+class _Share:
+    """What one measurement says of the parameters, linearised at parameters; all in units of their priors."""
+
+    alone: Fit
+    information: Array
+    """`(p, p)`, registration eliminated."""
+    machine_information: Array
+    """The same for an instrument whose position is known."""
+    registered: int
+    slope: Array
+    """Slope `(p,)` of the log likelihood along the parameters."""
+
+    @classmethod
+    def of(cls, alone: Fit, model: ErrorModel, prior: Array) -> _Share:
+        """The share of the measurement of a fit, at the parameters of a model; prior `(p,)`."""
+        problem = Problem.of(alone.measurement, model, prior)
+        point = problem.point(model.parameters, _registered(alone, model).registration)
+        solved = problem.solve(point, alone.kept.astype(float), alone.variance_factor * alone.widening)
+        step = solved.step[point.registered :] / prior
+        slope = solved.information @ step + step
+        return cls(alone, solved.information, solved.machine_information, solved.registered, slope)
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """The parameters that several measurements determine together."""
+
+    shares: tuple[_Share, ...]
+    """Linearised at the parameters of the model."""
+    model: ErrorModel
+    prior: Array
+    """Standard deviations `(p,)` of the parameters."""
+
+    @classmethod
+    def fitted(cls, shares: Sequence[_Share], model: ErrorModel, prior: Array) -> _Joint:
+        """The joint fit: Gauss-Newton steps until the parameters move no more."""
+        joint = cls(tuple(shares), model, prior)
+        for _ in range(STEPS):
+            step = joint.step(joint.shares)
+            moved = joint.model.with_parameters(joint.model.parameters + prior * step)
+            joint = cls(tuple(_Share.of(share.alone, moved, prior) for share in shares), moved, prior)
+            if np.linalg.norm(step) < CONVERGED:
+                break
+        return joint
+
+    def step(self, shares: Sequence[_Share]) -> Array:
+        """Step `(p,)`, in units of the priors, from the model to the parameters by some of the measurements."""
+        away = self.model.parameters / self.prior
+        return self._posterior(shares).solve(_sum([share.slope for share in shares]) - away)
+
+    def _posterior(self, shares: Sequence[_Share]) -> Posterior:
+        return Posterior(_sum([share.information for share in shares]), 1.0)
+
+    def by(self, shares: Sequence[_Share]) -> tuple[ErrorModel, Array]:
+        """The model by some of the measurements, and a root `(p, p)` of its covariance."""
+        root = self.prior[:, None] * self._posterior(shares).root
+        moved = self.model.parameters + self.prior * self.step(shares)
+        return self.model.with_parameters(moved, root @ root.T), root
+
+    @cached_property
+    def result(self) -> ErrorModel:
+        """The model with the covariance by all measurements."""
+        return self.by(self.shares)[0]
+
+    def part(self, number: int, *, hold_out: bool) -> Part:
+        """One of the measurements in this fit."""
+        own = self.shares[number]
+        model, root = self.by([*self.shares[:number], *self.shares[number + 1 :]])
+        together, by_others = _registered(own.alone, self.result), _registered(own.alone, model)
+        held_out = cross_validate(own.alone.measurement, model, root, own.alone.kept) if hold_out else None
+        return Part(own.alone, together, nominal_residuals(together), by_others, self._p_value(number), held_out)
+
+    @property
+    def whole(self) -> Fit:
+        """The fit of the measurement with the most observations, with the information of all."""
+        largest = max((share.alone for share in self.shares), key=lambda each: each.observations)
+        information = _sum([share.information for share in self.shares])
+        solved = largest.solved._replace(
+            information=information,
+            machine_information=_sum([share.machine_information for share in self.shares]),
+            registered=sum(share.registered for share in self.shares),
+        )
+        return replace(_registered(largest, self.result), model=self.result, prior=self.prior, solved=solved)
+
+    def _p_value(self, number: int) -> float:
+        """p-value of the slope of one measurement's likelihood at the parameters by the others.
+
+        Its covariance is A + A C A, with the measurement's information A and the others' covariance C.
+        """
+        own = self.shares[number]
+        others = [*self.shares[:number], *self.shares[number + 1 :]]
+        slope = own.slope - own.information @ self.step(others)
+        spread = own.information + own.information @ self._posterior(others).solve(own.information)
+        half, _, _ = inverse = pseudo_inverse(spread, SEEN, 1.0)
+        return float(special.chdtrc(inverse.rank, float(np.sum((half.T @ slope) ** 2)))) if inverse.rank else 1.0
+
+
+def _machine(measurements: Sequence[Measurement]) -> Machine:
+    """The machine of all measurements; UserError where they differ."""
+    first = measurements[0]
+    for other in measurements[1:]:
+        if other.machine != first.machine:
+            raise UserError(f"{first.source} and {other.source} are of different machines")
+    return first.machine
+
+
+def _model(machine: Machine, models: Sequence[ErrorModel]) -> ErrorModel:
+    """The start of the fit: the effects of all models, each error motion in the finest basis of those that have it."""
+    motions: dict[str, list[ErrorMotion]] = {}
+    others: dict[str, Effect] = {}
+    for effect in chain.from_iterable(model.effects for model in models):
+        if isinstance(effect, ErrorMotion):
+            motions.setdefault(effect.name, []).append(effect)
+        else:
+            others.setdefault(effect.name, effect)
+    found = []
+    for same in motions.values():
+        axis = same[0].axis
+        basis = _common([each.basis for each in same], turning=machine.axes[machine.index(axis)].turns_fully)
+        zero = (0.0,) * basis.size
+        found.append(ErrorMotion(same[0].component, axis, basis, zero, u=zero))
+    found.sort(key=lambda motion: machine.names.index(motion.axis))
+    return msgspec.structs.replace(no_errors(machine), effects=(*found, *others.values()))
+
+
+def _common(bases: Sequence[Basis], *, turning: bool) -> Basis:
+    """The finest of the bases of one error motion, over the range of all; `turning`: its axis turns fully."""
+    finest = min(bases, key=lambda basis: (basis.feature_length, -basis.size))
+    low, high = min(basis.interval[0] for basis in bases), max(basis.interval[1] for basis in bases)
+    if isinstance(finest, Harmonics) or (low, high) == finest.interval:
+        return finest
+    own_low, own_high = finest.interval
+    if turning:
+        return Harmonics((low, low + TURN), max(finest.size // 2, 1))
+    if isinstance(finest, BSpline):
+        spacing = (own_high - own_low) / (len(finest.nodes) - 1)
+        before = np.linspace(low, own_low, math.ceil((own_low - low) / spacing) + 1)[:-1]
+        behind = np.linspace(own_high, high, math.ceil((high - own_high) / spacing) + 1)[1:]
+        return BSpline((*before.tolist(), *finest.nodes, *behind.tolist()), finest.degree)
+    longer = (high - low) / (own_high - own_low)
+    if isinstance(finest, Fourier):
+        return Fourier((low, high), tuple(longer * waves for waves in finest.harmonics))
+    return type(finest)((low, high), math.ceil(longer * finest.degree))
+
+
+def _registered(own: Fit, model: ErrorModel) -> Fit:
+    """The fit of the registration of a measurement to a model; own: its fit alone."""
+    variance: Variance = "sheet" if own.variance_factor == 1.0 else "estimate"
+    return fit(own.measurement, model, prior=np.full(len(model.parameters), FIXED), variance=variance)
+
+
+def _sum(values: Sequence[Array]) -> Array:
+    return np.asarray(reduce(add, values))

@@ -1,0 +1,1 @@
+"""Causes of a diagnosis in words, figures and views."""

@@ -1,0 +1,123 @@
+"""Results of a fit of several instruments: each measurement alone and together with the others, and the model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calibration.fit.together import Part, Together
+from calibration.measurement.instruments import kind_of
+from calibration.reports.fit import (
+    acceptance,
+    error_motion_figures,
+    held_out_json,
+    hidden_section,
+    identifiability_json,
+    in_uncertainties,
+    parameters,
+    parameters_json,
+)
+from rendering.figures import against_normal
+from rendering.report import Report, Section, Table, facts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def together_json(found: Together) -> dict[str, Any]:
+    """The result for programs."""
+    return {
+        "measurements": [_part_json(part) for part in found.parts],
+        "accepted": found.accepted,
+        "reason": found.reason,
+        "forced": found.objection if found.forced else "",
+        **identifiability_json(found.identifiability),
+        "basis": {name: basis.size for name, basis in found.bases.items()},
+        "sanity": [{"what": finding.check, "says": finding.message} for finding in found.findings],
+        **parameters_json(found.model),
+        "calibration": found.model.id,
+    }
+
+
+def _part_json(part: Part) -> dict[str, Any]:
+    measurement, held = part.together.measurement, part.held_out
+    return {
+        "source": measurement.source,
+        "instrument": kind_of(measurement.instrument),
+        "rows": len(measurement),
+        "before": {"rms_um": part.before_um},
+        "alone": {"rms_um": part.alone.rms_um, "chi2_reduced": part.alone.chi2_reduced},
+        "after": {"rms_um": part.together.rms_um, "chi2_reduced": part.together.chi2_reduced},
+        "by_others": {"rms_um": part.by_others.rms_um, "p_value": part.p_value},
+        "held_out": None if held is None else held_out_json(held),
+        "estimated_noise": None if measurement.noise is None else measurement.noise.json(),
+        "outliers": [measurement.where(int(row)) for row in part.together.outliers],
+    }
+
+
+def together_report(found: Together, command: str) -> Report:
+    """The result for people; `command`: the command that made it."""
+    machine = found.fit.measurement.machine
+    lead = f"{machine.name} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
+    verdict = [*acceptance(found), *map(_verdict, found.parts)]
+    return Report(f"Calibration of {machine.name}", lead, list(_sections(found)), "\n".join(verdict))
+
+
+def _verdict(part: Part) -> str:
+    name, instrument = part.together.measurement.source, kind_of(part.together.measurement.instrument)
+    text = f"{name} ({instrument}): residual {part.before_um:.2f} -> {part.together.rms_um:.2f} um RMS"
+    if part.held_out is not None:
+        text += f"; held-out {part.held_out.name} {part.held_out.other_rms_um:.2f} -> {part.held_out.rms_um:.2f} um"
+    if part.contradicts:
+        text += (
+            f". CONTRADICTS the other measurements (p = {part.p_value:.1g}): the machine has changed between them, an "
+            "effect is missing in the model (ncomp diagnose), or an uncertainty is stated too small"
+        )
+    return f"{text}."
+
+
+def _sections(found: Together) -> Iterator[Section]:
+    identified = found.identifiability
+    sizes = ", ".join(f"{name} {basis.size}" for name, basis in found.bases.items())
+    yield facts(
+        "Model",
+        [
+            ("model", f"{identified.parameters} parameters: {sizes}"),
+            (
+                "rank",
+                f"{identified.rank} with the instruments' positions known, {identified.rank_registered} with them "
+                f"fitted; {identified.by_convention} directions belong to the frame and are fixed by convention",
+            ),
+            *(("note", finding.message) for finding in found.findings),
+        ],
+    )
+    text = (
+        "RMS residual per scalar, um (rotary axes of an interferometer: urad), each with a registration of its own. By "
+        "the others: predicted by the other measurements alone, which may not see the same errors; p-value of the "
+        "difference from their prediction."
+    )
+    head = ("measurement", "rows", "nominal", "alone", "together", "held out", "by the others", "p")
+    yield Section("Measurements", text, Table(head, [_row(part) for part in found.parts]))
+    yield from parameters(found.model)
+    yield error_motion_figures(found.model)
+    text = "Residuals in standard uncertainties; the curve is the distribution of noise alone."
+    yield Section("Unexplained residual", text, figure=partial(_distributions, found))
+    yield from hidden_section(identified)
+
+
+def _row(part: Part) -> list[str]:
+    measurement, held = part.together.measurement, part.held_out
+    figures = (part.before_um, part.alone.rms_um, part.together.rms_um, held and held.rms_um, part.by_others.rms_um)
+    texts = ["" if value is None else f"{value:.2f}" for value in figures]
+    return [measurement.source, str(len(measurement)), *texts, f"{part.p_value:.2g}"]
+
+
+def _distributions(found: Together, canvas: Figure) -> None:
+    """Distribution of the residuals of each measurement, in standard uncertainties."""
+    canvas.set_size_inches(4.0 * len(found.parts), 2.4)
+    for panel, part in zip(canvas.subplots(1, len(found.parts), squeeze=False)[0], found.parts, strict=True):
+        against_normal(panel, np.asarray(in_uncertainties(part.together)), 5.0)
+        panel.set_title(part.together.measurement.source)
