@@ -9,6 +9,7 @@ import pytest
 from support.virtual_measurements import THREE, measured, positions, truth, written
 
 import machines
+from calibration.diagnosis.acceptance import against_imitation
 from calibration.diagnosis.diagnose import diagnose
 from calibration.fit.acceptance import nominal_residuals, not_better
 from calibration.fit.calibrate import NotAccepted, calibrate
@@ -96,6 +97,15 @@ def test_the_same_machine_again_confirms_its_calibration():
     assert again.acceptance.confirmed
     assert again.model is present
     assert again.acceptance.none.gains.better
+
+
+@pytest.mark.parametrize(("unexplained_um", "kept"), [(0.0, False), (5.0, False), (7.0, True)])
+def test_an_update_that_has_learned_less_than_is_unexplained_is_not_written(unexplained_um, kept):
+    """It explains 6 um: the residuals of held-out lines fall from 10 to 8 um."""
+    held = CrossValidation(8.0, 20.0, 10, "lines", 10.0, 1.0, Gains(np.ones(10), np.ones(10)))
+    reason = against_imitation(held, unexplained_um)
+    assert reason.startswith("an update of the present calibration explains 6 um RMS, less than the 7 um") == kept
+    assert bool(reason) == kept
 
 
 @pytest.mark.statistical

@@ -8,6 +8,7 @@ calibration is as good, and no cause is missing, these data confirm it, and it s
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import msgspec
@@ -42,8 +43,13 @@ class Acceptance:
     """True where these data confirm the present calibration, which stays."""
 
     @classmethod
-    def of(cls, before: Stage, after: Stage, calibration: ErrorModel | None, *, force: bool) -> Acceptance:
-        """The acceptance of the model `after`; `before`: the fit of the present model; calibration: as it was given."""
+    def of(
+        cls, before: Stage, after: Stage, calibration: ErrorModel | None, unexplained_um: float, *, force: bool
+    ) -> Acceptance:
+        """The acceptance of the model `after`; `before`: the fit of the present model; calibration: as it was given.
+
+        unexplained_um: RMS, um per scalar, of a dependence of the residuals that no cause explains.
+        """
         nominal = nominal_residuals(after.fit)
         none = _compared(after, _of_all_rows(after, nominal))
         updated = calibration is not None and before.base.origin == "updated"
@@ -55,6 +61,8 @@ class Acceptance:
         causes = [each for each in after.accepted if each.candidate.effect.ACTS_ON != "instrument"]
         confirmed = updated and not causes and present is not None and not present.gains.better
         against = _against_present(present, updated=updated) if not confirmed else ""
+        if updated and not causes and not against and not confirmed and present is not None:
+            against = against_imitation(present, unexplained_um)
         reason = against or ("" if confirmed else reason_against(after.fit, nominal, none))
         if confirmed and none is not None and none.gains.worse:
             reason = f"{not_better('the present calibration, updated,', none, 'the nominal machine')}. {ADVICE}"
@@ -72,6 +80,18 @@ def _against_present(present: CrossValidation | None, *, updated: bool) -> str:
         return ""
     name = "the present calibration" if updated else "the model without the causes"
     return f"{not_better('the new model', present, name)}. {ADVICE}"
+
+
+def against_imitation(present: CrossValidation, unexplained_um: float) -> str:
+    """Reason why an updated calibration may have learned the unexplained residual; empty if it has learned more."""
+    learned_um = math.sqrt(max(present.other_rms_um**2 - present.rms_um**2, 0.0))
+    if learned_um >= unexplained_um:
+        return ""
+    return (
+        f"an update of the present calibration explains {learned_um:.3g} um RMS, less than the {unexplained_um:.3g} um "
+        "of the residuals that depend on recorded variables without a known cause: it would hold a part of these. "
+        f"{ADVICE}"
+    )
 
 
 def _held_out(stage: Stage) -> Array:

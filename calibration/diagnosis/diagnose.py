@@ -148,7 +148,8 @@ def _concluded(
     causes = [*named(after, bare), *([] if lost is None else [lost]), *misplaced_targets(start.positions, after.fit)]
     evaluated = found.evaluated or tuple(evaluate(after.linearised, first.library))
     added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
-    acceptance = Acceptance.of(before, after, calibration, force=force)
+    unexplained_um = 0.0 if dependence is None else unexplained_residual.shared_rms(found.stage.linearised, dependence)
+    acceptance = Acceptance.of(before, after, calibration, unexplained_um, force=force)
     curved, between = with_curves_between(after.fit) if selector.base.curves else (after.fit, ())
     model = new_calibration(selector.base, curved, added, calibration)
     given, change = before, None

@@ -13,13 +13,14 @@ from calibration.diagnosis.machine_change import MachineChange
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, contract_kind, where
 from calibration.diagnosis.search.evaluation import EVEN, SEEN, WORTH, Evaluated, Sibling
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.proposed_shapes import SHORTEST
 from calibration.diagnosis.search.sawtooth import saw_uncertainty
 from calibration.diagnosis.search.spectra import aliases, resolved
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.fit.fit import Fit
 from calibration.measurement.instruments import Part
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes
+from calibration.observation.full_model import is_log, moving_axes
 from kinematics.effects import (
     Backlash,
     CrossAxis,
@@ -292,13 +293,13 @@ def below_spacing(measurement: Measurement) -> Iterator[NotVisible]:
         if axis[0] in "ABC":
             continue
         shortest = (high - low) / resolved(measurement.state.position(measurement.machine, axis), high - low)
+        shortest = shortest if is_log(measurement, axis) else max(shortest, SHORTEST)
         if shortest > SIGNAL:
             yield NotVisible(
                 f"sub-divisional error of the encoder of {axis}",
                 0.0,
-                f"positions in steps of a few um along {axis}, over some signal periods of its encoder: it cannot be "
-                f"seen from these positions, which resolve no period below {shortest:.2g} mm, and looks like noise in "
-                f"{axis}",
+                f"positions in steps of a few um along {axis}, over some signal periods of its encoder: these "
+                f"positions show no period below {shortest:.2g} mm; the error looks like noise in {axis}",
             )
 
 

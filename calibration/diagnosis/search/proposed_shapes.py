@@ -46,6 +46,9 @@ from kinematics.transforms import Array
 
 WAVES = 8.0
 """Least number of waves over the travel: an error with fewer is a matter of the basis, not a cyclic error."""
+SHORTEST = 1.0
+"""Shortest period, mm or degrees, of a cyclic error, except in the log of a linear axis: leads and gears have longer
+ones, and no design of single positions resolves those of encoders."""
 WAVES_OF_A_LOG = 3.0
 """The same for the log of a moving axis."""
 ROWS_OF_A_WAVE = 4.0
@@ -118,13 +121,13 @@ def _waves_along(linearised: LinearisedFit, axis: str, components: tuple[Compone
     measurement = linearised.measurement
     low, high = moving_axes(measurement)[axis]
     x = linearised.positions(axis)
-    # of a rotary axis no period below 1 degree
-    most = min(resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
-    least = WAVES
-    if is_log(measurement, axis):
+    most, least = min(resolved(x, high - low), MOST_WAVES / OVERSAMPLING), WAVES
+    if log := is_log(measurement, axis):
         steps = np.abs(np.diff(measurement.state.position(measurement.machine, axis)))
         least = WAVES_OF_A_LOG
         most = min(most, (high - low) / (ROWS_OF_A_WAVE * float(np.median(steps[steps > 0.0]))))
+    if not log or axis[0] in "ABC":
+        most = min(most, (high - low) / SHORTEST)
     frequencies = np.arange(least, max(most, least), 1.0 / OVERSAMPLING) / (high - low)
     if len(frequencies) < OVERSAMPLING:
         return []
