@@ -234,7 +234,7 @@ def test_wobble_and_racking_are_changes_of_a_calibrated_machine():
 def test_an_error_between_the_signals_of_an_encoder_is_listed_as_not_visible():
     coarse = list(below_spacing(data_with(n=40)))
     assert [entry.name for entry in coarse] == [f"sub-divisional error of the encoder of {axis}" for axis in "XYZ"]
-    assert all("cannot be seen from these positions" in entry.remedy for entry in coarse)
+    assert all("show no period below 1 mm" in entry.remedy for entry in coarse)
     assert coarse[0].remedy.endswith("looks like noise in X")
     x = np.column_stack([np.arange(300) * 0.002, np.zeros(300), np.zeros(300)])
     fine = measured(CFRAME, x, ONE, no_errors(CFRAME), np.random.default_rng(1))

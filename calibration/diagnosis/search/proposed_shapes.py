@@ -21,7 +21,7 @@ from calibration.diagnosis.search.causes import jumps
 from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
 from calibration.diagnosis.search.sawtooth import likeliest, refined, teeth
 from calibration.diagnosis.search.sensitivity import Sensitivity
-from calibration.diagnosis.search.spectra import finest, peaks, resolved, strengths
+from calibration.diagnosis.search.spectra import SHORTEST, finest, peaks, strengths, usual_waves
 from calibration.observation.full_model import (
     distinct_positions,
     is_log,
@@ -46,9 +46,6 @@ from kinematics.transforms import Array
 
 WAVES = 8.0
 """Least number of waves over the travel: an error with fewer is a matter of the basis, not a cyclic error."""
-SHORTEST = 1.0
-"""Shortest period, mm or degrees, of a cyclic error, except in the log of a linear axis: leads and gears have longer
-ones, and no design of single positions resolves those of encoders."""
 WAVES_OF_A_LOG = 3.0
 """The same for the log of a moving axis."""
 ROWS_OF_A_WAVE = 4.0
@@ -64,7 +61,9 @@ TEETH = 5.5
 """Least number of steps over the travel."""
 OFFSETS = 12
 """Positions of the steps within a pitch that are tried."""
-MOST_HARMONICS = 8
+MOST_HARMONICS, FEW_HARMONICS = 8, 3
+"""Most harmonics of a cyclic error in the log of a moving axis, and at single positions: with more it is a table of any
+shape, which imitates what depends on position and something else."""
 SAME = 0.01
 """Relative difference below which two periods are the same."""
 FINE = (6, 8, 12, 16, 24, 32, 48)
@@ -121,12 +120,12 @@ def _waves_along(linearised: LinearisedFit, axis: str, components: tuple[Compone
     measurement = linearised.measurement
     low, high = moving_axes(measurement)[axis]
     x = linearised.positions(axis)
-    most, least = min(resolved(x, high - low), MOST_WAVES / OVERSAMPLING), WAVES
-    if log := is_log(measurement, axis):
+    most, least = min(usual_waves(x, high - low), MOST_WAVES / OVERSAMPLING), WAVES
+    if is_log(measurement, axis):
         steps = np.abs(np.diff(measurement.state.position(measurement.machine, axis)))
         least = WAVES_OF_A_LOG
         most = min(most, (high - low) / (ROWS_OF_A_WAVE * float(np.median(steps[steps > 0.0]))))
-    if not log or axis[0] in "ABC":
+    if axis[0] in "ABC":
         most = min(most, (high - low) / SHORTEST)
     frequencies = np.arange(least, max(most, least), 1.0 / OVERSAMPLING) / (high - low)
     if len(frequencies) < OVERSAMPLING:
@@ -153,8 +152,9 @@ def _with_harmonics(sensitivity: Sensitivity, effect: Cyclic) -> Cyclic:
         return effect
     model = sensitivity.linearised.fit.model
     known = [e for e in model.effects if isinstance(e, Cyclic) and e.axis == effect.axis]
-    same = [k for k in range(2, MOST_HARMONICS + 1) if any(_shared(effect.period / k, other) for other in known)]
-    numbers = range(1, min(same, default=MOST_HARMONICS + 1))
+    most = MOST_HARMONICS if is_log(sensitivity.linearised.measurement, effect.axis) else FEW_HARMONICS
+    same = [k for k in range(2, most + 1) if any(_shared(effect.period / k, other) for other in known)]
+    numbers = range(1, min(same, default=most + 1))
     variants = [_wave(effect.component, effect.axis, effect.period, number) for number in numbers]
     return min(variants, key=lambda variant: sensitivity.score(sensitivity.sizes(variant)).delta_bic)
 

@@ -11,6 +11,9 @@ from kinematics.transforms import Array
 
 BEYOND = 16.0
 """Most waves over the travel per position: irregular positions resolve more than their mean distance."""
+SHORTEST, POSITIONS = 1.0, 4
+"""Shortest period of a cyclic error, mm or degrees: leads and gears have longer ones. Those of encoders are shorter;
+single positions show them by chance alone, unless there are so many to a period."""
 LATTICE = 0.02
 """Largest distance of positions from a lattice, as a share of its pitch."""
 
@@ -72,6 +75,16 @@ def aliases(x: Array, period: float) -> list[float]:
     if pitch is None:
         return []
     return [float(1.0 / abs(m / pitch + sign / period)) for m in (1, 2) for sign in (-1, 1)]
+
+
+def usual_waves(x: Array, travel: float) -> float:
+    """Most waves over the travel that positions `(n,)` resolve and that leads, gears and encoders may have.
+
+    None is shorter than SHORTEST, but where neighbouring positions are so close that they show shorter ones by design.
+    """
+    between = np.diff(np.unique(np.round(x, 4)))
+    shortest = min(SHORTEST, POSITIONS * float(np.median(between))) if len(between) else SHORTEST
+    return min(resolved(x, travel), travel / shortest)
 
 
 def lattice(x: Array) -> float | None:
