@@ -19,7 +19,7 @@ def read_ahead(pieces: Iterator[bytes], axes: str, style: PlainStyle) -> Iterato
     This process reads them itself until the other one has begun, and where that one is lost.
     """
     reader = _Reader(axes, style)
-    waiting: deque[tuple[bytes, bool]] = deque()
+    waiting: deque[bytes] = deque()
     process = SecondProcess(reader)
     try:
         yield from _by(process, reader, pieces, waiting)
@@ -27,7 +27,7 @@ def read_ahead(pieces: Iterator[bytes], axes: str, style: PlainStyle) -> Iterato
         pass
     finally:
         process.end()
-    for piece in itertools.chain((piece for piece, _ in waiting), pieces):
+    for piece in itertools.chain(waiting, pieces):
         yield piece, reader(piece)
 
 
@@ -45,33 +45,24 @@ class _Reader:
 
 
 def _by(
-    process: SecondProcess, reader: _Reader, pieces: Iterator[bytes], waiting: deque[tuple[bytes, bool]]
+    process: SecondProcess, reader: _Reader, pieces: Iterator[bytes], waiting: deque[bytes]
 ) -> Iterator[tuple[bytes, PlainLines]]:
     """The pieces and their lines; LostProcess where the process is lost.
 
-    waiting: becomes the next pieces, with true for those that the process has got; the piece in work is the first.
+    waiting: becomes the next pieces; the piece in work is the first.
     """
-    open_answers = unused_answers = 0
-    begun = False
+    process.give(b"")  # its answer shows that the process has begun
+    begun, given = False, 0
     while True:
-        for piece in itertools.islice(pieces, AHEAD + 1 - len(waiting)):
-            given = open_answers <= AHEAD
-            waiting.append((piece, given))
-            if given:
-                process.give(piece)
-                open_answers += 1
+        waiting.extend(itertools.islice(pieces, AHEAD + 1 - len(waiting)))
         if not waiting:
             return
-        piece, given = waiting[0]
-        begun = begun or process.has_answer
-        if given and begun:
-            for _ in range(unused_answers):
-                process.answer()
-            lines = process.answer()
-            open_answers -= unused_answers + 1
-            unused_answers = 0
-        else:
-            lines = reader(piece)
-            unused_answers += given
-        waiting.popleft()
-        yield piece, lines
+        if not begun and process.has_answer:
+            process.answer()
+            begun = True
+        if begun:
+            for piece in itertools.islice(waiting, max(given, 1), None):
+                process.give(piece)
+        lines = process.answer() if given else reader(waiting[0])
+        given = len(waiting) - 1 if begun else 0
+        yield waiting.popleft(), lines

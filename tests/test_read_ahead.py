@@ -82,6 +82,21 @@ def test_the_lines_are_those_of_one_process(text, size, begin, lost):
     assert process.most <= AHEAD + 1
 
 
+@pytest.mark.parametrize("begin", [0, 1, AHEAD, 3 * AHEAD])
+def test_a_process_that_begins_late_reads_the_pieces_behind(begin, monkeypatch):
+    tasks = []
+
+    class Counted(late_process(begin, -1)):
+        def give(self, task):
+            tasks.append(task)
+            super().give(task)
+
+    monkeypatch.setattr("postproc.read_ahead.SecondProcess", Counted)
+    pieces = divided("".join(f"G1 X{i}.\n" for i in range(20)), 1)
+    check_all(pieces, read_ahead(iter(pieces), AXES, STYLE))
+    assert tasks[-len(pieces) + begin + 1 :] == pieces[begin + 1 :]
+
+
 @pytest.mark.parametrize("piece", [b"\n", b" \n", b"\r\n", b"\n\n", b"X\n", b"0\n", b"(\n", b"%\n", b"\n0"])
 def test_a_piece_of_hardly_any_characters(piece):
     """Words that no line has have no place in the piece, however short it is."""
