@@ -14,12 +14,12 @@ from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, contract_k
 from calibration.diagnosis.search.evaluation import EVEN, SEEN, WORTH, Evaluated, Sibling
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import saw_uncertainty
-from calibration.diagnosis.search.spectra import aliases, usual_waves
+from calibration.diagnosis.search.spectra import aliases, resolved, usual_waves
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.fit.fit import Fit
 from calibration.measurement.instruments import Part
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes
+from calibration.observation.full_model import is_log, moving_axes
 from kinematics.effects import (
     Backlash,
     CrossAxis,
@@ -291,7 +291,8 @@ def below_spacing(measurement: Measurement) -> Iterator[NotVisible]:
     for axis, (low, high) in moving_axes(measurement).items():
         if axis[0] in "ABC":
             continue
-        shortest = (high - low) / usual_waves(measurement.state.position(measurement.machine, axis), high - low)
+        waves_of = resolved if is_log(measurement, axis) else usual_waves
+        shortest = (high - low) / waves_of(measurement.state.position(measurement.machine, axis), high - low)
         if shortest > SIGNAL:
             yield NotVisible(
                 f"sub-divisional error of the encoder of {axis}",

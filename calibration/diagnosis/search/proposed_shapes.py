@@ -21,7 +21,7 @@ from calibration.diagnosis.search.causes import jumps
 from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
 from calibration.diagnosis.search.sawtooth import likeliest, refined, teeth
 from calibration.diagnosis.search.sensitivity import Sensitivity
-from calibration.diagnosis.search.spectra import SHORTEST, finest, peaks, strengths, usual_waves
+from calibration.diagnosis.search.spectra import SHORTEST, finest, peaks, resolved, strengths, usual_waves
 from calibration.observation.full_model import (
     distinct_positions,
     is_log,
@@ -62,8 +62,8 @@ TEETH = 5.5
 OFFSETS = 12
 """Positions of the steps within a pitch that are tried."""
 MOST_HARMONICS, FEW_HARMONICS = 8, 3
-"""Most harmonics of a cyclic error in the log of a moving axis, and at single positions: with more it is a table of any
-shape, which imitates what depends on position and something else."""
+"""Most harmonics of a cyclic error in data of one axis, and in points of a volume: with more it is a table of any shape
+there, which imitates what depends on position and something else."""
 SAME = 0.01
 """Relative difference below which two periods are the same."""
 FINE = (6, 8, 12, 16, 24, 32, 48)
@@ -120,8 +120,10 @@ def _waves_along(linearised: LinearisedFit, axis: str, components: tuple[Compone
     measurement = linearised.measurement
     low, high = moving_axes(measurement)[axis]
     x = linearised.positions(axis)
-    most, least = min(usual_waves(x, high - low), MOST_WAVES / OVERSAMPLING), WAVES
-    if is_log(measurement, axis):
+    log = is_log(measurement, axis)
+    waves_of, least = resolved if log else usual_waves, WAVES
+    most = min(waves_of(x, high - low), MOST_WAVES / OVERSAMPLING)
+    if log:
         steps = np.abs(np.diff(measurement.state.position(measurement.machine, axis)))
         least = WAVES_OF_A_LOG
         most = min(most, (high - low) / (ROWS_OF_A_WAVE * float(np.median(steps[steps > 0.0]))))
@@ -152,7 +154,7 @@ def _with_harmonics(sensitivity: Sensitivity, effect: Cyclic) -> Cyclic:
         return effect
     model = sensitivity.linearised.fit.model
     known = [e for e in model.effects if isinstance(e, Cyclic) and e.axis == effect.axis]
-    most = MOST_HARMONICS if is_log(sensitivity.linearised.measurement, effect.axis) else FEW_HARMONICS
+    most = FEW_HARMONICS if sensitivity.linearised.measurement.axis is None else MOST_HARMONICS
     same = [k for k in range(2, most + 1) if any(_shared(effect.period / k, other) for other in known)]
     numbers = range(1, min(same, default=most + 1))
     variants = [_wave(effect.component, effect.axis, effect.period, number) for number in numbers]
