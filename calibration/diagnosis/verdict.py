@@ -170,7 +170,8 @@ class NotVisible:
 def named(stage: Stage, before: LinearisedFit) -> list[Named]:
     """The accepted causes of a stage, the best first, unnamed effects last.
 
-    before: the linearised fit without any of them.
+    before: the linearised fit without any of them. A line that is tied, and may be the mean of a cross-axis error that
+    is a cause, is no further one.
     """
     found = []
     whole = in_terms_of(before, stage.linearised)
@@ -194,7 +195,14 @@ def named(stage: Stage, before: LinearisedFit) -> list[Named]:
                 each.candidate.changes,
             )
         )
-    return sorted(found, key=lambda cause: (isinstance(cause.effect, Unnamed), cause.delta_bic))
+    apart = [cause for cause in found if cause.verdict != "tied" or not _is_mean_of_another(cause, found)]
+    return sorted(apart, key=lambda cause: (isinstance(cause.effect, Unnamed), cause.delta_bic))
+
+
+def _is_mean_of_another(cause: Named, others: Sequence[Named]) -> bool:
+    """True for a scale or a location error that may be the mean of a cross-axis error among other causes."""
+    line = cause.effect
+    return isinstance(line, LocationError | Scale) and any(may_be_mean(line, other.effect) for other in others)
 
 
 def with_changed_lines(causes: Sequence[Named], change: MachineChange, given: Stage, after: Stage) -> list[Named]:
