@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterator
 
 from postproc.second_process import LostProcess, SecondProcess
-from postproc.text.plain_lines import PlainLines, PlainStyle, whole_lines
+from postproc.text.plain_lines import PlainLines, PlainStyle, whole, whole_lines
 
 AHEAD = 3
 """Pieces of a program that are read ahead, at most: each takes some megabytes."""
@@ -20,7 +20,7 @@ def read_ahead(pieces: Iterator[bytes], axes: str, style: PlainStyle) -> Iterato
     """
     reader = _Reader(axes, style)
     waiting: deque[bytes] = deque()
-    process = SecondProcess(reader)
+    process = SecondProcess(_OtherReader(axes, style))
     try:
         yield from _by(process, reader, pieces, waiting)
     except LostProcess:
@@ -44,6 +44,15 @@ class _Reader:
         return lines
 
 
+class _OtherReader(_Reader):
+    """As _Reader, without the text of the lines, which this process has."""
+
+    def __call__(self, piece: bytes) -> PlainLines:
+        lines = super().__call__(piece)
+        lines.data = b""
+        return lines
+
+
 def _by(
     process: SecondProcess, reader: _Reader, pieces: Iterator[bytes], waiting: deque[bytes]
 ) -> Iterator[tuple[bytes, PlainLines]]:
@@ -63,6 +72,12 @@ def _by(
         if begun:
             for piece in itertools.islice(waiting, max(given, 1), None):
                 process.give(piece)
-        lines = process.answer() if given else reader(waiting[0])
-        given = len(waiting) - 1 if begun else 0
-        yield waiting.popleft(), lines
+        piece = waiting[0]
+        if given:
+            lines = process.answer()
+            lines.data = whole(piece)
+        else:
+            lines = reader(piece)
+        waiting.popleft()
+        given = len(waiting) if begun else 0
+        yield piece, lines

@@ -1,8 +1,8 @@
 """A process that does tasks of this one, in their order, while this one goes on.
 
-It keeps its state from task to task, which the workers of `kinematics/workers.py` do not. Tasks travel through a pipe,
-the columns in them without a copy. The process ends when this one ends, whatever the reason, because the pipe is then
-closed.
+It keeps its state from task to task, which the workers of `kinematics/workers.py` do not. Tasks travel through a pair
+of sockets, their columns straight to their new memory. The process ends when this one ends, whatever the reason,
+because its socket is then closed.
 """
 
 from __future__ import annotations
@@ -10,16 +10,22 @@ from __future__ import annotations
 import multiprocessing
 import pickle
 import queue
+import select
 import signal
+import socket
+import struct
 import threading
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
-from multiprocessing.connection import Connection
 from typing import Any
+
+import numpy as np
 
 BUFFERS = 5
 """Protocol of pickle that leaves the memory of columns where it is."""
+SIZE = struct.Struct("<Q")
+"""A number before a message: of its parts, and of their bytes."""
 
 
 class LostProcess(Exception):
@@ -33,7 +39,7 @@ class SecondProcess:
         """`work` is sent to the process: its own state is there, and not in this process."""
         # spawned, because a fork keeps locks that other threads of this process hold
         context = multiprocessing.get_context("spawn")
-        self._pipe, other = context.Pipe()
+        self._socket, other = socket.socketpair()
         self._process = context.Process(target=_serve, args=(other, work), daemon=True)
         self._process.start()
         other.close()
@@ -50,7 +56,7 @@ class SecondProcess:
     def answer(self) -> Any:
         """The result of the first task without one, when it is done; its exception, or LostProcess."""
         try:
-            done, answer = _received(self._pipe)
+            done, answer = _received(self._socket)
         except (EOFError, OSError):
             raise LostProcess from None
         if not done:
@@ -61,7 +67,7 @@ class SecondProcess:
     def has_answer(self) -> bool:
         """True if `answer` would not wait."""
         try:
-            return self._pipe.poll()
+            return bool(select.select([self._socket], [], [], 0.0)[0])
         except OSError:
             return True
 
@@ -71,36 +77,51 @@ class SecondProcess:
         self._process.terminate()
         self._process.join()
         self._sender.join()
-        self._pipe.close()
+        self._socket.close()
 
     def _send_all(self) -> None:
         with suppress(OSError):  # the process has ended: `answer` finds it
             while (given := self._tasks.get()) is not None:
-                _send(self._pipe, given[0])
+                _send(self._socket, given[0])
 
 
-def _send(pipe: Connection, item: Any) -> None:
+def _send(to: socket.socket, item: Any) -> None:
     buffers: list[pickle.PickleBuffer] = []
     text = pickle.dumps(item, BUFFERS, buffer_callback=buffers.append)
-    pipe.send((text, len(buffers)))
-    for buffer in buffers:
-        pipe.send_bytes(buffer.raw())
+    parts = [memoryview(text), *(buffer.raw() for buffer in buffers)]
+    to.sendall(b"".join(map(SIZE.pack, [len(parts), *(part.nbytes for part in parts)])))
+    for part in parts:
+        to.sendall(part)
 
 
-def _received(pipe: Connection) -> Any:
-    text, number = pipe.recv()
-    return pickle.loads(text, buffers=[pipe.recv_bytes() for _ in range(number)])
+def _received(source: socket.socket) -> Any:
+    (number,) = SIZE.unpack(_bytes_from(source, SIZE.size))
+    sizes = [size for (size,) in SIZE.iter_unpack(_bytes_from(source, number * SIZE.size))]
+    text, *buffers = (_bytes_from(source, size) for size in sizes)
+    return pickle.loads(text, buffers=buffers)
 
 
-def _serve(pipe: Connection, work: Callable[[Any], Any]) -> None:
+def _bytes_from(source: socket.socket, size: int) -> memoryview:
+    """The next bytes; EOFError where the other end is closed."""
+    data = np.empty(size, np.uint8).data
+    received = 0
+    while received < size:
+        more = source.recv_into(data[received:])
+        if not more:
+            raise EOFError
+        received += more
+    return data
+
+
+def _serve(other: socket.socket, work: Callable[[Any], Any]) -> None:
     """In the process: do the tasks until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all processes; the first one decides
     with suppress(EOFError, OSError):
         while True:
-            task = _received(pipe)
+            task = _received(other)
             try:
                 answer = True, work(task)
             except Exception as fault:
                 fault.add_note(traceback.format_exc())
                 answer = False, fault
-            _send(pipe, answer)
+            _send(other, answer)

@@ -179,8 +179,9 @@ class PlainLines:
         return len(self._ends)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what follows from the text in little time."""
-        return {name: value for name, value in vars(self).items() if name not in ("_bytes", "_classes")}
+        """Without what follows from the text in little time, and without the words, once they are columns."""
+        left_out = {"_bytes", "_classes", "_letters_at"} | ({"_words"} if "columns" in vars(self) else set())
+        return {name: value for name, value in vars(self).items() if name not in left_out}
 
     @cached_property
     def _bytes(self) -> np.ndarray:
@@ -267,9 +268,14 @@ class PlainLines:
         return np.where(known, motion - ord("0"), -1).astype(np.int8)
 
     @cached_property
+    def _letters_at(self) -> np.ndarray:
+        """Positions of the addresses in all lines."""
+        return np.flatnonzero(self._classes == _LETTER).astype(np.int32)
+
+    @cached_property
     def _words(self) -> _Words:
         """The words of the regular lines."""
-        classes, at = self._classes, np.flatnonzero(self._classes == _LETTER).astype(np.int32)
+        classes, at = self._classes, self._letters_at
         counts = np.diff(np.searchsorted(at, self.starts))
         line = np.repeat(np.arange(len(self), dtype=np.int32), counts)
         if not self.regular.all():
@@ -341,7 +347,7 @@ class PlainLines:
 
     def order_of(self, column: int, lines: np.ndarray) -> np.ndarray:
         """Index `(k,)` of a word among the words of its line, for `lines` `(k,)` that have it."""
-        at = self._words.at
+        at = self._letters_at
         word = np.searchsorted(at, self.columns.at[column, lines])
         return np.asarray(word - np.searchsorted(at, self.starts[lines]))
 
@@ -384,9 +390,14 @@ class PlainLines:
         return values
 
 
+def whole(piece: bytes) -> bytes:
+    """A piece up to its last line feed."""
+    return piece[: piece.rfind(b"\n") + 1]
+
+
 def whole_lines(piece: bytes, axes: str, style: PlainStyle) -> PlainLines:
     """The lines of a piece up to its last line feed."""
-    return PlainLines(piece[: piece.rfind(b"\n") + 1], axes, style)
+    return PlainLines(whole(piece), axes, style)
 
 
 class NumberMarks(NamedTuple):
