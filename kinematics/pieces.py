@@ -110,13 +110,13 @@ class Curvature:
         slopes = [(sign * powers * table.coefficients).sum(axis=0) / half for sign in (1.0, -signs)]
         self.steps, self.kinks = (_sums(upper, lower, pieces) for upper, lower in (ends, slopes))
 
-    def along(self, low: Array, high: Array, bend: Array) -> list[tuple[Array, Array, Array]]:
+    def along(self, low: Array, high: Array, way: Array, bend: Array) -> list[tuple[Array, Array, Array]]:
         """Bounds of the size, the change and the bend `(n,)` of the translations, and of the rotations.
 
-        Between positions `(n,)` from which the position in the middle deviates by `bend` / 2; terms as in
-        `kinematics.second_differences`.
+        Along ways of these lengths between positions `(n,)` from which the position in the middle deviates by
+        `bend` / 2; terms as in `kinematics.second_differences`.
         """
-        inner, way = self.breaks[1:-1], high - low
+        inner = self.breaks[1:-1]
         first = np.searchsorted(inner, low - bend / 2.0, side="left")
         last = np.searchsorted(inner, high + bend / 2.0, side="right")
         found = []

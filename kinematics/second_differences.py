@@ -36,6 +36,9 @@ from kinematics.machine import NDArrayBool
 from kinematics.pieces import ErrorMotions
 from kinematics.transforms import Array
 
+TOGETHER = 32
+"""Number of neighbouring paths that are bounded together at first."""
+
 
 class Along(NamedTuple):
     """Bounds of a quantity along n paths, each `(n,)` or a number."""
@@ -65,6 +68,32 @@ def turning(angle: Array | float) -> Along:
     return Along(1.0, angle, angle**2 / 4.0)
 
 
+class _Stretches(NamedTuple):
+    """Paths of the axes, or of several paths together; axis positions in mm and rad."""
+
+    low: Array
+    """Smallest positions `(axes, n)`."""
+    high: Array
+    way: Array
+    """Largest changes of position along one path `(axes, n)`."""
+    bend: Array
+    """Bounds `(n,)`, mm, of the second differences of the linear axes."""
+    reach: Array
+    """Lengths of the tools `(n,)`, mm."""
+    datum: Array
+    """Sizes of the datum shifts `(n,)`, mm."""
+
+    def joined(self) -> _Stretches:
+        """TOGETHER neighbours as one."""
+        first = np.arange(0, self.low.shape[1], TOGETHER)
+        most = (np.maximum.reduceat(column, first, axis=-1) for column in self[1:])
+        return _Stretches(np.minimum.reduceat(self.low, first, axis=-1), *most)
+
+    def rows(self, rows: np.ndarray) -> _Stretches:
+        """Some of the paths."""
+        return _Stretches(*(column[..., rows] for column in self))
+
+
 class SecondDifferences:
     """Bounds for a machine with these error motions."""
 
@@ -76,38 +105,62 @@ class SecondDifferences:
         self._lines, self._inverse = np.linalg.norm(lines, 2), np.linalg.norm(np.linalg.inv(lines), 2)
 
     def bounds(
-        self, start: Array, end: Array, tool: Array, tcp: NDArrayBool, turned: NDArrayBool, datum: Array
+        self,
+        start: Array,
+        end: Array,
+        tool: Array,
+        tcp: NDArrayBool,
+        turned: NDArrayBool,
+        datum: Array,
+        least: float = 0.0,
     ) -> Array:
         """Bounds `(n,)`, mm, for paths between axis positions `(n, axes)`, mm and rad; infinite where none is known.
 
         tool `(n, 3)`, mm. tcp `(n,)`: the tool point moves evenly, otherwise all axes do. turned `(n,)`: the
-        bound also holds for the error minus the datum shift `(n, 3)`, mm, along the linear axes.
+        bound also holds for the error minus the datum shift `(n, 3)`, mm, along the linear axes. least: smallest
+        bound, mm, that is returned: paths that keep it together with their neighbours are not looked at singly.
         """
-        machine, n = self.machine, len(start)
-        if not self._motions.complete or self._in_front is None:
+        n = len(start)
+        if not n or not self._motions.complete or self._in_front is None:
             return np.full(n, np.inf)
-        curvatures = self._motions.curvatures
-        low, high = np.minimum(start, end).T, np.maximum(start, end).T
-        front = turning(sum((high[i] - low[i] for i in self._in_front), np.zeros(n)))
-        bend = np.where(tcp, self._bend_under_tcp(start, end, tool, front), 0.0) if tcp.any() else np.zeros(n)
+        low, high = (np.ascontiguousarray(ends.T) for ends in (np.minimum(start, end), np.maximum(start, end)))
+        way, reach, size = high - low, np.broadcast_to(length(vector(tool)), n), np.linalg.norm(datum, axis=1)
+        if tcp.any():
+            front = turning(sum((way[i] for i in self._in_front), np.zeros(n)))
+            bend = np.where(tcp, self._bend_under_tcp(start, end, tool, front), 0.0)
+            return np.maximum(self._of(_Stretches(low, high, way, bend, reach, size), turned), least)
+        stretches, found = _Stretches(low, high, way, np.zeros(n), reach, size), np.full(n, least)
+        together = self._of(stretches.joined(), np.ones(-(-n // TOGETHER), bool))
+        rows = np.flatnonzero(np.repeat(together > least, TOGETHER)[:n])
+        if len(rows):
+            found[rows] = np.maximum(self._of(stretches.rows(rows), turned[rows]), least)
+        return found
+
+    def _of(self, stretches: _Stretches, turned: NDArrayBool) -> Array:
+        """Bounds `(n,)`, mm; turned `(n,)` as for `bounds`."""
+        machine, curvatures = self.machine, self._motions.curvatures
+        low, high, way, bend, reach, datum = stretches
+        n = len(bend)
+        front = turning(sum((way[i] for i in self._in_front or ()), np.zeros(n)))
         bends = [np.zeros(n) if axis.rotary else bend for axis in machine.axes]
-        point, error = Along(length(vector(tool)) + np.zeros(n)), NOTHING
+        point, error = Along(reach), NOTHING
         own = self._motions.tool
         size = float(np.linalg.norm(own[:3])) + float(np.linalg.norm(own[3:])) * point.size
         point, error = point.plus(Along(size)), Along(size)
         for i in range(len(machine.axes) - 1, -1, -1):
             axis = machine.axes[i]
             centre, head = Along(float(np.linalg.norm(axis.point))), axis.side == "tool"
-            turn = turning(high[i] - low[i])
-            reach = np.maximum(np.abs(low[i]), np.abs(high[i])) + bends[i]
-            moved = NOTHING if axis.rotary else Along(reach, high[i] - low[i] + bends[i], bends[i])
+            turn = turning(way[i])
+            farthest = np.maximum(np.abs(low[i]), np.abs(high[i])) + bends[i]
+            moved = NOTHING if axis.rotary else Along(farthest, way[i] + bends[i], bends[i])
             point = point.plus(centre)
             if axis.rotary and head:
                 point, error = turn.times(point), turn.times(error)
             if not head:
                 point = point.plus(moved)
             if i in curvatures:
-                translation, w = (Along(*bounds) for bounds in curvatures[i].along(low[i], high[i], bends[i]))
+                along = curvatures[i].along(low[i], high[i], way[i], bends[i])
+                translation, w = (Along(*bounds) for bounds in along)
                 rotation = Along(w.size, w.change, w.bend + w.change**2 / 2.0)
                 here = translation.plus(rotation.times(point))
                 point, error = point.plus(here), error.plus(here)
@@ -116,8 +169,7 @@ class SecondDifferences:
             if head:
                 point = point.plus(moved)
             point = point.plus(centre)
-        relative = error.plus(Along(np.linalg.norm(datum, axis=1)))
-        along_axes = front.times(relative).bend * self._inverse
+        along_axes = front.times(error.plus(Along(datum))).bend * self._inverse
         held = np.ones(n, bool)
         for i, curvature in curvatures.items():
             held &= (low[i] - bends[i] >= curvature.breaks[0]) & (high[i] + bends[i] <= curvature.breaks[-1])

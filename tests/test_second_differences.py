@@ -74,6 +74,29 @@ def test_the_second_difference_is_never_above_its_bound(seed, machine, way):
     assert (found[known] <= bounds[known] + ROUNDING).all()
 
 
+@drawn(
+    few=12,
+    many=300,
+    seed=st.integers(0, 2**32 - 1),
+    machine=st.sampled_from([load(name) for name in ("gantry", *FIVE_AXES)]),
+    n=st.integers(0, 200),
+    tcp=st.booleans(),
+)
+def test_bounds_are_the_same_with_neighbours(seed, machine, n, tcp):
+    """Long and short moves, some of them outside the travel."""
+    rng = np.random.default_rng(seed)
+    start, end = moves(machine, rng, n)
+    short = rng.random(n) < 0.9
+    end[short] = start[short] + 1e-3 * (end - start)[short]
+    start[rng.random(n) < 0.05] *= 100.0
+    bounds = SecondDifferences(ErrorMotions(machine, random_model(machine, seed), states)).bounds
+    flags = np.full(n, tcp) & (rng.random(n) < 0.1), rng.random(n) < 0.5
+    rest = rng.normal(0.0, 100.0, (n, 3)), *flags, rng.normal(0.0, 0.05, (n, 3))
+    single = bounds(start, end, *rest)
+    for least in (0.0, 1e-6, 1e-4, 1.0):
+        assert (bounds(start, end, *rest, least) == np.maximum(single, least)).all()
+
+
 def model_of(machine, *effects):
     return msgspec.structs.replace(no_errors(machine), effects=effects)
 

@@ -80,12 +80,15 @@ class CorrectedPaths:
         x, y, z = (np.where(turned, there, here) for there, here in zip(along, errors, strict=True))
         return rows_of((x, y, z), len(rows))
 
-    def second_difference_bounds(self, rows: np.ndarray) -> Array:
-        """Upper bounds `(k,)`, mm, of |e(0) - 2 e(1/2) + e(1)| with the `tool_point_errors` e of straight moves."""
+    def second_difference_bounds(self, rows: np.ndarray, least: float) -> Array:
+        """Upper bounds `(k,)`, mm, of |e(0) - 2 e(1/2) + e(1)| with the `tool_point_errors` e of straight moves.
+
+        least: smallest bound, mm, that is returned.
+        """
         motions = self.motions
         bounds = SecondDifferences(self.conditions.errors(motions.machine, self.models[0])).bounds
         moves = self._starts[rows], motions.machine_target[rows], motions.tool[rows]
-        return bounds(*moves, motions.tcp[rows], self.turned[rows], self._datum[rows])
+        return bounds(*moves, motions.tcp[rows], self.turned[rows], self._datum[rows], least)
 
     @cached_property
     def turned(self) -> NDArrayBool:

@@ -23,6 +23,8 @@ from postproc.motion.segments import arc_turned, split
 from postproc.text.number_style import decimals_for
 from postproc.write.added_blocks import END_M, LASTING, NO_INSERTION, SINGLE_FEEDS, START_M
 
+LEAST = 0.01
+"""Share of the tolerance below which bounds of second differences are not distinguished."""
 QUARTER = math.pi / 2 + 1e-9
 HALF_TURN = math.pi - 1e-6
 
@@ -65,7 +67,8 @@ class Splitter:
         paths = CorrectedPaths(motions, self.models, self.conditions)
         bounds = np.full(len(rows), np.inf)
         lines = np.flatnonzero(motions.kind[rows] == Kind.LINE)
-        bounds[lines] = paths.second_difference_bounds(rows[lines])
+        least = min(LEAST * 1e-3 * self.tolerance_um, float(self.limits.of(np.zeros(1))[0]) / 2.0)
+        bounds[lines] = paths.second_difference_bounds(rows[lines], least)
         self.bounds = np.full(len(motions.blocks), -np.inf)
         np.maximum.at(self.bounds, motions.block[rows], bounds)
         self.bounds[np.isinf(self.bounds)] = np.inf
