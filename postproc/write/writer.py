@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.machine import Machine
+from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.correction import Correction
 from postproc.motion.cutter_compensation import check_turned
@@ -99,9 +99,9 @@ class Writer:
         self._indices: Sequence[int] | None = None
         self._iterations: dict[int, Iterations] = {}
         """Iterations by block of the program, if blocks may run several times."""
-        self._programmed: list[list[bool]] = []
-        self._ours: list[bool] = []
-        self._inner: list[bool] = []
+        self._programmed: NDArrayBool = np.empty((0, 0), bool)
+        self._ours: NDArrayBool = np.empty(0, bool)
+        self._inner: NDArrayBool = np.empty(0, bool)
         self._at_end: dict[int, list[str]] = {}
         """Words that go to the last segment of the move, by block of the chunk."""
         self._begun: set[int] = set()
@@ -126,27 +126,25 @@ class Writer:
         self._editors, self._begun, self._arcs, self._at_end, self._added = {}, set(), {}, {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
         rotary_only = motions.rotary_only
-        assumed = (motions.known_start == Known.ASSUMED).tolist()
-        self._programmed = motions.correctable.tolist()
-        self._ours, self._inner = motions.added.tolist(), motions.intermediate.tolist()
+        assumed = motions.known_start == Known.ASSUMED
+        self._programmed, self._ours, self._inner = motions.correctable, motions.added, motions.intermediate
         together = not self._turns and indices is None
         plain_arcs = writable_arcs(motions, correction.middle_shift) if together else {}
         stretches = plain_stretches(motions, plain_arcs) if together else {}
         plain: list[tuple[int, PlainRun, PlainWords]] = []
         behind = 0
-        for row in range(len(motions)):
-            if row < behind:
-                continue
-            held = self._before(motions, row, assumed[row])
+        while (row := behind) < len(motions):
+            behind = row + 1
+            held = self._before(motions, row, assumed[row].tolist())
             starts[row] = held
             if row in stretches:
                 run = stretches[row]
                 written = self._write_plain(motions, correction, row, run, plain_arcs, held)
                 lines = 0 if written is None else len(written.ends)
-                behind = row + lines
                 if lines + 1 < len(run):
-                    stretches[behind + 1] = run.part(lines + 1, len(run))
+                    stretches[row + lines + 1] = run.part(lines + 1, len(run))
                 if written is not None:
+                    behind = row + lines
                     ends[row:behind] = written.ends
                     starts[row + 1 : behind] = ends[row : behind - 1]
                     self._held = ends[behind - 1].tolist()
@@ -168,19 +166,18 @@ class Writer:
 
     def _texts(self, blocks: Blocks, plain: Mapping[int, PlainText]) -> Iterator[str | PlainText]:
         """The texts of all blocks; `plain`: those of consecutive plain lines, by the index of the first."""
-        behind = 0
         for some, first in zip(blocks.parts, blocks.firsts, strict=False):
             if isinstance(some, list):
                 yield from (self._text(first + i, block) for i, block in enumerate(some))
                 continue
-            for index in range(first, first + len(some)):
-                if index < behind:
-                    continue
+            index = first
+            while index < first + len(some):
                 if index in plain:
                     yield plain[index]
-                    behind = index + plain[index].lines
+                    index += plain[index].lines
                 else:
                     yield self._text(index, some.block(index - first))
+                    index += 1
 
     def _text(self, index: int, block: Block) -> str:
         return edited(block.text, self._editors[index].edits) if index in self._editors else block.text
@@ -249,7 +246,7 @@ class Writer:
     def _follow(self, motions: Motions, correction: Correction, row: int, held: list[float], shift: Array) -> None:
         """A hole of a pattern gets the `shift` `(axes,)` of the first one; Refusal if its own correction differs."""
         own = (correction.target - motions.target)[row]
-        named = [axis for axis in cartesian(self.machine)[:2] if self._programmed[row][axis]]
+        named = [axis for axis in cartesian(self.machine)[:2] if self._programmed[row, axis]]
         apart = max((abs(float(own[axis] - shift[axis])) for axis in named), default=0.0) * 1e3
         if apart > self.tolerance_um:
             raise motions.blocks[motions.block[row]].refuse(
@@ -425,7 +422,7 @@ class Writer:
         i, j = polar.axes
         position = (
             (corrected[i], corrected[j])
-            if self._programmed[row][i] and self._programmed[row][j]
+            if self._programmed[row, i] and self._programmed[row, j]
             else motions.target[row, [i, j]]
         )
         names = self.machine.names[i], self.machine.names[j]
@@ -440,7 +437,7 @@ class Writer:
         """Write depth and R of a hole if they differ from those in force; `held` becomes the level after the cycle."""
         cycle, unit = motions.cycles[row], float(motions.unit[row])
         z = cycle.axis
-        depth = Depth(float(correction.target[row, z]), float(motions.target[row, z]), self._programmed[row][z])
+        depth = Depth(float(correction.target[row, z]), float(motions.target[row, z]), bool(self._programmed[row, z]))
         decimals, name = self._decimals(z, unit), self.machine.names[z]
         self._bottom, held[z] = self._holes.write(editor, cycle, name, depth, held[z], unit, decimals)
 
