@@ -262,16 +262,21 @@ def plain_texts(lines: PlainLines, runs: Sequence[PlainRun], words: PlainWords) 
     low, high = int(bounds[0, 0]), int(bounds[-1, 1])
     if not len(words.line):
         return [PlainText(run.data(0, len(run)), len(run), 0) for run in runs]
-    columns, source = lines.columns, np.frombuffer(lines.data, np.uint8)[low:high]
+    changed = np.zeros(len(lines), bool)
+    changed[words.line] = True
+    columns, source = lines.columns, np.frombuffer(lines.data, np.uint8)[low:high].copy()
     cell = words.axis, words.line
-    start, end, address = (column[cell] - low for column in (columns.start, columns.end, columns.at))
+    start, end = (column[cell] - low for column in (columns.start, columns.end))
+    longer = ~_put_in_place(source, words, start, end)
+    words, start, end = words.take(longer), start[longer], end[longer]
+    address = columns.at[words.axis, words.line] - low
     added, gap = words.letter > 0, start > address + 1
     start = np.where(added, np.where(words.behind, end, address), start)
     end = np.where(added, start, end)
     order = np.argsort(start, kind="stable")
     text, lengths = _written(words, gap, (source[address] & 0x20) > 0, order)
     start, end = start[order], end[order]
-    kept, tail = start - np.concatenate([[0], end[:-1]]), len(source) - int(end[-1])
+    kept, tail = start - np.concatenate([[0], end[:-1]]), len(source) - int(end[-1] if len(end) else 0)
     alternating = np.arange(2 * len(end) + 1) % 2 == 0
     taken = np.repeat(alternating, np.append(np.stack([kept, end - start], axis=1).ravel(), tail))
     placed = np.repeat(alternating, np.append(np.stack([kept, lengths], axis=1).ravel(), tail))
@@ -281,12 +286,36 @@ def plain_texts(lines: PlainLines, runs: Sequence[PlainRun], words: PlainWords) 
     data = result.tobytes()
     longer = np.concatenate([[0], np.cumsum(lengths - (end - start))])
     ends = bounds - low + longer[np.searchsorted(start, bounds - low)]
-    changed = np.zeros(len(lines), bool)
-    changed[words.line] = True
     return [
         PlainText(data[first:last], len(run), int(np.count_nonzero(changed[run.first : run.last])))
         for run, (first, last) in zip(runs, ends.tolist(), strict=True)
     ]
+
+
+def _put_in_place(text: np.ndarray, words: PlainWords, start: np.ndarray, end: np.ndarray) -> NDArrayBool:
+    """Write the numbers as long as those that they replace, from `start` to `end` `(k,)` of a text; True for these."""
+    sizes = np.abs(words.counts)
+    whole = np.floor(sizes / POWERS[words.decimals])
+    digits = np.where(words.zero | (words.decimals == 0), 1, 0)
+    for place in range(len(str(int(whole.max(initial=0.0))))):
+        digits = np.where(whole >= POWERS[place], place + 1, digits)
+    signed = (words.counts < 0.0) | words.plus
+    fits = (signed + digits + (words.decimals > 0) + words.decimals == end - start) & (words.letter == 0)
+    # groups with digits, decimals and signs at the same positions
+    layout = (digits * len(POWERS) + words.decimals) * 2 + signed
+    for one in np.flatnonzero(np.bincount(layout[fits])).tolist():
+        rows = np.flatnonzero(fits & (layout == one))
+        at, decimals = end[rows], int(words.decimals[rows[0]])
+        rest: np.ndarray = sizes[rows].astype(np.uint64)
+        for place in range(int(digits[rows[0]]) + decimals):
+            if place == decimals > 0:
+                at = at - 1
+                text[at] = np.where(words.comma[rows], ord(","), ord("."))
+            at, last, rest = at - 1, rest, rest // 10
+            text[at] = ord("0") + (last - rest * 10).astype(np.uint8)
+        if signed[rows[0]]:
+            text[at - 1] = np.where(words.counts[rows] < 0.0, ord("-"), ord("+"))
+    return np.asarray(fits)
 
 
 def _written(words: PlainWords, gap: NDArrayBool, low: NDArrayBool, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
