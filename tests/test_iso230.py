@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.virtual_measurements import written
 
 import machines
 from calibration.measurement.file import read_measurement
@@ -330,3 +331,13 @@ def test_json_is_plain():
     data = json.loads(json.dumps(test.json()))
     assert data["values"]["B"].keys() == {"value_um", "U_um"}
     assert data["targets"][1]["position_mm"] == 250
+
+
+def test_the_page_has_the_chart_of_each_axis(command, tmp_path):
+    written(measured(READINGS), tmp_path / "laser.csv")
+    done = command("iso230", "laser.csv", "--machine", "gantry", "--report", "laser.html")
+    assert done.status == 0
+    page = (tmp_path / "laser.html").read_text()
+    assert "Axis X: chart" in page
+    assert "ncomp iso230 laser.csv --machine gantry" in page
+    assert page.count("<svg") == 1

@@ -452,7 +452,9 @@ def test_the_command(monkeypatch, tmp_path: Path):
     assert "degree" in shown
     assert "um, urad, ± u" not in shown
     call[1] = str(one_axis)
-    assert "um, urad, ± u" in succeed(*call, "--tables").shown
+    page = tmp_path / "page.html"
+    assert "um, urad, ± u" in succeed(*call, "--tables", "--report", str(page)).shown
+    assert "Error motions of X" in page.read_text()
     assert "--basis spline" in refusal(*call, "--basis", "spline")
 
 

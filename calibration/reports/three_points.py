@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from calibration.reports.fit import RIGHT_HANDED, insignificant, residuals
 from calibration.single_axis.three_points import AxisResult, ThreePoints
@@ -11,7 +12,11 @@ from calibration.single_axis.three_points_check import Check
 from calibration.single_axis.three_points_figures import LINES, locations, ranges, squarenesses, straightnesses
 from kinematics.effects import COMPONENTS
 from kinematics.transforms import Array
+from rendering.figures import COLOURS
 from rendering.report import Report, Section, Table, facts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def three_points_json(found: ThreePoints, checked: Check) -> dict[str, Any]:
@@ -85,10 +90,10 @@ def _straightness(axis: AxisResult) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def three_points_report(found: ThreePoints, checked: Check, *, tables: bool) -> Report:
-    """The result for people; with `tables` also every position of every axis."""
+def three_points_report(found: ThreePoints, checked: Check, lead: str = "", *, tables: bool) -> Report:
+    """The result for people; `lead`: data and command; with `tables` also every position of every axis."""
     verdict = "\n".join(insignificant(found.significant_share))
-    return Report("Three-point identification", "", list(_sections(found, checked, tables)), verdict)
+    return Report("Three-point identification", lead, list(_sections(found, checked, tables)), verdict)
 
 
 def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Section]:
@@ -102,6 +107,8 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
     yield residuals((checked.before_rms_um, checked.before_max_um), checked.fit, checked.cross_validation)
     for axis in found.axes.values():
         yield _axis_summary(axis)
+        text = "Errors at the positions, um and urad, with bars of U (k=2)."
+        yield Section(f"Error motions of {axis.axis.name}", text, figure=partial(_motions, axis))
         if tables:
             rows = [
                 (f"{at:g}", *(f"{e:.1f} ± {s:.1f}" for e, s in zip(errors, u, strict=True)))
@@ -121,6 +128,16 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
         for figure in (*locations(found), *squarenesses(found))
     ]
     yield Section("Location errors and squareness", RIGHT_HANDED, Table(("", "value", "u (k=1)", "", ""), rows))
+
+
+def _motions(axis: AxisResult, canvas: Figure) -> None:
+    """The six error motions of an axis at its positions."""
+    canvas.set_size_inches(11.4, 2.0)
+    for j, (panel, name) in enumerate(zip(canvas.subplots(1, len(COMPONENTS)), _names(axis), strict=True)):
+        u = 2.0 * axis.u[:, j]
+        panel.errorbar(axis.positions, axis.errors[:, j], u, fmt=".", color=COLOURS[0], markersize=3, elinewidth=0.7)
+        panel.axhline(0.0, color="#888", linewidth=0.6)
+        panel.set_title(f"{name}, {'urad' if j >= 3 else 'um'}")
 
 
 def _axis_summary(axis: AxisResult) -> Section:

@@ -11,11 +11,10 @@ import ncomp
 from postproc.commands.options.declared import argument, option
 from postproc.commands.options.measurement import DataOptions
 from postproc.commands.options.shared import (
-    JsonFile,
     MachineName,
+    ResultOptions,
     check_files,
     whole_results,
-    write_json,
 )
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 EPILOG = (
     "Examples:\n\n"
-    "`ncomp iso230 laser.csv --machine dmu50`\n\n"
+    "`ncomp iso230 laser.csv --machine dmu50 --report laser.html`\n\n"
     "`ncomp iso230 x_axis.rtl --machine gantry --header axis=X --header u_um=0.3 --header u_um_per_m=0.5 -o x.csv`"
 )
 
@@ -36,7 +35,7 @@ def iso230(
     machine: MachineName,
     output: str | None = option("Error tables of both directions; `-` is standard output.", "TABLE.csv", "-o"),
     form: DataOptions,
-    json: JsonFile,
+    others: ResultOptions,
 ) -> None:
     """Evaluate interferometer runs by ISO 230-2: reversal, repeatability, systematic deviation and accuracy of axes.
 
@@ -47,12 +46,13 @@ def iso230(
     from calibration.single_axis.iso230 import evaluate
     from postproc.commands.show.terminal import say, show
 
-    check_files((data, form.plan), {"--output": output, "--json": json})
+    check_files((data, form.plan), {"--output": output, **others.by_option})
     tests = evaluate(form.read([data], ncomp.load_machine(machine)))
-    with whole_results(json, output) as (results, file):
-        write_json({"axes": [test.json() for test in tests]}, results)
+    report = iso230_report(tests, f"{data} · ncomp iso230 {data} --machine {machine}")
+    with whole_results(*others.files, output) as (results, page, file):
+        others.write({"axes": [test.json() for test in tests]}, report, (results, page))
         _write_tables(tests, file)
-    show(iso230_report(tests), json, output)
+    show(report, *others.files, output)
     for test in tests:
         for note in test.notes:
             say("note", note)

@@ -10,11 +10,10 @@ from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, argument, option
 from postproc.commands.options.measurement import DataOptions
 from postproc.commands.options.shared import (
-    JsonFile,
     MachineName,
+    ResultOptions,
     check_files,
     whole_results,
-    write_json,
 )
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ def three_points(
     degree: tuple[str, ...] = option("Degree of the polynomial of E_XX; default: chosen by AIC.", "XX=4"),
     form: DataOptions,
     tables: bool = option("Also show the errors at each position of each axis.", default=False),
-    json: JsonFile,
+    others: ResultOptions,
 ) -> None:
     """Identify the six error motions of each axis from three or more targets on the part that the axis moves."""
     from calibration.fit.acceptance import refuse_uncertain
@@ -46,7 +45,7 @@ def three_points(
     from calibration.single_axis.three_points_check import check
     from postproc.commands.show.terminal import say, show
 
-    check_files((data, form.plan), {"--output": output, "--json": json})
+    check_files((data, form.plan), {"--output": output, **others.by_option})
     measurement = form.read([data], ncomp.load_machine(machine))
     choice = Choice(basis, _degrees(degree))
     found = identify(measurement, choice)
@@ -54,10 +53,12 @@ def three_points(
         say("note", note)
     refuse_uncertain(found.model, measurement)
     checked = check(measurement, found, choice)
-    with whole_results(json, str(output)) as (results, file):
+    lead = f"{measurement.source} · ncomp three-points {data} --machine {machine} --basis {basis}"
+    report = three_points_report(found, checked, lead, tables=tables)
+    with whole_results(*others.files, str(output)) as (results, page, file):
         file.write(calibration_file(found.model, measurement.machine))
-        write_json(three_points_json(found, checked), results)
-    show(three_points_report(found, checked, tables=tables), json)
+        others.write(three_points_json(found, checked), report, (results, page))
+    show(report, *others.files)
 
 
 def _degrees(texts: Iterable[str]) -> dict[str, int]:
