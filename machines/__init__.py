@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from kinematics.machine import EVERY_OTHER, Control, Machine, make_axis, split_chain
+from kinematics.mistaken_files import did_you_mean
 from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
 
@@ -48,8 +49,9 @@ def load(name_or_path: str) -> Machine:
     if name_or_path in names():
         path = FOLDER / f"{name_or_path}.toml"
     elif path.suffix.lower() != ".toml" and not path.is_file():
+        meant, shipped = did_you_mean(name_or_path, names()), ", ".join(names())
         raise UserError(
-            f"unknown machine {name_or_path!r}: shipped are {', '.join(names())}; or give the path of a .toml file"
+            f"unknown machine {name_or_path!r}{meant}: shipped are {shipped}; or give the path of a .toml file"
         )
     try:
         text = path.read_text(encoding="utf-8")

@@ -8,8 +8,10 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from pathlib import Path
 from typing import NoReturn
 
+from kinematics.mistaken_files import did_you_mean
 from kinematics.user_error import UserError
 from postproc.commands.options.arguments import plain_values
 from postproc.commands.options.declared import Signature
@@ -24,6 +26,8 @@ OBJECTS = 50_000
 def command_line() -> None:
     """Run the command of the process' arguments: without Typer where they are plainly right, which takes less time."""
     words = sys.argv[1:]
+    if words and words[0] not in COMMANDS:
+        _refuse_misspelled(words[0])
     name, *others = words if words and words[0] in COMMANDS else (MAIN_JOB, *words)
     if words and COMPLETION not in os.environ:
         signature = Signature(command(name)[0])
@@ -34,6 +38,14 @@ def command_line() -> None:
     from postproc.commands.tree import command_tree
 
     command_tree()(prog_name="ncomp")
+
+
+def _refuse_misspelled(word: str) -> None:
+    """UserError for a first word that is nearly a command, and neither an option nor a file."""
+    if word.startswith("-") or "." in word or Path(word).exists():
+        return
+    if meant := did_you_mean(word, COMMANDS):
+        raise UserError(f"{word!r} is neither a command nor a file{meant}")
 
 
 def run() -> None:

@@ -237,10 +237,10 @@ def test_refused_path(tmp_path, monkeypatch):
         "latin.toml": "machine file latin.toml: not UTF-8 text",
         "none.toml": "machine file none.toml: No such file or directory",
         "folder.toml": "machine file folder.toml: Is a directory",
-        "dmu60": f"unknown machine 'dmu60': shipped are {', '.join(sorted(SHIPPED))}; or give the path of a .toml file",
-        "DMU50": "unknown machine 'DMU50': shipped are bzt_pfu, ",
+        "dmu60": f"unknown machine 'dmu60' (did you mean 'dmu50'?): shipped are {', '.join(sorted(SHIPPED))}; or give the path of a .toml file",
+        "DMU50": "unknown machine 'DMU50' (did you mean 'dmu50'?): shipped are bzt_pfu, ",
         "": "unknown machine '': shipped are bzt_pfu, ",
-        "../dmu50": "unknown machine '../dmu50': shipped are bzt_pfu, ",
+        "../dmu50": "unknown machine '../dmu50' (did you mean 'dmu50'?): shipped are bzt_pfu, ",
     }.items():
         with pytest.raises(UserError) as refusal:
             machines.load(name)

@@ -449,7 +449,7 @@ def test_refused(change, message, tmp_path):
     ("data", "message"),
     [
         (b"", "Input data was truncated"),
-        (b"G1 X10", "JSON is malformed: invalid character"),
+        (b"G1 X10", "this is an NC program, no calibration"),
         (b'{"ncomp_calibration": 1, "effects": [', "Input data was truncated"),
         (changed(lambda data: data["effects"][3].update(note="Fr")).replace(b"Fr", b"Fr\xe4"), "not UTF-8 text"),
         (b'{"\xff": 1}', "not UTF-8 text"),

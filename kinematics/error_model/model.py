@@ -18,6 +18,7 @@ from kinematics.effects.base import Columns, unit_of
 from kinematics.error_model.layout import to_json
 from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.machine import Machine
+from kinematics.mistaken_files import kind_of_file
 from kinematics.state import REFERENCE, TEMPERATURE, State, variable_unit
 from kinematics.transforms import Array, blocks
 from kinematics.turn import beyond, gap_of, spread_beyond
@@ -326,6 +327,8 @@ def decode_model(data: bytes, source: str) -> ErrorModel:
         units = _take_units(content)
         model = _converted(content)
     except msgspec.DecodeError as fault:
+        if kind := "" if data.lstrip().startswith(b"{") else kind_of_file(data):
+            raise UserError(f"calibration {source}: this is {kind}, no calibration") from None
         raise UserError(f"calibration {source}: {fault}{_hint(str(fault), data)}") from None
     except UnicodeDecodeError:
         raise UserError(f"calibration {source}: not UTF-8 text") from None

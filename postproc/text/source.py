@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from kinematics.mistaken_files import PROGRAM, kind_of_file
 from kinematics.user_error import UserError
 
 ENCODING = "latin-1"
@@ -194,6 +195,9 @@ def _check(source: Source) -> None:
         if len(head) == HEAD_SIZE:
             raise UserError(f"program {source.name} begins with {HEAD_SIZE} blank or NUL characters: no NC text")
         raise UserError(f"program {source.name} is empty")
+    kind = kind_of_file(head)
+    if kind not in ("", PROGRAM):
+        raise UserError(f"program {source.name}: this is {kind}, no NC program")
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise UserError(f"program {source.name} is UTF-16 text; save it as plain text (ASCII or UTF-8)")
     body = head.strip(b"\0")

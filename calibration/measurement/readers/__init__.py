@@ -29,6 +29,7 @@ from calibration.measurement.readers.text import given_entries, old_text
 from calibration.measurement.text_table import Table, parse_table, refuse_empty
 from kinematics.files import read_input
 from kinematics.machine import Machine
+from kinematics.mistaken_files import kind_of_file
 from kinematics.user_error import UserError
 
 
@@ -165,4 +166,6 @@ def _recognised(data: bytes, path: Path) -> str:
         )
     if "# instrument" in head or (names and "," in names[0] and head.lstrip().startswith("#")):
         return "ncomp"
-    raise UserError(f"{path}: the format of the file is unknown; known formats are {KNOWN}")
+    kind = kind_of_file(data)
+    known = f"the format of the file is unknown; known formats are {KNOWN}"
+    raise UserError(f"{path}: this is {kind}, no measurement; {known}" if kind else f"{path}: {known}")

@@ -1,0 +1,38 @@
+"""Mistakes in names and files: the likeliest name that was meant, and the kind of a file that is another one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+HEAD = 4000
+"""Bytes by which the kind of a file is known."""
+KINDS = (
+    (rb"PK\x03\x04", "a ZIP archive or a spreadsheet"),
+    (rb"%PDF-", "a PDF document"),
+    (rb"\x89PNG|\xff\xd8\xff|GIF8", "a picture"),
+    (rb"(?i)<(!doctype\s+)?html", "a web page"),
+    (rb'\{[^\0]*?"ncomp_calibration"', "a calibration of ncomp (--calibration)"),
+    (rb"\{\s*\"", "a JSON file"),
+    (rb"(#[^\n]*\n)*#\s*instrument:", "a measurement file (ncomp fit and ncomp diagnose read it)"),
+    (rb"(#[^\n]*\n)*#\s*strategy:", "a plan of a measurement (ncomp simulate and --plan read it)"),
+    (rb"(#[^\n]*\n|\s)*(name|chain)\s*=\s*\"", "a machine file (--machine)"),
+    (rb"(%[^\n]*\n|\([^)\n]*\)|\s)*(O\d+|N?\d*\s*[GM]\d+|\d+\s+BEGIN PGM)", "an NC program"),
+)  # fmt: skip
+"""Beginnings of files, and what they are."""
+PROGRAM = KINDS[-1][1]
+
+
+def kind_of_file(data: bytes) -> str:
+    """Kind of the file that begins with these bytes, with an article; empty for an unknown one."""
+    head = data[:HEAD].removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
+    return next((kind for begins, kind in KINDS if re.match(begins, head)), "")
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Question for the likeliest of the known names, behind a blank; empty where none is near."""
+    from difflib import get_close_matches
+
+    by_small_letters = {each.lower(): each for each in known}
+    near = get_close_matches(name.lower(), list(by_small_letters), 1)
+    return f" (did you mean {by_small_letters[near[0]]!r}?)" if near else ""
