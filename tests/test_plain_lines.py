@@ -246,6 +246,7 @@ FORMS = {
     "crossing": "".join(CROSSING),
     "minus zero": "X-0.0000 Y0.0000\nX-0.0000 Y-0.0001\nX0.0000 Y-0.0000\n",
     "bare": "X-.5 Y.5 Z200.\nX.05 Y-.05\nX-.0001 Y.0001\nX.0 Y0. Z5.\n",
+    "bare, as long as before": "X-.46000 Y+.3700 Z200.0000\nX.5123 Y-.51230\nX+.4600 Y.3700 Z9.9999\nX9.9999 Y-9.9999\n",
     "point": "X5. Y6.\nX5. Z7.\nX6.\nY5. Z.5\n",
     "five decimals": "X1.23456 Y2.34567 Z200.00001\nX1.23457\nY2.34568\nZ200.00002\nX1.23456\n",
     "plus": "X+1.5 Y-2.5\nX-0.0001 Y0.0001\nX0.0001 Y-0.0001 Z+5.\nX-1.\nY+0.0000\n",

@@ -305,16 +305,16 @@ def _put_in_place(text: np.ndarray, words: PlainWords, start: np.ndarray, end: n
     layout = (digits * len(POWERS) + words.decimals) * 2 + signed
     for one in np.flatnonzero(np.bincount(layout[fits])).tolist():
         rows = np.flatnonzero(fits & (layout == one))
-        at, decimals = end[rows], int(words.decimals[rows[0]])
-        rest: np.ndarray = sizes[rows].astype(np.uint64)
-        for place in range(int(digits[rows[0]]) + decimals):
-            if place == decimals > 0:
-                at = at - 1
-                text[at] = np.where(words.comma[rows], ord(","), ord("."))
-            at, last, rest = at - 1, rest, rest // 10
-            text[at] = ord("0") + (last - rest * 10).astype(np.uint8)
+        decimals, length = int(words.decimals[rows[0]]), int(end[rows[0]] - start[rows[0]])
+        first, rest = start[rows], np.asarray(sizes[rows].astype(np.uint64))
         if signed[rows[0]]:
-            text[at - 1] = np.where(words.counts[rows] < 0.0, ord("-"), ord("+"))
+            text[first] = np.where(words.counts[rows] < 0.0, ord("-"), ord("+"))
+        if decimals:
+            text[first + (length - decimals - 1)] = np.where(words.comma[rows], ord(","), ord("."))
+        places = [place for place in range(int(signed[rows[0]]), length) if not 0 < decimals == length - place - 1]
+        for place in reversed(places):
+            last, rest = rest, rest // 10
+            text[first + place] = ord("0") + (last - rest * 10).astype(np.uint8)
     return np.asarray(fits)
 
 
