@@ -20,6 +20,9 @@ UNCORRECTED = re.compile(r"G0*(28|30|53)(?![\d.])")
 OUTPUTS = re.compile("AUX_OUTPUT|MOTION_OUTPUT")
 """Calls of M functions that ncomp does not know: they may move something."""
 
+STILL = 1e-6
+"""Length of a move, mm, below which it stands still."""
+
 Moves = tuple[list[Move], tuple[str, ...]]
 """All moves, and the other calls behind the last one."""
 
@@ -125,8 +128,13 @@ class Placed:
         return self.codes[self.groups[i].programmed.line - 1]
 
     def in_cycle(self, i: int) -> bool:
-        """True for one of several moves of a block that a cycle makes."""
+        """True for one of several moves of a block that a cycle makes, and for one behind them that stands still.
+
+        LinuxCNC calls the rapid of a G0 alone, which leaves the tool where the cycle has left it.
+        """
         line = self.groups[i].programmed.line
+        if i and self.groups[i].programmed.length < STILL and self.groups[i - 1].programmed.line != line:
+            return self.in_cycle(i - 1)
         same = [g.programmed.kind for g in (*self._run(i, -1, line), *self._run(i, 1, line))]
         return self._cycles[line - 1] or (bool(same) and "rapid" in {*same, self.groups[i].programmed.kind})
 
