@@ -15,11 +15,11 @@ from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.repeatability import repeats
 from calibration.fit.calibrate import calibrate
 from calibration.fit.calibrate import in_datum as fitted_in_datum
+from calibration.measurement.balls.touch_probe import TIP as PROBE
 from calibration.measurement.file import read_measurement
 from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Distance, Target
-from calibration.measurement.touch_probe import TIP as PROBE
 from calibration.observation import equations
 from calibration.observation.normal_equations import NormalEquations, residuals
 from calibration.observation.outliers import first_registration
@@ -181,7 +181,7 @@ def test_distances_are_rows_of_the_normal_equations():
         change = before - equations.distance_residuals(measured, registration.moved(step))
         np.testing.assert_allclose(change / 1e-4, design[:, k], atol=1e-3)
     normal = NormalEquations.zero(design.shape[1] + 2)
-    normal.add_distances(measured, registration)
+    normal.add_stated(measured, registration)
     np.testing.assert_allclose(normal.matrix[:-2, :-2], design.T @ design)
     assert not normal.matrix[-2:].any()
 

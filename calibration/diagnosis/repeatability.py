@@ -128,7 +128,7 @@ def _repeated(measurement: Measurement, cluster: np.ndarray) -> _Again:
     rows = np.flatnonzero(np.bincount(cluster)[cluster] > 1)
     _, number = np.unique(cluster[rows], return_inverse=True)
     zero = np.zeros(len(rows), int)
-    if measurement.instrument.components == 1:
+    if measurement.axis is not None:
         _, zero = np.unique(measurement.groups[rows], return_inverse=True)
     if not len(rows):
         return _Again(rows, number, zero, 0)

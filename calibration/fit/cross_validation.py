@@ -150,7 +150,7 @@ def _refit(
 
     near: a fit of which these are the kept rows. An interferometer's runs have zeros that their own rows determine.
     """
-    if variance == "sheet" and good.components > 1 and _is_linear(model):
+    if variance == "sheet" and good.axis is None and _is_linear(model):
         with suppress(UserError):
             whole = fit(good, model, prior=prior) if near is None else near
             if not whole.suspected.any() and (near is not None or whole.kept.all()):
@@ -185,7 +185,7 @@ class LeavingOut:
         if self._design is not None:  # of few rows the step is large: again, with the exact residuals
             right = self._design.rows(others).along(self._white(fitted)[others])
             again = NormalEquations(normal.matrix - self._distances.matrix, right)
-            again.add_distances(self.problem.measurement, fitted.registration)
+            again.add_stated(self.problem.measurement, fitted.registration)
             solved = self.problem.solution(again, fitted)
             fitted = self.problem.moved(fitted, solved.step)
         return _Fitted(self.problem.at(fitted.parameters), fitted.registration)
@@ -193,14 +193,14 @@ class LeavingOut:
     @cached_property
     def _whole(self) -> NormalEquations:
         normal = self._normal(np.arange(len(self.problem.measurement)))
-        normal.add_distances(self.problem.measurement, self.point.registration)
+        normal.add_stated(self.problem.measurement, self.point.registration)
         return normal
 
     @cached_property
     def _distances(self) -> NormalEquations:
         """The normal equations of the calibrated distances between spheres, which no block holds."""
         normal = NormalEquations.zero(self.point.registered + len(self.point.parameters))
-        normal.add_distances(self.problem.measurement, self.point.registration)
+        normal.add_stated(self.problem.measurement, self.point.registration)
         return normal
 
     @cached_property
@@ -274,7 +274,7 @@ def summed_up(unexplained: Array, whitener: Array, per_micro: Array, labels: np.
 
 def _with_own_zeros(measurement: Measurement, block: np.ndarray, found: Fitted) -> Array:
     """Residuals `(n, d)` of all rows; runs of the block that the fit lacks have zeros and slopes of their own."""
-    if measurement.components > 1:
+    if measurement.axis is None:
         return residuals(measurement, found.model, found.registration)
     missing = np.flatnonzero(block & ~np.isin(measurement.groups, list(found.registration.zeros)))
     if not len(missing):
@@ -319,7 +319,7 @@ def registered(measurement: Measurement, others: np.ndarray) -> np.ndarray:
     The zero of a run of an interferometer may also come from its own rows, where it has OWN_ZERO or more.
     """
     predicted = np.ones(len(measurement), bool)
-    if measurement.components == 1:
+    if measurement.axis is not None:
         _, number = np.unique(measurement.groups, return_inverse=True)
         return np.asarray((np.bincount(number, others)[number] >= 1) | (np.bincount(number)[number] >= OWN_ZERO))
     known = np.array([target.known for target in measurement.targets.values()])

@@ -19,7 +19,7 @@ from calibration.fit.problem import Point, Problem, Solved
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
-from calibration.observation.equations import distance_residuals
+from calibration.observation.equations import stated_residuals
 from calibration.observation.full_model import priors
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import (
@@ -163,7 +163,7 @@ class Fit:
 
         Calibrated distances between spheres count as priors of the registration.
         """
-        own = float(np.sum(self.away**2)) + float(np.sum(distance_residuals(self.measurement, self.registration) ** 2))
+        own = float(np.sum(self.away**2)) + float(np.sum(stated_residuals(self.measurement, self.registration) ** 2))
         scale = self.observations * float(np.log(self.variance_factor))
         return -0.5 * (self.chi2 / self.variance_factor + own + self.solved.log_determinant + scale)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.fit.datum import gauge, null_space
 from calibration.fit.fit import Fit
-from calibration.measurement.instruments import TouchProbe
+from calibration.measurement.instruments import Ballbar, TouchProbe
 from calibration.measurement.measurement import Measurement
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.effects.base import own_component
@@ -148,8 +148,9 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
             "lines that are not alike about the middle would show it (ncomp plan --strategy on-the-fly); another tool "
             "vector would not"
         )
-    if isinstance(measurement.instrument, TouchProbe):
-        return _remedy_of_probe(measurement, effects)
+    if isinstance(measurement.instrument, TouchProbe | Ballbar):
+        of = _remedy_of_probe if isinstance(measurement.instrument, TouchProbe) else _remedy_of_ballbar
+        return of(measurement, effects)
     if measurement.instrument.components < 3:
         return "a measurement in all three directions of space would show it"
     if any(effect.angular for effect in effects) and spread < 2:
@@ -158,6 +159,23 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
     if len(used) < len(measurement.targets):
         return "some targets were never measured"
     return "positions in which the axes move independently of each other, over their whole travel, would show it"
+
+
+def _remedy_of_ballbar(measurement: Measurement, effects: Sequence[Effect]) -> str:
+    """The circles or instruments that would determine the effects for a ballbar."""
+    bar, machine = measurement.instrument, measurement.machine
+    moved = np.ptp(measurement.state.positions, axis=0) > 0.0
+    still = [axis.name for axis, own in zip(machine.axes, moved.tolist(), strict=True) if not own and not axis.rotary]
+    if isinstance(bar, Ballbar) and bar.length_u_um is None and all(_along_itself(effect) for effect in effects):
+        return (
+            "a bar whose length is fitted shows no scale, only differences of the axes' scales: calibrate its length "
+            "(# length_u_um: u), or use an interferometer"
+        )
+    if still:
+        return f"circles in the planes with {', '.join(still)} would show some of it"
+    if any(effect.angular for effect in effects):
+        return "circles with a tool ball of another length, or at other positions of the table ball, would show it"
+    return "circles of another radius, or at other positions of the table ball, would show some of it"
 
 
 def _remedy_of_probe(measurement: Measurement, effects: Sequence[Effect]) -> str:

@@ -19,7 +19,6 @@ import numpy as np
 from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
-from calibration.measurement.instruments import Interferometer
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.full_model import moving_axes
@@ -77,7 +76,7 @@ def _estimated(found: Fit) -> tuple[EstimatedNoise, EstimatedNoise] | None:
     """The noise that the residuals show, with misfit and without; None where they agree with the specification."""
     measurement = replace(found.measurement, noise=None)
     axes = list(moving_axes(measurement))
-    if isinstance(measurement.instrument, Interferometer) or measurement.across is not None or not axes:
+    if measurement.components == 1 or measurement.across is not None or not axes:
         return None
     every = _Components.of(found, measurement, axes)
     good, estimate, start = every.agreeing(None), None, np.append(1.0, np.full(len(axes), START))

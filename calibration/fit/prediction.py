@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calibration.measurement.balls.touch_probe import is_sphere_key
 from calibration.measurement.file import KEYS, KINDS, OBSERVED, uncertainty_keys
 from calibration.measurement.states import (
     MeasurementStates,
@@ -25,7 +26,6 @@ from calibration.measurement.states import (
     state_columns,
 )
 from calibration.measurement.text_table import Table, read_table
-from calibration.measurement.touch_probe import is_sphere_key
 from kinematics.deviation import exact_deviation
 from kinematics.error_model.model import Design, ErrorModel
 from kinematics.error_transform import error_transform_with_tool

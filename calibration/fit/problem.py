@@ -13,7 +13,7 @@ from calibration.fit.linear import Posterior, effective_parameters, pseudo_inver
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
-from calibration.observation.equations import distance_residuals
+from calibration.observation.equations import stated_residuals
 from calibration.observation.normal_equations import (
     Derivatives,
     NormalEquations,
@@ -159,7 +159,7 @@ class Problem:
         """
 
         def objective(at: Point) -> float:
-            away, distances = self.away(at.parameters), distance_residuals(self.measurement, at.registration)
+            away, distances = self.away(at.parameters), stated_residuals(self.measurement, at.registration)
             squares = self.squares(at, weights, decorrelation) / factor
             return squares + float(distances @ distances) + float(away @ away)
 
@@ -193,7 +193,7 @@ class Problem:
             normal = assemble(self.measurement, model, point.registration, white, residual, decorrelation)
         else:
             normal = derivatives.whitened(white, decorrelation).normal(residual)
-        normal.add_distances(self.measurement, point.registration)
+        normal.add_stated(self.measurement, point.registration)
         return self.solution(normal, point)
 
     def covariance(self, solved: Solved, widened: float = 1.0) -> Array:

@@ -12,8 +12,32 @@ from typing import BinaryIO
 import msgspec
 import numpy as np
 
+from calibration.measurement.balls.ballbar import (
+    BALLBAR,
+    CENTRE,
+    LENGTH,
+    LENGTH_U,
+    RADIUS,
+    in_runs,
+    read_ballbar,
+    read_centre,
+    read_radius,
+)
+from calibration.measurement.balls.ballbar import header_lines as bar_lines
+from calibration.measurement.balls.touch_probe import (
+    READINGS,
+    SPHERE,
+    TIP,
+    TOUCH_PROBE,
+    is_sphere_key,
+    read_distances,
+    read_observed,
+    read_spheres,
+    readings,
+)
+from calibration.measurement.balls.touch_probe import header_lines as probe_lines
 from calibration.measurement.error_columns import spread
-from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, Part, TouchProbe
+from calibration.measurement.instruments import Ballbar, Instrument, Interferometer, LaserTracker, Part, TouchProbe
 from calibration.measurement.measurement import Measurement, in_space, with_moves
 from calibration.measurement.states import (
     CARRIERS,
@@ -28,18 +52,6 @@ from calibration.measurement.states import (
     state_columns,
 )
 from calibration.measurement.text_table import Table, read_table
-from calibration.measurement.touch_probe import (
-    READINGS,
-    SPHERE,
-    TIP,
-    TOUCH_PROBE,
-    is_sphere_key,
-    read_distances,
-    read_observed,
-    read_spheres,
-    readings,
-)
-from calibration.measurement.touch_probe import header_lines as probe_lines
 from kinematics.effects.base import UM, URAD, own_component
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
@@ -52,12 +64,14 @@ KINDS: dict[str, type[Instrument]] = {
     "interferometer": Interferometer,
     "part": Part,
     TOUCH_PROBE: TouchProbe,
+    BALLBAR: Ballbar,
 }
 OBSERVED = {
     "laser-tracker": ["x", "y", "z"],
     "interferometer": ["axis", "component", "direction", "target_mm", "target_deg", "deviation_um", "deviation_urad"],
     "part": ["nominal_x", "nominal_y", "nominal_z", "x", "y", "z"],
     TOUCH_PROBE: [SPHERE, *READINGS],
+    BALLBAR: [RADIUS],
 }
 """Columns of the observations, in addition to those of the state."""
 NEEDED = {
@@ -65,9 +79,16 @@ NEEDED = {
     "interferometer": (("u_um",),),
     "part": (("u_um",),),
     TOUCH_PROBE: (("u_um",),),
+    BALLBAR: (("u_um",),),
 }
 """Groups of uncertainties, of which at least one must be above zero; otherwise an observation had infinite weight."""
-KEYS = {"laser-tracker": ["stands_on"], "interferometer": [], "part": ["part_offset"], TOUCH_PROBE: [TIP]}
+KEYS = {
+    "laser-tracker": ["stands_on"],
+    "interferometer": [],
+    "part": ["part_offset"],
+    TOUCH_PROBE: [TIP],
+    BALLBAR: [CENTRE, LENGTH, LENGTH_U],
+}
 CHUNK = 50_000
 """Number of rows converted to text at a time."""
 
@@ -92,7 +113,7 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     allow_columns(table, [*OBSERVED[kind], *state_columns(machine), *own])
     if kind == "interferometer":
         table.need_columns(["axis", "run", "direction"], "an interferometer")
-    spheres = read_spheres(table) if of_probe else {}
+    spheres = read_spheres(table) if of_probe else read_centre(table) if kind == BALLBAR else {}
     distances = read_distances(table, spheres) if of_probe else ()
     states = read_states(table, machine, notes)
     _check_component_uncertainties(table, instrument, states)
@@ -190,7 +211,8 @@ def read_instrument(table: Table) -> Instrument:
     if "component" not in table.names:
         check_uncertainties(kind, values, table.source, "header line '# {}: ...'")
     components = {} if kind != "part" else {"components": 3 if "z" in table.names else 2}
-    instrument: Instrument = msgspec.convert({"kind": kind, **values, **components}, Instrument)
+    bar = read_ballbar(table) if kind == BALLBAR else {}
+    instrument: Instrument = msgspec.convert({"kind": kind, **values, **components, **bar}, Instrument)
     return instrument
 
 
@@ -223,6 +245,8 @@ def _observed(table: Table, machine: Machine, kind: str, states: MeasurementStat
         return (by_kind(table, machine, "deviation_um", "deviation_urad", angular) * sizes)[:, None]
     if kind == TOUCH_PROBE:
         return read_observed(table, machine, states.state.positions)
+    if kind == BALLBAR:
+        return read_radius(table)
     points = ["x", "y", "z"] if kind == "laser-tracker" or "z" in table.names else ["x", "y"]
     table.need_columns(points, kind)
     if kind == "part":
@@ -260,6 +284,8 @@ def header_lines(measurement: Measurement) -> Iterator[str]:
     if kind == TOUCH_PROBE:
         yield from probe_lines(measurement.targets[TIP].position, measurement.spheres, measurement.distances)
         return
+    if isinstance(instrument, Ballbar):
+        yield from bar_lines(measurement, instrument)
     keys = {carrier: key for key, carrier in CARRIERS.items()}
     for name, target in measurement.targets.items():
         if not PLAIN_NAME.fullmatch(name):
@@ -280,6 +306,8 @@ def _columns(measurement: Measurement) -> dict[str, np.ndarray]:
     columns |= {**named, "run": measurement.run}
     if of_probe:
         columns |= readings(machine, state.positions, measurement.observed)
+    elif isinstance(instrument, Ballbar):
+        columns[RADIUS] = measurement.observed[:, 0]
     elif isinstance(instrument, Interferometer):
         columns |= _deviations(measurement)
     else:
@@ -303,7 +331,7 @@ def _directions(measurement: Measurement) -> dict[str, np.ndarray]:
     state = measurement.state
     if state.approach is None:
         return {}
-    from_order = with_moves(state).approach
+    from_order = (in_runs if isinstance(measurement.instrument, Ballbar) else with_moves)(state).approach
     assert from_order is not None
     if not isinstance(measurement.instrument, Part) and np.array_equal(state.approach, from_order):
         return {}

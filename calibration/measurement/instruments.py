@@ -74,7 +74,19 @@ class TouchProbe(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fi
     components: Literal[3] = 3
 
 
-Instrument = LaserTracker | Interferometer | Part | TouchProbe
+class Ballbar(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="ballbar"):
+    """A telescopic bar between a ball in the spindle and a ball on the table, which reads the distance of the balls."""
+
+    u_um: float = 0.0
+    """Standard uncertainty of a reading, um."""
+    length_mm: float = 150.0
+    """Nominal length of the bar between the centres of its balls, mm."""
+    length_u_um: float | None = None
+    """Standard uncertainty of the length by calibration, um; None where the length is fitted."""
+    components: Literal[1] = 1
+
+
+Instrument = LaserTracker | Interferometer | Part | TouchProbe | Ballbar
 
 
 def kind_of(instrument: Instrument) -> str:

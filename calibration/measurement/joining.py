@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from calibration.measurement.balls.touch_probe import TIP
 from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Distance, Measurement, Target
-from calibration.measurement.touch_probe import TIP
 from kinematics.files import fingerprint
 from kinematics.state import State
 from kinematics.transforms import Array

@@ -83,8 +83,8 @@ class Measurement:
     """State with approach, last move, run as cycle, station and target; for a tracker and a part also `observed`."""
     observed: Array
     """Observations `(n, components)`: points in the instrument's or the part's frame, mm; deviations of an
-    interferometer, mm, or rad for angles; of a touch probe the vectors from a sphere's centre to the tip, mm, in the
-    workpiece frame."""
+    interferometer, mm, or rad for angles; lengths of a ballbar, mm; of a touch probe the vectors from a sphere's centre
+    to the tip, mm, in the workpiece frame."""
     targets: Mapping[str, Target] = field(default_factory=lambda: {"1": SPINDLE_NOSE})
     """Targets by the names in `state.target`."""
     stands_on: Literal["workpiece", "bed"] = "workpiece"
@@ -117,8 +117,8 @@ class Measurement:
     scatter: Array | None = None
     """Standard uncertainty `(n,)`, mm, of each coordinate, from the scatter of the readings in the mean of a row."""
     spheres: Mapping[str, Vector] = field(default_factory=dict)
-    """Centres of a touch probe's spheres, mm, in the workpiece frame at zero pose of the machine, as the header states
-    them: first values, by the stations of the state."""
+    """Centres of a touch probe's spheres, or of a ballbar's table ball, mm, in the workpiece frame at zero pose of the
+    machine, as the header states them: first values, by group."""
     distances: tuple[Distance, ...] = ()
     """Calibrated distances between spheres."""
     noise: EstimatedNoise | None = None
@@ -139,9 +139,8 @@ class Measurement:
 
     @property
     def groups(self) -> np.ndarray:
-        """Registration group `(n,)`: a tracker's station, a probe's sphere, the run of an interferometer, one part."""
-        if self.instrument.components == 1:
-            assert self.axis is not None
+        """Registration group `(n,)`: a tracker's station, a probe's sphere, a table ball, an interferometer's run."""
+        if self.axis is not None:
             assert self.run is not None
             names = np.char.add(np.char.add(self.axis.astype(str), " "), self.run.astype(str))
             return names if self.component is None else np.char.add(np.char.add(names, " "), self.component.astype(str))

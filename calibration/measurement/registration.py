@@ -1,7 +1,8 @@
 """Registration: the unknown pose of the instrument, which every fit estimates together with the errors.
 
 A tracker has one pose for each station, a part one alignment, an interferometer one zero for each run, a touch probe
-one centre for each sphere; each target on the table or the bed has an unknown position.
+one centre for each sphere, a ballbar one for its table ball and the error of its length; each target on the table or
+the bed has an unknown position.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Registration:
     moves: tuple[str, ...] = RIGID
     """Moves by which the pose of a group is unknown, some of RIGID in its order."""
     zeros: Mapping[str, float] = field(default_factory=dict)
-    """Reading for an axis without error, by run of an interferometer."""
+    """Reading for an axis without error, by run of an interferometer; error of a ballbar's length."""
     slopes: Mapping[str, float] = field(default_factory=dict)
     """Slope of the line of each straightness run against the axis, rad; its zero is at position 0 of the axis."""
     targets: Mapping[str, Array] = field(default_factory=dict)

@@ -9,10 +9,11 @@ from typing import Literal, NoReturn
 
 import numpy as np
 
+from calibration.measurement.balls.ballbar import in_runs, is_ballbar
+from calibration.measurement.balls.touch_probe import SPHERE, is_touch_probe, read_tip
 from calibration.measurement.measurement import SPINDLE_NOSE, Carrier, Target, with_moves
 from calibration.measurement.registration import rigid
 from calibration.measurement.text_table import Table
-from calibration.measurement.touch_probe import SPHERE, is_touch_probe, read_tip
 from calibration.measurement.velocity import velocities
 from kinematics.effects import COMPONENTS
 from kinematics.forward import tool_point
@@ -128,7 +129,7 @@ def read_states(table: Table, machine: Machine, notes: list[str]) -> Measurement
         target=target,
     )
     if "nominal_x" not in table.names:
-        state = with_moves(state)
+        state = (in_runs if is_ballbar(table) else with_moves)(state)
         velocity = _velocity(table, machine, positions, optional.get("feed"), notes)
         state = replace(state, velocity=velocity)
     state = replace(state, approach=_approach(table, machine, state.approach))

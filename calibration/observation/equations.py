@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.measurement.instruments import Interferometer, Part, TouchProbe
+from calibration.measurement.instruments import Ballbar, Interferometer, Part, TouchProbe
 from calibration.measurement.measurement import Distance, Measurement
 from calibration.measurement.observed_points import carried, derivatives_by_errors, target_points
 from calibration.measurement.registration import PLANAR, RIGID, SHIFTS, Registration, rigid
@@ -21,6 +21,12 @@ from kinematics.error_transform import error_transform_with_tool, pose_slopes
 from kinematics.forward import axis_frames
 from kinematics.transforms import Array, Pose, by_turn, turn
 
+LENGTH = "length"
+"""Name of the error of a ballbar's length among the zeros of a registration."""
+CENTRE_U, LENGTH_ABOUT = 10.0, 1.0
+"""Standard uncertainties of the stated position of a table ball, and of a length that is not calibrated, mm."""
+NEAR_MM, CLOSE_MM, ROUNDS = 0.01, 1e-6, 10
+"""Weight of the readings in a first registration of a ballbar as an uncertainty, and its last step, mm; most steps."""
 IN_LINE = 1.0
 """RMS distance of points from a line, mm, below which they do not determine the instrument's rotation about it."""
 
@@ -37,6 +43,8 @@ def start(measurement: Measurement, trusted: np.ndarray) -> Registration:
         return Registration(zeros=zeros, slopes=across)
     if isinstance(measurement.instrument, TouchProbe):
         return _first_centres(measurement, trusted)
+    if isinstance(measurement.instrument, Ballbar):
+        return _first_table_balls(measurement, trusted)
     planar = measurement.instrument.components == 2
     points = target_points(measurement, None, measurement.tool)
     observed = _in_space(measurement, points)
@@ -72,7 +80,10 @@ def expected(measurement: Measurement, registration: Registration, effects: Obse
         return np.asarray((np.sum(_lines(measurement) * along, axis=1) + zeros + slopes * _own(measurement))[:, None])
     errors = effects.errors if effects.errors.any() else None
     points = target_points(measurement, errors, registration.tool(measurement))
-    return _counted(measurement, registration.apply(measurement, points) + effects.shift)
+    seen = registration.apply(measurement, points) + effects.shift
+    if isinstance(measurement.instrument, Ballbar):
+        return np.asarray(np.linalg.norm(seen, axis=1, keepdims=True) + registration.zeros[LENGTH])
+    return _counted(measurement, seen)
 
 
 def transform(measurement: Measurement, registration: Registration) -> Array:
@@ -88,7 +99,10 @@ def transform(measurement: Measurement, registration: Registration) -> Array:
     seen = derivatives_by_errors(measurement, registration.tool(measurement))
     own = registration.rotations(measurement) @ seen
     shift = np.broadcast_to(np.eye(3), (n, 3, 3))
-    return _counted(measurement, np.concatenate([own, shift], axis=2))
+    derivatives = np.concatenate([own, shift], axis=2)
+    if isinstance(measurement.instrument, Ballbar):
+        return np.asarray(along_bar(measurement, registration)[:, None] @ derivatives)
+    return _counted(measurement, derivatives)
 
 
 def registration_design(measurement: Measurement, registration: Registration) -> Array:
@@ -107,12 +121,47 @@ def registration_design(measurement: Measurement, registration: Registration) ->
         own[rows, :, :3] = np.eye(3)
         own[rows, :, 3:] = by_turn(points[rows] - centre)
         columns.append(own[:, :, registration.move_numbers])
+    if isinstance(measurement.instrument, Ballbar):
+        length = np.ones((n, 1, len(registration.zeros)))
+        moves = along_bar(measurement, registration)[:, None] @ np.concatenate(columns, axis=2)
+        return np.concatenate([moves, length], axis=2)
     turns = registration.rotations(measurement) @ carried(measurement) if registration.targets else None
     numbers = {name: i for i, name in enumerate(measurement.targets)}
     for name in registration.targets:
         assert turns is not None
         columns.append(np.where(np.equal(measurement.target_number, numbers[name])[:, None, None], turns, 0.0))
     return _counted(measurement, np.concatenate(columns, axis=2))
+
+
+def along_bar(measurement: Measurement, registration: Registration) -> Array:
+    """Unit vectors `(n, 3)` from a ballbar's table ball to its tool ball, of the nominal machine."""
+    points = registration.apply(measurement, target_points(measurement, None, measurement.tool))
+    return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
+
+
+def stated_residuals(measurement: Measurement, registration: Registration) -> Array:
+    """Stated minus present values `(k,)` of the registration, in standard uncertainties; exact.
+
+    Of a touch probe the calibrated distances of its spheres; of a ballbar its length and where its table ball is.
+    """
+    if isinstance(measurement.instrument, Ballbar):
+        centres = [np.subtract(measurement.spheres[name], own) for name, own in registration.sphere_centres.items()]
+        length = -registration.zeros[LENGTH] / length_u(measurement.instrument)
+        return np.append(np.concatenate(centres) / CENTRE_U, length)
+    return distance_residuals(measurement, registration)
+
+
+def stated_design(measurement: Measurement, registration: Registration) -> Array:
+    """Derivatives `(k, registration)` of the stated values by the registration, in standard uncertainties."""
+    if isinstance(measurement.instrument, Ballbar):
+        moves = len(registration.names) - 1
+        return np.diag(np.append(np.full(moves, -1.0 / CENTRE_U), 1.0 / length_u(measurement.instrument)))
+    return distance_design(measurement, registration)
+
+
+def length_u(bar: Ballbar) -> float:
+    """Standard uncertainty of a bar's length, mm; a length that is not calibrated is only about right."""
+    return LENGTH_ABOUT if bar.length_u_um is None else bar.length_u_um * 1e-3
 
 
 def distance_residuals(measurement: Measurement, registration: Registration) -> Array:
@@ -167,6 +216,8 @@ def specified_covariance(measurement: Measurement) -> Array:
     if isinstance(instrument, Part):
         u = (instrument.u_um + instrument.u_um_per_m * 1e-3 * np.linalg.norm(measurement.observed, axis=1)) * 1e-3
         return np.asarray(u[:, None, None] ** 2 * np.eye(instrument.components))
+    if isinstance(instrument, Ballbar):
+        return np.full((len(measurement), 1, 1), (instrument.u_um * 1e-3) ** 2)
     if isinstance(instrument, TouchProbe):
         return np.tile((instrument.u_um * 1e-3) ** 2 * np.eye(3), (len(measurement), 1, 1))
     whole, across = instrument.covariance(measurement.observed), measurement.across
@@ -258,6 +309,25 @@ def _first_centres(measurement: Measurement, trusted: np.ndarray) -> Registratio
         poses[name] = Pose(np.eye(3)[None], np.median(shifts[rows], axis=0)[None])
         centres[name] = np.zeros(3)
     return Registration(poses, centres, SHIFTS)
+
+
+def _first_table_balls(measurement: Measurement, trusted: np.ndarray) -> Registration:
+    """First centres of a ballbar's table balls and the error of its length, from the stated ones, by trusted rows."""
+    n = len(measurement)
+    nominal = Observation(np.zeros((n, len(measurement.machine.axes) + 1, 6)), np.zeros((n, 3)))
+    names = np.unique(measurement.groups).tolist()
+    poses = {name: Pose(np.eye(3)[None], -np.array([measurement.spheres[name]])) for name in names}
+    found = Registration(poses, dict.fromkeys(names, np.zeros(3)), SHIFTS, {LENGTH: 0.0})
+    for _ in range(ROUNDS):
+        residual = (measurement.observed - expected(measurement, found, nominal))[trusted, 0]
+        rows = registration_design(measurement, found)[trusted, 0] / NEAR_MM
+        matrix = np.concatenate([rows, stated_design(measurement, found)])
+        right = np.concatenate([residual / NEAR_MM, stated_residuals(measurement, found)])
+        step = np.linalg.lstsq(matrix, right)[0]
+        found = found.moved(step)
+        if np.abs(step).max() < CLOSE_MM:
+            break
+    return found
 
 
 def _mean_zero(measurement: Measurement, mine: np.ndarray, trusted: np.ndarray) -> float:

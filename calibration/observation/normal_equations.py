@@ -55,13 +55,13 @@ class NormalEquations:
             return self
         return NormalEquations(self.matrix[np.ix_(back, back)], self.right[back])
 
-    def add_distances(self, measurement: Measurement, registration: Registration) -> None:
-        """Add the calibrated distances between spheres, a whitened row each; the registration comes first."""
-        if not measurement.distances:
+    def add_stated(self, measurement: Measurement, registration: Registration) -> None:
+        """Add the stated values of the registration, a whitened row each; the registration comes first."""
+        own, size = equations.stated_design(measurement, registration), len(registration.names)
+        if not len(own):
             return
-        own, size = equations.distance_design(measurement, registration), len(registration.names)
         self.matrix[:size, :size] += own.T @ own
-        self.right[:size] += own.T @ equations.distance_residuals(measurement, registration)
+        self.right[:size] += own.T @ equations.stated_residuals(measurement, registration)
 
 
 class Derivatives(NamedTuple):

@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from calibration.measurement.instruments import TouchProbe
+from calibration.measurement.instruments import Ballbar, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import duplicates, first_registration
 from calibration.plausibility.chain_order import other_chains
+from calibration.plausibility.circles import circle_mistakes
 from calibration.plausibility.recording_mistakes import (
     Alternative,
     alternatives,
@@ -84,7 +85,7 @@ def sanity(measurement: Measurement) -> list[Finding]:
     mistakes = [*_order(own), *_temperatures(own), *_dead(own), *_far_targets(own)]
     odd = [*_copies(measurement, copies), *_times(own)]
     if measurement.across is None:  # otherwise the alignment with the path finds them
-        mistakes += list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
+        mistakes += list(_of_instrument(own))
         mistakes += list(_distances(own))
     if measurement.across is None and not any(finding.fatal for finding in mistakes):
         odd += [*_spheres(own), *_small_volume(own), *_clock(own), *_first_cycle(own), *_read_back(own)]
@@ -98,6 +99,16 @@ def usable(measurement: Measurement) -> list[Finding]:
     if fatal:
         raise UserError(f"{measurement.source}: {'; '.join(fatal)}")
     return findings
+
+
+def _of_instrument(measurement: Measurement) -> Iterator[Finding]:
+    """Recording mistakes, as far as the kind of observation shows them."""
+    if isinstance(measurement.instrument, Ballbar):
+        yield from (Finding(*found) for found in circle_mistakes(measurement))
+    elif measurement.axis is not None:
+        yield from _readings(measurement)
+    else:
+        yield from _mistakes(measurement)
 
 
 def _copies(measurement: Measurement, copies: np.ndarray) -> Iterator[Finding]:

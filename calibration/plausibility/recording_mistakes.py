@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.measurement.instruments import TouchProbe
+from calibration.measurement.instruments import Ballbar, TouchProbe
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.observed_points import carried, derivatives_by_positions, target_points
 from calibration.measurement.registration import Registration
+from calibration.observation.equations import along_bar
 from calibration.observation.full_model import STANDSTILL
 from calibration.observation.normal_equations import residuals
 from calibration.observation.outliers import first_registration
@@ -96,6 +97,8 @@ def by_axes(measurement: Measurement, registration: Registration) -> Array:
         own = np.equal(measurement.axis[:, None], np.array(measurement.machine.names))
         return np.asarray((own & measurement.positioning[:, None])[:, None, :], float)
     slopes = registration.rotations(measurement) @ derivatives_by_positions(measurement, registration.tool(measurement))
+    if isinstance(measurement.instrument, Ballbar):
+        return along_bar(measurement, registration)[:, None] @ slopes
     return np.asarray(slopes[:, : measurement.instrument.components])
 
 

@@ -397,7 +397,7 @@ def _left_out(found: Diagnosis) -> Iterator[str]:
     """Runs, set-ups and rows that were left out of the fit, with the reasons."""
     fit = found.after.fit
     if fit.failed:
-        kind = "runs" if fit.measurement.instrument.components == 1 else "set-ups"
+        kind = "runs" if fit.measurement.axis is not None else "set-ups"
         yield f"{kind} {', '.join(fit.failed)}: most of their rows disagree with the other rows or the model"
     outliers = [
         f"{found.measurement.where(int(row))}: outlier, {fit.residual_um[row]:.1f} um from the other rows"

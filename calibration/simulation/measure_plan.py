@@ -8,10 +8,18 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, Part, TouchProbe, kind_of
+from calibration.measurement.balls.touch_probe import TIP
+from calibration.measurement.instruments import (
+    Ballbar,
+    Instrument,
+    Interferometer,
+    LaserTracker,
+    Part,
+    TouchProbe,
+    kind_of,
+)
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.plan import Plan
-from calibration.measurement.touch_probe import TIP
 from calibration.observation.reach import Reach, in_reach
 from calibration.simulation.simulate import (
     Faults,
@@ -38,6 +46,7 @@ SPECIFICATIONS: Mapping[str, Instrument] = {
     "interferometer": Interferometer(u_um=0.2, u_um_per_m=0.5, u_straightness_um=0.5, u_angle_urad=1.0),
     "part": Part(u_um=1.0, u_um_per_m=1.5),
     "touch-probe": TouchProbe(u_um=1.0),
+    "ballbar": Ballbar(u_um=0.3),
 }
 """Default uncertainties of each instrument."""
 AWAY_MM = 1500.0

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.measurement.balls.touch_probe import TIP
 from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Distance, Measurement, with_moves
 from calibration.measurement.plan import Plan
 from calibration.measurement.registration import SHIFTS, Registration
-from calibration.measurement.touch_probe import TIP
 from calibration.observation.equations import expected
 from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point

@@ -463,7 +463,7 @@ class LinearisedFit:
 
     def _own_zeros(self, block: np.ndarray) -> Array:
         """Columns `(m, p)` of the zeros of an interferometer's runs that only rows of the block `(N,)` have."""
-        own = self.design[:, : len(self.fit.registration.names) if self.measurement.components == 1 else 0]
+        own = self.design[:, : len(self.fit.registration.names) if self.measurement.axis is not None else 0]
         only = own[block].any(axis=0) & ~own[~block].any(axis=0)
         return np.asarray(own[block][:, only])
 

@@ -123,7 +123,7 @@ class _Evidence:
         parts = [REGISTRATION, PRESENT, BESIDES, *axes]
         right = np.concatenate([self._residual @ self._columns(part) for part in parts])
         normal = NormalEquations(self._blocks.matrix(parts), right)
-        normal.add_distances(self._measurement, self._registration)
+        normal.add_stated(self._measurement, self._registration)
         widths = [self._columns(part).shape[1] for part in parts[1:]]
         prior = np.repeat([1.0, WIDE, *(own.scale for own in used.values())], widths)
         solved = solution(normal, self._registration, prior, np.zeros(len(prior)))

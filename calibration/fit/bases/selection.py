@@ -130,7 +130,7 @@ class LinearEvidence:
         axes: list[Part] = [(axis, str(basis)) for axis, basis in choice.bases.items()]
         parts = [REGISTRATION, *axes, OTHER_EFFECTS]
         normal = NormalEquations(self._blocks.matrix(parts), np.concatenate([self._right(part) for part in parts]))
-        normal.add_distances(self._measurement, self._registration)
+        normal.add_stated(self._measurement, self._registration)
         prior = np.concatenate(
             [*(choice.prior_scale * self._priors(part) for part in axes), self._priors(OTHER_EFFECTS)]
         )

@@ -296,7 +296,7 @@ def _information(found: Fit, model: ErrorModel) -> tuple[Array, Array]:
     root = np.sqrt(weights)
     residual = decorrelation.apply(whitened(white, found.residual) * root[:, None])
     normal = assemble(measurement, model, registration, white * root[:, None, None], residual, decorrelation)
-    normal.add_distances(measurement, registration)
+    normal.add_stated(measurement, registration)
     size = len(registration.names)
     own = normal.matrix[:size, :size]
     scale = 1.0 / np.sqrt(np.where(np.diag(own) > 0, np.diag(own), 1.0))

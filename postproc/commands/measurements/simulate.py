@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.measurements.simulate_on_the_fly import MotionOptions, simulate_on_path
+from postproc.commands.options.ballbar import BallbarOptions
 from postproc.commands.options.declared import REQUIRED, option, refuse_given
 from postproc.commands.options.path import read_path
 from postproc.commands.options.program import SetUpOptions
@@ -18,7 +19,13 @@ from postproc.commands.options.virtual_instrument import FaultOptions, Instrumen
 from postproc.commands.options.virtual_machine import VirtualMachineOptions
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+
     from calibration.measurement.plan import Plan
+    from calibration.simulation.measure_plan import Simulated, VirtualInstrument
+    from kinematics.error_model.model import ErrorModel
     from kinematics.machine import Machine
 
 LONG = 200_000
@@ -32,7 +39,9 @@ EPILOG = (
     "--effect thermal-scale-sensor:axis=Z,sensor=scale,coefficient=11 --temperature scale=20:24 -o data.csv`\n\n"
     "`ncomp simulate --machine cframe --path path.nc --feed 2500 --feed 10000 --target t=0,0,-120 -o points.csv`\n\n"
     "`ncomp simulate --machine cframe --strategy axes --runs 5 --instrument interferometer --calibration cal.json "
-    "-o data.csv`"
+    "-o data.csv`\n\n"
+    "`ncomp simulate --machine cframe --instrument ballbar --centre 300,225,250 --target t1=0,0,-120 --plane XY "
+    "--feed 1000 --feed 3000 --effect backlash:axis=X,width=12 -o circles.csv`"
 )
 
 
@@ -43,6 +52,15 @@ class ErrorOptions(VirtualMachineOptions):
     location: float = option("Largest random location error, um and urad.", "um", default=0.0, min=0.0)
 
 
+class Given(NamedTuple):
+    """The options that apply to a ballbar, and those that do not."""
+
+    strategy: StrategyOptions
+    instrument: InstrumentOptions
+    ballbar: BallbarOptions
+    motion: MotionOptions
+
+
 def simulate(
     *,
     machine: MachineName,
@@ -51,6 +69,7 @@ def simulate(
     errors: ErrorOptions,
     instrument: InstrumentOptions,
     faults: FaultOptions,
+    ballbar: BallbarOptions,
     motion: MotionOptions,
     set_up: SetUpOptions,
 ) -> None:
@@ -77,19 +96,43 @@ def simulate(
         nominal = read_path(motion.path, found, set_up.setup(found), set_up.dialect)
         simulate_on_path(nominal, motion, targets_of(strategy.target), model, virtual, draws, outputs)
         return
-    plan = _plan(found, strategy)
-    with progress_of(len(plan) * max(1, len(virtual.trackers)), "simulating", LONG) as progress:
-        made = ncomp.simulate(plan, model, virtual, seed=seed, progress=progress)
+    if instrument.instrument == "ballbar":
+        summary = "circles of a ballbar"
+        made = _circles(found, model, Given(strategy, instrument, ballbar, motion), virtual, draws)
+    else:
+        ballbar.refuse(instrument.instrument)
+        plan = _plan(found, strategy)
+        summary = plan.summary
+        with progress_of(len(plan) * max(1, len(virtual.trackers)), "simulating", LONG) as progress:
+            made = ncomp.simulate(plan, model, virtual, seed=seed, progress=progress)
     for note in made.notes:
         say("note", note)
     with whole_results(*outputs) as (truth, file):
         write_measurement(made.measurement, file)
         truth.write(encode_model(model))
-    console.print(plan.summary)
+    console.print(summary)
     for note in made.spoiled:
         say("simulated", note)
     observations = f"{len(made.measurement)} observations by {instrument.instrument}"
     console.print(f"{observations} of {len(model.effects)} effects, seed {seed}")
+
+
+def _circles(
+    machine: Machine, model: ErrorModel, given: Given, virtual: VirtualInstrument, draws: Sequence[np.random.Generator]
+) -> Simulated:
+    """The circles of a ballbar; draws as of the command."""
+    from calibration.simulation.ballbar import swept
+    from calibration.simulation.measure_plan import Simulated
+    from calibration.simulation.simulate import spoil
+
+    reason = "does not apply to --instrument ballbar: its circles follow from --centre, --plane and --bar"
+    refuse_given(reason, given.strategy, "strategy", "points", "spacing", "ranges")
+    refuse_given(reason, given.instrument, "tracker", "elevation", "incidence", "sphere", "distance", "planar")
+    target, circles = given.ballbar.target(given.strategy.target), given.ballbar.circles(given.motion.feed)
+    bar = given.ballbar.instrument(virtual.instrument)
+    made = swept(machine, model, bar, circles, target, (draws[1], draws[2]), virtual.noise_scale)
+    made, spoiled = spoil(made, virtual.faults, draws[3])
+    return Simulated(made, (), spoiled)
 
 
 def _plan(machine: Machine, options: StrategyOptions) -> Plan:

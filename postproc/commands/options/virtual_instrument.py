@@ -91,7 +91,7 @@ class InstrumentOptions(TrackerOptions):
     PANEL: ClassVar[str] = "Instrument"
 
     instrument: str = option(
-        "Instrument: laser-tracker, interferometer, part (a measured workpiece) or touch-probe (with spheres).",
+        "Instrument: laser-tracker, interferometer, part (a measured workpiece), touch-probe or ballbar.",
         "KIND",
         default="laser-tracker",
     )
@@ -132,7 +132,7 @@ class InstrumentOptions(TrackerOptions):
 
     def _spheres(self) -> Spheres:
         """Spheres of a touch probe and distances between them; none for other instruments."""
-        from calibration.measurement.touch_probe import NAME
+        from calibration.measurement.balls.touch_probe import NAME
         from calibration.simulation.touch_probe import Spheres
 
         if self.instrument != "touch-probe":

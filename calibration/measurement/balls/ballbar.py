@@ -1,0 +1,116 @@
+"""Ballbar in a measurement file: its two balls, its length, and its circles.
+
+The tool ball is the one target on the tool. The table ball is a set-up with an unknown centre, in the workpiece frame
+at zero pose of the machine. An observation is the distance of the two balls as the bar reads it: the unknown error of
+the bar's length is in all readings, and is known to its uncertainty where the bar was calibrated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NoReturn
+
+import numpy as np
+
+from calibration.measurement.instruments import Ballbar
+from calibration.measurement.measurement import Measurement, with_moves
+from calibration.measurement.text_table import Table
+from kinematics.machine import Vector
+from kinematics.state import State
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+BALLBAR = "ballbar"
+"""Kind of the instrument in a header."""
+CENTRE, LENGTH, LENGTH_U, RADIUS = "centre", "length_mm", "length_u_um", "radius_mm"
+"""Header keys of the table ball and of the length, and the column of the readings."""
+ONE_SET_UP = "1"
+"""Name of the set-up: a file has one position of the table ball."""
+SHORTEST, LONGEST = 10.0, 5000.0
+"""Lengths of a bar that are accepted, mm."""
+SAME_WAY = 1e-6
+"""Change between rows, mm or rad, below which an axis rests."""
+
+
+def is_ballbar(table: Table) -> bool:
+    """True for a table of a ballbar; also for points without an instrument whose header has a bar's length."""
+    return table.entries["instrument"].value == BALLBAR if "instrument" in table.entries else LENGTH in table.entries
+
+
+def read_ballbar(table: Table) -> dict[str, float | None]:
+    """Length of the bar, mm, and its standard uncertainty, um, by header key; None where the length is fitted."""
+    if LENGTH not in table.entries:
+        _missing(table, LENGTH, "150", "the length of the bar between the centres of its balls, mm")
+    (length,) = table.header_numbers(LENGTH, 1)
+    if not SHORTEST <= length <= LONGEST:
+        table.header_fault(LENGTH, f"{length:g} mm is no length of a ballbar ({SHORTEST:g} to {LONGEST:g} mm)")
+    if LENGTH_U not in table.entries:
+        return {LENGTH: length, LENGTH_U: None}
+    (u,) = table.header_numbers(LENGTH_U, 1)
+    if u <= 0.0:
+        table.header_fault(LENGTH_U, f"{u:g} is not above 0; without this line the length is fitted")
+    return {LENGTH: length, LENGTH_U: u}
+
+
+def read_centre(table: Table) -> dict[str, Vector]:
+    """Stated centre of the table ball, mm, by the name of the set-up; UserError without it, and for several set-ups."""
+    if "station" in table.names:
+        table.fault(0, "station", "a file of a ballbar has one position of the table ball: give several files")
+    if CENTRE not in table.entries:
+        _missing(table, CENTRE, "x y z", "about where the table ball is, in the workpiece frame with all axes at 0, mm")
+    if not any(key.partition(".")[0] == "target" for key in table.entries):
+        _missing(table, "target.NAME", "x y z", "the centre of the tool ball from the spindle nose, mm")
+    x, y, z = table.header_numbers(CENTRE, 3)
+    return {ONE_SET_UP: (x, y, z)}
+
+
+def read_radius(table: Table) -> Array:
+    """Readings `(n, 1)`, mm; UserError for rows that stand, and for readings that are no lengths."""
+    table.need_columns(["run", "feed", RADIUS], "a ballbar")
+    columns = table.numbers(["feed", RADIUS])
+    for name, column in columns.items():
+        if np.any(column <= 0.0):
+            why = "is not above 0: a ballbar measures circles in motion" if name == "feed" else "is not above 0"
+            table.fault(int(np.argmax(column <= 0.0)), name, why)
+    return columns[RADIUS][:, None]
+
+
+def in_runs(state: State) -> State:
+    """The state with moves within the runs: a circle begins with an overshoot, in which the axes move already.
+
+    The move to the first row of a run is that of the circle continued backwards from the next two rows. A row that does
+    not move an axis keeps the last move of its run.
+    """
+    q, cycle = state.positions, state.cycle
+    if cycle is None:
+        return with_moves(state)
+    first = run_starts(state)
+    moves = np.diff(q, axis=0, prepend=q[:1])
+    for row in np.flatnonzero(first).tolist():
+        following = q[row : row + 3]
+        if len(following) == 3 and not first[row + 1 : row + 3].any():
+            moves[row] = -2.0 * following[0] + 3.0 * following[1] - following[2]
+    moves[np.abs(moves) < SAME_WAY] = 0.0
+    kept = np.where((moves != 0.0) | first[:, None], np.arange(len(state))[:, None], 0)
+    last = np.take_along_axis(moves, np.maximum.accumulate(kept, axis=0), axis=0)
+    return replace(state, last_move=last, approach=np.sign(last))
+
+
+def run_starts(state: State) -> np.ndarray:
+    """True `(n,)` for the first row of each run."""
+    number = np.zeros(len(state)) if state.cycle is None else state.cycle
+    return np.append(True, np.diff(number) != 0.0)[: len(state)]
+
+
+def _missing(table: Table, key: str, value: str, meaning: str) -> NoReturn:
+    raise UserError(f"{table.source}: header line '# {key}: {value}' is missing: {meaning}")
+
+
+def header_lines(measurement: Measurement, instrument: Ballbar) -> Iterator[str]:
+    """Header lines of the bar and of the table ball, without `# `."""
+    yield f"{LENGTH}: {instrument.length_mm!r}"
+    if instrument.length_u_um is not None:
+        yield f"{LENGTH_U}: {instrument.length_u_um!r}"
+    (centre,) = measurement.spheres.values()
+    yield f"{CENTRE}: {' '.join(f'{value!r}' for value in centre)}"

@@ -1,0 +1,119 @@
+"""Mistakes in the circles of a ballbar: units, columns, radius and centre, single rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from calibration.measurement.instruments import Ballbar
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.observed_points import target_points
+from calibration.observation.equations import LENGTH
+from calibration.plausibility.recording_mistakes import misfit
+from kinematics.transforms import Array
+
+OFF_MM = 0.5
+"""Difference of the readings from the circles, mm, that no machine in use has."""
+LENGTH_OFF_MM = 2.0
+"""Difference of the readings from the stated length, mm, from which the radius is wrong: a bar's travel is 1 mm."""
+OTHER_CENTRE_MM = 0.5
+"""Distance of the centre of a run from that of the others, mm, from which the run has another table ball."""
+FAR_MM = 3.0
+"""Distance of the table ball from the stated centre, mm, from which one of the two is wrong."""
+LOST_MM = 20.0
+"""Distance from which the data cannot be used."""
+INCH = 25.4
+
+
+def circle_mistakes(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
+    """Check, message, and whether it is fatal, for each mistake in the circles of a ballbar."""
+    bar = measurement.instrument
+    if not isinstance(bar, Ballbar):
+        return
+    radius, length = float(np.median(measurement.observed)), bar.length_mm
+    if abs(radius - length) > LENGTH_OFF_MM:
+        read = f"radius_mm reads {radius:.6g} mm in the median, but the bar is {length:g} mm long"
+        yield "units", f"{read}{_why(radius / length)}", True
+        return
+    distance = _distances(measurement, np.array(next(iter(measurement.spheres.values()))))
+    driven = float(np.median(distance))
+    if abs(driven - length) > LENGTH_OFF_MM and _best_centre(measurement)[1] > OFF_MM:
+        yield "radius", _wrong_radius(measurement, driven, length), True
+        return
+    residual, registration = misfit(measurement)
+    off = np.abs(residual[:, 0])
+    if float(np.median(off)) > OFF_MM or abs(registration.zeros[LENGTH]) > LENGTH_OFF_MM:
+        yield "radius", _wrong_radius(measurement, driven, length), True
+        return
+    yield from _other_centres(measurement)
+    for row in np.flatnonzero(off > OFF_MM).tolist()[:3]:
+        away = f"radius_mm is {1e3 * residual[row, 0]:+.4g} um off its circle, and not used"
+        yield "outliers", f"{measurement.where(row)}: {away}", False
+    for name, centre in registration.sphere_centres.items():
+        apart = float(np.linalg.norm(centre - np.array(measurement.spheres[name])))
+        if apart > FAR_MM:
+            words = "correct the centre, or columns of axes that are exchanged"
+            yield "centre", f"the table ball is {apart:.4g} mm from its stated centre: {words}", apart > LOST_MM
+
+
+def _why(ratio: float) -> str:
+    for factor, words in ((INCH, "the bar's length is in inch"), (1.0 / INCH, "the readings are in inch")):
+        if abs(ratio / factor - 1.0) < 0.05:
+            return f": {words}?"
+    return ": the length is wrong, or the readings are deviations from it (radius_mm is the distance of the balls)"
+
+
+def _wrong_radius(measurement: Measurement, driven: float, length: float) -> str:
+    """The message for circles that the bar cannot have measured."""
+    machine, (radius, rms) = measurement.machine, _best_centre(measurement)
+    names = [axis.name for axis in machine.axes if axis.rotary]
+    swapped = ""
+    if names and np.ptp(measurement.state.positions[:, machine.rotary], axis=0).max() > np.radians(1.0):
+        swapped = f", or columns in mm and in degrees ({', '.join(names)}) are exchanged"
+    own = f"; their own circle has a radius of {radius:.6g} mm" if rms < OFF_MM else ""
+    return (
+        f"the commanded positions are {driven:.6g} mm (median) from the stated centre, but the bar is {length:g} mm "
+        f"long{own}: the centre, the radius of the program or the unit of the axes is wrong{swapped}"
+    )
+
+
+def _distances(measurement: Measurement, centre: Array) -> Array:
+    return np.asarray(np.linalg.norm(target_points(measurement, None, measurement.tool) - centre, axis=1))
+
+
+def _best_centre(measurement: Measurement) -> tuple[float, float]:
+    """Radius, mm, of the sphere that fits the commanded positions best, and the RMS of their distances from it, mm."""
+    points = target_points(measurement, None, measurement.tool)
+    middle = points.mean(axis=0)
+    rows = np.column_stack([2.0 * (points - middle), np.ones(len(points))])
+    solution = np.linalg.lstsq(rows, np.sum((points - middle) ** 2, axis=1))[0]
+    radius = float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
+    away = np.linalg.norm(points - middle - solution[:3], axis=1) - radius
+    return radius, float(np.sqrt(np.mean(away**2)))
+
+
+def _other_centres(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
+    """Runs whose circle is about another point than that of the other runs."""
+    assert measurement.run is not None
+    points = target_points(measurement, None, measurement.tool)
+    for run in np.unique(measurement.run).tolist():
+        mine = measurement.run == run
+        if mine.all() or mine.sum() < 6:
+            continue
+        others = measurement.rows(np.flatnonzero(~mine))
+        _, registration = misfit(others)
+        centre = next(iter(registration.sphere_centres.values()))
+        arms = points[mine] - centre
+        length = np.linalg.norm(arms, axis=1)
+        away = measurement.observed[mine, 0] - length - registration.zeros[LENGTH]
+        good = np.abs(away - np.median(away)) < 20.0
+        shift = np.linalg.lstsq(-arms[good] / length[good, None], away[good], rcond=1e-3)[0]
+        if float(np.linalg.norm(shift)) > OTHER_CENTRE_MM:
+            yield (
+                "centre",
+                f"run {run} is about a point {np.linalg.norm(shift):.4g} mm from the centre of the other runs: the "
+                "table ball or a work offset was moved; give this run as a file of its own",
+                True,
+            )
+            return
