@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from calibration.diagnosis.search.stage import Stage
-from calibration.fit.acceptance import disagreement, nominal_residuals, not_better, reason_against
+from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, not_better, reason_against
 from calibration.fit.cross_validation import CrossValidation, summed_up, uncorrected
 from calibration.fit.fit import fit
 from calibration.fit.problem import FIXED
@@ -28,7 +28,7 @@ ADVICE = "The present model stays: check the data (ncomp fit, --report), or meas
 
 
 @dataclass(frozen=True)
-class Acceptance:
+class Acceptance(Judged):
     """Comparison of the new model with the others on held-out blocks, and its consequence."""
 
     none: CrossValidation | None
@@ -67,11 +67,6 @@ class Acceptance:
         if confirmed and none is not None and none.gains.worse:
             reason = f"{not_better('the present calibration, updated,', none, 'the nominal machine')}. {ADVICE}"
         return cls(none, present, too_many or reason, force, confirmed and not (too_many or reason))
-
-    @property
-    def reason(self) -> str:
-        """Reason why the new calibration must not be used; empty if it may."""
-        return "" if self.forced else self.objection
 
 
 def _against_present(present: CrossValidation | None, *, updated: bool) -> str:

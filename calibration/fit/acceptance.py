@@ -41,6 +41,25 @@ ANYWHERE = 300
 """Number of states, within the measured ranges of all axes, at which a correction is compared with its uncertainty."""
 
 
+class Judged:
+    """A result that must not be used where there is a reason against it, unless it is accepted nevertheless."""
+
+    objection: str
+    """Reason against it; empty without one."""
+    forced: bool
+    """True where it is accepted nevertheless."""
+
+    @property
+    def reason(self) -> str:
+        """Reason why it must not be used; empty if it may."""
+        return "" if self.forced else self.objection
+
+    @property
+    def accepted(self) -> bool:
+        """True where it may be used."""
+        return not self.reason
+
+
 def refuse_few(found: Fit, identified: Identifiability) -> None:
     """UserError with the reason of `too_few`."""
     reason = too_few(found, identified)

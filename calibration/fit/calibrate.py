@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from calibration.fit.acceptance import (
+    Judged,
     disagreement,
     nominal_residuals,
     reason_against,
@@ -43,7 +44,7 @@ from kinematics.version import VERSION
 
 
 @dataclass(frozen=True)
-class Calibration:
+class Calibration(Judged):
     """A calibration with its fit and its checks."""
 
     fit: Fit
@@ -72,16 +73,6 @@ class Calibration:
     """Reason against the calibration: too many rows disagree, or it is no improvement; empty without one."""
     forced: bool
     """True where it is accepted nevertheless."""
-
-    @property
-    def reason(self) -> str:
-        """Reason why the calibration must not be used; empty if it may."""
-        return "" if self.forced else self.objection
-
-    @property
-    def accepted(self) -> bool:
-        """True where the calibration may be used."""
-        return not self.reason
 
     @property
     def significant_share(self) -> float:

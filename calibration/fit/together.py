@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 from scipy import special
 
-from calibration.fit.acceptance import disagreement, nominal_residuals, reason_against, refuse_few
+from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, reason_against, refuse_few
 from calibration.fit.bases.search import AUTO
 from calibration.fit.calibrate import in_datum, provenance
 from calibration.fit.cross_validation import CrossValidation, cross_validate
@@ -84,7 +84,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Together:
+class Together(Judged):
     """The fit of several measurements, with its checks."""
 
     parts: tuple[Part, ...]
@@ -98,16 +98,6 @@ class Together:
     """Reason against the calibration; empty without one."""
     forced: bool
     """True where it is accepted nevertheless."""
-
-    @property
-    def reason(self) -> str:
-        """Reason why the calibration must not be used; empty if it may."""
-        return "" if self.forced else self.objection
-
-    @property
-    def accepted(self) -> bool:
-        """True where the calibration may be used."""
-        return not self.reason
 
     @property
     def bases(self) -> dict[str, Basis]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from calibration.fit.acceptance import COVERAGE, MOSTLY
+from calibration.fit.acceptance import COVERAGE, MOSTLY, Judged
 from calibration.fit.calibrate import Calibration
 from calibration.fit.cross_validation import CrossValidation
 from calibration.fit.curves.between_positions import BetweenPositions
@@ -119,18 +119,6 @@ def between_positions(found: Iterable[BetweenPositions]) -> Iterator[tuple[str, 
     for each in found:
         if each.noticed:
             yield "UNCERTAIN", str(each)
-
-
-class Judged(Protocol):
-    """A result that may be refused."""
-
-    @property
-    def objection(self) -> str:
-        """Reason against the calibration; empty without one."""
-
-    @property
-    def forced(self) -> bool:
-        """True where it is written nevertheless."""
 
 
 def acceptance(found: Judged) -> list[str]:
