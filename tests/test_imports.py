@@ -22,6 +22,7 @@ CALIBRATION = (
     "calibration.plausibility",
     "calibration.fit",
     "calibration.single_axis",
+    "calibration.circles",
     "calibration.evaluation",
     "calibration.planning",
     "calibration.simulation",

@@ -9,7 +9,7 @@ from typing import Literal, NoReturn
 
 import numpy as np
 
-from calibration.measurement.balls.ballbar import in_runs, is_ballbar
+from calibration.measurement.balls.ballbar import in_runs, is_ballbar, velocities_on_circles
 from calibration.measurement.balls.touch_probe import SPHERE, is_touch_probe, read_tip
 from calibration.measurement.measurement import SPINDLE_NOSE, Carrier, Target, with_moves
 from calibration.measurement.registration import rigid
@@ -130,7 +130,11 @@ def read_states(table: Table, machine: Machine, notes: list[str]) -> Measurement
     )
     if "nominal_x" not in table.names:
         state = (in_runs if is_ballbar(table) else with_moves)(state)
-        velocity = _velocity(table, machine, positions, optional.get("feed"), notes)
+        feed = optional.get("feed")
+        if is_ballbar(table) and feed is not None:
+            velocity: Array | None = velocities_on_circles(machine, state, feed)
+        else:
+            velocity = _velocity(table, machine, positions, feed, notes)
         state = replace(state, velocity=velocity)
     state = replace(state, approach=_approach(table, machine, state.approach))
     _note_travel(machine, positions, notes)

@@ -8,11 +8,10 @@ from itertools import product
 
 import numpy as np
 
-from calibration.measurement.balls.ballbar import ONE_SET_UP, in_runs, run_starts
+from calibration.measurement.balls.ballbar import ONE_SET_UP, in_runs, run_starts, velocities_on_circles
 from calibration.measurement.instruments import Ballbar
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.registration import SHIFTS, Registration
-from calibration.measurement.velocity import velocities
 from calibration.observation.equations import LENGTH, expected
 from kinematics.error_model.model import ErrorModel
 from kinematics.inverse import linear_positions
@@ -94,7 +93,7 @@ def _nominal(machine: Machine, bar: Ballbar, circles: Circles, target: tuple[str
     cycle = np.repeat(np.arange(len(points)), len(angles)).astype(float)
     state = State(positions, cycle=cycle, target=np.full(len(runs), name))
     starts = run_starts(state)
-    velocity, _ = velocities(machine, positions, feed, starts, np.zeros_like(positions))
+    velocity = velocities_on_circles(machine, state, feed)
     lengths = np.linalg.norm(np.diff(positions, axis=0, prepend=positions[:1])[:, ~machine.rotary], axis=1)
     time = np.round(np.cumsum(np.where(starts, OVERSHOOT_S, lengths / feed * 60.0)) - OVERSHOOT_S, 4)
     state = in_runs(replace(state, velocity=velocity, acceleration=np.zeros_like(positions), time=time))

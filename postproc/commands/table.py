@@ -19,6 +19,7 @@ COMMANDS = {
     "diagnose": "calibrations.diagnose",
     "import": "programs.import_tables",
     "iso230": "calibrations.iso230",
+    "ballbar": "calibrations.ballbar",
     "tracker": "measurements.tracker",
     "continuous": "calibrations.continuous",
     "plan": "measurements.plan",

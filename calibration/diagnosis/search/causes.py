@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, cast, get_args
 
 import numpy as np
 
-from calibration.measurement.instruments import LaserTracker, Part, TouchProbe
+from calibration.measurement.instruments import Ballbar, LaserTracker, Part, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import is_log, moving_axes, observed_components
 from kinematics.basis import Interval, Legendre
@@ -161,7 +161,8 @@ def _of_drive(measurement: Measurement, axis: str, interval: Interval) -> Iterat
     yield Cause(Backlash(axis=axis, width=0.0))
     if not is_log(measurement, axis):  # the moves between rows of a log are no moves of the machine
         yield Cause(Settling(axis=axis, share_ppm=0.0))
-    yield Cause(FollowingError(axis=axis, lag_ms=0.0))
+    if not isinstance(measurement.instrument, Ballbar):  # the lag of all axes lies along a circle: see ServoMismatch
+        yield Cause(FollowingError(axis=axis, lag_ms=0.0))
     own = own_component(axis)
     if measurement.state.cycle is not None:
         yield Cause(FirstCycle(component=own, axis=axis, offset=0.0))

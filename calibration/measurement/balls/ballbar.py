@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from typing import NoReturn
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from calibration.measurement.instruments import Ballbar
 from calibration.measurement.measurement import Measurement, with_moves
 from calibration.measurement.text_table import Table
-from kinematics.machine import Vector
+from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -95,6 +96,24 @@ def in_runs(state: State) -> State:
     kept = np.where((moves != 0.0) | first[:, None], np.arange(len(state))[:, None], 0)
     last = np.take_along_axis(moves, np.maximum.accumulate(kept, axis=0), axis=0)
     return replace(state, last_move=last, approach=np.sign(last))
+
+
+def velocities_on_circles(machine: Machine, state: State, feed: Array) -> Array:
+    """Velocities `(n, axes)`, mm/s and rad/s, of rows on circles at feeds `(n,)`, mm/min, of the linear axes together.
+
+    Directions are central differences within the run: those of single steps are half a step late.
+    """
+    starts = np.flatnonzero(run_starts(state)).tolist()
+    along = np.zeros_like(state.positions)
+    for low, high in pairwise([*starts, len(state)]):
+        if high - low > 2:
+            along[low:high] = np.gradient(state.positions[low:high], axis=0, edge_order=2)
+        elif high - low > 1:
+            along[low:high] = np.gradient(state.positions[low:high], axis=0)
+    along[np.abs(along) < SAME_WAY] = 0.0
+    length = np.linalg.norm(along[:, ~machine.rotary], axis=1)
+    speed = np.where(length > 0.0, feed / 60.0, 0.0) / np.where(length > 0.0, length, 1.0)
+    return np.asarray(along * speed[:, None])
 
 
 def run_starts(state: State) -> np.ndarray:

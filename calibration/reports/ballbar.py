@@ -1,0 +1,127 @@
+"""The report of circular tests with a ballbar."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calibration.circles.figures import CircularTest
+from calibration.circles.shares import Share, Shares
+from rendering.report import Report, Section, Table, facts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NOT_CORRECTED = ("servo-mismatch", "reversal-spike")
+"""Causes that depend on the dynamics of the drives: corrected positions do not remove them."""
+TABLES = ("backlash", "lateral-play")
+"""Causes that differ by the direction of motion."""
+
+
+def ballbar_json(tests: Sequence[CircularTest], shares: Shares) -> dict[str, Any]:
+    """The result for programs."""
+    return {
+        "tests": [test.json() for test in tests],
+        "causes": [cause.json() for cause in shares.causes],
+        "centre_offset_um": dict(shares.offset_um),
+        "centre_offset_U_um": {name: 2.0 * u for name, u in shares.offset_u.items()},
+        "before_rms_um": shares.before_um,
+        "unexplained_rms_um": shares.unexplained_um,
+        "noise_um": shares.noise_um,
+        "rows_left_out": shares.left_out,
+        "not_visible": list(shares.hidden),
+    }
+
+
+def ballbar_report(tests: Sequence[CircularTest], shares: Shares, lead: str) -> Report:
+    """The result for people."""
+    sections = [*_figures(tests), *_causes(shares), *_polar(tests)]
+    return Report("Circular test, ISO 230-4:2005", lead, sections, _verdict(shares))
+
+
+def _verdict(shares: Shares) -> str:
+    names = ", ".join(f"{cause.name} ({100.0 * cause.share:.0f} %)" for cause in shares.causes[:3])
+    found = f"Largest causes: {names}." if names else "No cause is significant."
+    return (
+        f"{found} Deviation {shares.before_um:.2f} um RMS, with the causes {shares.unexplained_um:.2f} um; "
+        f"noise of the bar {shares.noise_um:.2f} um."
+    )
+
+
+def _figures(tests: Sequence[CircularTest]) -> Iterator[Section]:
+    rows = [
+        (test.plane, f"{test.feed:g}", each.symbol, each.title, f"{each.value:z.2f}", f"{each.U:.2f}")
+        for test in tests
+        for each in test.figures
+    ]
+    yield Section(
+        "Circular deviation",
+        "About the least-squares circle. U (k = 2) contains the uncertainties of the readings and of the bar's length; "
+        "a range is the difference of two readings. Fmax, Fmin and D need a calibrated length.",
+        Table(("plane", "feed, mm/min", "", "", "value, um", "U, um"), rows),
+    )
+
+
+def _causes(shares: Shares) -> Iterator[Section]:
+    rows = []
+    for cause in shares.causes:
+        sizes = [_size(cause, name, value) for name, value in cause.parameters.items()]
+        verdict = f"TIED: {', '.join(cause.tied_with)}" if cause.tied_with else "clear"
+        share = f"{100.0 * cause.share:.0f} %"
+        rows.append((cause.name, "; ".join(sizes), f"{cause.range_um:.2f}", share, verdict, _remedy(cause)))
+    yield Section(
+        "Shares of the causes",
+        "Errors are actual minus nominal (ISO 841, ISO 230-1). The range is that of the signal on the circles without "
+        "shift and radius; the share is of the mean square. TIED: these circles do not distinguish the causes.\n"
+        "Drive settings: servo mismatch and reversal spikes depend on the feed and on friction; a correction of "
+        "positions, in a table or in a program, does not remove them, and ncomp leaves them out.",
+        Table(("cause", "size and U (k=2)", "range, um", "share", "verdict", "remedy"), rows),
+    )
+    offset = ", ".join(
+        f"{name} {value:+.1f} +- {2.0 * shares.offset_u[name]:.1f} um" for name, value in shares.offset_um.items()
+    )
+    set_up = [("table ball from the stated centre", offset)]
+    if shares.left_out:
+        set_up.append(("rows left out", str(shares.left_out)))
+    if shares.hidden:
+        set_up.append(("not visible in these circles", ", ".join(shares.hidden)))
+    yield facts("Set-up", set_up)
+
+
+def _size(cause: Share, name: str, value: float) -> str:
+    parameter, _, unit = name.partition("_")
+    side, _, rest = unit.partition("_")
+    label = f"{parameter} {'+' if side == 'plus' else '-'}" if side in ("plus", "minus") else parameter
+    unit = (rest if side in ("plus", "minus") else unit).replace("_per_", "/")
+    u = f" +- {cause.U[name]:.2g}" if name in cause.U else ""
+    return f"{label} {value:z.2f}{u} {unit}"
+
+
+def _remedy(cause: Share) -> str:
+    if cause.kind in NOT_CORRECTED:
+        return "drive settings"
+    return "bidirectional table, program" if cause.kind in TABLES else "table, program"
+
+
+def _polar(tests: Sequence[CircularTest]) -> Iterator[Section]:
+    for test in tests:
+
+        def draw(figure: Figure, test: CircularTest = test) -> None:
+            polar(figure, test)
+
+        yield Section(f"Plane {test.plane}, feed {test.feed:g} mm/min", figure=draw, detail=True)
+
+
+def polar(figure: Figure, test: CircularTest) -> None:
+    """The deviations of both directions, enlarged, about the least-squares circle."""
+    panel = figure.add_subplot(projection="polar")
+    largest = max(float(np.abs(values).max()) for values in test.deviations)
+    for circle, values in zip(test.circles, test.deviations, strict=True):
+        order = np.argsort(circle.angles % (2.0 * np.pi)) if len(values) else slice(None)
+        name = "counter-clockwise" if circle.counter_clockwise else "clockwise"
+        panel.plot((circle.angles % (2.0 * np.pi))[order], values[order], linewidth=0.8, label=name)
+    panel.set_ylim(-3.0 * largest, 1.2 * largest)
+    panel.set_title(f"deviation, um, from {test.plane[0]} to {test.plane[1]}", fontsize="small")
+    panel.legend(loc="lower left", fontsize="small")
