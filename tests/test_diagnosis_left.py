@@ -23,7 +23,8 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.proposed_shapes import waves
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model
-from kinematics.effects import Backlash, CrossAxis, Cyclic, ThermalDrift, Unnamed
+from kinematics.basis import BSpline
+from kinematics.effects import Backlash, CrossAxis, Cyclic, ErrorMotion, ThermalDrift, Unnamed
 from kinematics.error_model.model import no_errors
 
 N = 240
@@ -194,3 +195,14 @@ def test_a_walk_is_not_fitted_by_a_basis_that_leaves_no_row_to_check_it():
     assert not found.causes
     assert found.unexplained is not None
     assert found.unexplained.variables == ("time",)
+
+
+@pytest.mark.parametrize(("variables", "stands"), [(("X", "time"), False), (("X",), True), (("Y", "time"), True)])
+def test_a_finer_error_motion_falls_where_it_would_be_the_mean_of_an_error_that_changes(variables, stands):
+    basis = BSpline(tuple(np.linspace(*RANGES[0], 24).tolist()), 3)
+    zero = (0.0,) * basis.size
+    finer = ErrorMotion("Z", "X", basis, zero, u=zero)
+    rest = Cyclic("Z", "X", period=90.0, sine=(40.0,), cosine=(0.0,))
+    _, stage = stage_with(rest, candidate=lambda _: Candidate(finer, 0, 1.0, "E_ZX"))
+    found = Unexplained(variables, (0.3,) * len(variables), 0.005, 1.0, np.zeros((N, 3)))
+    assert without_support(stage, found) == ([] if stands else list(stage.accepted))

@@ -10,10 +10,11 @@ import numpy as np
 
 from calibration.diagnosis.residual.dependence import EVIDENCE, Unexplained
 from calibration.diagnosis.residual.unnamed import COMPONENTS, may_depend_on, propose
+from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Accepted, Stage
-from kinematics.effects import CrossAxis, Cyclic, Effect, QuantisedCompensation, Unnamed
+from kinematics.effects import CrossAxis, Cyclic, QuantisedCompensation, Unnamed
 from kinematics.state import TIME
 
 MOST = 0.5
@@ -32,7 +33,8 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
 
     A cause that alone explains most of what the function explains stands: the function then imitates the cause. Also a
     cause that depends on one of the variables, and is less clear than the function beside it or leaves much
-    beyond the noise: it is a mean of the function, or a part of it.
+    beyond the noise: it is a mean of the function, or a part of it. A finer error motion of an axis falls where the
+    rest depends on this axis and time: it is the mean of an error that changes.
     """
     # estimated noise of an axis would hold much of the function
     even = stage._replace(linearised=stage.linearised.evenly_noisy)
@@ -45,9 +47,15 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
         named = not isinstance(each.candidate.effect, Unnamed)
         imitated = own + together - alone < EVIDENCE and own < MOST * alone
         part = own < together or _share(without, even.linearised) < CLEARLY
-        if named and (imitated or (part and _variables(each.candidate.effect) & set(dependence.variables))):
+        depends = not _variables(each.candidate).isdisjoint(dependence.variables)
+        if (named and (imitated or (part and depends))) or _changes(each.candidate, dependence):
             found.append(each)
     return found
+
+
+def _changes(candidate: Candidate, dependence: Unexplained) -> bool:
+    """True for a finer error motion of an axis that the unexplained residual depends on, together with time."""
+    return bool(candidate.replaces) and {TIME, getattr(candidate.effect, "axis", "")} <= set(dependence.variables)
 
 
 def _share(without: LinearisedFit, with_cause: LinearisedFit) -> float:
@@ -57,13 +65,15 @@ def _share(without: LinearisedFit, with_cause: LinearisedFit) -> float:
     return explained / max(explained + left, explained, 1.0)
 
 
-def _variables(effect: Effect) -> set[str]:
-    """Variables of a course in time, or in temperatures, which are functions of time; of a sag, a wave or a sawtooth.
+def _variables(candidate: Candidate) -> set[str]:
+    """Variables of a course in time, or in temperatures, which are functions of time; of a sag, a wave or a sawtooth,
+    and of a finer error motion.
 
     None for an effect that depends on anything but time and the positions of axes.
     """
+    effect = candidate.effect
     timed = TIME in effect.needs or "temperatures" in effect.needs
-    if not timed and not isinstance(effect, (CrossAxis, Cyclic, QuantisedCompensation)):
+    if not timed and not candidate.replaces and not isinstance(effect, (CrossAxis, Cyclic, QuantisedCompensation)):
         return set()
     axes = {getattr(effect, name) for name in ("axis", "other") if hasattr(effect, name)}
     return {TIME, *axes} if timed else axes
