@@ -30,6 +30,10 @@ np.save(Path(folder) / "deviations.npy", [ncomp.predict(points, machine, file).d
 """The prediction of every calibration of a folder, through the public interface of ncomp."""
 
 
+SHORTEST = 0.01
+"""Shortest time constant of a draw, as a share of the fitted one."""
+
+
 def write_samples(calibration: Mapping[str, Any], folder: Path) -> bool:
     """Write calibrations drawn from the covariance of one to a folder; False if it has none."""
     covariance = calibration.get("covariance")
@@ -52,7 +56,10 @@ def _moved(effects: list[dict[str, Any]], shifts: Array) -> list[dict[str, Any]]
         for key in effect["units"]:
             values = effect[key]
             count = len(values) if isinstance(values, list) else 1
-            new = (np.ravel(values) + shifts[at : at + count]).tolist()
+            new = np.ravel(values) + shifts[at : at + count]
+            if key == "time_constants_s":  # the data may hardly determine them
+                new = np.maximum(new, SHORTEST * np.ravel(values))
+            new = new.tolist()
             moved[key], at = (new if isinstance(values, list) else new[0]), at + count
         found.append(moved)
     if at != len(shifts):
