@@ -8,7 +8,10 @@ false.
 With `--others`, each machine has all other error motions as well (random, as in `ncomp simulate`): the causes of drives
 are asked for, and false are only causes of drives: the others may be there.
 
-    python benchmarks/ballbar_exam.py [DRAWS] [--others]
+With `--diagnose`, `ncomp diagnose` is examined in place of `ncomp ballbar`, for the causes of drives: squareness, scale
+and straightness are in the error motions that it fits. A row for each degree.
+
+    python benchmarks/ballbar_exam.py [DRAWS] [--others] [--diagnose]
 """
 
 import sys
@@ -23,6 +26,7 @@ from support.ballbar_cases import circles_of as simulated
 
 from calibration.circles.circles import circles_of
 from calibration.circles.shares import shares
+from calibration.diagnosis.diagnose import diagnose
 from calibration.simulation.true_model import random_true_model
 from kinematics.basis import Legendre
 from kinematics.effects import (
@@ -69,6 +73,16 @@ DRIVES = ("backlash", "reversal-spike", "lateral-play", "cyclic", "servo-mismatc
 """Kinds of causes that the random error motions of a machine do not have."""
 
 
+def diagnosed(effects, names, seed):
+    """As `examined`, by the diagnosis."""
+    measured, _ = simulated(*effects, seed=seed, step=1.0)
+    asked = {f"cyclic E_{name[-1]}{name[-1]}" if name.startswith("cyclic") else name for name in names}
+    causes = diagnose(measured).causes
+    listed = [{cause.effect.name, *(other.name for other in cause.alternatives if other.tied)} for cause in causes]
+    named = sum(any(name in own for own in listed) for name in asked)
+    return named, [cause.effect.name for cause, own in zip(causes, listed, strict=True) if not own & asked]
+
+
 def examined(effects, names, seed, **circles):
     """How many of the names are found, and the false causes, for a machine with these effects."""
     measured, _ = simulated(*effects, seed=seed, step=0.5, **circles)
@@ -85,14 +99,15 @@ def main():
     draws, others = (numbers or [20])[0], "--others" in sys.argv
     started = time.process_time()
     total, all_named, all_false = 0, 0, 0
-    asked_for = (*DRIVES, "none") if others else (*KINDS, "two", "none")
+    by_diagnosis = "--diagnose" in sys.argv
+    asked_for = (*DRIVES, "none") if others or by_diagnosis else (*KINDS, "two", "none")
     for kind in asked_for:
         rng, named, asked, wrong = np.random.default_rng(len(kind) * 1000 + draws), 0, 0, []
         for k in range(draws):
             kinds = [] if kind == "none" else rng.permutation(KINDS)[:2].tolist() if kind == "two" else [kind]
             effects, names = zip(*(drawn(each, rng) for each in kinds), strict=True) if kinds else ((), ())
             beside = random_true_model(CFRAME, np.random.default_rng(k)).effects if others else ()
-            own, false = examined((*effects, *beside), names, 1000 + k)
+            own, false = (diagnosed if by_diagnosis else examined)((*effects, *beside), names, 1000 + k)
             false = [name for name in false if name.startswith(DRIVES) or not others]
             named, asked = named + own, asked + len(names)
             wrong += [false] if false else []

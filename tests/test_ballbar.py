@@ -22,7 +22,7 @@ from calibration.observation.normal_equations import residuals
 from calibration.observation.outliers import first_registration
 from calibration.plausibility.checks import sanity
 from calibration.simulation.true_model import model_of
-from kinematics.effects import Backlash, LateralPlay, Scale, ServoMismatch
+from kinematics.effects import Backlash, LateralPlay, ReversalSpike, Scale, ServoMismatch
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError
 
@@ -177,6 +177,7 @@ CAUSES = {
     "backlash X": Backlash("X", 8.0),
     "lateral-play E_YX": LateralPlay("Y", "X", 8.0),
     "servo-mismatch X Y": ServoMismatch("X", "Y", 0.5),
+    "reversal-spike Y": ReversalSpike("Y", 10.0, 0.3),
 }
 
 

@@ -243,3 +243,22 @@ def test_the_commands_of_the_page_run_and_find_its_causes(ncomp):
     assert {f"{cause['kind']} {cause['where']}" for cause in found["causes"]} == {"backlash X", "squareness X Y"}
     diagnosed = json.loads(Path("diagnosis.json").read_text())
     assert "backlash" in {effect["kind"] for effect in diagnosed["effects"]}
+
+
+@pytest.mark.statistical
+def test_uncertainties_cover_the_true_sizes():
+    """Four causes at once, 40 draws: 95 % of the sizes within U (k = 2)."""
+    effects = Backlash("X", 6.0), LocationError("C", "Y", 30.0), ServoMismatch("X", "Y", 0.2), Scale("Y", 40.0)
+    true = {
+        "width_plus_um": 6.0,
+        "width_minus_um": 6.0,
+        "angle_urad": 30.0,
+        "lag_ms": 0.2,
+        "difference_um_per_m": -40.0,
+    }
+    inside = []
+    for seed in range(40):
+        _, found = evaluated(*effects, step=3.0, seed=seed)
+        parameters = {key: (value, cause.U[key]) for cause in found.causes for key, value in cause.parameters.items()}
+        inside += [abs(parameters[key][0] - size) <= parameters[key][1] for key, size in true.items()]
+    assert 0.91 < np.mean(inside) < 0.99

@@ -110,7 +110,7 @@ def disagreement(found: Fit) -> str:
     number, rows = int(np.count_nonzero(found.disagreeing)), int(np.count_nonzero(~found.copies))
     if not too_many(number, rows):
         return ""
-    kind = "runs" if found.measurement.instrument.components == 1 else "stations"
+    kind = "runs" if found.measurement.axis is not None else "stations"
     fate = [f"all rows of {kind} {', '.join(found.failed)} are left out"] if found.failed else []
     stay = int(np.count_nonzero(found.suspected))
     fate += [f"{stay} of them stay in the fit and in every figure"] if stay else []

@@ -68,6 +68,8 @@ LAGS = (0.1, 0.4)
 """Lags of temperatures and of duty, likewise."""
 LENGTHS = (0.2, 0.6)
 """Lengths of hysteresis, as quantiles of the ways since a reversal; refined in the fit."""
+ON_CIRCLES_MM = (0.15, 0.6)
+"""Lengths on circles in addition, mm: most rows are far from reversals, but those beside them are close together."""
 PER_SHAPE = 3.0
 """Independent tries of a time constant, a lag or a length."""
 WARMER = 0.2
@@ -175,7 +177,10 @@ def _of_drive(measurement: Measurement, axis: str, interval: Interval) -> Iterat
     yield from (Cause(LateralPlay(component, axis, 0.0)) for component in seen if component != own)
     ways = way_since_reversal(measurement.machine, measurement.state, axis, "a hysteresis")
     ways = ways[np.isfinite(ways) & (ways > 0.0)]
-    for length in np.unique(np.round(np.quantile(ways, LENGTHS), 3)).tolist() if len(ways) else []:
+    lengths = np.unique(np.round(np.quantile(ways, LENGTHS), 3)).tolist() if len(ways) else []
+    if isinstance(measurement.instrument, Ballbar) and len(ways):
+        lengths = [*ON_CIRCLES_MM, *lengths]
+    for length in lengths:
         if length > 0.0:
             yield Cause(Hysteresis(axis, 0.0, length), 1, 1.0 + PER_SHAPE)
             yield Cause(ReversalSpike(axis, 0.0, length), 1, 1.0 + PER_SHAPE)
