@@ -61,7 +61,7 @@ BAD_FILE_WORDS = {
     "empty.nc": "is empty",
     "blank.nc": "is empty",
     "binary.nc": "is a binary file",
-    "image.nc": "is a binary file",
+    "image.nc": "this is a picture, no NC program",
     "nul.nc": "is a binary file",
     "utf16.nc": "UTF-16",
     "utf16be.nc": "UTF-16",

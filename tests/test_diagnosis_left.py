@@ -20,11 +20,11 @@ from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.proposed_shapes import waves
+from calibration.diagnosis.search.proposed_shapes import breaks, waves
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model
 from kinematics.basis import BSpline
-from kinematics.effects import Backlash, CrossAxis, Cyclic, ErrorMotion, ThermalDrift, Unnamed
+from kinematics.effects import Backlash, CrossAxis, Cyclic, ErrorMotion, StationShift, ThermalDrift, Unnamed
 from kinematics.error_model.model import no_errors
 
 N = 240
@@ -206,3 +206,16 @@ def test_a_finer_error_motion_falls_where_it_would_be_the_mean_of_an_error_that_
     _, stage = stage_with(rest, candidate=lambda _: Candidate(finer, 0, 1.0, "E_ZX"))
     found = Unexplained(variables, (0.3,) * len(variables), 0.005, 1.0, np.zeros((N, 3)))
     assert without_support(stage, found) == ([] if stands else list(stage.accepted))
+
+
+@pytest.mark.parametrize("walks", [True, False])
+def test_a_jump_that_a_smooth_function_of_time_explains_better_is_none(walks):
+    data, rng = data_with(n=N), np.random.default_rng(1)
+    steps = rng.normal(scale=0.006, size=(N, 3)) if walks else 0.06 * (np.arange(N) == N // 2)[:, None] * np.ones(3)
+    observed = data.observed + np.cumsum(steps, axis=0)
+    made = selector(replace(data, observed=observed, state=replace(data.state, observed=observed)))
+    linearised = made.stage([]).linearised
+    (knock,) = evaluate(linearised, [each for each in breaks(linearised) if isinstance(each.effect, StationShift)])
+    stage = made.stage([(knock.candidate, knock.score.size)])
+    assert stage.accepted[0].score.delta_bic < WORTH
+    assert remainder.wandering(stage) == (list(stage.accepted) if walks else [])

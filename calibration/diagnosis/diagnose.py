@@ -276,6 +276,7 @@ def _without_impostors(
             found = without
             continue
         blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
+        blamed = blamed or unexplained_residual.wandering(stage)
         if not blamed:
             tests = unexplained_residual.tests(stage.linearised)
             dependence = _dependence(stage, tests)

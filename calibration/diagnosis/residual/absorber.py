@@ -28,6 +28,11 @@ def absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> Linea
     return _absorbed(linearised, dependence)[0]
 
 
+def log_odds_of_function(linearised: LinearisedFit, dependence: Unexplained) -> float:
+    """Log odds of the smooth function against none."""
+    return _absorbed(linearised, dependence)[1]
+
+
 def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
     """Accepted causes without which the function explains the data nearly as well as with them.
 

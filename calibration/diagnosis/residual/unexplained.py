@@ -6,19 +6,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.diagnosis.residual.absorber import absorbed, without_support
+from calibration.diagnosis.residual.absorber import absorbed, log_odds_of_function, without_support
 from calibration.diagnosis.residual.chance_level import SEARCHES, SMOOTH, Chance
 from calibration.diagnosis.residual.dependence import Unexplained, explaining_variables, of_variables
 from calibration.diagnosis.residual.distance_correlation import Dependence, dependences
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.residual.whiteness import Columns, Test, whiteness
 from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.measurement.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.observed_points import carried
 from calibration.observation.full_model import moving_axes
+from kinematics.state import TIME
 from kinematics.transforms import Array
 
 SEED = 1
@@ -91,6 +93,22 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
         and (each.candidate.effect.kind not in SMOOTH or each.candidate.kind in SEARCHES)
         and chance.finds(each.candidate, each.score.gain)
     ]
+
+
+def wandering(stage: Stage) -> list[Accepted]:
+    """Accepted jumps that only imitate a wandering: a smooth function of time explains more than they do."""
+    even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
+    for i, each in enumerate(stage.accepted):
+        if getattr(each.candidate.effect, "since_s", None) is None:
+            continue
+        without = even.without(i)
+        dependence = unexplained(without)
+        if dependence is None or TIME not in dependence.variables:
+            continue
+        score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
+        if log_odds_of_function(without, dependence) > -0.5 * score.delta_bic:
+            found.append(each)
+    return found
 
 
 def in_lengths(linearised: LinearisedFit, dependence: Unexplained) -> Array:
