@@ -19,7 +19,7 @@ KINDS = (
     (rb"(#[^\n]*\n|\s)*(name|chain)\s*=\s*\"", "a machine file (--machine)"),
     (rb"(%[^\n]*\n|\([^)\n]*\)|\s)*(O\d+|N?\d*\s*[GM]\d+|\d+\s+BEGIN PGM)", "an NC program"),
 )  # fmt: skip
-"""Beginnings of files, and what they are."""
+"""Beginnings of files, each with the kind of its file."""
 PROGRAM = KINDS[-1][1]
 
 

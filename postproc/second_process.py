@@ -10,7 +10,6 @@ from __future__ import annotations
 import multiprocessing
 import pickle
 import queue
-import select
 import signal
 import socket
 import struct
@@ -18,6 +17,7 @@ import threading
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
+from multiprocessing.connection import wait
 from typing import Any
 
 import numpy as np
@@ -67,7 +67,7 @@ class SecondProcess:
     def has_answer(self) -> bool:
         """True if `answer` would not wait."""
         try:
-            return bool(select.select([self._socket], [], [], 0.0)[0])
+            return bool(wait([self._socket], 0.0))
         except OSError:
             return True
 

@@ -1,4 +1,4 @@
-"""Names that are nearly right, and files of another kind: what was meant is said."""
+"""Names that are nearly right, and files of another kind: messages name the likeliest one."""
 
 import time
 from pathlib import Path

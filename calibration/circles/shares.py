@@ -14,10 +14,10 @@ from itertools import combinations, permutations
 from typing import Any, cast
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from calibration.circles.circles import Circle
 from calibration.measurement.measurement import Measurement
+from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from calibration.observation.normal_equations import residuals
 from calibration.plausibility.recording_mistakes import misfit
@@ -112,7 +112,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Shares:
-    """The causes of the deviations, the largest share first, and what they leave."""
+    """The causes of the deviations, the largest share first, and the residuals with them."""
 
     causes: tuple[Share, ...]
     offset_um: Mapping[str, float]
@@ -155,8 +155,12 @@ class _Selection:
     rows: np.ndarray
     deviation: Array
     """Readings less those of the nominal machine about the first centre `(n,)`, um."""
+    registration: Registration
+    """First centre and length."""
     base: Array
     """Columns of centre and length `(n, m)`, um per mm."""
+    transform: Array
+    """Derivatives of all readings by the error motions, um per mm and rad."""
     u_um: float
     candidates: tuple[Group, ...]
     chosen: tuple[Group, ...] = ()
@@ -170,7 +174,7 @@ class _Selection:
         transform = equations.transform(measurement, registration)[:, 0] * 1e3
         u = float(np.sqrt(equations.covariance(measurement)[0, 0, 0])) * 1e3
         groups = tuple(candidates(measurement, transform, rows))
-        return cls(measurement, rows, residual, base, u, groups)
+        return cls(measurement, rows, residual, registration, base, transform, u, groups)
 
     def selected(self) -> _Selection:
         """The selection with all significant causes and no superfluous ones."""
@@ -282,6 +286,8 @@ class _Selection:
         if not group.shape:
             return group
         (start,) = group.shape.values()
+        from scipy.optimize import minimize_scalar
+
         width = 0.4 if group.kind == "reversal-spike" else 0.5 * start / self._span(group.where)
 
         def loss(share: float) -> float:
@@ -293,14 +299,7 @@ class _Selection:
     def _reshaped(self, group: Group, value: float) -> Group:
         build = spike if group.kind == "reversal-spike" else cyclic
         axis = group.where.removeprefix("E_")[-1]
-        transform = self._transform
-        return replace(build(self.measurement, transform, self.rows, axis, value), trials=group.trials)
-
-    @cached_property
-    def _transform(self) -> Array:
-        """Derivatives of the readings by the error motions, um per mm and rad."""
-        _, registration = misfit(self.measurement)
-        return equations.transform(self.measurement, registration)[:, 0] * 1e3
+        return replace(build(self.measurement, self.transform, self.rows, axis, value), trials=group.trials)
 
     def _span(self, where: str) -> float:
         i = self.measurement.machine.index(where.removeprefix("E_")[-1])
@@ -324,8 +323,7 @@ class _Selection:
 
     def _offset(self, solution: Array, sizes: Array) -> tuple[dict[str, float], dict[str, float]]:
         """Shift of the first table ball from its stated centre, um, and its standard uncertainty."""
-        _, registration = misfit(self.measurement)
-        name, centre = next(iter(registration.sphere_centres.items()))
+        name, centre = next(iter(self.registration.sphere_centres.items()))
         shift = 1e3 * (centre - np.array(self.measurement.spheres[name]))
         seen = [k for k in range(3) if np.linalg.norm(self.base[:, k]) > 0.1 * np.linalg.norm(self.base[:, -1])]
         offset = {"xyz"[k]: float(shift[k] - 1e3 * solution[k]) for k in seen}

@@ -15,7 +15,7 @@ from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.candidates import Untested, changes, library
 from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.start_model import base_of
-from calibration.fit.acceptance import too_few
+from calibration.fit.acceptance import refuse_few, too_few
 from calibration.fit.identifiability import identifiability
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
@@ -25,7 +25,6 @@ from calibration.observation.full_model import is_log, moving_axes
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
 from kinematics.error_model.model import ErrorModel
-from kinematics.user_error import UserError
 
 QUIET = 1e-2
 """Least ratio of the repeats' variance to the specified variance: rounded readings repeat exactly."""
@@ -85,12 +84,11 @@ def _determined(selector: Selector) -> Selector:
 
     UserError where they are too few for these too.
     """
+    if not too_few([selector.bare.fit], identifiability(selector.bare.fit)):
+        return selector
     coarser = selector.on(selector.base.coarser(selector.measurement, selector.progress))
-    for tried in (selector, coarser):
-        reason = too_few(tried.bare.fit, identifiability(tried.bare.fit))
-        if not reason:
-            return tried
-    raise UserError(f"{selector.measurement.source}: {reason}")
+    refuse_few([coarser.bare.fit], identifiability(coarser.bare.fit))
+    return coarser
 
 
 def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding], list[TargetPosition]]:

@@ -6,6 +6,7 @@ Held-out data, or the uncertainty of the calibration itself, show worse predicti
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from kinematics.user_error import UserError
 
 SPARE = 0.2
 """Share of the observations that must be left over to check the parameters that they determine."""
+CUBIC = 4
+"""Parameters of a cubic."""
 QUIET = 0.1
 """chi2/dof below which the stated uncertainty of the instrument is too large for the data."""
 COVERAGE = 2.0
@@ -60,36 +63,42 @@ class Judged:
         return not self.reason
 
 
-def refuse_few(found: Fit, identified: Identifiability) -> None:
+def refuse_few(fits: Sequence[Fit], identified: Identifiability) -> None:
     """UserError with the reason of `too_few`."""
-    reason = too_few(found, identified)
+    reason = too_few(fits, identified)
     if reason:
-        raise UserError(f"{found.measurement.source}: {reason}")
+        raise UserError(f"{' and '.join(found.measurement.source for found in fits)}: {reason}")
 
 
-def too_few(found: Fit, identified: Identifiability) -> str:
-    """Reason why the rows cannot determine and check the model's parameters, without a full stop; else empty."""
-    measurement, registered = found.measurement, len(found.registration.names)
+def too_few(fits: Sequence[Fit], identified: Identifiability) -> str:
+    """Reason why the rows cannot determine and check the model's parameters, without a full stop; else empty.
+
+    fits: of all measurements that determine the model, each with its own registration.
+    """
+    registered = sum(len(found.registration.names) for found in fits)
     if identified.parameters and not identified.rank_registered:
         return (
             "the rows do not show the machine's errors: no axis moves between the instrument and its targets, or the "
             "registration absorbs every motion; measure positions at which an axis moves"
         )
     # the priors determine the parameters of a basis finer than cubics where the rows do not
-    cubics = 4 * len(COMPONENTS) * len(moving_axes(measurement))
-    unknown = registered + min(identified.parameters - identified.by_convention, cubics)
-    information = _information(measurement.rows(np.flatnonzero(found.kept)))
+    moving = {axis for found in fits for axis in moving_axes(found.measurement)}
+    unknown = registered + min(identified.parameters - identified.by_convention, CUBIC * len(COMPONENTS) * len(moving))
+    information = sum(_information(found.measurement.rows(np.flatnonzero(found.kept))) for found in fits)
+    observations = sum(found.observations for found in fits)
+    components = max(found.measurement.components for found in fits)
     determined = registered + identified.rank_registered
-    checked = found.observations * (1.0 - SPARE) >= determined
-    if checked and (information >= unknown or measurement.components == 1):
+    checked = observations * (1.0 - SPARE) >= determined
+    if checked and (information >= unknown or components == 1):
         return ""
     advice = "repeat the runs, or measure more positions"
-    if measurement.components > 1:
-        positions = math.ceil(max(unknown, determined) / (1.0 - SPARE) / measurement.components)
+    if components > 1:
+        positions = math.ceil(max(unknown, determined) / (1.0 - SPARE) / components)
         advice = f"measure about {positions} positions or more, spread over the travel, or fit a smaller basis"
     those = unknown if determined < unknown else "them"
+    rows = sum(int(np.count_nonzero(found.kept)) for found in fits)
     return (
-        f"{np.count_nonzero(found.kept)} rows ({found.observations} observations) are too few for "
+        f"{rows} rows ({observations} observations) are too few for "
         f"{identified.parameters} parameters of the machine and {registered} of the registration: they determine "
         f"{determined} of {those}, and {100 * SPARE:g} % of the observations must remain to check them; {advice}"
     )

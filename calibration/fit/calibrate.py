@@ -121,7 +121,7 @@ def calibrate(
     before = nominal_residuals(found)
     progress("identifiability")
     identified = identifiability(found)
-    refuse_few(found, identified)
+    refuse_few([found], identified)
     progress("held-out residuals")
     start, _ = with_effects(measurement, choice.bases, effects, choice.prior_scale)
     held_out = cross_validate(measurement, start, prior, found.kept, variance, found) if hold_out else None

@@ -4,8 +4,10 @@ All measurements determine one model of the machine; each has its own registrati
 registrations eliminated, the information of the measurements on the parameters adds up. The order of the measurements
 has no effect.
 
-The others also predict each measurement alone. The difference is tested by the information that the measurement adds,
-as the innovation of a Kalman filter by its covariance.
+The others also predict each measurement alone. They contradict each other where they differ in directions of the
+parameters that both show better than the prior does: with the information A of the one and B of the others, the
+difference d of their estimates has the inverse covariance P = A (A + B)^-1 B (the parallel sum), and d'P d the chi2
+distribution with the rank of P. The prior has no part in it.
 """
 
 from __future__ import annotations
@@ -67,7 +69,7 @@ class Part:
     by_others: Fit
     """The fit of its registration to the model of the others."""
     p_value: float
-    """p-value of its difference from the prediction by the others; 1 where they share no direction."""
+    """p-value of its difference from the others; 1 where they share no direction."""
     held_out: CrossValidation | None
     """Residuals of its blocks, predicted by its other blocks and the other measurements."""
 
@@ -154,7 +156,7 @@ def calibrate_together(
     joint = _Joint.fitted([_Share.of(own, model, prior) for own in alone], model, prior)
     whole = joint.whole
     identified = identifiability(whole)
-    refuse_few(whole, identified)
+    refuse_few(alone, identified)
     progress("predicting each measurement by the others")
     parts = tuple(joint.part(k, hold_out=hold_out) for k in range(len(alone)))
     objections = [
@@ -258,16 +260,17 @@ class _Joint:
         return replace(_registered(largest, self.result), model=self.result, prior=self.prior, solved=solved)
 
     def _p_value(self, number: int) -> float:
-        """p-value of the slope of one measurement's likelihood at the parameters by the others.
-
-        Its covariance is A + A C A, with the measurement's information A and the others' covariance C.
-        """
-        own = self.shares[number]
-        others = [*self.shares[:number], *self.shares[number + 1 :]]
-        slope = own.slope - own.information @ self.step(others)
-        spread = own.information + own.information @ self._posterior(others).solve(own.information)
-        half, _, _ = inverse = pseudo_inverse(spread, SEEN, 1.0)
-        return float(special.chdtrc(inverse.rank, float(np.sum((half.T @ slope) ** 2)))) if inverse.rank else 1.0
+        """p-value of the difference of one measurement from the others, in directions that both show."""
+        own, others = self.shares[number], [*self.shares[:number], *self.shares[number + 1 :]]
+        information, slope = _sum([each.information for each in others]), _sum([each.slope for each in others])
+        half = pseudo_inverse(own.information + information, SEEN, 1.0).root
+        both = own.information @ half @ (half.T @ information)
+        # at the estimate by all, without the prior, the slopes of both are equal and opposite
+        along = own.slope - own.information @ half @ (half.T @ (own.slope + slope))
+        values, vectors = np.linalg.eigh((both + both.T) / 2.0)
+        shown = values > 1.0
+        squares = float(np.sum((vectors[:, shown].T @ along) ** 2 / values[shown]))
+        return float(special.chdtrc(np.count_nonzero(shown), squares)) if shown.any() else 1.0
 
 
 def _machine(measurements: Sequence[Measurement]) -> Machine:
