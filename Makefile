@@ -16,7 +16,7 @@ test test-unit test-statistical test-all: export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-unit test-statistical test-all fuzz speed speed-small lint lock clean
+.PHONY: help setup demo test test-unit test-statistical test-all fuzz speed speed-small lint docs lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 25
@@ -58,6 +58,10 @@ lint: $(INSTALLED) ## ruff, its formatter, and mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: export NO_MKDOCS_2_WARNING := 1
+docs: $(INSTALLED) ## build the documentation into out/site, without network; a warning is an error
+	$(BIN)/mkdocs build --strict --quiet
 
 lock: $(BIN)/python ## renew requirements.lock from pyproject.toml
 	$(BIN)/pip install --quiet "pip-tools>=7.5"

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+DOCS = ROOT / "docs"
+PAGES = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
 PACKAGES = "benchmarks|calibration|examples|grammars|kinematics|machines|postproc|tests"
 NAMES = {path.name for folder in PACKAGES.split("|") for path in (ROOT / folder).rglob("*.py")}
 
@@ -47,3 +48,8 @@ def test_links_lead_to_headings(page: Path) -> None:
 def test_lines_are_short(page: Path) -> None:
     lines = page.read_text().splitlines()
     assert [line for line in lines if len(line) > 120 and not line.startswith(("|", "    "))] == []
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    named = set(re.findall(r"[\w/]+\.md", (ROOT / "mkdocs.yml").read_text()))
+    assert {page.relative_to(DOCS).as_posix() for page in DOCS.rglob("*.md")} == named
