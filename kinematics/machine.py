@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from kinematics.report_head import ReportHead
 from kinematics.transforms import Array, read_only
 from kinematics.user_error import UserError
 
@@ -141,6 +142,8 @@ class Machine:
     """The tool lengths are assumptions likewise."""
     datums: Mapping[str, Datum] = field(default_factory=dict)
     """Datum entries of work offsets, by their name; `default` for all that are not named."""
+    report: ReportHead = field(default_factory=ReportHead)
+    """Entries of the head of its reports."""
 
     @property
     def chain(self) -> str:

@@ -12,6 +12,7 @@ import msgspec
 
 from kinematics.machine import EVERY_OTHER, Control, Machine, make_axis, split_chain
 from kinematics.mistaken_files import did_you_mean
+from kinematics.report_head import ReportHead
 from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
 
@@ -36,6 +37,7 @@ class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):
     work_offsets: dict[str, Any] = {}
     tools: dict[str, Any] = {}
     datum: dict[str, str] = {}
+    report: dict[str, Any] = {}
 
 
 def names() -> list[str]:
@@ -108,6 +110,7 @@ def _build(entries: _MachineFile) -> Machine:
         offsets_assumed,
         tools_assumed,
         {name: read_datum(text, chained, f"datum.{name}") for name, text in entries.datum.items()},
+        ReportHead.of_table(entries.report),
     )
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from kinematics.report_head import ReportHead
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,6 +48,8 @@ class Report:
     """Sentence above everything else: the reason why a result is not written."""
     before: Sequence[Section] = ()
     """Sections that do not depend on the result, before the verdict."""
+    head: ReportHead = field(default_factory=ReportHead)
+    """Entries by which a shop files the page."""
 
 
 def facts(title: str, rows: Sequence[Sequence[str]]) -> Section:

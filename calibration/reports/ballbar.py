@@ -9,6 +9,7 @@ import numpy as np
 
 from calibration.circles.figures import CircularTest
 from calibration.circles.shares import Share, Shares
+from kinematics.report_head import ReportHead
 from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
@@ -35,10 +36,10 @@ def ballbar_json(tests: Sequence[CircularTest], shares: Shares) -> dict[str, Any
     }
 
 
-def ballbar_report(tests: Sequence[CircularTest], shares: Shares, lead: str) -> Report:
+def ballbar_report(tests: Sequence[CircularTest], shares: Shares, lead: str, head: ReportHead) -> Report:
     """The result for people."""
     sections = [*_figures(tests), *_causes(shares), *_polar(tests)]
-    return Report("Circular test, ISO 230-4:2005", lead, sections, _verdict(shares))
+    return Report("Circular test, ISO 230-4:2005", lead, sections, _verdict(shares), head=head)
 
 
 def _verdict(shares: Shares) -> str:

@@ -30,8 +30,9 @@ def comparison_report(found: Comparison, names: tuple[str, str], command: str) -
         f"Over the common volume of both calibrations the tool point differs by {aligned.rms:.2f} um RMS, at most "
         f"{aligned.largest:.2f} um, after alignment; standard uncertainty {found.volume.u_rms_um:.2f} um RMS."
     )
-    lead = f"A: {names[0]} · B: {names[1]} · {command}"
-    return Report(f"Two calibrations of {found.machine.name}", lead, list(_sections(found)), verdict)
+    lead = f"A: {names[0]} · B: {names[1]}"
+    head = found.machine.report.filled(machine=found.machine.name, command=command)
+    return Report(f"Two calibrations of {found.machine.name}", lead, list(_sections(found)), verdict, head=head)
 
 
 def _sections(found: Comparison) -> Iterator[Section]:

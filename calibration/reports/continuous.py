@@ -12,6 +12,7 @@ import numpy as np
 from calibration.continuous.estimate import Estimate, OneDirection, Wave
 from calibration.continuous.reading import Data
 from calibration.continuous.records import DIRECTION_NAMES
+from kinematics.report_head import ReportHead
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, MANY, band
 from rendering.report import Report, Section, Table, facts
@@ -146,8 +147,11 @@ def continuous_report(found: Estimate, data: Data, command: str) -> Report:
         f"Error {rows.error.min():.2f} to {rows.error.max():.2f} um ({found.direction}), standard uncertainty (k=1) "
         f"{rows.u.min():.2f} to {rows.u.max():.2f} um."
     )
-    lead = f"{', '.join(data.fingerprints)} · {command}"
-    return Report(f"Positioning error of axis {data.axis}", lead, list(_sections(found, data)), verdict)
+    lead, head = (
+        ", ".join(data.fingerprints),
+        ReportHead(machine=data.machine, instrument="interferometer", command=command),
+    )
+    return Report(f"Positioning error of axis {data.axis}", lead, list(_sections(found, data)), verdict, head=head)
 
 
 def _sections(found: Estimate, data: Data) -> Iterator[Section]:

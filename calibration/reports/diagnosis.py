@@ -17,6 +17,7 @@ from calibration.reports.causes import text as words
 from calibration.reports.causes.figures import cause_figure
 from calibration.reports.causes.views import views
 from calibration.reports.fit import acceptance, between_positions, held_out_json, insignificant
+from calibration.reports.head import measured_head
 from calibration.reports.machine_change import change_sections, change_sentences, machine_change_json
 from calibration.reports.residual_figures import against_noise, before_and_after, share_chart, unexplained_shape
 from calibration.reports.run_zeros import zeros_section
@@ -165,7 +166,7 @@ def _tests_json(tests: Sequence[Test]) -> list[dict[str, Any]]:
 def diagnosis_report(found: Diagnosis, command: str) -> Report:
     """The diagnosis for people; `command`: the command that made it."""
     title = f"Diagnosis of {found.measurement.machine.name}"
-    lead = f"{found.measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
+    lead = f"{found.measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
     verdict = [
         *_confirmed(found),
         *(f"NOTE: {each.message}." for each in found.findings if each.check == "chain"),
@@ -174,7 +175,8 @@ def diagnosis_report(found: Diagnosis, command: str) -> Report:
         _verdict(found),
     ]
     refusal, design = "\n".join(acceptance(found.acceptance)), [separability_section(found.design)]
-    return Report(title, lead, list(_sections(found)), "\n".join(verdict), refusal, design)
+    head = measured_head(found.measurement, found.model, command)
+    return Report(title, lead, list(_sections(found)), "\n".join(verdict), refusal, design, head)
 
 
 def _verdict(found: Diagnosis) -> str:

@@ -19,6 +19,7 @@ from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.observation.equations import covariance
 from calibration.on_the_fly.along_path import OnTheFly
 from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
+from calibration.reports.head import measured_head
 from calibration.reports.run_zeros import zeros_section
 from kinematics.effects import Effect, ErrorMotion, LocationError
 from kinematics.error_model.model import ErrorModel
@@ -105,13 +106,14 @@ def _moving_json(found: Calibration, taken: OnTheFly) -> dict[str, Any]:
 def fit_report(found: Calibration, taken: OnTheFly | None, command: str) -> Report:
     """The result for people; `taken`: data taken on the fly; `command`: the command that made it."""
     measurement = found.fit.measurement
-    lead = f"{measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
+    lead = f"{measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
     residual = (
         f"Residual {found.before_rms_um:.2f} -> {found.fit.rms_um:.2f} um RMS{_held_out(found.cross_validation)}."
     )
     verdict = [*acceptance(found), *insignificant(found.significant_share), residual, *_verdict(found.fit)]
     title = f"Calibration of {measurement.machine.name}"
-    return Report(title, lead, list(_sections(found, taken)), "\n".join(verdict))
+    head = measured_head(measurement, found.model, command)
+    return Report(title, lead, list(_sections(found, taken)), "\n".join(verdict), head=head)
 
 
 def between_positions(found: Iterable[BetweenPositions]) -> Iterator[tuple[str, str]]:

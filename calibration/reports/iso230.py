@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.single_axis.iso230 import DIRECTIONS, AxisTest
+from kinematics.report_head import ReportHead
 from rendering.figures import COLOURS, band
 from rendering.report import Report, Section, Table
 
@@ -20,9 +21,9 @@ IN_THE_CHART = ("A", "E", "R", "B", "M")
 """Symbols of the values beside the chart of an axis."""
 
 
-def iso230_report(tests: Sequence[AxisTest], lead: str = "") -> Report:
-    """The result for people; `lead`: data and command, for the page."""
-    return Report("ISO 230-2:2014", lead, [section for test in tests for section in _sections(test)])
+def iso230_report(tests: Sequence[AxisTest], lead: str, head: ReportHead) -> Report:
+    """The result for people; `lead`: the data, for the page."""
+    return Report("ISO 230-2:2014", lead, [section for test in tests for section in _sections(test)], head=head)
 
 
 def _sections(test: AxisTest) -> Iterator[Section]:

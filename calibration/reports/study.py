@@ -13,6 +13,7 @@ from calibration.study.results import standard_errors
 from calibration.study.run import Draws, Result
 from calibration.study.stopping import LEVEL, estimates
 from kinematics.forward import tool_point
+from kinematics.report_head import ReportHead
 from kinematics.transforms import Array
 from rendering.figures import some
 from rendering.report import Report, Section, Table
@@ -35,7 +36,8 @@ DOUBTFUL = 0.1
 
 def study_report(results: Sequence[Result], study: StudyEntry, draws: Draws, command: str) -> Report:
     """The result for people; `command`: the command that made it."""
-    return Report(f"Virtual calibration of {study.machine}", command, list(_sections(results, study, draws)))
+    head = ReportHead(machine=study.machine, instrument="virtual laser tracker", command=command)
+    return Report(f"Virtual calibration of {study.machine}", "", list(_sections(results, study, draws)), head=head)
 
 
 def _sections(results: Sequence[Result], study: StudyEntry, draws: Draws) -> Iterator[Section]:

@@ -11,6 +11,7 @@ from calibration.single_axis.three_points import AxisResult, ThreePoints
 from calibration.single_axis.three_points_check import Check
 from calibration.single_axis.three_points_figures import LINES, locations, ranges, squarenesses, straightnesses
 from kinematics.effects import COMPONENTS
+from kinematics.report_head import ReportHead
 from kinematics.transforms import Array
 from rendering.figures import COLOURS
 from rendering.report import Report, Section, Table, facts
@@ -90,10 +91,10 @@ def _straightness(axis: AxisResult) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def three_points_report(found: ThreePoints, checked: Check, lead: str = "", *, tables: bool) -> Report:
-    """The result for people; `lead`: data and command; with `tables` also every position of every axis."""
+def three_points_report(found: ThreePoints, checked: Check, lead: str, head: ReportHead, *, tables: bool) -> Report:
+    """The result for people; `lead`: the data; with `tables` also every position of every axis."""
     verdict = "\n".join(insignificant(found.significant_share))
-    return Report("Three-point identification", lead, list(_sections(found, checked, tables)), verdict)
+    return Report("Three-point identification", lead, list(_sections(found, checked, tables)), verdict, head=head)
 
 
 def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Section]:

@@ -20,6 +20,7 @@ from calibration.reports.fit import (
     parameters,
     parameters_json,
 )
+from calibration.reports.head import calibration_text
 from rendering.figures import against_normal
 from rendering.report import Report, Section, Table, facts
 
@@ -61,9 +62,16 @@ def _part_json(part: Part) -> dict[str, Any]:
 def together_report(found: Together, command: str) -> Report:
     """The result for people; `command`: the command that made it."""
     machine = found.fit.measurement.machine
-    lead = f"{machine.name} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
+    lead = f"{machine.name} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
     verdict = [*acceptance(found), *map(_verdict, found.parts)]
-    return Report(f"Calibration of {machine.name}", lead, list(_sections(found)), "\n".join(verdict))
+    instruments = ", ".join(dict.fromkeys(kind_of(part.together.measurement.instrument) for part in found.parts))
+    head = machine.report.filled(
+        machine=machine.name,
+        instrument=instruments,
+        calibration=calibration_text(found.model),
+        command=command,
+    )
+    return Report(f"Calibration of {machine.name}", lead, list(_sections(found)), "\n".join(verdict), head=head)
 
 
 def _verdict(part: Part) -> str:

@@ -33,10 +33,18 @@ HEAD = ("um", "max", "RMS", "number")
 
 def correction_report(job: Job, result: CorrectionResult, trace: Trace | None, command: str) -> Report:
     """The result for people; `trace`: the moves, for figures; `command`: the command line of the correction."""
-    lead = f"machine {result.machine['name']} · calibration {result.calibration['id']} · {command}"
+    lead = f"machine {result.machine['name']} · calibration {result.calibration['id']}"
+    calibrated = "" if result.calibration["id"] == "none" else f", made {result.calibration['made_at'][:10]}"
+    head = job.machine.report.filled(
+        machine=job.machine.name,
+        calibration=f"{result.calibration['id']}{calibrated}",
+        command=command,
+    )
     warnings = [result.assumption, DEMONSTRATION if result.calibration["demonstration"] else ""]
     verdict = "\n".join(line for line in (*warnings, _verdict(result)) if line)
-    return Report(f"Correction of {result.program['name']}", lead, list(_sections(job, result, trace)), verdict)
+    return Report(
+        f"Correction of {result.program['name']}", lead, list(_sections(job, result, trace)), verdict, head=head
+    )
 
 
 def _verdict(result: CorrectionResult) -> str:

@@ -33,6 +33,7 @@ def ballbar(
     from calibration.circles.shares import shares
     from calibration.plausibility.checks import usable
     from calibration.reports.ballbar import ballbar_json, ballbar_report
+    from calibration.reports.head import measured_head
     from postproc.commands.show.terminal import say, show
 
     check_files((data, form.plan), others.by_option)
@@ -41,8 +42,8 @@ def ballbar(
     findings = usable(measurement)
     circles = circles_of(measurement)
     tests, found = circular_tests(measurement, circles), shares(measurement, circles)
-    lead = f"{measurement.source} · ncomp ballbar {data} --machine {machine}"
-    report = ballbar_report(tests, found, lead)
+    head = measured_head(measurement, None, f"ncomp ballbar {data} --machine {machine}")
+    report = ballbar_report(tests, found, measurement.source, head)
     with whole_results(*others.files) as files:
         others.write(ballbar_json(tests, found), report, files)
     for text in (*measurement.notes, *(finding.message for finding in findings)):

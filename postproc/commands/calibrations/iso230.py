@@ -42,13 +42,16 @@ def iso230(
     Deviations are measured minus target, positive where the axis goes too far in its positive direction; the reversal
     value is forward minus backward. U (k = 2) of each value comes from the uncertainty of the instrument.
     """
+    from calibration.reports.head import measured_head
     from calibration.reports.iso230 import iso230_report
     from calibration.single_axis.iso230 import evaluate
     from postproc.commands.show.terminal import say, show
 
     check_files((data, form.plan), {"--output": output, **others.by_option})
-    tests = evaluate(form.read([data], ncomp.load_machine(machine)))
-    report = iso230_report(tests, f"{data} · ncomp iso230 {data} --machine {machine}")
+    measurement = form.read([data], ncomp.load_machine(machine))
+    tests = evaluate(measurement)
+    head = measured_head(measurement, None, f"ncomp iso230 {data} --machine {machine}")
+    report = iso230_report(tests, str(data), head)
     with whole_results(*others.files, output) as (results, page, file):
         others.write({"axes": [test.json() for test in tests]}, report, (results, page))
         _write_tables(tests, file)

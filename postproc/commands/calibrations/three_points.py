@@ -40,6 +40,7 @@ def three_points(
     """Identify the six error motions of each axis from three or more targets on the part that the axis moves."""
     from calibration.fit.acceptance import refuse_uncertain
     from calibration.fit.beyond_measured import calibration_file
+    from calibration.reports.head import measured_head
     from calibration.reports.three_points import three_points_json, three_points_report
     from calibration.single_axis.three_points import Choice, identify
     from calibration.single_axis.three_points_check import check
@@ -53,8 +54,9 @@ def three_points(
         say("note", note)
     refuse_uncertain(found.model, measurement)
     checked = check(measurement, found, choice)
-    lead = f"{measurement.source} · ncomp three-points {data} --machine {machine} --basis {basis}"
-    report = three_points_report(found, checked, lead, tables=tables)
+    command = f"ncomp three-points {data} --machine {machine} --basis {basis}"
+    head = measured_head(measurement, found.model, command)
+    report = three_points_report(found, checked, measurement.source, head, tables=tables)
     with whole_results(*others.files, str(output)) as (results, page, file):
         file.write(calibration_file(found.model, measurement.machine))
         others.write(three_points_json(found, checked), report, (results, page))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
+from kinematics.report_head import ReportHead, read_head
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, option
 
@@ -58,6 +62,20 @@ class ResultOptions:
 
     json: JsonFile
     report: ReportFile
+    report_head: Path | None = option(
+        "TOML file whose table [report] has the entries of the page's head: operator, place, temperature, instrument, "
+        "...; they come before those of the machine file.",
+        "HEAD.toml",
+    )
+
+    def __post_init__(self) -> None:
+        """Read the head before any work is done."""
+        _ = self.head
+
+    @cached_property
+    def head(self) -> ReportHead:
+        """The entries of the head that are given."""
+        return ReportHead() if self.report_head is None else read_head(self.report_head)
 
     @property
     def files(self) -> tuple[str | None, str | None]:
@@ -75,7 +93,13 @@ class ResultOptions:
         if self.report is not None:
             from rendering.page import page
 
-            files[1].write(page(report))
+            head = replace(report.head.under(self.head), command=_command(), made=f"{datetime.now():%Y-%m-%d %H:%M}")
+            files[1].write(page(replace(report, head=head)))
+
+
+def _command() -> str:
+    """The command as it was given."""
+    return shlex.join(("ncomp", *sys.argv[1:]))
 
 
 def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str | Path | None]) -> None:
