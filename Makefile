@@ -16,7 +16,7 @@ test test-unit test-statistical test-all: export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-unit test-statistical test-all fuzz speed speed-small lint docs lock clean
+.PHONY: help setup demo test test-unit test-statistical test-all fuzz speed speed-small lint docs wheel lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 25
@@ -63,6 +63,11 @@ docs: export NO_MKDOCS_2_WARNING := 1
 docs: $(INSTALLED) ## build the documentation into out/site, without network; a warning is an error
 	$(BIN)/mkdocs build --strict --quiet
 
+wheel: $(INSTALLED) ## build the wheel, and try it in an empty venv of each Python from 3.11 to 3.13 on this machine
+	rm -rf dist
+	$(BIN)/python -m hatchling build
+	tests/wheel_in_venvs.sh dist/*.whl
+
 lock: $(BIN)/python ## renew requirements.lock from pyproject.toml
 	$(BIN)/pip install --quiet "pip-tools>=7.5"
 	CUSTOM_COMPILE_COMMAND="make lock" $(BIN)/pip-compile --quiet --upgrade --extra dev --all-build-deps \
@@ -70,7 +75,7 @@ lock: $(BIN)/python ## renew requirements.lock from pyproject.toml
 		--no-emit-options --output-file requirements.lock pyproject.toml
 
 clean: ## remove .venv, out and the tools' caches
-	rm -rf $(VENV) out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) out dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 # The build backend is in the lock too: nothing is installed that is not named there.
 $(INSTALLED): $(BIN)/python requirements.lock pyproject.toml

@@ -5,7 +5,7 @@ for a machine without errors, or `ErrorModel` objects. A program is a path, its 
 `Source`. Options have the names and the values of the command line. Axis positions are in mm and degrees, errors in um
 and urad, tool relative to workpiece.
 
-Every function raises `kinematics.user_error.UserError`, with one clear message, for an input that cannot be used.
+Every function raises `ncomp.UserError`, with one clear message, for an input that cannot be used.
 
 >>> import ncomp
 >>> mill = ncomp.load_machine("dmu50")
@@ -56,6 +56,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Corrected",
+    "UserError",
     "check",
     "conditions",
     "correct",
@@ -540,3 +541,9 @@ def open_program(program: str | Path | Source) -> Source:
     if isinstance(program, str) and ("\n" in program or "\r" in program):
         return text_source(program)
     return open_source(str(program))
+
+
+if __name__ == "__main__":
+    from postproc.cli import run
+
+    run()

@@ -69,7 +69,7 @@ def error_names_with_tool(machine: Machine) -> list[str]:
 def derived(machine: Machine) -> ModuleType:
     """The derived module of the machine's chain: shipped, from the user's cache, or derived now and put there."""
     if machine.chain_hash in MODULES:
-        return importlib.import_module(f"kinematics.derived.{MODULES[machine.chain_hash]}")
+        return importlib.import_module(f".derived.{MODULES[machine.chain_hash]}", __package__)
     if machine.chain_hash not in _loaded:
         _loaded[machine.chain_hash] = _from_cache(machine) or _newly_derived(machine)
     return _loaded[machine.chain_hash]

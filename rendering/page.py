@@ -29,7 +29,7 @@ def page(report: Report) -> bytes:
     from jinja2 import Environment, PackageLoader
 
     environment = Environment(
-        loader=PackageLoader("rendering", "."), autoescape=True, trim_blocks=True, lstrip_blocks=True
+        loader=PackageLoader(__package__, "."), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     return environment.get_template("page.html").render(report=report, svg=svg).encode()
 

@@ -76,17 +76,20 @@ FILES["ncomp"] = ROOT / "ncomp.py"
 
 
 def imported(path: Path) -> set[str]:
-    """The modules of the project that a file imports, also inside functions; not those for annotations only."""
+    """The modules of the project that a file imports, also inside functions.
+
+    Those for annotations only, and of a file that is run as a script, do not count.
+    """
     found = set()
     nodes = list(ast.walk(ast.parse(path.read_text())))
-    annotations = {
+    left_out = {
         id(inner)
         for node in nodes
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "__name__ == '__main__'")
         for inner in ast.walk(node)
     }
     for node in nodes:
-        if id(node) in annotations:
+        if id(node) in left_out:
             continue
         if isinstance(node, ast.ImportFrom) and node.module:
             names = [f"{node.module}.{alias.name}" for alias in node.names]

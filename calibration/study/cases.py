@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+import calibration
+import kinematics
 import machines
 from calibration.design.layout import Setup, laid_out
 from calibration.design.random_machines import TrueModels
@@ -30,7 +32,7 @@ from kinematics.state import REFERENCE
 from kinematics.user_error import UserError
 from kinematics.workers import code
 
-CODE = ("calibration", "kinematics")
+CODE = (calibration.__name__, kinematics.__name__)
 """Packages that work on cases."""
 OPTIMISED = "optimised"
 """Name of the strategy with optimised positions."""

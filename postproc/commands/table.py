@@ -34,5 +34,5 @@ COMMANDS = {
 
 def command(name: str) -> tuple[Callable[..., None], str]:
     """The function of a command, and the examples below its help."""
-    module = import_module(f"postproc.commands.{COMMANDS[name]}")
+    module = import_module(f".{COMMANDS[name]}", __package__)
     return getattr(module, COMMANDS[name].rpartition(".")[2]), module.EPILOG

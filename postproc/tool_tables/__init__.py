@@ -23,7 +23,7 @@ __all__ = ["ToolTable", "read_tool_table", "read_tool_tables"]
 def read_tool_table(path: Path) -> ToolTable:
     """A table of any form; UserError with the line that is not understood."""
     text = read_input(path, "tool table").decode("latin-1").removeprefix("\xef\xbb\xbf")
-    forms = (import_module(f"postproc.tool_tables.{name}") for name in FORMS)
+    forms = (import_module(f".{name}", __package__) for name in FORMS)
     form = next(form for form in forms if form.is_it(path, text))
     return checked(form.read(path, text), path)
 

@@ -21,8 +21,6 @@ from postproc.commands.options.shared import (
 )
 from postproc.commands.programs.correct import CorrectionOptions
 
-CODE = ("postproc", "kinematics", "machines", "grammars")
-"""Packages that correct programs."""
 EPILOG = (
     "Examples:\n\n"
     "`ncomp batch posted corrected --machine dmu50`\n\n"
@@ -53,6 +51,10 @@ def batch(
     Each output is written whole or not at all. A program that is refused does not stop the others: it is listed with
     file, line and reason, and the exit status is 2.
     """
+    import grammars
+    import kinematics
+    import machines
+    import postproc
     from kinematics.workers import workers
     from postproc.commands.programs.folder import check_targets, corrected, folders_for, programs_of
     from postproc.commands.programs.folder_report import Summary
@@ -76,11 +78,12 @@ def batch(
         **vars(correction),
     )
     number = min(number, len(programs))
+    code = tuple(package.__name__ for package in (postproc, kinematics, machines, grammars))
     ends = {}
     with (
         whole_results(*others.files) as (results, page),
         folders_for(programs),
-        workers(number, dask, CODE) as team,
+        workers(number, dask, code) as team,
         progress_of(sum(each.size for each in programs), f"correcting {len(programs)} programs") as progress,
     ):
         for program, outcome in corrected(programs, one, team, sent=dask is not None):

@@ -1,0 +1,157 @@
+"""The wheel: one package of the name `ncomp`, which works without the repository."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import os
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import hatchling.build
+import numpy as np
+import pytest
+from support.file_examples import PROGRAM
+
+import ncomp
+
+ROOT = Path(__file__).parents[1]
+SPEC = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
+assert SPEC is not None
+assert SPEC.loader is not None
+hatch_build = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(hatch_build)
+LIBRARIES = Path(np.__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the content of the wheel, which was built from the source distribution."""
+    folder, here = tmp_path_factory.mktemp("wheel"), Path.cwd()
+    try:
+        os.chdir(ROOT)
+        sdist = hatchling.build.build_sdist(str(folder))
+        with tarfile.open(folder / sdist) as archive:
+            archive.extractall(folder, filter="data")
+        os.chdir(folder / sdist.removesuffix(".tar.gz"))
+        wheel = hatchling.build.build_wheel(str(folder))
+    finally:
+        os.chdir(here)
+    with zipfile.ZipFile(folder / wheel) as archive:
+        archive.extractall(folder / "installed")
+    return folder / "installed"
+
+
+def run(installed: Path, code: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run Python code with the wheel and the libraries, without the folders of an editable installation."""
+    path = f"import sys; sys.path[:0] = {[str(installed), str(LIBRARIES)]}; sys.argv[0] = 'ncomp'\n"
+    command = [sys.executable, "-I", "-S", "-c", path + code, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120, cwd=cwd)
+
+
+COMMAND = "from ncomp.postproc.cli import run; run()"
+
+
+def test_only_one_name_is_installed(installed):
+    names = {path.name for path in installed.iterdir()}
+    (information,) = {name for name in names if name.endswith(".dist-info")}
+    assert names == {"ncomp", information}
+    text = (installed / information / "entry_points.txt").read_text()
+    assert text.split() == ["[console_scripts]", "ncomp", "=", "ncomp.postproc.cli:run"]
+    assert (installed / information / "licenses" / "LICENSE").is_file()
+
+
+def test_every_file_of_the_packages_is_in_the_wheel(installed):
+    wanted = {
+        path.relative_to(ROOT).as_posix()
+        for package in hatch_build.PACKAGES
+        for path in (ROOT / package).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+    found = {path.relative_to(installed / "ncomp").as_posix() for path in (installed / "ncomp").rglob("*.*")}
+    assert wanted <= found
+
+
+@pytest.mark.statistical
+def test_every_module_is_imported_below_ncomp_only(installed, tmp_path):
+    code = (
+        "import importlib, pkgutil, ncomp\n"
+        "names = [each.name for each in pkgutil.walk_packages(ncomp.__path__, 'ncomp.')]\n"
+        "names = [name for name in names if not name.endswith('__main__')]\n"
+        "for name in names:\n    importlib.import_module(name)\n"
+        f"print(len(names), [name for name in {hatch_build.PACKAGES} if name in sys.modules])"
+    )
+    done = run(installed, code, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    count, others = done.stdout.split(maxsplit=1)
+    assert int(count) > 400
+    assert others.strip() == "[]"
+
+
+def test_a_folder_is_corrected_by_processes_with_the_same_bytes(installed, tmp_path):
+    (tmp_path / "in").mkdir()
+    for name in ("a.nc", "b.nc"):
+        (tmp_path / "in" / name).write_text(PROGRAM)
+    options = ("--machine", "dmu50", "--set-up-zero", "--no-travel-check")
+    done = run(installed, COMMAND, "batch", "in", "out", *options, "--jobs", "2", "--report", "page.html", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    setup = ncomp.set_up("dmu50", zero=True)
+    expected = ncomp.correct(tmp_path / "in" / "a.nc", "dmu50", setup=setup, travel_check=False).text
+    assert [(tmp_path / "out" / name).read_text() for name in ("a.nc", "b.nc")] == [expected] * 2
+    assert (tmp_path / "page.html").stat().st_size > 1000
+
+
+def test_python_m_ncomp(tmp_path, installed):
+    runpy = "import runpy; runpy.run_module('ncomp', run_name='__main__', alter_sys=True)"
+    shown = run(installed, runpy, "machines", "gantry", cwd=tmp_path)
+    assert "w b X Y Z t" in shown.stdout, shown.stderr
+    checkout = [sys.executable, "-m", "ncomp", "machines", "gantry"]
+    assert subprocess.run(checkout, capture_output=True, text=True, check=True, cwd=ROOT).stdout == shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("source", "wheel"),
+    [
+        ("from kinematics.files import a, b", "from ncomp.kinematics.files import a, b"),
+        ("from kinematics import (\n    a,\n)\n", "from ncomp.kinematics import (\n    a,\n)\n"),
+        ("import machines  # why", "from ncomp import machines  # why"),
+        ("import machines as shipped, os", "import ncomp.machines as shipped; import os"),
+        ("import rendering.terminal", "from ncomp import rendering; import ncomp.rendering.terminal"),
+        ("def f():\n    'ä'; import machines; return 1\n", "def f():\n    'ä'; from ncomp import machines; return 1\n"),
+        ("if x: from postproc import cli\n", "if x: from ncomp.postproc import cli\n"),
+        ("import ncomp\nfrom ncomp import fit\n", "import ncomp\nfrom ncomp import fit\n"),
+        ("import kinematics_other\n", "import kinematics_other\n"),
+        ("from . import kinematics\n", "from . import kinematics\n"),
+        ("x = 'import machines'\n# from machines import a\n", "x = 'import machines'\n# from machines import a\n"),
+        ("from machines import a\r\nimport machines\r\n", "from ncomp.machines import a\r\nfrom ncomp import machines\r\n"),
+    ],
+)  # fmt: skip
+def test_imports_are_renamed(source, wheel):
+    assert hatch_build.renamed(source.encode()).decode() == wheel
+    ast.parse(wheel)
+
+
+def test_an_import_that_is_not_understood_stops_the_build():
+    with pytest.raises(ValueError, match="line 1"):
+        hatch_build.renamed(b"import os, \\\n machines\n")
+
+
+def test_no_module_is_named_in_a_text():
+    """Imports in texts (`import_module("kinematics.files")`) would not be renamed."""
+    modules = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        for package in hatch_build.PACKAGES
+        for path in (ROOT / package).rglob("*.py")
+    }
+    found = [
+        (path.name, node.value)
+        for package in hatch_build.PACKAGES
+        for path in (ROOT / package).rglob("*.py")
+        if any(f'"{name}.' in path.read_text() for name in hatch_build.PACKAGES)
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in modules
+    ]
+    assert found == [("dmu50_demonstration.py", "machines.calibrations.dmu50_demonstration")]  # the maker's name

@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# Installs a wheel of ncomp in an empty venv of each Python from 3.11 to 3.13 of this machine, and does a whole job with
+# each: `tests/wheel_in_venvs.sh dist/ncomp-0.1.0-py3-none-any.whl`. Library versions are those of requirements.lock.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+root=$PWD
+wheel=$(realpath "$1")
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+tried=""
+
+for version in 3.11 3.12 3.13; do
+    for python in "python$version" "${PYENV_ROOT:-$HOME/.pyenv}/versions/$version".*/bin/python; do
+        # a python on the PATH may be a stub that does not run
+        "$python" -c "import ensurepip, sys; sys.exit('$version' != '%d.%d' % sys.version_info[:2])" 2>/dev/null || continue
+        case "$tried" in *"$version"*) continue ;; esac
+        tried="$tried $version"
+        echo "--- Python $version"
+        "$python" -m venv "$folder/$version"
+        "$folder/$version/bin/python" -m pip install --quiet --disable-pip-version-check -c requirements.lock "$wheel"
+        cd "$folder"
+        export PATH="$folder/$version/bin:$PATH"
+        python -c "import ncomp; assert ncomp.__file__.startswith('$folder'), ncomp.__file__"
+        ncomp --version
+        setup=(--machine dmu50 --work-offset G54=-30,-20,150 --tool-length T1=80)
+        ncomp "$root/examples/box.nc" "${setup[@]}" -o "box$version.nc" --report page.html 2>log || { cat log; exit 1; }
+        python -m ncomp verify "$root/examples/box.nc" "box$version.nc" "${setup[@]}" | head -6
+        ncomp simulate --machine gantry --strategy grid --points 125 --seed 1 -o data.csv
+        ncomp fit data.csv --machine gantry -o "cal$version.json" --basis legendre:3 >log || { cat log; exit 1; }
+        ls "$folder/$version/lib/python$version/site-packages" |
+            { ! grep -xE 'postproc|kinematics|calibration|grammars|machines|rendering'; }
+        cd "$root"
+    done
+done
+[ -n "$tried" ] || { echo "no Python from 3.11 to 3.13 was found" >&2; exit 1; }
+cmp_first=$(ls "$folder"/box*.nc | head -1)
+for each in "$folder"/box*.nc; do cmp "$cmp_first" "$each"; done
+echo "tried:$tried; the corrected programs are the same"
