@@ -42,7 +42,7 @@ test-unit: $(INSTALLED) ## run the unit tests only
 test-statistical: $(INSTALLED) ## run the tests with many draws only
 	$(BIN)/pytest -n 2 --dist worksteal -m statistical $(ARGS) || [ $$? -eq 5 ]
 
-test-all: $(INSTALLED) ## run every test; those of LinuxCNC fail, rather than skip, without rs274
+test-all: $(INSTALLED) ## run every test; those of LinuxCNC and FreeCAD fail, rather than skip, without them
 	NCOMP_REQUIRE_CLIENTS=1 $(BIN)/pytest -n 2 --dist worksteal $(ARGS)
 
 fuzz: $(INSTALLED) ## examine random programs with every fuzzer (PROGRAMS=200 SEED=2); what differs goes to tests/fuzz/found

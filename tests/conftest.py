@@ -11,6 +11,7 @@ os.environ["COLUMNS"] = "200"  # consoles take their width once, when they are i
 
 import hypothesis
 import pytest
+from clients import freecad as freecad_posts
 from clients import linuxcnc_sim as simulator
 from clients import rs274
 from support.command import Done, run_command
@@ -28,14 +29,16 @@ hypothesis.settings.load_profile("default")  # or --hypothesis-profile=ci
 
 TIERS = {"unit", "integration", "statistical"}
 LINUXCNC = {"linuxcnc", "linuxcnc_sim"}
-INTEGRATION = {"command", "ncomp", "nc_data", "plates", "slit_log", "ecmc_report", "scope_log", *LINUXCNC}
+INTEGRATION = {
+    "command", "ncomp", "nc_data", "plates", "slit_log", "ecmc_report", "scope_log", "freecad", *LINUXCNC
+}  # fmt: skip
 """A test with one of these fixtures is an integration test, unless it is marked as statistical."""
 INTEGRATION_MODULES = {
     "test_bad_data", "test_blas", "test_chunks", "test_cli", "test_compensate", "test_conditions",
     "test_continuous", "test_control_state", "test_dependence", "test_diagnosis_exam", "test_diagnosis_frame",
     "test_diagnosis_left", "test_diagnosis_page", "test_diagnosis_scans", "test_diagnosis_selection",
     "test_direction", "test_distance_correlation", "test_encodings", "test_error_transform", "test_file_faults",
-    "test_fit", "test_fit_edges", "test_fuzz", "test_generated_programs", "test_held_out_lines", "test_in_place",
+    "test_fit", "test_fit_edges", "test_fuzz", "test_generated_programs", "test_held_out_lines", "test_hooks", "test_in_place",
     "test_iso_coordinates", "test_iterations", "test_jumping_errors", "test_klartext_arcs",
     "test_klartext_generated", "test_klartext_job", "test_klartext_polar", "test_model", "test_mutations",
     "test_never_worse", "test_next_measurement", "test_nothing_shared", "test_on_the_fly", "test_on_the_fly_plan",
@@ -79,8 +82,16 @@ def linuxcnc_sim() -> ModuleType:
     return simulator
 
 
-def _missing(client: str) -> NoReturn:
-    reason = f"{client} is missing (Debian: apt-get install --no-install-recommends linuxcnc-uspace)"
+@pytest.fixture(scope="session")
+def freecad() -> ModuleType:
+    """FreeCAD without a window; skipped or failed where it is missing, like `linuxcnc`."""
+    if not freecad_posts.available():
+        _missing("FreeCAD", "freecad-python3")
+    return freecad_posts
+
+
+def _missing(client: str, package: str = "linuxcnc-uspace") -> NoReturn:
+    reason = f"{client} is missing (Debian: apt-get install --no-install-recommends {package})"
     if os.environ.get("NCOMP_REQUIRE_CLIENTS"):
         pytest.fail(f"{reason}, and NCOMP_REQUIRE_CLIENTS is set")
     pytest.skip(reason)

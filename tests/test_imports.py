@@ -56,6 +56,7 @@ POSTPROC = (
     "postproc.correct",
     "postproc.verification",
     "postproc.tables",
+    "postproc.hooks",
 )
 TOP = ("ncomp", "postproc.commands", "postproc.cli")
 BOTH_SIDES = ("ncomp", "postproc.commands")

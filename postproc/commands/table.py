@@ -17,6 +17,7 @@ COMMANDS = {
     "export": "programs.export",
     "fit": "calibrations.fit",
     "diagnose": "calibrations.diagnose",
+    "hook": "programs.hook",
     "import": "programs.import_tables",
     "iso230": "calibrations.iso230",
     "ballbar": "calibrations.ballbar",
