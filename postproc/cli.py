@@ -35,9 +35,9 @@ def command_line() -> None:
         if given is not None:
             signature.run(given)
             return
-    from postproc.commands.tree import command_tree
+    from postproc.commands.tree import run_by_typer
 
-    command_tree()(prog_name="ncomp")
+    run_by_typer(words)
 
 
 def _refuse_misspelled(word: str) -> None:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import functools
+import sys
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from kinematics.version import VERSION
-from postproc.commands.options.declared import with_options
+from postproc.commands.options.declared import Signature, with_options
+from postproc.commands.options.misuse import Misuse, not_understood
 from postproc.commands.table import COMMANDS, MAIN_JOB, command
+
+HELP_NAMES = ("-h", "--help")
 
 
 class Commands(TyperGroup):
@@ -53,7 +58,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": list(HELP_NAMES)},
     help="""Correct NC programs for the measured errors of a machine tool.
 
     **ncomp IN.nc --machine M -o OUT.nc** corrects a program for the measured errors of machine M
@@ -75,3 +80,31 @@ def _global(
 def command_tree() -> Any:
     """All commands with their options."""
     return typer.main.get_command(app)
+
+
+def run_by_typer(words: Sequence[str]) -> None:
+    """Run the command of these words; UserError, in the style of all messages, for words that are not understood."""
+    tree = command_tree()
+    own = {name for parameter in tree.params for name in parameter.opts}
+    named = words and words[0] in COMMANDS
+    command_name, rest = (words[0], words[1:]) if named else (MAIN_JOB, words)
+    global_words = not words or (not named and words[0] in {*own, *HELP_NAMES})
+    misuse = None if global_words else Misuse(command_name, Signature(command(command_name)[0]).declared, rest)
+    if misuse and not set(rest) & set(HELP_NAMES):
+        misuse.refuse_doubtful()
+    try:
+        status = tree(args=list(words), prog_name="ncomp", standalone_mode=False)
+    except _usage_errors() as fault:
+        if not words:
+            print(fault.format_message())
+            return
+        if misuse:
+            misuse.refuse()
+        raise not_understood(words, fault) from None
+    if isinstance(status, int) and status:
+        sys.exit(status)
+
+
+def _usage_errors() -> Any:
+    """The base of the exceptions for wrong arguments; its module depends on the version of Typer."""
+    return next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")

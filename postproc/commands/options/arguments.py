@@ -24,7 +24,7 @@ def plain_values(declared: Sequence[Declared], words: Sequence[str]) -> dict[str
     """The values of all declared options and arguments by name, as Typer reads them from these words.
 
     None for words that are not plainly right: a wrong name, form or number of arguments, and everything that has
-    several meanings. Typer reads these, and its messages are the only ones.
+    several meanings. Typer reads these, and `misuse` has the messages for those that cannot be read.
     """
     try:
         given = _given(declared, words)
@@ -54,7 +54,10 @@ def _given(declared: Sequence[Declared], words: Sequence[str]) -> dict[str, Any]
         if each.kind is bool:
             given[each.name] = name in options
             continue
-        value = _value(each, text if equals else next(rest, ""))
+        value = text if equals else next(rest, "")
+        if not equals and value in options:
+            raise NotPlain
+        value = _value(each, value)
         given[each.name] = value if each.item is None else [*given.get(each.name, ()), value]
     return given | _arguments([each for each in declared if not each.names], free)
 

@@ -28,7 +28,7 @@ def machine_names() -> list[str]:
 
 
 MachineName = Annotated[
-    str, option("Name of a machine, or path of its .toml file.", None, "-m", default=REQUIRED, complete=machine_names)
+    str, option("Name of a machine, or path of its .toml file.", "NAME", "-m", default=REQUIRED, complete=machine_names)
 ]
 CalibrationName = Annotated[
     str | None,
