@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-import tomllib
-from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 
 from kinematics.machine import EVERY_OTHER, Control, Machine, make_axis, split_chain
 from kinematics.mistaken_files import did_you_mean
 from kinematics.report_head import ReportHead
+from kinematics.toml_entries import at_line, entry, read_table
 from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
 
 FOLDER = Path(__file__).parent
-T = TypeVar("T")
 
 
 class _AxisEntry(msgspec.Struct, forbid_unknown_fields=True):
@@ -66,11 +64,12 @@ def load(name_or_path: str) -> Machine:
 
 def parse(text: str, source: str) -> Machine:
     """The machine written in TOML; `source` names the text in error messages."""
+    where = f"machine file {source}"
+    table = read_table(text, where)
     try:
-        entries = msgspec.convert(tomllib.loads(text), _MachineFile)
-        return _build(entries)
-    except (tomllib.TOMLDecodeError, msgspec.ValidationError, UserError) as fault:
-        raise UserError(f"machine file {source}: {fault}") from None
+        return _build(entry(table, _MachineFile))
+    except UserError as fault:
+        raise at_line(text, where, fault) from None
 
 
 def default_calibration(machine: Machine) -> Path | None:
@@ -89,14 +88,14 @@ def _build(entries: _MachineFile) -> Machine:
     for name, side in links:
         if name not in entries.axes:
             raise UserError(f"axis {name} of the chain {entries.chain!r} has no [axes.{name}] with its travel")
-        entry = _entry(entries.axes[name], _AxisEntry, f"axes.{name}")
-        if name[0] in "ABC" and entry.point is None:
+        axis = entry(entries.axes[name], _AxisEntry, f"axes.{name}")
+        if name[0] in "ABC" and axis.point is None:
             raise UserError(
                 f"axes.{name}: a rotary axis needs its point = [x, y, z]: a point on its axis of rotation, mm, in the "
                 "machine frame, where the tool reference point is at X0 Y0 Z0 when all axes are at 0"
             )
-        point = entry.point or (0.0, 0.0, 0.0)
-        axes.append(make_axis(name, side, **(msgspec.structs.asdict(entry) | {"point": point})))
+        point = axis.point or (0.0, 0.0, 0.0)
+        axes.append(make_axis(name, side, **(msgspec.structs.asdict(axis) | {"point": point})))
     control = _control(entries.control, chained)
     offsets, offsets_assumed = _assumed(entries.work_offsets, "work_offsets")
     tools, tools_assumed = _assumed(entries.tools, "tools")
@@ -117,7 +116,7 @@ def _build(entries: _MachineFile) -> Machine:
 def _assumed(table: dict[str, Any], where: str) -> tuple[dict[str, Any], bool]:
     """The entries of a table but `assumed`, and its value."""
     entries = {name: value for name, value in table.items() if name != "assumed"}
-    assumed = _entry(table.get("assumed", False), bool, f"{where}.assumed")
+    assumed = entry(table.get("assumed", False), bool, f"{where}.assumed")
     if EVERY_OTHER in entries and not assumed:
         raise UserError(
             f"{where}.{EVERY_OTHER} holds for all names that are not given, which is an assumption: write "
@@ -127,7 +126,7 @@ def _assumed(table: dict[str, Any], where: str) -> tuple[dict[str, Any], bool]:
 
 
 def _offset(table: object, where: str, chained: set[str]) -> dict[str, float]:
-    values = _entry(table, dict[str, Any], where)
+    values = entry(table, dict[str, Any], where)
     unknown = set(values) - chained
     if unknown:
         raise UserError(f"{where}: no axis {', '.join(sorted(unknown))} in the chain")
@@ -136,11 +135,7 @@ def _offset(table: object, where: str, chained: set[str]) -> dict[str, float]:
 
 def _control(table: dict[str, Any], chained: set[str]) -> Control:
     """The `[control]` table; the fields of `Control` are its keys."""
-    known = [field.name for field in fields(Control)]
-    for key in table:
-        if key not in known:
-            raise UserError(f"control.{key} is not known; known are {', '.join(known)}")
-    control = _entry(table, Control, "control")
+    control = entry(table, Control, "control")
     if not (control.increment > 0 and math.isfinite(control.increment)):
         raise UserError(f"control.increment {control.increment} must be positive")
     unknown = set(control.tool_change_moves) - chained - set(Control().tool_change_moves)
@@ -152,16 +147,8 @@ def _control(table: dict[str, Any], chained: set[str]) -> Control:
     return control
 
 
-def _entry(value: object, kind: type[T], where: str) -> T:
-    """An entry of the file as `kind`; msgspec's own path does not name the keys of a table."""
-    try:
-        return msgspec.convert(value, kind)
-    except msgspec.ValidationError as fault:
-        raise UserError(f"{where}: {fault}") from None
-
-
 def _lengths(table: dict[str, Any], where: str) -> dict[str, float]:
-    lengths = {key: _entry(value, float, f"{where}.{key}") for key, value in table.items()}
+    lengths = {key: entry(value, float, f"{where}.{key}") for key, value in table.items()}
     for key, value in lengths.items():
         if not math.isfinite(value):
             raise UserError(f"{where}.{key}: {value} is not finite")

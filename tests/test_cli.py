@@ -434,7 +434,7 @@ def test_bad_machine_files(ncomp, change, words):
     Path("bad.toml").write_text(TOML.read_text().replace(*change, 1))
     result = ncomp("machines", "bad.toml")
     assert (result.status, result.out) == (2, b"")
-    assert re.fullmatch(r"ncomp: machine file bad\.toml: .*\n", result.err)
+    assert re.fullmatch(r"ncomp: machine file bad\.toml:\d+: .*\n", result.err)
     assert words in result.err
 
 

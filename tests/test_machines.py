@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -172,14 +173,22 @@ BAD = {
     ),
     "no travel": ("[0, 100]", "[5, 5]", "axis X: travel [5.0, 5.0] must go from a lower to a higher position"),
     "travel not a number": ("[0, 100]", "[nan, 1]", "axis X: travel [nan, 1.0] must go from a lower to a higher"),
-    "travel missing": ("travel = [0, 100]", "", "axes.X: Object missing required field `travel`"),
-    "travel too short": ("[0, 100]", "[100]", "axes.X: Expected `array` of length 2, got 1 - at `$.travel`"),
-    "travel a word": ("[0, 100]", '"all"', "axes.X: Expected `array`, got `str` - at `$.travel`"),
-    "travel of words": ("[0, 100]", '[0, "end"]', "axes.X: Expected `float`, got `str` - at `$.travel[1]`"),
-    "axis no table": ("[axes.X]\ntravel = [0, 100]\nresolution = 0.001", "[axes]\nX = 3", "axes.X: Expected `object`"),
-    "unknown axis entry": ("home = 200", "hone = 200", "axes.Z: Object contains unknown field `hone`"),
-    "unknown entry": ("description", "remark", "Object contains unknown field `remark`"),
-    "name missing": ('name = "mill"', "", "Object missing required field `name`"),
+    "travel missing": ("travel = [0, 100]", "", "axes.X.travel is missing"),
+    "travel too short": ("[0, 100]", "[100]", "axes.X.travel: expected a list of 2 entries, not of 1"),
+    "travel a word": ("[0, 100]", '"all"', "axes.X.travel: expected a list in [ ], not a text in quotes"),
+    "travel of words": ("[0, 100]", '[0, "end"]', "axes.X.travel[1]: expected a number, not a text in quotes"),
+    "axis no table": (
+        "[axes.X]\ntravel = [0, 100]\nresolution = 0.001",
+        "[axes]\nX = 3",
+        "axes.X: expected a table, not a whole number",
+    ),
+    "unknown axis entry": (
+        "home = 200",
+        "hone = 200",
+        "axes.Z.hone is not known (did you mean 'home'?); known are travel,",
+    ),
+    "unknown entry": ("description", "remark", "remark is not known; known are name, chain,"),
+    "name missing": ('name = "mill"', "", "name is missing"),
     "rotary axis without a point": (
         "point = [1, 2, 3]\n",
         "",
@@ -187,36 +196,36 @@ BAD = {
     ),
     "zero direction": ("[0, 0, 2]", "[0, 0, 0]", "axis Z: direction [0.0, 0.0, 0.0] is no direction"),
     "endless direction": ("[0, 0, 2]", "[0, 0, inf]", "axis Z: direction [0.0, 0.0, inf] is no direction"),
-    "flat direction": ("[0, 0, 2]", "[0, 1]", "axes.Z: Expected `array` of length 3, got 2 - at `$.direction`"),
+    "flat direction": ("[0, 0, 2]", "[0, 1]", "axes.Z.direction: expected a list of 3 entries, not of 2"),
     "endless point": ("[1, 2, 3]", "[1, nan, 3]", "axis C: point [1.0, nan, 3.0] is not finite"),
     "zero resolution": ("0.001", "0", "axis X: resolution 0.0 must be positive"),
     "home outside": ("home = 200", "home = 201", "axis Z: home 201.0 is outside its travel [0.0, 200.0]"),
     "home nowhere": ("[-180, 180]", "[-inf, inf]\nhome = inf", "axis C: home inf is outside its travel [-inf, inf]"),
     "home not a number": ("home = 200", "home = nan", "axis Z: home nan is outside its travel [0.0, 200.0]"),
     "unknown work-offset axis": ("C = 90.5", "B = 90.5", "work_offsets.G54: no axis B in the chain"),
-    "work offset a word": ("X = -10", 'X = "-10"', "work_offsets.G54.X: Expected `float`, got `str`"),
+    "work offset a word": ("X = -10", 'X = "-10"', "work_offsets.G54.X: expected a number, not a text in quotes"),
     "endless work offset": ("X = -10", "X = inf", "work_offsets.G54.X: inf is not finite"),
-    "tool a word": ("1 = 80", '1 = "long"', "tools.1: Expected `float`, got `str`"),
+    "tool a word": ("1 = 80", '1 = "long"', "tools.1: expected a number, not a text in quotes"),
     "tool length not a number": ("1 = 80", "1 = nan", "tools.1: nan is not finite"),
     "zero increment": ("[tools]", "[control]\nincrement = 0\n[tools]", "control.increment 0.0 must be positive"),
     "unknown control setting": (
         "[tools]",
         "[control]\ncalls_leave_stat = true\n[tools]",
-        "control.calls_leave_stat is not known; known are integer_words, increment, arc_centres,",
+        "control.calls_leave_stat is not known (did you mean 'calls_leave_state'?); known are integer_words, increment, arc_centres,",
     ),
     "unknown control word": (
         "[tools]",
         '[control]\ninteger_words = "mm"\n[tools]',
-        "control: Invalid enum value 'mm' - at `$.integer_words`",
+        "control.integer_words: expected 'units' or 'increments', not 'mm'",
     ),
     "unknown tool-change axis": (
         "[tools]",
         '[control]\ntool_change_moves = ["Z", "W"]\n[tools]',
         "control.tool_change_moves: no axis W in the chain",
     ),
-    "not TOML": ("[axes.X]", "[axes.X", "Expected ']' at the end of a table declaration (at line 9, column 8)"),
-    "a program": (GOOD, "%\nO0001\nG1 X10\n", "Invalid statement (at line 1, column 1)"),
-    "axis table twice": ("[axes.Y]", "[axes.X]", "Cannot declare ('axes', 'X') twice (at line"),
+    "not TOML": ("[axes.X]", "[axes.X", "'[axes.X': column 8: Expected ']' at the end of a table declaration (TOML"),
+    "a program": (GOOD, "%\nO0001\nG1 X10\n", "this is an NC program"),
+    "axis table twice": ("[axes.Y]", "[axes.X]", "'[axes.X]': column 8: Cannot declare ('axes', 'X') twice (TOML"),
 }
 
 
@@ -225,7 +234,7 @@ def test_refused_machine_file(old, new, message):
     assert old in GOOD
     with pytest.raises(UserError) as refusal:
         machines.parse(GOOD.replace(old, new), "mill.toml")
-    assert str(refusal.value).startswith(f"machine file mill.toml: {message}")
+    assert re.match(rf"machine file mill\.toml(:\d+)?: {re.escape(message)}", str(refusal.value)), str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 

@@ -1,6 +1,7 @@
 """The set-up is never guessed: work offsets and tool lengths are given, assumed and named, or refused."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -246,7 +247,7 @@ MACHINE_FILES = {
         "work_offsets.default holds for all names that are not given, which is an assumption: write assumed = true",
     ),
     "default tool without assumed": ("[tools]\ndefault = 1.0\n", "tools.default holds for all names that are not given"),
-    "assumed is no word": ('[tools]\nassumed = "yes"\n', "tools.assumed: Expected `bool`, got `str`"),
+    "assumed is no word": ('[tools]\nassumed = "yes"\n', "tools.assumed: expected true or false, not a text in quotes"),
     "an axis that there is not": (
         "[work_offsets]\nassumed = true\ndefault = {C = 1}\n", "work_offsets.default: no axis C in the chain",
     ),
@@ -257,7 +258,7 @@ MACHINE_FILES = {
 def test_machine_files_that_are_refused(text, message):
     with pytest.raises(UserError) as refusal:
         machines.parse(OWN + text, "own.toml")
-    assert str(refusal.value).startswith(f"machine file own.toml: {message}")
+    assert re.match(rf"machine file own\.toml:\d+: {re.escape(message)}", str(refusal.value))
 
 
 def test_an_entry_by_name_comes_before_the_default(command):
