@@ -190,7 +190,7 @@ def test_an_internal_fault_is_that_of_one_program(ncomp, monkeypatch):
 
 def test_the_options_are_those_of_the_correction():
     options = {name: {each.name for each in Signature(command_of(name)[0]).declared} for name in ("correct", "batch")}
-    assert options["correct"] - options["batch"] == {"program", "in_place"}
+    assert options["correct"] - options["batch"] == {"programs", "in_place"}
     assert options["batch"] - options["correct"] == {"folder", "glob", "dask"}
 
 

@@ -158,10 +158,16 @@ WRONG_USAGE = [
     (["in.nc", *GANTRY, "--nonsense"], "correct: unknown option --nonsense; "),
     (["in.nc", *GANTRY, "--tolerance-u", "2"], "correct: unknown option --tolerance-u (did you mean '--tolerance-um'?)"),
     (["in.nc", "-machine", "gantry"], "correct: unknown option -machine (did you mean '--machine'?)"),
-    (["in.nc", "\u2014machine", "gantry"], "unexpected argument '\u2014machine': expected IN.nc (did you mean '--machine'?)"),
+    (["in.nc", "\u2014machine", "gantry"], "unexpected argument '\u2014machine' (did you mean '--machine'?)"),
     (["in.nc"], "correct: --machine NAME is missing: name of a machine, or path of its .toml file; 'ncomp correct --help'"),
     ([*GANTRY], "correct: IN.nc is missing: NC program"),
-    (["in.nc", "second.nc", *GANTRY], "correct: unexpected argument 'second.nc': expected IN.nc"),
+    (["verify", "in.nc", "in.nc", "in.nc", *GANTRY], "verify: unexpected argument 'in.nc': expected IN.nc OUT.nc"),
+    (["in.nc", "cal.json", *GANTRY], "2 programs are given: name a folder for their outputs, -o FOLDER"),
+    (["in.nc", "in.nc", *GANTRY, "-o", "new"], "in.nc and in.nc have the same name, and so the same output new/in.nc"),
+    (["in.nc", "other.nc", *GANTRY, "-o", "new"], "program other.nc: No such file"),
+    (["in.nc", "cal.json", *GANTRY, "-o", "in.nc"], "--output in.nc is a file, and 2 programs are given: name a folder"),
+    (["in.nc", "-", *GANTRY, "-o", "new"], "standard input (-) is one program"),
+    (["in.nc", "cal.json", *GANTRY, "--in-place"], "--in-place replaces one program, and 2 are given: give -o FOLDER"),
     (["in.nc", "--machine"], "correct: --machine needs a value, NAME: name of a machine"),
     (["in.nc", "--machine", "-o", "out.nc"], "correct: --machine needs a value, NAME; -o follows it: name of a machine"),
     (["in.nc", *GANTRY, "--machine", "dmu50"], "correct: --machine is given twice"),
@@ -218,6 +224,17 @@ def test_named_as_a_subcommand_and_with_options_first(ncomp):
         outputs.append(result.out)
     assert outputs[0] == outputs[1] == outputs[2]
     assert split_mark(outputs[0].decode()) == corrected()
+
+
+def test_several_programs(ncomp):
+    Path("more").mkdir()
+    Path("more/second.nc").write_text(PROGRAM)
+    result = ncomp("in.nc", "more/second.nc", *GANTRY, "-o", "out", "--json", "all.json")
+    assert result.status == 0, result.err
+    assert {path.name for path in Path("out").iterdir()} == {"in.nc", "second.nc"}
+    assert split_mark(Path("out/second.nc").read_text()) == corrected()
+    assert json.loads(Path("all.json").read_text())["counts"] == {"corrected": 2}
+    assert ncomp("in.nc", "cal.json", *GANTRY, "-o", "out").status == 2
 
 
 def test_output_that_is_the_input(ncomp):

@@ -28,7 +28,8 @@ class Misuse:
     def refuse_doubtful(self) -> None:
         """UserError for a line that Typer accepts and that is doubtful.
 
-        These are an option in place of a value, an option that is given twice, and one dash in place of two.
+        These are an option in place of a value, an option that is given twice, one dash in place of two, and
+        another dash.
         """
         self._walk(all_mistakes=False)
 
@@ -39,7 +40,7 @@ class Misuse:
         most = sum(1 for each in arguments) if all(each.item is None for each in arguments) else len(free)
         if len(free) > most:
             expected = " ".join(each.field.metadata["metavar"] for each in arguments) or "no arguments"
-            self._refuse(f"unexpected argument {free[most]!r}: expected {expected}{self._dashed(free[most])}")
+            self._refuse(f"unexpected argument {free[most]!r}: expected {expected}")
         for number, each in enumerate(arguments):
             if each.field.default is REQUIRED and number >= len(free):
                 self._refuse(f"{each.field.metadata['metavar']} is missing: {_help(each)}")
@@ -56,6 +57,8 @@ class Misuse:
             if word == "--":
                 free += rest
             elif word == "-" or not word.startswith("-"):
+                if meant := self._dashed(word):
+                    self._refuse(f"unexpected argument {word!r}{meant}")
                 free.append(word)
             elif word in HELP:
                 continue

@@ -24,6 +24,7 @@ def _dialect_names() -> list[str]:
 
 
 Program = Annotated[str, argument("NC program; `-` is standard input.", "IN.nc")]
+Programs = Annotated[tuple[str, ...], argument("NC program, or several; `-` is standard input.", "IN.nc")]
 NoTravelCheck = Annotated[
     bool, option("Report positions outside the travel of an axis as notes, and do not refuse them.", default=False)
 ]

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-import time
-from functools import partial
 from pathlib import Path
 
-import ncomp
 from postproc.commands.options.declared import argument, option
 from postproc.commands.options.program import ConditionsOptions, DatumOptions, NoTravelCheck
 from postproc.commands.options.shared import (
@@ -15,11 +11,8 @@ from postproc.commands.options.shared import (
     DaskAddress,
     MachineName,
     ResultOptions,
-    check_files,
-    number_of_workers,
-    whole_results,
 )
-from postproc.commands.programs.correct import CorrectionOptions
+from postproc.commands.programs.request import CorrectionOptions, Request
 
 EPILOG = (
     "Examples:\n\n"
@@ -51,48 +44,17 @@ def batch(
     Each output is written whole or not at all. A program that is refused does not stop the others: it is listed with
     file, line and reason, and the exit status is 2.
     """
-    import grammars
-    import kinematics
-    import machines
-    import postproc
-    from kinematics.workers import workers
-    from postproc.commands.programs.folder import check_targets, corrected, folders_for, programs_of
-    from postproc.commands.programs.folder_report import Summary
-    from postproc.commands.show.terminal import progress_of, show
+    from postproc.commands.programs.folder import programs_of
+    from postproc.commands.programs.several import correct_several
 
-    start, number = time.perf_counter(), number_of_workers(jobs, dask, "--jobs")
-    programs = programs_of(folder, output, glob)
-    inputs = (calibration if calibration != "none" else None, *set_up.tool_table, at.log)
-    check_targets(programs, inputs)
-    check_files((*inputs, *(each.path for each in programs)), others.by_option)
-    found = ncomp.load_machine(machine)
-    model = ncomp.load_calibration(found, calibration)
-    one = partial(
-        ncomp.correct,
-        machine=found,
-        model=model,
-        dialect=set_up.dialect,
-        setup=set_up.setup(found),
-        conditions=at.conditions(),
+    request = Request(
+        machine=machine,
+        calibration=calibration,
+        set_up=set_up,
         travel_check=not no_travel_check,
-        **vars(correction),
+        correction=correction,
+        at=at,
     )
-    number = min(number, len(programs))
-    code = tuple(package.__name__ for package in (postproc, kinematics, machines, grammars))
-    ends = {}
-    with (
-        whole_results(*others.files) as (results, page),
-        folders_for(programs),
-        workers(number, dask, code) as team,
-        progress_of(sum(each.size for each in programs), f"correcting {len(programs)} programs") as progress,
-    ):
-        for program, outcome in corrected(programs, one, team, sent=dask is not None):
-            ends[program] = outcome
-            progress(program.size)
-        ordered = {program: ends[program] for program in programs}
-        summary = Summary(found, model, ordered, time.perf_counter() - start, number)
-        shown = summary.report(f"ncomp batch {folder} {output} --machine {machine}")
-        others.write(summary.json(), shown, (results, page))
-    show(shown, *others.files)
-    if summary.status:
-        sys.exit(summary.status)
+    programs = programs_of(folder, output, glob)
+    command = f"ncomp batch {folder} {output} --machine {machine}"
+    correct_several(programs, request, others, jobs=jobs, dask=dask, command=command)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import dataclass
 
-import ncomp
+from kinematics.user_error import UserError
 from postproc.commands.options.declared import option
 from postproc.commands.options.program import (
     ConditionsOptions,
     DatumOptions,
     NoTravelCheck,
-    Program,
+    Programs,
 )
 from postproc.commands.options.shared import (
     CalibrationName,
@@ -22,6 +21,7 @@ from postproc.commands.options.shared import (
     whole_results,
 )
 from postproc.commands.programs.in_place import backup_of, target_of
+from postproc.commands.programs.request import CorrectionOptions, Request
 from postproc.text.source import open_source
 
 EPILOG = (
@@ -33,42 +33,19 @@ EPILOG = (
     "-o part_c.nc`\n\n"
     "`ncomp part.nc --machine mill.toml --calibration cal.json --max-correction-um 80 --accept stale,outside "
     "-o part_c.nc`  accepts an old calibration, and positions outside the calibrated volume\n\n"
+    "`ncomp roughing.nc finishing.nc --machine dmu50 -o corrected`  writes the outputs into the folder corrected\n\n"
     "`ncomp part.nc --machine dmu50 -o part_c.nc --report part.html`  also writes a page of figures\n\n"
     "`ncomp - --machine gantry --calibration none < part.nc`  writes the program unchanged, byte for byte"
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class CorrectionOptions:
-    """Extent and limits of the correction, by the names of the public interface."""
-
-    classes: str | None = option("ISO/TR 16907 classes of errors to correct; default: all but FOR.", "L-VOL,R-VOL,...")
-    tolerance_um: float = option(
-        "Largest deviation of a feed move from its path, um; moves that deviate more are split.",
-        "um",
-        default=1.0,
-        min=0.0,
-    )
-    max_correction_um: float | None = option(
-        "Largest correction of a linear axis, um; a program that needs more is refused. Default: twice the "
-        "calibration's largest error, at most 500.",
-        "um",
-        min=0.0,
-        max=5000.0,
-    )
-    accept: str | None = option(
-        "Implausible conditions to accept: stale, future, temperature, outside, insignificant, worse (docs/safety.md).",
-        "NAME,...",
-    )
-    unroll: bool = option("Write out loops and calls: each block as many times as it runs.", default=False)
-    force: bool = option("Correct a program that ncomp has already corrected.", default=False)
-
-
 def correct(
     *,
-    program: Program,
+    programs: Programs,
     machine: MachineName,
-    output: str | None = option("Corrected program; default: `-`, standard output.", "OUT.nc", "-o"),
+    output: str | None = option(
+        "Corrected program; default: `-`, standard output. Folder of the outputs for several programs.", "OUT.nc", "-o"
+    ),
     in_place: bool = option("Replace the input, and keep a backup IN.nc.orig beside it.", default=False),
     calibration: CalibrationName,
     set_up: DatumOptions,
@@ -80,43 +57,63 @@ def correct(
     at: ConditionsOptions,
     others: ResultOptions,
 ) -> None:
-    """Correct a program: every block ends at its nominal position, by the machine's error model.
+    """Correct programs: every block ends at its nominal position, by the machine's error model.
 
     Only coordinate words change. Blocks are added where long moves are split and where backlash is taken up, and a
     comment names machine and calibration. A program that ncomp does not fully understand is refused: exit status 2, no
     output.
     """
+    request = Request(
+        machine=machine,
+        calibration=calibration,
+        set_up=set_up,
+        travel_check=not no_travel_check,
+        correction=correction,
+        at=at,
+    )
+    if len(programs) == 1:
+        correct_one(programs[0], request, others, output=output, in_place=in_place, jobs=jobs)
+        return
+    from postproc.commands.programs.several import correct_several, listed_programs
+
+    if in_place:
+        raise UserError(f"--in-place replaces one program, and {len(programs)} are given: give -o FOLDER instead")
+    command = f"ncomp {' '.join(programs)} --machine {machine} -o {output}"
+    correct_several(listed_programs(programs, output), request, others, jobs=jobs, dask=None, command=command)
+
+
+def correct_one(
+    program: str,
+    request: Request,
+    others: ResultOptions,
+    *,
+    output: str | None,
+    in_place: bool = False,
+    jobs: int | None = None,
+) -> None:
+    """Correct one program into the file `output`, and show its report."""
     from postproc.commands.show.terminal import progress_of, show
     from postproc.correct.report import correction_report
 
     target = target_of(program, output, in_place=in_place)
-    check_files((calibration, *set_up.tool_table, at.log), {"--output": target, **others.by_option})
+    check_files(request.inputs, {"--output": target, **others.by_option})
     check_files((program,), others.by_option)
-    found = ncomp.load_machine(machine)
-    model = ncomp.load_calibration(found, calibration)
+    _, _, correction = request.prepared()
     source = open_source(program)
     known = source.hash
-    setup, conditions = set_up.setup(found), at.conditions()
     with (
         progress_of(source.size, "correcting") as progress,
         backup_of(program, known) if in_place else nullcontext(),
         whole_results(*others.files, target) as (results, page, file),
     ):
-        done = ncomp.correct(
+        done = correction(
             source,
-            found,
-            model,
-            dialect=set_up.dialect,
-            setup=setup,
-            conditions=conditions,
-            travel_check=not no_travel_check,
             output=file,
             progress=progress,
             traced=others.report is not None,
             jobs=number_of_workers(jobs, None, "--jobs"),
-            **vars(correction),
         )
-        command = f"ncomp {program} --machine {machine} -o {target}"
+        command = f"ncomp {program} --machine {request.machine} -o {target}"
         shown = correction_report(done.job, done.report, done.trace, command)
         others.write(done.report.json(), shown, (results, page))
     show(shown, "-")

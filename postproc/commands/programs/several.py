@@ -1,0 +1,83 @@
+"""Correction of several programs: of a folder, of a list, or of a job file."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from kinematics.user_error import UserError
+from postproc.commands.options.shared import ResultOptions, check_files, number_of_workers, whole_results
+from postproc.commands.programs.folder import FolderProgram, check_targets, corrected, folders_for
+from postproc.commands.programs.request import Request
+
+
+def listed_programs(inputs: Sequence[str], output: str | None) -> list[FolderProgram]:
+    """Programs that are given by name, each with its output of the same name in the folder `output`."""
+    if output in (None, "-"):
+        raise UserError(f"{len(inputs)} programs are given: name a folder for their outputs, -o FOLDER")
+    if "-" in inputs:
+        raise UserError("standard input (-) is one program: it cannot stand beside others")
+    folder, found = Path(str(output)), list[FolderProgram]()
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"--output {output} is a file, and {len(inputs)} programs are given: name a folder")
+    for name in inputs:
+        path = Path(name)
+        if path.is_dir():
+            raise UserError(f"{name} is a folder: 'ncomp batch {name} {output}' corrects its programs")
+        if not path.is_file():
+            raise UserError(f"program {name}: No such file")
+        target = folder / path.name
+        if other := next((each.path for each in found if each.target == target), None):
+            raise UserError(f"{other} and {name} have the same name, and so the same output {target}")
+        found.append(FolderProgram(name, path, target, path.stat().st_size))
+    return found
+
+
+def correct_several(
+    programs: Sequence[FolderProgram],
+    request: Request,
+    others: ResultOptions,
+    *,
+    jobs: int | None,
+    dask: str | None,
+    command: str,
+) -> None:
+    """Correct programs, each into its own file, show the summary, and exit with its status unless that is 0."""
+    from kinematics.workers import workers
+    from postproc.commands.programs.folder_report import Summary
+    from postproc.commands.show.terminal import progress_of, show
+
+    start, number = time.perf_counter(), number_of_workers(jobs, dask, "--jobs")
+    check_targets(programs, request.inputs)
+    check_files((*request.inputs, *(each.path for each in programs)), others.by_option)
+    found, model, one = request.prepared()
+    number, ends = min(number, len(programs)), {}
+    with (
+        whole_results(*others.files) as (results, page),
+        folders_for(programs),
+        workers(number, dask, _packages()) as team,
+        progress_of(sum(each.size for each in programs), f"correcting {len(programs)} programs") as progress,
+    ):
+        for program, outcome in corrected(programs, one, team, sent=dask is not None):
+            ends[program] = outcome
+            progress(program.size)
+        ordered = {program: ends[program] for program in programs}
+        summary = Summary(found, model, ordered, time.perf_counter() - start, number)
+        shown = summary.report(command)
+        others.write(summary.json(), shown, (results, page))
+    show(shown, *others.files)
+    if summary.status:
+        sys.exit(summary.status)
+
+
+def _packages() -> tuple[str, ...]:
+    """Names of the packages that correct programs."""
+    import grammars
+    import kinematics
+    import machines
+    import postproc
+
+    packages: Iterable[object] = (postproc, kinematics, machines, grammars)
+    return tuple(getattr(package, "__name__", "") for package in packages)
