@@ -17,6 +17,8 @@ KINDS = (
     (rb"(#[^\n]*\n)*#\s*instrument:", "a measurement file (ncomp fit and ncomp diagnose read it)"),
     (rb"(#[^\n]*\n)*#\s*strategy:", "a plan of a measurement (ncomp simulate and --plan read it)"),
     (rb"(#[^\n]*\n|\s)*(name|chain)\s*=\s*\"", "a machine file (--machine)"),
+    (rb"(#[^\n]*\n|\s)*machine\s*=\s*\"[^\0]*\n\[+case\]", "a study (ncomp study reads it)"),
+    (rb"(#[^\n]*\n|\s)*machine\s*=\s*\"", "a job file (ncomp JOB.toml)"),
     (rb"(%[^\n]*\n|\([^)\n]*\)|\s)*(O\d+|N?\d*\s*[GM]\d+|\d+\s+BEGIN PGM)", "an NC program"),
 )  # fmt: skip
 """Beginnings of files, each with the kind of its file."""

@@ -24,6 +24,8 @@ NOUNS = {
     "null": "nothing",
 }
 """Types of msgspec's messages, for people."""
+TOML = ("machine file", "job file", "study")
+"""Kinds of files in TOML."""
 _KEY = r"\"[^\"]*\"|'[^']*'|[\w-]+"
 _HEADER = re.compile(rf"\s*\[{{1,2}}\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*\]{{1,2}}")
 _ENTRY = re.compile(rf"\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*=")
@@ -36,7 +38,7 @@ def read_table(text: str, where: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as fault:
         reason = str(fault)
         place = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason)
-        if (other := kind_of_file(text.encode())) and "machine file" not in other:
+        if (other := kind_of_file(text.encode())) and not any(kind in other for kind in TOML):
             raise UserError(f"{where}: this is {other}") from None
         line = f":{place[2]}" if place else ""
         shown = text.splitlines()[int(place[2]) - 1].strip() if place and text.splitlines()[int(place[2]) - 1 :] else ""

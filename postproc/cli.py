@@ -15,7 +15,7 @@ from kinematics.mistaken_files import did_you_mean
 from kinematics.user_error import UserError
 from postproc.commands.options.arguments import plain_values
 from postproc.commands.options.declared import Signature
-from postproc.commands.table import COMMANDS, MAIN_JOB, command
+from postproc.commands.table import COMMANDS, command, named
 
 COMPLETION = "_NCOMP_COMPLETE"
 """Environment variable by which a shell requests the completion of a line."""
@@ -28,7 +28,7 @@ def command_line() -> None:
     words = sys.argv[1:]
     if words and words[0] not in COMMANDS:
         _refuse_misspelled(words[0])
-    name, *others = words if words and words[0] in COMMANDS else (MAIN_JOB, *words)
+    name, others = named(words)
     if words and COMPLETION not in os.environ:
         signature = Signature(command(name)[0])
         given = plain_values(signature.declared, others)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 
 MAIN_JOB = "correct"
 """The command for arguments that do not begin with the name of a command."""
+JOB_FILE = "job"
+"""The command for a first argument that is a job file."""
 COMMANDS = {
     MAIN_JOB: "programs.correct",
     "batch": "programs.batch",
+    JOB_FILE: "programs.job",
     "verify": "programs.verify",
     "check": "programs.check",
     "compare": "calibrations.compare",
@@ -31,6 +34,14 @@ COMMANDS = {
     "three-points": "calibrations.three_points",
 }
 """The module of each command, in this package; it has a function of its own name, and EPILOG, the examples."""
+
+
+def named(words: Sequence[str]) -> tuple[str, list[str]]:
+    """The command of a command line, also of one that does not name it, and its own words."""
+    first = words[0] if words else ""
+    if first in COMMANDS:
+        return first, list(words[1:])
+    return JOB_FILE if first.lower().endswith(".toml") else MAIN_JOB, list(words)
 
 
 def command(name: str) -> tuple[Callable[..., None], str]:

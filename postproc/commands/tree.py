@@ -11,9 +11,9 @@ import typer
 from typer.core import TyperGroup
 
 from kinematics.version import VERSION
-from postproc.commands.options.declared import Signature, with_options
+from postproc.commands.options.declared import Declared, Signature, with_options
 from postproc.commands.options.misuse import Misuse, not_understood
-from postproc.commands.table import COMMANDS, MAIN_JOB, command
+from postproc.commands.table import COMMANDS, command, named
 
 HELP_NAMES = ("-h", "--help")
 
@@ -25,7 +25,8 @@ class Commands(TyperGroup):
         """Put the name of the main job before its arguments."""
         own = {name for parameter in self.get_params(ctx) for name in parameter.opts}
         if args and args[0] not in COMMANDS and args[0] not in own:
-            args = [MAIN_JOB, *args]
+            name, rest = named(args)
+            args = [name, *rest]
         return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
@@ -62,7 +63,8 @@ app = typer.Typer(
     help="""Correct NC programs for the measured errors of a machine tool.
 
     **ncomp IN.nc --machine M -o OUT.nc** corrects a program for the measured errors of machine M
-    (the same as *ncomp correct IN.nc ...*; see *ncomp correct --help*).
+    (the same as *ncomp correct IN.nc ...*; see *ncomp correct --help*). **ncomp JOB.toml** does the same
+    for the programs of a job file.
     """,
 )
 
@@ -86,10 +88,8 @@ def run_by_typer(words: Sequence[str]) -> None:
     """Run the command of these words; UserError, in the style of all messages, for words that are not understood."""
     tree = command_tree()
     own = {name for parameter in tree.params for name in parameter.opts}
-    named = words and words[0] in COMMANDS
-    command_name, rest = (words[0], words[1:]) if named else (MAIN_JOB, words)
-    global_words = not words or (not named and words[0] in {*own, *HELP_NAMES})
-    misuse = None if global_words else Misuse(command_name, Signature(command(command_name)[0]).declared, rest)
+    name, rest = named(words)
+    misuse = None if not words or words[0] in {*own, *HELP_NAMES} else Misuse(name, _declared(name), rest)
     if misuse and not set(rest) & set(HELP_NAMES):
         misuse.refuse_doubtful()
     try:
@@ -103,6 +103,10 @@ def run_by_typer(words: Sequence[str]) -> None:
         raise not_understood(words, fault) from None
     if isinstance(status, int) and status:
         sys.exit(status)
+
+
+def _declared(name: str) -> list[Declared]:
+    return Signature(command(name)[0]).declared
 
 
 def _usage_errors() -> Any:

@@ -1,0 +1,226 @@
+"""The job file: a machine, its set-up and its programs in one TOML file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+import ncomp
+from kinematics.files import read_input
+from kinematics.report_head import TABLE, ReportHead
+from kinematics.toml_entries import at_line, entry, read_table
+from kinematics.user_error import UserError
+from postproc.commands.options.program import ConditionsOptions, DatumOptions
+from postproc.commands.options.shared import ResultOptions
+from postproc.commands.programs.folder import FolderProgram, programs_of
+from postproc.commands.programs.request import CorrectionOptions, Request
+
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+
+
+class _Content(msgspec.Struct, forbid_unknown_fields=True):
+    machine: str
+    programs: dict[str, Any]
+    calibration: str | None = None
+    dialect: str = "auto"
+    tool_tables: tuple[str, ...] = ()
+    set_up_zero: bool = False
+    work_offsets: dict[str, dict[str, float | str]] = {}
+    tools: dict[str, Any] = {}
+    conditions: dict[str, Any] = {}
+    correction: dict[str, Any] = {}
+    results: dict[str, Any] = {}
+    report: dict[str, Any] = {}
+
+
+class _Conditions(msgspec.Struct, forbid_unknown_fields=True):
+    temperature: dict[str, float] = {}
+    elapsed_s: NotNegative | None = None
+    log: str | None = None
+
+
+class _Correction(msgspec.Struct, forbid_unknown_fields=True):
+    classes: str | None = None
+    tolerance_um: NotNegative = 1.0
+    max_correction_um: Annotated[float, msgspec.Meta(ge=0, le=5000)] | None = None
+    accept: tuple[str, ...] = ()
+    unroll: bool = False
+    force: bool = False
+    travel_check: bool = True
+
+
+class _Results(msgspec.Struct, forbid_unknown_fields=True):
+    json: str | None = None
+    report: str | None = None
+
+
+@dataclass(frozen=True)
+class Job:
+    """The content of a job file, by the options of the command line; paths are relative to the present folder."""
+
+    request: Request
+    others: ResultOptions
+    programs: list[FolderProgram]
+
+
+def read_job(path: Path) -> Job:
+    """The job in a file; UserError with the line of an entry that cannot be used."""
+    where = f"job file {path}"
+    try:
+        text = read_input(path, "job file").decode()
+    except UnicodeDecodeError:
+        raise UserError(f"{where}: not UTF-8 text") from None
+    table = read_table(text, where)
+    if {"chain", "axes"} & table.keys():
+        raise UserError(f"{where}: this is a machine file (--machine)")
+    try:
+        return _Reader(path, table).job()
+    except UserError as fault:
+        raise at_line(text, where, fault) from None
+
+
+class _Reader:
+    """The entries of a job file as options."""
+
+    def __init__(self, path: Path, table: dict[str, Any]) -> None:
+        self._path = path
+        self._content = entry(table, _Content)
+        for name, number in _numbers(table, ""):
+            if not math.isfinite(number):
+                raise UserError(f"{name}: {number} is not finite")
+
+    def job(self) -> Job:
+        """The whole job."""
+        content = self._content
+        correction = entry(content.correction, _Correction, "correction")
+        conditions = entry(content.conditions, _Conditions, "conditions")
+        results = entry(content.results, _Results, "results")
+        ReportHead.of_table(content.report)
+        options = {name: getattr(correction, name) for name in ("classes", "tolerance_um", "max_correction_um")}
+        request = Request(
+            machine=self._machine,
+            calibration=self._calibration(),
+            set_up=self._set_up(),
+            travel_check=correction.travel_check,
+            correction=CorrectionOptions(
+                **options, accept=",".join(correction.accept) or None, unroll=correction.unroll, force=correction.force
+            ),
+            at=ConditionsOptions(
+                temperature=tuple(f"{name}={value}" for name, value in conditions.temperature.items()),
+                elapsed=conditions.elapsed_s,
+                log=None if conditions.log is None else self._file(conditions.log, "conditions.log"),
+            ),
+        )
+        others = ResultOptions(
+            json=self._output(results.json),
+            report=self._output(results.report),
+            report_head=self._path if TABLE in msgspec.structs.asdict(content) and content.report else None,
+        )
+        return Job(request, others, list(self._programs()))
+
+    def _here(self, name: str) -> Path:
+        """A path of the file: relative to its folder."""
+        return self._path.parent / name
+
+    def _file(self, name: str, where: str) -> Path:
+        path = self._here(name)
+        if not path.is_file():
+            raise UserError(f"{where}: {path}: No such file")
+        return path
+
+    def _output(self, name: str | None) -> str | None:
+        return name if name in (None, "-") else str(self._here(str(name)))
+
+    @cached_property
+    def _machine(self) -> str:
+        """Name of the machine, or path of its file."""
+        name = self._content.machine
+        path = self._here(name)
+        given = str(path) if path.is_file() or path.suffix.lower() == ".toml" else name
+        try:
+            ncomp.load_machine(given)
+        except UserError as fault:
+            raise UserError(f"machine: {fault}") from None
+        return given
+
+    def _calibration(self) -> str | None:
+        name = self._content.calibration
+        return name if name in (None, "none") else str(self._file(str(name), "calibration"))
+
+    def _set_up(self) -> DatumOptions:
+        content, machine = self._content, ncomp.load_machine(self._machine)
+        offsets, datums = list[str](), list[str]()
+        for name, values in content.work_offsets.items():
+            where, given = f"work_offsets.{name}", dict(values)
+            if (datum := given.pop("datum", None)) is not None:
+                datums.append(f"{name}={datum}")
+                self._try(where, ncomp.set_up, machine, datum=datums[-1:])
+            for axis, value in given.items():
+                if axis not in machine.names:
+                    raise UserError(f"{where}.{axis}: machine {machine.name} ({machine.chain}) has no axis {axis}")
+                if isinstance(value, str):
+                    raise UserError(f"{where}.{axis}: expected a number, not {value!r}")
+            if not given:
+                raise UserError(f"{where}: expected the offset of each axis, {{ X = -30, Y = -20, Z = 150 }}")
+            offsets.append(f"{name}={','.join(f'{axis}={value!r}' for axis, value in given.items())}")
+            self._try(where, ncomp.set_up, machine, work_offset=offsets[-1:])
+        tools = list[str]()
+        for name, length in content.tools.items():
+            number = entry(length, float, f"tools.{name}")
+            tools.append(f"T{name}={number!r}" if name.isdigit() else f"{name}={number!r}")
+            self._try(f"tools.{name}", ncomp.set_up, machine, tool_length=tools[-1:])
+        return DatumOptions(
+            dialect=content.dialect,
+            work_offset=tuple(offsets),
+            datum=tuple(datums),
+            tool_length=tuple(tools),
+            tool_table=tuple(self._file(name, "tool_tables") for name in content.tool_tables),
+            set_up_zero=content.set_up_zero,
+        )
+
+    @staticmethod
+    def _try(where: str, function: Any, *arguments: Any, **options: Any) -> None:
+        """Refuse an entry that the option of the command line would refuse."""
+        try:
+            function(*arguments, **options)
+        except UserError as fault:
+            raise UserError(f"{where}: {fault}") from None
+
+    def _programs(self) -> Iterator[FolderProgram]:
+        """The programs with their outputs, those of folders too."""
+        targets: dict[Path, str] = {}
+        if not self._content.programs:
+            raise UserError('programs: expected "part.nc" = "part_c.nc" for each program')
+        for name, target in self._content.programs.items():
+            where, path = f'programs."{name}"', self._here(name)
+            output = self._here(entry(target, str, where))
+            if path.is_dir():
+                self._try(where, programs_of, path, output, ())
+                found = programs_of(path, output, ())
+            elif path.is_file():
+                output = output / path.name if output.is_dir() else output
+                found = [FolderProgram(name, path, output, path.stat().st_size)]
+            else:
+                raise UserError(f"{where}: {path}: No such file or folder")
+            for each in found:
+                if each.target.resolve() == each.path.resolve():
+                    raise UserError(f"{where}: the output is the program itself: name another file")
+                if other := targets.get(each.target.resolve()):
+                    raise UserError(f"{where}: {other} has the same output {each.target}")
+                targets[each.target.resolve()] = each.name
+                yield each
+
+
+def _numbers(value: object, name: str) -> Iterator[tuple[str, float]]:
+    """All numbers of a table, by their paths."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _numbers(inner, f"{name}.{key}" if name else key)
+    elif isinstance(value, float):
+        yield name, value
