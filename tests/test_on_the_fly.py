@@ -33,7 +33,7 @@ from calibration.on_the_fly.along_path import across_path, on_path
 from calibration.on_the_fly.coarse_alignment import in_order, rough
 from calibration.on_the_fly.constant_feed import steadiness
 from calibration.on_the_fly.corrected_positions import with_corrected_positions
-from calibration.on_the_fly.drive import PathDynamics, driven
+from calibration.on_the_fly.drive import PathDynamics, driven, duration
 from calibration.on_the_fly.nominal_path import target_path
 from calibration.on_the_fly.path_cells import cell_numbers, correlation, reduced
 from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
@@ -86,6 +86,14 @@ def test_corners_are_where_the_path_turns_and_rapid_is_not_used():
     way = target_path(path, ONE["t"])
     np.testing.assert_allclose(way.corners, [0, 300, 500, 700, 1100], atol=1e-9)
     np.testing.assert_array_equal(way.usable, [True, True, False, True])
+
+
+def test_a_repeated_position_takes_no_time():
+    vertices = [(0, 0, 0), (0, 0, 0), (400, 0, 0), (400, 0, 0), (400, 300, 0), (400, 300, 0)]
+    dynamics = PathDynamics(feed=2500.0)
+    once, twice = path_of(FIXED, vertices[::2]), path_of(FIXED, vertices)
+    assert duration(twice, dynamics) == pytest.approx(duration(once, dynamics))
+    np.testing.assert_allclose(driven(twice, dynamics).positions, driven(once, dynamics).positions, atol=1e-9)
 
 
 def test_a_target_that_stands_is_no_path():

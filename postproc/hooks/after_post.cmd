@@ -4,7 +4,7 @@ rem     after_post.cmd C:\posted\part.posted
 rem The CAM writes part.posted, and ncomp alone writes part.nc: complete, or not at all. An older part.nc is removed first.
 setlocal
 set NCOMP=ncomp
-set OPTIONS=--machine mill.toml
+set OPTIONS=--machine mill.toml --calibration cal.json
 if /i "%~x1"==".nc" (
     echo ncomp: let the post write .posted: %1 has the name of the corrected program
     pause

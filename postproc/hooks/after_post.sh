@@ -3,7 +3,7 @@
 #     after_post.sh posted/part.posted
 # The CAM writes part.posted, and ncomp alone writes part.nc: complete, or not at all. An older part.nc is removed first.
 NCOMP=${NCOMP:-ncomp}
-OPTIONS=${OPTIONS:---machine mill.toml}
+OPTIONS=${OPTIONS:---machine mill.toml --calibration cal.json}
 case $1 in
 *.nc)
     echo "ncomp: let the post write .posted: $1 has the name of the corrected program" >&2

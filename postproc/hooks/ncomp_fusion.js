@@ -2,7 +2,7 @@
 //
 // Append this text to the post's .cps file, and set the options of `ncomp correct` here:
 var ncompCommand = "ncomp";
-var ncompOptions = "--machine mill.toml";
+var ncompOptions = "--machine mill.toml --calibration cal.json";
 //
 // The post writes part.posted, and ncomp alone writes part.nc: complete, or not at all. An older part.nc is removed first.
 extension = "posted";

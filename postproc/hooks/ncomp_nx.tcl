@@ -4,7 +4,7 @@
 #     source "C:/ncomp/ncomp_nx.tcl"
 # that the start of the program calls), and set the options of `ncomp correct` here:
 set ncomp_command [list ncomp]
-set ncomp_options [list --machine mill.toml]
+set ncomp_options [list --machine mill.toml --calibration cal.json]
 #
 # NX writes part.posted, and ncomp alone writes part.nc: complete, or not at all. An older part.nc is removed first.
 set ncomp_suffix ".nc"
