@@ -96,6 +96,6 @@ def _stops(path: NominalPath) -> np.ndarray:
     directions = moves / np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-12)
     turns = np.sum(directions[1:] * directions[:-1], axis=1) < np.cos(np.radians(CORNER_DEG))
     changes = path.feed_move[2:] != path.feed_move[1:-1]
-    stops: np.ndarray = np.concatenate([[0], np.flatnonzero(turns | changes) + 1, [len(path.feed_distance) - 1]])
+    stops = np.concatenate([[0], np.flatnonzero(turns | changes) + 1, [len(path.feed_distance) - 1]])
     moved = np.diff(path.feed_distance[stops]) > 0.0  # a repeated position is no segment
-    return stops[np.concatenate([[True], moved])]
+    return np.compress(np.concatenate([[True], moved]), stops)
