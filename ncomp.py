@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from postproc.correct.pipeline import Job
     from postproc.correct.result import CorrectionResult
     from postproc.evaluation.trace import Trace
+    from postproc.kinematic_parameters.export import ExportedParameters
     from postproc.motion.motions import Motions
     from postproc.tables.export import Exported
     from postproc.text.source import Source
@@ -62,6 +63,7 @@ __all__ = [
     "correct",
     "diagnose",
     "export",
+    "export_parameters",
     "fit",
     "load_calibration",
     "load_machine",
@@ -530,6 +532,34 @@ def export(
     found, form = load_machine(machine), find_format(format)
     chosen, meaning = parse_settings(form.settings, settings), sign_of(form, sign)
     return export(found, load_calibration(found, model), form, chosen, meaning, (0.0, 0.0, -tool_mm))
+
+
+def export_parameters(
+    machine: str | Path | Machine,
+    format: str,
+    model: str | Path | ErrorModel | None = None,
+    *,
+    sign: str | None = None,
+    settings: Iterable[str] = (),
+    tool_mm: float = 0.0,
+) -> ExportedParameters:
+    """Location errors of rotary axes as the kinematic parameters of a control: `files` by name, `rest`, `changes`.
+
+    format: one of docs/kinematic_parameters.md; the other arguments as in `export`.
+
+    >>> sorted(export_parameters("dmu50", "fanuc-kinematics").files)
+    ['parameters.csv', 'parameters_before.csv']
+    """
+    from postproc.kinematic_parameters.export import export_parameters
+    from postproc.kinematic_parameters.formats import FORMATS
+    from postproc.tables.export import sign_of
+    from postproc.tables.format import parse_settings
+
+    if format not in FORMATS:
+        raise UserError(f"format {format}: expected one of {', '.join(FORMATS)}")
+    found, form = load_machine(machine), FORMATS[format]
+    chosen, meaning = parse_settings(form.settings, settings), sign_of(form, sign)
+    return export_parameters(found, load_calibration(found, model), form, chosen, meaning, (0.0, 0.0, -tool_mm))
 
 
 def open_program(program: str | Path | Source) -> Source:

@@ -56,6 +56,7 @@ POSTPROC = (
     "postproc.correct",
     "postproc.verification",
     "postproc.tables",
+    "postproc.kinematic_parameters",
     "postproc.hooks",
 )
 TOP = ("ncomp", "postproc.commands", "postproc.cli")

@@ -12,7 +12,7 @@ from support.tiers import one_of_each
 
 from kinematics.basis import Polynomial
 from kinematics.correction import correct_position
-from kinematics.effects import UM, Backlash, ControlTable, ErrorMotion
+from kinematics.effects import UM, Backlash, ControlTable, ErrorMotion, LocationError
 from kinematics.effects.base import COMPONENTS, own_component
 from kinematics.error_model.model import no_errors
 from kinematics.forward import forward, tool_point
@@ -194,6 +194,17 @@ def test_axes_that_run_against_their_letters():
     before, after = (missed_um(exported, m, places.q, places.approach) for m in (places.q, motors))
     assert rms(before) > 10
     assert rms(after) < 0.01
+
+
+@pytest.mark.usefixtures("few_positions")
+def test_a_rotary_axis_whose_table_would_be_a_constant_is_in_the_datum():
+    """The zero angle of A has no table where the value at the reference position must be 0, and shifts A's zero."""
+    machine, form = load("trunnion_ac"), find_format("siemens-cec")
+    model = model_of(machine, LocationError("A", "A", 50.0), LocationError("C", "Y", 20.0))
+    exported = export(machine, model, form, parse_settings(form.settings, []), "correction", TOOL)
+    assert exported.datum["A"] == pytest.approx(-np.degrees(50e-6), rel=0.01)
+    point = exported.errors_in_the_volume()["tool_point_um"]
+    assert point["after_tables_and_datum_shift"]["rms"] < 0.1 * point["before"]["rms"]
 
 
 def test_settings_are_checked():

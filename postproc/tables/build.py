@@ -235,6 +235,8 @@ class _Writer:
                 self.terms[k] = replace(term, factors=(replace(curve, values=values),))
         left = (required - added(self.terms, machine, q)).mean(axis=0) / machine.scale
         outputs = {term.output for term in self.terms}
+        if self._target.rotary and self._limits.zero_at_home:  # a constant alone leaves no table
+            outputs |= {axis.name for axis in machine.axes if axis.rotary}
         seen = [i for i, name in enumerate(machine.names) if name in outputs and abs(left[i]) >= step]
         self.datum = {machine.names[i]: float(left[i]) for i in seen}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
@@ -78,7 +78,21 @@ class Exported:
         return correct_position(machine, lambda p: self.taken.errors(machine, State(p, approach)), q, tool, movable)
 
 
-def sign_of(format: Format, given: str | None) -> Sign:
+class Signed(Protocol):
+    """A format with a name, and a sign if it is known."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def sign(self) -> Sign | None:
+        """Meaning of its values; None if no source states it."""
+        ...
+
+
+def sign_of(format: Signed, given: str | None) -> Sign:
     """Meaning of the values of its files; UserError if it is not known, or contradicts the option."""
     if given not in (None, "error", "correction"):
         raise UserError(f"--sign {given}: expected error or correction")

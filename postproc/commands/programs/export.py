@@ -37,16 +37,21 @@ EPILOG = (
 
 def format_names() -> list[str]:
     """Names of the formats that can be written."""
+    from postproc.kinematic_parameters.formats import FORMATS as PARAMETERS
     from postproc.tables.formats import FORMATS
 
-    return list(FORMATS)
+    return [*FORMATS, *PARAMETERS]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TableOptions:
     """Format and conventions of compensation tables."""
 
-    format: str = option("Format of the tables (docs/tables.md).", default=REQUIRED, complete=format_names)
+    format: str = option(
+        "Format of the tables (docs/tables.md), or of the kinematic parameters (docs/kinematic_parameters.md).",
+        default=REQUIRED,
+        complete=format_names,
+    )
     sign: Literal["error", "correction"] | None = option(
         "Meaning of the values, for a format whose sign no source states: errors of the machine, or their correction."
     )
@@ -66,13 +71,14 @@ def export(
     set_up: SetUpOptions,
     json: JsonFile,
 ) -> None:
-    """Write a calibration as compensation tables of a control, with a page on their meaning and the remaining errors.
+    """Write a calibration as a control's tables or kinematic parameters, with a page on them and the remaining errors.
 
     Tables hold the part of the correction that is a function of quantities in the control, with the values and nodes
     that leave least volumetric error. A program is then corrected with REST.json, and no error is corrected twice.
     """
     from kinematics.error_model.model import encode_model
     from kinematics.files import whole_folder
+    from postproc.commands.programs.export_parameters import is_parameters, write_parameters
     from postproc.tables.export import sign_of
     from postproc.tables.format import parse_settings
     from postproc.tables.formats import find_format
@@ -82,12 +88,17 @@ def export(
     check_files((calibration, program, *set_up.tool_table), {"--rest": rest, "--json": json})
     _check_folder(output)
     found = ncomp.load_machine(machine)
+    if probe is not None and (tables.sign, rest, program, json) != (None,) * 4:
+        raise UserError("--probe excludes --sign, --rest, --program and --json: it writes only a probe table")
+    if is_parameters(tables.format):
+        if program is not None:
+            raise UserError("--program: errors along a program are shown for tables only")
+        write_parameters(found, calibration, tables, output, tool_mm, probe, rest, json)
+        return
     form = find_format(tables.format)
     chosen = parse_settings(form.settings, tables.settings)
     if probe is not None:
-        if (tables.sign, rest, program, json) != (None,) * 4:
-            raise UserError("--probe excludes --sign, --rest, --program and --json: it writes only a probe table")
-        _write_probe(output, probe_files(found, probe, form, chosen))
+        write_probe(output, probe_files(found, probe, form, chosen))
         return
     sign_of(form, tables.sign)
     model = ncomp.load_calibration(found, calibration)
@@ -98,17 +109,18 @@ def export(
         errors["program"] = exported.errors_at(points)
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
     others = whole_results(json, None if rest is None else str(rest))
-    with whole_folder(output, _encoded(files)), others as (results, rest_file):
+    with whole_folder(output, encoded(files)), others as (results, rest_file):
         write_json(_json(exported, left, errors, list(files)), results)
         rest_file.write(encode_model(exported.rest))
     _show(exported, left, errors, output, to_screen=json != "-")
 
 
-def _write_probe(output: Path, files: dict[str, str]) -> None:
+def write_probe(output: Path, files: dict[str, str]) -> None:
+    """Write the folder of a probe, and say what to read first."""
     from kinematics.files import write_folder
     from postproc.commands.show.terminal import say
 
-    write_folder(output, _encoded(files))
+    write_folder(output, encoded(files))
     say("probe", f"read {output / 'probe.md'} before loading anything")
 
 
@@ -120,7 +132,8 @@ def _check_folder(output: Path) -> None:
         raise UserError(f"cannot write {output}: its parent is not a folder")
 
 
-def _encoded(files: dict[str, str]) -> dict[str, bytes]:
+def encoded(files: dict[str, str]) -> dict[str, bytes]:
+    """Files as bytes: a control's files in ASCII."""
     return {name: text.encode("utf-8" if name.endswith(".md") else "ascii") for name, text in files.items()}
 
 

@@ -45,6 +45,7 @@ def import_tables(
     calibration measured with the tables active, plus their errors, is that of the machine itself, for new tables.
     """
     from kinematics.error_model.model import read_model, write_model
+    from postproc.commands.programs.export_parameters import is_parameters, read_parameters
     from postproc.commands.show.terminal import say
     from postproc.tables.export import sign_of
     from postproc.tables.format import parse_settings
@@ -56,14 +57,20 @@ def import_tables(
         raise UserError("--less-tables-from and --with-tables-to exclude each other: give one of them")
     check_files((*files, less_tables_from, with_tables_to), {"--output": output})
     found = ncomp.load_machine(machine)
-    form = find_format(tables.format)
-    parse_settings(form.settings, tables.settings)
-    settings = dict(text.partition("=")[::2] for text in tables.settings)
     texts, prints = _texts(files)
-    effects = read_tables(tables.format, Source(found, texts, sign_of(form, tables.sign), settings))
+    if is_parameters(tables.format):
+        title, effects = tables.format, read_parameters(found, tables, texts)
+    else:
+        form = find_format(tables.format)
+        parse_settings(form.settings, tables.settings)
+        settings = dict(text.partition("=")[::2] for text in tables.settings)
+        title, effects = (
+            form.title,
+            read_tables(tables.format, Source(found, texts, sign_of(form, tables.sign), settings)),
+        )
     joined_to = less_tables_from or with_tables_to
     base = None if joined_to is None else read_model(joined_to, found)
-    write_model(_model(found, effects, base, -1.0 if less_tables_from else 1.0, form.title, prints), output)
+    write_model(_model(found, effects, base, -1.0 if less_tables_from else 1.0, title, prints), output)
     say("read", ", ".join(effect.name for effect in effects))
 
 

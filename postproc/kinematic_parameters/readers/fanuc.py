@@ -1,0 +1,50 @@
+"""FANUC: a list of parameters 19700 ... 19714, number and value."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.machine import Machine, Vector
+from kinematics.user_error import UserError
+from postproc.tables.readers.source import Source, numbers, refusal
+
+
+def read(source: Source, name: str, machine: Machine) -> Machine:
+    """The machine with the lines by the parameters."""
+    found: dict[int, float] = {}
+    for line, text in enumerate(source.files[name].splitlines(), 1):
+        if not text.strip() or text.startswith("#") or text.strip() == "parameter,mm":
+            continue
+        words = text.split(",")
+        if len(words) != 2 or not words[0].strip().isdecimal():
+            raise refusal(name, line, text, "expected PARAMETER,VALUE")
+        number = int(words[0])
+        if not 19700 <= number <= 19705 and not 19709 <= number <= 19714:
+            raise refusal(name, line, text, "expected a parameter from 19700 to 19705 or 19709 to 19714")
+        if number in found:
+            raise refusal(name, line, text, "this parameter is given twice")
+        found[number] = numbers(words[1:], name, line, text)[0]
+    table = [axis.name for axis in reversed(machine.axes) if axis.rotary and axis.side == "workpiece"]
+    head = [axis.name for axis in machine.axes if axis.rotary and axis.side == "tool"]
+    points: dict[str, Vector] = {}
+    place = np.zeros(3)
+    for first, axis in zip((19700, 19703), table, strict=False):
+        place = place + _vector(found, first, name)
+        points[axis] = tuple(place.tolist())
+    place = np.array([0.0, 0.0, source.number("holder", "0")])
+    for first, axis in zip((19709, 19712), reversed(head), strict=False):
+        place = place + _vector(found, first, name)
+        points[axis] = tuple(place.tolist())
+    if found:
+        raise UserError(f"{name}: the machine ({machine.chain}) has no use for parameter {min(found)}")
+    axes = [replace(axis, point=points.get(axis.name, axis.point)) for axis in machine.axes]
+    return replace(machine, axes=tuple(axes))
+
+
+def _vector(found: dict[int, float], first: int, name: str) -> np.ndarray:
+    lacking = [number for number in range(first, first + 3) if number not in found]
+    if lacking:
+        raise UserError(f"{name}: parameter {lacking[0]} is missing")
+    return np.array([found.pop(number) for number in range(first, first + 3)])

@@ -1,0 +1,67 @@
+"""HEIDENHAIN: rows Trans and MachAxis of a kinematics description, from the tool to the workpiece."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.machine import ISO_DIRECTION, Machine, Vector
+from kinematics.transforms import Array, rotation_about
+from kinematics.user_error import UserError
+from postproc.tables.readers.source import Source, numbers, refusal
+
+
+def read(source: Source, name: str, machine: Machine) -> Machine:
+    """The machine with the lines at the rows MachAxis; rows of linear axes do not change lines."""
+    place, frame = np.zeros(3), np.eye(3)
+    lines: dict[str, tuple[Vector, Vector]] = {}
+    rows = source.files[name].rstrip().splitlines()
+    if not rows or rows[-1].strip() != "[END]":
+        raise UserError(f"{name}: the last line must be [END]")
+    for line, text in enumerate(rows[:-1], 1):
+        words = text.split()
+        if not words or words[0].startswith(("*", "BEGIN", "NR", "DOC")):
+            continue
+        if "Trans" in words:
+            rest = words[words.index("Trans") + 1 :]
+            if len(rest) != 2 or rest[0] not in tuple("XYZABC"):
+                raise refusal(name, line, text, "expected Trans AXIS COORD with an axis of X Y Z A B C")
+            value = numbers(rest[1:], name, line, text)[0]
+            place, frame = _transformed(place, frame, rest[0], value)
+        elif "MachAxis" in words:
+            axis = words[-1]
+            if axis not in machine.names:
+                raise refusal(name, line, text, f"the machine ({machine.chain}) has no axis {axis}")
+            if axis in lines:
+                raise refusal(name, line, text, f"axis {axis} has two rows MachAxis")
+            if machine.axes[machine.index(axis)].rotary:
+                lines[axis] = _line(machine, axis, place, frame)
+        elif "MachBase" not in words:
+            raise refusal(name, line, text, "expected a row Trans, MachAxis or MachBase")
+    order = [axis.name for axis in reversed(machine.axes) if axis.rotary]
+    if list(lines) != order:
+        raise UserError(f"{name}: expected MachAxis rows of {', '.join(order)} in this order, found {', '.join(lines)}")
+    if np.abs(frame - np.eye(3)).max() > 1e-5:
+        raise UserError(f"{name}: the rotations of the rows Trans do not cancel at the end")
+    placed = [
+        replace(axis, point=lines[axis.name][0], direction=lines[axis.name][1]) if axis.name in lines else axis
+        for axis in machine.axes
+    ]
+    return replace(machine, axes=tuple(placed))
+
+
+def _transformed(place: Array, frame: Array, axis: str, value: float) -> tuple[Array, Array]:
+    if axis in "XYZ":
+        return place + frame[:, "XYZ".index(axis)] * value, frame
+    unit = np.eye(3)["ABC".index(axis)]
+    return place, np.asarray(frame @ rotation_about(unit, np.radians([value]))[0])
+
+
+def _line(machine: Machine, name: str, place: Array, frame: Array) -> tuple[Vector, Vector]:
+    direction = frame @ np.asarray(ISO_DIRECTION[name[0]], float)
+    if direction @ machine.axes[machine.index(name)].unit_direction < 0.0:
+        direction = -direction
+    x, y, z = place.tolist()
+    a, b, c = direction.tolist()
+    return (x, y, z), (a, b, c)
