@@ -69,7 +69,8 @@ def _candidates(machine: Machine) -> Iterator[Effect]:
         yield from (LocationError(cast(Component, c), axis.name, 1.0) for c in COMPONENTS if c not in _across(axis))
     first = machine.axes[0]
     if not first.rotary:  # a workpiece that does not turn: its displacement is one of the first linear axis
-        for component in COMPONENTS:
+        for letter in COMPONENTS:
+            component = cast(Component, letter)
             yield ErrorMotion(component, first.name, Polynomial(_interval(first), 0), (1.0,), u=(0.0,))
         yield from (LocationError(c, first.name, 1.0) for c in ("A", "B", "C") if c != _own_rotation(first))
 

@@ -201,7 +201,7 @@ def export_parameters(
     if not part.effects:
         raise UserError("the calibration has no errors of positions alone: no kinematic parameter can hold any of it")
     freedoms = tuple(form.freedoms(machine, settings))
-    best = best_lines(fitted_volume(machine, part, np.array(tool)), part, freedoms)
+    best = best_lines(fitted_volume(machine, part, np.array(tool, float)), part, freedoms)
     steps = np.array([form.steps(settings)[freedom.tilt] for freedom in freedoms])
     values = np.round(best.values / steps) * steps
-    return ExportedParameters(form, machine, settings, sign, np.array(tool), model, freedoms, best, values)
+    return ExportedParameters(form, machine, settings, sign, np.array(tool, float), model, freedoms, best, values)

@@ -78,6 +78,7 @@ def export(
     """
     from kinematics.error_model.model import encode_model
     from kinematics.files import whole_folder
+    from postproc.commands.programs.control_files import encoded, write_probe
     from postproc.commands.programs.export_parameters import is_parameters, write_parameters
     from postproc.tables.export import sign_of
     from postproc.tables.format import parse_settings
@@ -115,26 +116,12 @@ def export(
     _show(exported, left, errors, output, to_screen=json != "-")
 
 
-def write_probe(output: Path, files: dict[str, str]) -> None:
-    """Write the folder of a probe, and say what to read first."""
-    from kinematics.files import write_folder
-    from postproc.commands.show.terminal import say
-
-    write_folder(output, encoded(files))
-    say("probe", f"read {output / 'probe.md'} before loading anything")
-
-
 def _check_folder(output: Path) -> None:
     """UserError when the folder cannot be made, before any work."""
     if output.exists() and (not output.is_dir() or any(output.iterdir())):
         raise UserError(f"cannot write {output}: expected a new or empty folder")
     if not output.parent.is_dir():
         raise UserError(f"cannot write {output}: its parent is not a folder")
-
-
-def encoded(files: dict[str, str]) -> dict[str, bytes]:
-    """Files as bytes: a control's files in ASCII."""
-    return {name: text.encode("utf-8" if name.endswith(".md") else "ascii") for name, text in files.items()}
 
 
 def _points(program: str | None, exported: Exported, setup: Setup, dialect: str) -> EvaluationPoints | None:

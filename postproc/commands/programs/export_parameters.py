@@ -38,7 +38,7 @@ def write_parameters(
     from kinematics.error_model.model import encode_model
     from kinematics.files import whole_folder
     from postproc.commands.options.shared import whole_results, write_json
-    from postproc.commands.programs.export import encoded, write_probe
+    from postproc.commands.programs.control_files import encoded, write_probe
     from postproc.kinematic_parameters.formats import FORMATS
     from postproc.kinematic_parameters.probe import probe as probe_files
     from postproc.kinematic_parameters.sheet import sheet

@@ -1,0 +1,156 @@
+"""LinuxCNC's simulator as a machine with location errors: measured, fitted, its parameters set, measured again."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from clients.linuxcnc_sim import Config
+from support.programs import model_of
+
+import machines
+from kinematics.basis import Harmonics
+from kinematics.effects import ErrorMotion, LocationError
+from postproc.kinematic_parameters.export import export_parameters
+from postproc.kinematic_parameters.formats import FORMATS
+
+pytestmark = pytest.mark.statistical
+
+PROBE = 150.0  # mm
+POINT = np.array([3.0, -7.0, 11.0])  # on C
+TILT = {"A": np.array([0.0, -20.0, -15.0]), "B": np.array([-20.0, 0.0, -15.0])}  # from there to A or B
+SHIFT_OF_C = np.array([0.042, -0.031, 0.0])
+SHIFT_OF_TILT = np.array([0.019, -0.004, -0.036])
+"""mm: the lines of the real machine, from those of its machine file."""
+SPHERES = {"s1": (130.0, 20.0, 60.0), "s2": (-110.0, 60.0, 50.0), "s3": (20.0, -130.0, 90.0)}
+ANGLES = [(tilt, c) for tilt, start in ((-70.0, 0.0), (-35.0, 30.0), (0.0, 0.0), (30.0, 50.0)) for c in
+          (start, start + 95.0, start + 190.0, start + 285.0)]  # fmt: skip
+
+
+def pins(tilt, point, offset):
+    """HAL lines of a trunnion table with C through a point and the tilting axis at an offset from it."""
+    module = f"xyz{tilt.lower()}c-trt-kins"
+    values = {f"{axis}-rot-point": v for axis, v in zip("xyz", point.tolist(), strict=True)}
+    values |= {f"{axis}-offset": v for axis, v in zip("xyz", offset.tolist(), strict=True)}
+    return [f"setp {module}.{pin} {value!r}" for pin, value in values.items()]
+
+
+def config(tilt, lines):
+    module = f"xyz{tilt.lower()}c-trt-kins"
+    connect = f"net tool-length motion.tooloffset.z => {module}.tool-offset"
+    return Config(f"XYZ{tilt}C", module, [*lines, connect], tools={1: PROBE})
+
+
+def real(tilt):
+    """HAL lines of the real machine: its lines are not those of the machine file."""
+    along = 0 if tilt == "A" else 1
+    moved = TILT[tilt] + SHIFT_OF_TILT - SHIFT_OF_C
+    moved[along] = 0.0
+    return pins(tilt, POINT + SHIFT_OF_C, moved)
+
+
+def machine_file(tilt):
+    against = [-1, 0, 0] if tilt == "A" else [0, -1, 0]
+    return f"""
+name = "mill"
+chain = "w C {tilt} b X Y Z t"
+axes.X = {{ travel = [-400, 400] }}
+axes.Y = {{ travel = [-400, 400] }}
+axes.Z = {{ travel = [-100, 700] }}
+axes.C = {{ travel = [-inf, inf], point = {POINT.tolist()}, direction = [0, 0, -1] }}
+axes.{tilt} = {{ travel = [-120, 60], point = {(POINT + TILT[tilt]).tolist()}, direction = {against} }}
+"""
+
+
+def positions(linuxcnc_sim, tilt, lines, points):
+    """Joint positions `(n, 5)` under kinematics with these HAL lines, for points of the workpiece at angles."""
+    blocks = ["T1 M6 G43"]
+    for (x, y, z), (a, c) in points:
+        blocks.append(f"G53 G0 X{x:.9f} Y{y:.9f} Z{z + PROBE:.9f} {tilt}{a:.9f} C{c:.9f}")
+    return linuxcnc_sim.at_rest(config(tilt, lines), blocks).joint[1:]
+
+
+def unseen(count):
+    """Points of the workpiece and angles that were not measured."""
+    rng = np.random.default_rng(7)
+    return [
+        (tuple(rng.uniform((-150, -150, 0), (150, 150, 150))), (rng.uniform(-70, 30), rng.uniform(0, 360)))
+        for _ in range(count)
+    ]
+
+
+def test_measured_fitted_set_and_measured_again(linuxcnc_sim, command, tmp_path):
+    """The positions at which the real machine's tip is in the spheres; then tool point errors at other poses."""
+    places = [(centre, angle) for centre in SPHERES.values() for angle in ANGLES]
+    joints = positions(linuxcnc_sim, "A", real("A"), places)
+    found = joints[:, :3] + np.random.default_rng(3).normal(0.0, 0.001, (len(joints), 3))
+    names = np.repeat(list(SPHERES), len(ANGLES))
+    rows = [
+        ",".join(f"{value:.6f}" for value in (*xyz, *turns)) + f",{name}"
+        for xyz, turns, name in zip(found.tolist(), joints[:, 3:].tolist(), names, strict=True)
+    ]
+    head = ["# machine: mill", "# instrument: touch-probe", "# u_um: 1.0", f"# probe: 0 0 {-PROBE}"]
+    head += [f"# sphere.{name}: {x} {y} {z}" for name, (x, y, z) in SPHERES.items()]
+    (tmp_path / "data.csv").write_text("\n".join([*head, "X,Y,Z,A,C,sphere", *rows, ""]))
+    (tmp_path / "mill.toml").write_text(machine_file("A"))
+    assert command("fit", "data.csv", "--machine", "mill.toml", "-o", "cal.json").status == 0
+    done = command("export", "-m", "mill.toml", "-c", "cal.json", "--format", "linuxcnc-kinematics", "-o", "out",
+                   "--tool-mm", PROBE, "--json", "out.json")  # fmt: skip
+    assert done.status == 0, done.err
+
+    lines = {name: (tmp_path / "out" / f"{name}.hal").read_text().splitlines()[1:]
+             for name in ("kinematics_before", "kinematics")}  # fmt: skip
+    others = unseen(12)
+    right = positions(linuxcnc_sim, "A", real("A"), others)
+    before, after = (
+        np.linalg.norm((positions(linuxcnc_sim, "A", lines[name], others) - right)[:, :3], axis=1) * 1e3
+        for name in ("kinematics_before", "kinematics")
+    )
+    assert np.sqrt(np.mean(before**2)) > 40.0
+    assert np.sqrt(np.mean(after**2)) < 2.0
+    assert after.max() < 0.1 * before.max()
+    told = json.loads((tmp_path / "out.json").read_text())
+    true = {"C along X": 42.0, "C along Y": -31.0, "A along Y": -4.0, "A along Z": -36.0}
+    assert {row["line"] for row in told["lines"]} == set(true)
+    assert all(abs(row["change"] - true[row["line"]]) < 2 * row["u"] for row in told["lines"])
+
+
+def test_parameters_of_a_table_with_b(linuxcnc_sim):
+    """Known location errors: LinuxCNC with the exported lines goes where the real machine is right."""
+    machine = machines.parse(machine_file("B"), "mill")
+    of_b, of_c = (1e3 * SHIFT_OF_TILT).tolist(), (1e3 * SHIFT_OF_C).tolist()
+    errors = [
+        LocationError("X", "B", -of_b[0]),
+        LocationError("Z", "B", -of_b[2]),
+        LocationError("X", "C", of_b[0] - of_c[0]),
+        LocationError("Y", "C", -of_c[1]),
+    ]
+    form = FORMATS["linuxcnc-kinematics"]
+    found = export_parameters(machine, model_of(machine, *errors), form, form.settings(), "correction", (0, 0, -PROBE))
+    lines = found.files["kinematics.hal"].splitlines()[1:]
+    others = unseen(8)
+    right, sent = (positions(linuxcnc_sim, "B", each, others) for each in (real("B"), lines))
+    assert np.abs(sent - right).max() < 2e-5
+
+
+def test_the_pivot_length_of_a_head(linuxcnc_sim):
+    """A pivot 40 um longer than in the machine file."""
+    text = (
+        'name = "head"\nchain = "w b X Y Z C B t"\naxes.X = { travel = [-500, 500] }\naxes.Y = { travel = [-400, 400] }'
+        "\naxes.Z = { travel = [-300, 300] }\naxes.C = { travel = [-200, 200], point = [0, 0, 250] }\n"
+        "axes.B = { travel = [-100, 100], point = [0, 0, 250], direction = [0, -1, 0] }\n"
+    )
+    machine = machines.parse(text, "head")
+    waves = {"X": (40.0, 0.0), "Z": (0.0, -40.0)}
+    errors = [LocationError("Z", "B", 40.0)]
+    errors += [ErrorMotion(c, "B", Harmonics((-100, 100), 1), (0.0, *v), u=(0.0,) * 3) for c, v in waves.items()]
+    form = FORMATS["linuxcnc-kinematics"]
+    found = export_parameters(machine, model_of(machine, *errors), form, form.settings(), "correction", (0, 0, 0))
+    (value,) = re.findall(r"^setp 5axiskins.pivot-length (\S+)$", found.files["kinematics.hal"], re.M)
+    assert float(value) == pytest.approx(250.04, abs=1e-5)
+    blocks = [f"G53 G0 X{10 * k} Y{5 * k} Z{k} B{13 * k - 30} C{31 * k - 90}" for k in range(6)]
+    right, sent = (
+        linuxcnc_sim.at_rest(Config("XYZBCW", "5axiskins", [f"setp 5axiskins.pivot-length {length}"]), blocks).joint
+        for length in ("250.04", value)
+    )
+    assert np.abs(sent - right).max() < 2e-5
