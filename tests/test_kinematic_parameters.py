@@ -18,7 +18,7 @@ from kinematics.error_model.model import no_errors, read_model, write_model
 from kinematics.forward import forward, tool_point
 from kinematics.state import State
 from kinematics.user_error import UserError
-from postproc.commands.programs.export import format_names
+from postproc.commands.controls.export import format_names
 from postproc.kinematic_parameters.as_errors import errors_of_lines
 from postproc.kinematic_parameters.export import export_parameters, fitted_volume
 from postproc.kinematic_parameters.formats import FORMATS

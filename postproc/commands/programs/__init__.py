@@ -1,1 +1,1 @@
-"""Commands that read NC programs and controller tables."""
+"""Commands that read NC programs."""

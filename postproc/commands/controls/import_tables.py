@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import ncomp
 from kinematics.user_error import UserError
+from postproc.commands.controls.export import TableOptions
 from postproc.commands.options.declared import REQUIRED, argument, option
 from postproc.commands.options.shared import MachineName, check_files
-from postproc.commands.programs.export import TableOptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -45,7 +45,7 @@ def import_tables(
     calibration measured with the tables active, plus their errors, is that of the machine itself, for new tables.
     """
     from kinematics.error_model.model import read_model, write_model
-    from postproc.commands.programs.export_parameters import is_parameters, read_parameters
+    from postproc.commands.controls.export_parameters import is_parameters, read_parameters
     from postproc.commands.show.terminal import say
     from postproc.tables.export import sign_of
     from postproc.tables.format import parse_settings

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from kinematics.effects import Effect
     from kinematics.machine import Machine
-    from postproc.commands.programs.export import TableOptions
+    from postproc.commands.controls.export import TableOptions
     from postproc.kinematic_parameters.export import ExportedParameters
     from postproc.tables.not_representable import Unrepresented
 
@@ -37,8 +37,8 @@ def write_parameters(
     """Write the folder, REST.json and the JSON results, and show the remaining errors."""
     from kinematics.error_model.model import encode_model
     from kinematics.files import whole_folder
+    from postproc.commands.controls.control_files import encoded, write_probe
     from postproc.commands.options.shared import whole_results, write_json
-    from postproc.commands.programs.control_files import encoded, write_probe
     from postproc.kinematic_parameters.formats import FORMATS
     from postproc.kinematic_parameters.probe import probe as probe_files
     from postproc.kinematic_parameters.sheet import sheet

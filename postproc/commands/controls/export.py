@@ -78,8 +78,8 @@ def export(
     """
     from kinematics.error_model.model import encode_model
     from kinematics.files import whole_folder
-    from postproc.commands.programs.control_files import encoded, write_probe
-    from postproc.commands.programs.export_parameters import is_parameters, write_parameters
+    from postproc.commands.controls.control_files import encoded, write_probe
+    from postproc.commands.controls.export_parameters import is_parameters, write_parameters
     from postproc.tables.export import sign_of
     from postproc.tables.format import parse_settings
     from postproc.tables.formats import find_format
