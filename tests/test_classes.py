@@ -18,7 +18,7 @@ from kinematics.forward import forward, tool_point
 from kinematics.state import State
 from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
-from postproc.correct.classes import class_table
+from postproc.correct.classes import ClassTable
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
@@ -161,8 +161,9 @@ def test_classes_leave_what_they_do_not_hold():
 
 def test_class_table():
     source = Source("a.nc", PROGRAM, PROGRAM.encode())
-    rows = class_table(merged(read_motions(source, ISO, DMU50, make_setup(DMU50, zero=True))), DEMONSTRATION)
-    by_choice = {row.choice: row for row in rows}
+    table = ClassTable(DMU50, DEMONSTRATION)
+    table.add(merged(read_motions(source, ISO, DMU50, make_setup(DMU50, zero=True))))
+    by_choice = {row.choice: row for row in table.rows}
     assert list(by_choice) == ["none", *CLASSES, "L-VOL,R-VOL", "L-VOL+,R-VOL+"]
     assert by_choice["L-VOL,R-VOL"].position.largest < 1e-5
     assert by_choice["L-VOL,R-VOL"].tilt.rms == pytest.approx(by_choice["none"].tilt.rms, rel=0.01)
@@ -172,6 +173,6 @@ def test_class_table():
 
 def test_no_rotary_axes_no_rotary_classes():
     gantry = machines.load("gantry")
-    text = "G90 G21 G0 X100 Y100 Z100\nG1 X200 F100\n"
-    motions = merged(read_motions(Source("a.nc", text, text.encode()), ISO, gantry, make_setup(gantry, zero=True)))
-    assert not [row for row in class_table(motions, random_model(gantry, 1)) if row.choice.startswith(("R-", "FOR"))]
+    rows = ClassTable(gantry, random_model(gantry, 1)).rows
+    assert rows
+    assert not [row for row in rows if row.choice.startswith(("R-", "FOR"))]

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.columns import ChainColumns, length, minus, rows_of, vector
+from kinematics.columns import ChainColumns, Vector, length, minus, rows_of, vector
 from kinematics.correction import CONVERGED, correct_orientation, correct_position
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, NDArrayBool
@@ -112,10 +112,20 @@ class PoseErrors:
     """
     absolute_um: Array
     """Absolute error `(n,)`, um: distance from the nominal tool point of the true work offset."""
-    nominal: Array
-    """Nominal tool points `(n, 3)`, mm, workpiece frame."""
-    apart: Array
-    """The absolute error as a vector `(n, 3)`, mm."""
+    there: Vector
+    """Nominal tool points, mm, workpiece frame."""
+    away: Vector
+    """The absolute error as a vector, mm."""
+
+    @cached_property
+    def nominal(self) -> Array:
+        """Nominal tool points `(n, 3)`, mm, workpiece frame."""
+        return rows_of(self.there, len(self.errors))
+
+    @cached_property
+    def apart(self) -> Array:
+        """The absolute error as a vector `(n, 3)`, mm."""
+        return rows_of(self.away, len(self.errors))
 
     @cached_property
     def axis_urad(self) -> Array:
@@ -131,20 +141,25 @@ def pose_errors(
     tool: Array,
     states: States = AT_REST,
     shift: ArrayLike = (0.0, 0.0, 0.0),
+    others: PoseErrors | None = None,
 ) -> PoseErrors:
     """Pose errors of the machine at `q` against the nominal pose at `nominal`, both `(n, axes)`, mm and rad.
 
     By the exact model. tool `(n, 3)`, mm. shift `(n, 3)`, mm, workpiece frame: displacement of the part from
-    its nominal position (`datum_shifts`).
+    its nominal position (`datum_shifts`). others: errors at other positions against the same nominal poses.
     """
-    n, tip, errors = len(q), vector(tool), states.errors(machine, model)(q)
-    actual = ChainColumns(machine, q)
+    tip, errors = vector(tool), states.errors(machine, model)(q)
     turned_alike = np.array_equal(q[:, machine.rotary], nominal[:, machine.rotary])
-    aim = ChainColumns(machine, nominal, actual if turned_alike else None)
-    there = aim.point(tip)
-    apart = minus(actual.point(tip, errors), there)
-    point, absolute = length(minus(apart, vector(shift))) * 1e3, length(apart) * 1e3
-    return PoseErrors(actual, aim, errors, point, absolute, rows_of(there, n), rows_of(apart, n))
+    if others is None:
+        actual = ChainColumns(machine, q)
+        aim = ChainColumns(machine, nominal, actual if turned_alike else None)
+        there = aim.point(tip)
+    else:
+        aim, there = others.aim, others.there
+        actual = ChainColumns(machine, q, aim if turned_alike else None)
+    away = minus(actual.point(tip, errors), there)
+    point, absolute = length(minus(away, vector(shift))) * 1e3, length(away) * 1e3
+    return PoseErrors(actual, aim, errors, point, absolute, there, away)
 
 
 def _arc_middles(

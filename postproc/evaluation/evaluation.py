@@ -161,7 +161,7 @@ class Evaluation:
         nominal, ends = motions.machine_target[evaluated], motions.in_machine(moves.commanded.target)[evaluated]
         shift = self._before.datum_shifts(motions)[evaluated]
         before = pose_errors(machine, self._model, nominal, nominal, tool, states_before, shift)
-        after = pose_errors(machine, self._model, ends, nominal, tool, states_after, shift)
+        after = pose_errors(machine, self._model, ends, nominal, tool, states_after, shift, before)
         found.before.add(before.point_um)
         found.after.add(after.point_um)
         found.absolute_before.add(before.absolute_um)

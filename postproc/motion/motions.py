@@ -220,6 +220,14 @@ class Motions:
         return np.asarray(self.blocks.line_numbers[self.block])
 
     @property
+    def with_used_frames(self) -> Motions:
+        """The moves with the frames that they use, each once."""
+        used, which = np.unique(self.frame, return_inverse=True)
+        frames = {frame: i for i, frame in enumerate(dict.fromkeys(self.frames[i] for i in used.tolist()))}
+        index = np.array([frames[self.frames[i]] for i in used.tolist()], int)
+        return replace(self, frames=list(frames), frame=index[which])
+
+    @property
     def bare(self) -> Motions:
         """The columns alone, without words, arcs and other entries by row."""
         nothing: dict[str, Any] = {name: {} for name in BY_ROW}

@@ -33,14 +33,18 @@ class BestFit:
         if self._centre is None:
             self._centre = points.mean(axis=0)
             self._size = max(float(np.abs(points - self._centre).max()), 1.0)
-        from_first = points - self._centre
-        columns = np.empty((len(points), 3, 6))
-        columns[:, :, :3] = np.eye(3)
-        columns[:, :, 3:] = by_turn(from_first / self._size)
-        flat, um = columns.reshape(-1, 6), deviations.reshape(-1) * 1e3
-        self._normal += flat.T @ flat
-        self._right += flat.T @ um
-        self._squares += float(um @ um)
+        from_first, um = points - self._centre, deviations * 1e3
+        arms = from_first / self._size
+        # sums over the rows of the columns [1, by_turn(arms)]
+        squares, turned = arms.T @ arms, by_turn(arms.sum(axis=0))
+        self._normal[:3, :3] += len(points) * np.eye(3)
+        self._normal[:3, 3:] += turned
+        self._normal[3:, :3] += turned.T
+        self._normal[3:, 3:] += np.trace(squares) * np.eye(3) - squares
+        moments = arms.T @ um
+        self._right[:3] += um.sum(axis=0)
+        self._right[3:] += [moments[i, j] - moments[j, i] for i, j in ((1, 2), (2, 0), (0, 1))]
+        self._squares += float((um * um).sum())
         self._points += from_first.sum(axis=0)
         self.count += len(points)
 

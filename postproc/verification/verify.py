@@ -6,20 +6,17 @@ ends and points along straight and circular feed moves, as the control interpola
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from kinematics.error_model.model import ErrorModel
-from kinematics.error_transform import error_names_with_tool, error_transform_with_tool
 from kinematics.machine import Machine
-from kinematics.state import State
-from kinematics.transforms import Array
-from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions
-from postproc.compensation.correction import COLD, pose_errors
-from postproc.compensation.datum import datum_shifts, poses, touched
+from postproc.compensation.correction import COLD, PoseErrors, pose_errors
+from postproc.compensation.datum import datum_shifts, touched
 from postproc.compensation.predicted_error import MachineStates, directions_at, in_a_program
 from postproc.control.setup import Setup
 from postproc.dialects import Dialect, Interpreter
@@ -29,15 +26,13 @@ from postproc.motion.axis_words import AxisWords
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
 from postproc.motion.reversals import INNER
-from postproc.motion.segments import like
 from postproc.text.blocks import Blocks
 from postproc.text.notes import Notes
-from postproc.text.source import CHUNK, Source
+from postproc.text.source import Source
 from postproc.verification.best_fit import BestFit
+from postproc.verification.contributions import Contributions
+from postproc.verification.in_step import Matched, in_step
 from postproc.write.added_blocks import Tag, start_fraction_of, tag_of
-
-CONTRIBUTION_ROWS = 2000
-"""Approximate number of moves, evenly spaced, from which the contributions of error motions are computed."""
 
 
 @dataclass(frozen=True)
@@ -90,16 +85,14 @@ class Verdict:
 
 def read_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setup) -> list[Motions]:
     """All moves of a program, chunk by chunk; UserError, located, at the first block that is not understood."""
-    return run_motions(source, dialect, dialect.interpreter(machine, setup, Notes()))
+    return list(run_motions(source, dialect, dialect.interpreter(machine, setup, Notes())))
 
 
-def run_motions(source: Source, dialect: Dialect, interpreter: Interpreter) -> list[Motions]:
-    """As `read_motions`, with an interpreter that then holds the set-up that the program used."""
-    motions = []
+def run_motions(source: Source, dialect: Dialect, interpreter: Interpreter) -> Iterator[Motions]:
+    """As `read_motions`, as they are read, with an interpreter that then holds the set-up that the program used."""
     for part in execution(source, dialect, interpreter).parts():
         chunk = _with_tags(part.motions)
-        motions.append(replace(chunk, blocks=Blocks(()), words=AxisWords()))  # only the columns are used
-    return motions
+        yield replace(chunk, blocks=Blocks(()), words=AxisWords())  # only the columns are used
 
 
 def _with_tags(motions: Motions) -> Motions:
@@ -118,84 +111,61 @@ def _with_tags(motions: Motions) -> Motions:
 def verify(
     nominal: Motions, commanded: Motions, model: ErrorModel, conditions: Conditions = COLD, tolerance_um: float = 1.0
 ) -> Verdict:
-    """Evaluate the moves of a corrected program against those of its original, which must match one to one.
+    """Evaluate the moves of a corrected program against those of its original, as `Verifier` does."""
+    verifier = Verifier(nominal.machine, model, conditions, tolerance_um)
+    for moves in in_step([nominal], [commanded]):
+        verifier.add(moves)
+    return verifier.verdict()
+
+
+class Verifier:
+    """Evaluates the moves of a corrected program against those of its original, some thousand at a time.
 
     Backlash take-ups and segments belong to the moves of the original. Directions are those of the moves of each text;
-    a travel below half of the tolerance is no reversal. UserError for programs with different moves.
+    a travel below half of the tolerance is no reversal.
     """
-    moves, model = len(nominal), model.part(in_a_program)
-    matched = like(nominal, commanded)
-    if matched is None:
-        raise UserError("the two programs do not make the same moves: is the second one a correction of the first?")
-    machine = nominal.machine
-    before = MachineStates(model, machine, conditions, tolerance_um)
-    after = MachineStates(model, machine, conditions, tolerance_um, written=True)
-    relative = bool(touched(nominal)[0])
-    verdict = Verdict(moves, Statistic(), Statistic(), Statistic(), Statistic(), {}, relative=relative)
-    ends: list[Array] = [np.empty((0, len(machine.axes)))]
-    starts = np.flatnonzero(~matched.added)[::CHUNK]  # segments of one move stay together
-    for rows in np.split(np.arange(len(matched)), starts[1:]):
-        _evaluate((matched.take(rows), commanded.take(rows)), (before, after), model, conditions, verdict)
-        if before.approach is not None:
-            ends.append(before.approach)
-    evaluated = matched.evaluated
-    approach = np.concatenate(ends)[evaluated] if before.axes else None
-    some = np.arange(int(evaluated.sum()))[:: max(1, int(evaluated.sum()) // CONTRIBUTION_ROWS)]
-    state = conditions.state(matched.machine_target[evaluated], approach).rows(some)
-    _contributions(model, conditions, matched.bare.take(np.flatnonzero(evaluated)[some]), state, verdict.contributions)
-    return verdict
 
+    def __init__(self, machine: Machine, model: ErrorModel, conditions: Conditions, tolerance_um: float) -> None:
+        self._model, self._conditions = model.part(in_a_program), conditions
+        before = MachineStates(self._model, machine, conditions, tolerance_um)
+        after = MachineStates(self._model, machine, conditions, tolerance_um, written=True)
+        self._tracked = before, after
+        self._contributions = Contributions(machine, self._model, conditions)
+        self._verdict = Verdict(0, Statistic(), Statistic(), Statistic(), Statistic(), {})
 
-def _evaluate(
-    texts: tuple[Motions, Motions],
-    tracked: tuple[MachineStates, MachineStates],
-    model: ErrorModel,
-    conditions: Conditions,
-    verdict: Verdict,
-) -> None:
-    """Add the errors at some rows of both texts, at their ends and along feed moves, to the verdict."""
-    nominal, _ = texts
-    machine, tool, absolute = nominal.machine, nominal.tool, verdict.absolute
-    shift = datum_shifts(nominal, model, conditions)
-    directions = [machine_states.along(motions) for machine_states, motions in zip(tracked, texts, strict=True)]
-    feed = nominal.evaluated_paths
-    along = ((verdict.path_before, absolute.path_before), (verdict.path_after, absolute.path_after))
-    ends = ((verdict.before, absolute.before), (verdict.after, absolute.after))
-    evaluations = [*((share, i, feed, along) for i, share in enumerate(INNER)), (1.0, -1, nominal.evaluated, ends)]
-    for share, i, rows, statistics in evaluations:
-        nominal_q = nominal.in_machine(nominal.along(share))[rows]
-        columns = zip(texts, directions, statistics, verdict.best_fit, strict=True)
-        for motions, approach, (relative, from_offset), best_fit in columns:
-            q = motions.in_machine(motions.along(share))[rows]
-            states = conditions.states(directions_at(approach, i, rows))
-            found = pose_errors(machine, model, q, nominal_q, tool[rows], states, shift[rows])
-            relative.add(found.point_um)
-            from_offset.add(found.absolute_um)
-            if i >= 0:
-                best_fit.add(found.nominal, found.apart)
+    def verdict(self) -> Verdict:
+        """Errors of all moves that were added."""
+        return replace(self._verdict, contributions=self._contributions.statistics())
 
+    def add(self, moves: Matched) -> None:
+        """Add the errors of the next moves of both programs, at their ends and along feed moves."""
+        nominal = moves.matched
+        relative = self._verdict.relative or bool(touched(nominal)[0])
+        self._verdict = replace(self._verdict, moves=self._verdict.moves + len(moves.nominal), relative=relative)
+        tool, shift = nominal.tool, datum_shifts(nominal, self._model, self._conditions)
+        texts = nominal, moves.commanded
+        directions = [states.along(motions) for states, motions in zip(self._tracked, texts, strict=True)]
+        feed, ends = nominal.evaluated_paths, nominal.evaluated
+        for share, i, rows in (*((share, i, feed) for i, share in enumerate(INNER)), (1.0, -1, ends)):
+            positions = [motions.in_machine(motions.along(share))[rows] for motions in texts]
+            found = None
+            for after, (q, approach) in enumerate(zip(positions, directions, strict=True)):
+                states = self._conditions.states(directions_at(approach, i, rows))
+                found = pose_errors(
+                    nominal.machine, self._model, q, positions[0], tool[rows], states, shift[rows], found
+                )
+                self._add(found, after, at_end=i < 0)
+        self._contributions.add(nominal, self._tracked[0].approach)
 
-def _contributions(
-    model: ErrorModel, conditions: Conditions, motions: Motions, state: State, into: dict[str, Statistic]
-) -> None:
-    """Add the contribution of each error motion to the tool point error relative to the datum, first order.
-
-    At the ends of `motions`; `state`: of the same rows. Location errors count with their error motions.
-    """
-    if not len(motions):
-        return
-    machine, (touch_offs, which) = motions.machine, touched(motions)
-    parts = _parts(machine, model, state, motions.tool)
-    if touch_offs:
-        q, tool = poses(machine, touch_offs)
-        at_datum = _parts(machine, model, conditions.state(q, np.zeros_like(q)), tool)
-        parts = parts - np.concatenate([at_datum, np.zeros((1, *parts.shape[1:]))])[which]
-    for i, name in enumerate(error_names_with_tool(machine)):
-        if parts[:, :, i].any():
-            into.setdefault(name, Statistic()).add(np.linalg.norm(parts[:, :, i], axis=1) * 1e3)
-
-
-def _parts(machine: Machine, model: ErrorModel, state: State, tool: Array) -> Array:
-    """Displacement of the tool point by each error motion `(n, 3, error motions)`, mm, first order; tool `(n, 3)`."""
-    errors = model.errors(machine, state).reshape(len(state), -1)
-    return np.asarray(error_transform_with_tool(machine, state.positions, tool)[:, :3] * errors[:, None])
+    def _add(self, found: PoseErrors, after: int, *, at_end: bool) -> None:
+        """Add errors before (0) or after correction (1), at the ends of moves or between them."""
+        verdict, absolute = self._verdict, self._verdict.absolute
+        relative, from_offset = (
+            ((verdict.before, absolute.before), (verdict.after, absolute.after))
+            if at_end
+            else ((verdict.path_before, absolute.path_before), (verdict.path_after, absolute.path_after))
+        )[after]
+        relative.add(found.point_um)
+        from_offset.add(found.absolute_um)
+        if not at_end:
+            verdict.best_fit[after].add(found.nominal, found.apart)

@@ -11,14 +11,14 @@ from postproc.compensation.conditions import Conditions
 from postproc.compensation.predicted_error import in_a_program, model_notes
 from postproc.compensation.used_datums import UsedDatums
 from postproc.control.setup import Setup
-from postproc.correct.classes import ClassResiduals, class_table
+from postproc.correct.classes import ClassResiduals, ClassTable
 from postproc.correct.mark import PARTS, Mark, check_mark, mark_in_program, mark_of
 from postproc.correct.plausibility import parse_accepted
 from postproc.dialects import find_dialect
-from postproc.motion.motions import merged
 from postproc.text.notes import Notes
 from postproc.text.source import Source
-from postproc.verification.verify import Verdict, run_motions, verify
+from postproc.verification.in_step import DifferentMoves, in_step
+from postproc.verification.verify import Verdict, Verifier, run_motions
 
 
 class Models(NamedTuple):
@@ -91,28 +91,34 @@ def verify_programs(
     """
     accepted = parse_accepted(accept, PARTS)
     notes = model_notes(models.evaluated, conditions)
-    motions, states = [], []
-    for source in programs:
-        language = find_dialect(dialect, source.name, source.text_head)
-        interpreter = language.interpreter(machine, setup, Notes())
-        motions.append(merged(run_motions(source, language, interpreter)))
-        states.append(interpreter.control_state)
-    corrected = programs[1]
-    here = mark_of(models.calibration, states[0])
-    notes += _mark_notes(corrected.name, mark_in_program(corrected), here, models.earlier, accepted)
-    verdicts = {
-        key: verify(motions[0], motions[1], model, conditions, tolerance_um)
-        for key, (model, _) in models.by_key().items()
-    }
+    languages = [find_dialect(dialect, source.name, source.text_head) for source in programs]
+    interpreters = [language.interpreter(machine, setup, Notes()) for language in languages]
+    nominal, commanded = map(run_motions, programs, languages, interpreters)
+    verifiers = {key: Verifier(machine, model, conditions, tolerance_um) for key, (model, _) in models.by_key().items()}
     datums = UsedDatums(setup)
-    datums.add(motions[0])
+    table = ClassTable(machine, models.evaluated, conditions) if classes else None
+    different = None
+    try:
+        for moves in in_step(nominal, commanded):
+            for verifier in verifiers.values():
+                verifier.add(moves)
+            datums.add(moves.nominal)
+            if table is not None:
+                table.add(moves.nominal)
+    except DifferentMoves as fault:
+        different = fault
+    states = [interpreter.control_state for interpreter in interpreters]
+    here = mark_of(models.calibration, states[0])
+    notes += _mark_notes(programs[1].name, mark_in_program(programs[1]), here, models.earlier, accepted)
+    if different is not None:
+        raise different
     datums.predict(machine, models.evaluated.part(in_a_program), conditions)
     return Verification(
         models,
         setup,
-        verdicts,
+        {key: verifier.verdict() for key, verifier in verifiers.items()},
         datums,
-        class_table(motions[0], models.evaluated, conditions) if classes else [],
+        [] if table is None else table.rows,
         tuple(dict.fromkeys(state.assumption() for state in states)),
         [*notes, *datums.notes()],
     )

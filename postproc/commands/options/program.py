@@ -106,6 +106,6 @@ def moves_of(program: str, machine: Machine, setup: Setup, dialect: str) -> Moti
     source = open_source(program)
     language = find_dialect(dialect, source.name, source.text_head)
     interpreter = language.interpreter(machine, setup, Notes())
-    motions = merged(run_motions(source, language, interpreter))
+    motions = merged(list(run_motions(source, language, interpreter)))
     say_assumed(interpreter.control_state.assumption())
     return motions
