@@ -185,20 +185,20 @@ class _Iso:
 
     def head(self, remarks: Sequence[str]) -> list[str]:
         offset = [self.settings.offset[0]] if self.settings.offset else []
-        return ["%", *(f"({_plain(text)})" for text in remarks), "G21 G17 G90 G94", "G40 G49 G80", *offset, "M5"]
+        return ["%", *(f"({plain(text)})" for text in remarks), "G21 G17 G90 G94", "G40 G49 G80", *offset, "M5"]
 
     def move(self, words: Mapping[str, float], remark: str) -> str:
         code = "G0" if self.settings.rapid else "G1"
         frame = "" if self.settings.offset else "G53 "
         targets = " ".join(f"{name}{value:.4f}" for name, value in words.items())
         feed = "" if self.settings.rapid else f" F{_number(self.settings.feed)}"
-        return f"{frame}{code} {targets}{feed}" + (f" ({_plain(remark)})" if remark else "")
+        return f"{frame}{code} {targets}{feed}" + (f" ({plain(remark)})" if remark else "")
 
     def dwell(self) -> list[str]:
         return [f"G4 {self.dwell_word}{_number(self.settings.dwell_s)}"]
 
     def stop(self, code: str, remark: str) -> list[str]:
-        return [f"({_plain(remark)})", code]
+        return [f"({plain(remark)})", code]
 
     def end(self) -> list[str]:
         return ["M30", "%"]
@@ -215,7 +215,7 @@ class _Klartext:
     def head(self, remarks: Sequence[str]) -> list[str]:
         start = [
             self._numbered(f"BEGIN PGM {self.name} MM"),
-            *(self._numbered(f"; {_plain(text)}") for text in remarks),
+            *(self._numbered(f"; {plain(text)}") for text in remarks),
         ]
         if self.settings.offset:
             preset = self.settings.offset[0]
@@ -228,7 +228,7 @@ class _Klartext:
         targets = " ".join(f"{name}{value:+.4f}" for name, value in words.items())
         feed = "FMAX" if self.settings.rapid else f"F{self.settings.feed:g}"
         frame = "" if self.settings.offset else " M91"
-        return self._numbered(f"L {targets} R0 {feed}{frame}" + (f" ; {_plain(remark)}" if remark else ""))
+        return self._numbered(f"L {targets} R0 {feed}{frame}" + (f" ; {plain(remark)}" if remark else ""))
 
     def dwell(self) -> list[str]:
         return [
@@ -237,7 +237,7 @@ class _Klartext:
         ]
 
     def stop(self, code: str, remark: str) -> list[str]:
-        return [self._numbered(f"; {_plain(remark)}"), self._numbered("STOP" if code == "M0" else code)]
+        return [self._numbered(f"; {plain(remark)}"), self._numbered("STOP" if code == "M0" else code)]
 
     def end(self) -> list[str]:
         return [self._numbered("M30"), self._numbered(f"END PGM {self.name} MM")]
@@ -252,6 +252,6 @@ def _number(value: float) -> str:
     return f"{value:.3f}".rstrip("0") if value != int(value) else f"{value:.1f}"
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """Text with only the characters that comments of all controls may have."""
     return re.sub(r"[^A-Z0-9 .,:+\-/=]", " ", text.upper()).strip()

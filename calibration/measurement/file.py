@@ -34,6 +34,7 @@ from calibration.measurement.balls.touch_probe import (
     read_observed,
     read_spheres,
     readings,
+    refuse_plan,
 )
 from calibration.measurement.balls.touch_probe import header_lines as probe_lines
 from calibration.measurement.error_columns import spread
@@ -105,9 +106,11 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     if kind == "interferometer":
         table = spread(table, machine)
     check_machine(table, machine, notes)
+    of_probe = kind == TOUCH_PROBE
+    if of_probe:
+        refuse_plan(table)
     instrument = read_instrument(table)
     keys = ["machine", "instrument", *uncertainty_keys(KINDS[kind]), *KEYS[kind]]
-    of_probe = kind == TOUCH_PROBE
     note_unknown_keys(table, lambda key: key in keys or (of_probe and is_sphere_key(key)), notes)
     own = ["scatter_um"] if kind == "laser-tracker" else []
     allow_columns(table, [*OBSERVED[kind], *state_columns(machine), *own])

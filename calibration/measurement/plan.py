@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import SPINDLE_NOSE, Target
-from kinematics.machine import Machine
+from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array
 
@@ -101,6 +101,9 @@ class Plan:
     position_count: int = 0
     """Number of positions of the strategy, without repetitions."""
     notes: tuple[str, ...] = field(default=())
+    spheres: Mapping[str, Vector] = field(default_factory=dict)
+    """Stated centres of the spheres of a touch probe by name, mm, workpiece frame at zero pose; `state.station` has the
+    sphere of each row."""
 
     def __len__(self) -> int:
         return len(self.state)

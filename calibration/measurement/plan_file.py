@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
+from calibration.measurement.balls.touch_probe import (
+    PLAN_ID,
+    SPHERE,
+    TIP,
+    TOUCH_PROBE,
+    header_lines,
+    is_touch_probe,
+    read_spheres,
+)
 from calibration.measurement.measurement import with_moves
 from calibration.measurement.plan import Plan
 from calibration.measurement.states import (
@@ -29,13 +39,36 @@ POINT = "point"
 
 def write_plan(plan: Plan, file: BinaryIO) -> None:
     """Write the plan: mm, degrees, s; with directions of approach unless the order of the rows gives the same."""
-    state, axes = plan.state, plan.machine.names
-    keys = {carrier: key for key, carrier in CARRIERS.items()}
+    columns = _columns(plan)
     head = [f"machine: {plan.machine.name}", f"strategy: {plan.strategy}", f"minutes: {plan.minutes:.1f}"]
+    head += [f"{PLAN_ID}: {plan_id(plan)}", *_sphere_lines(plan)] if plan.spheres else _target_lines(plan)
+    lines = [*(f"# {line}" for line in head), ",".join(columns)]
+    lines += [",".join(cells) for cells in zip(*columns.values(), strict=True)]
+    file.write(("\n".join(lines) + "\n").encode())
+
+
+def plan_id(plan: Plan) -> int:
+    """Number of five digits of the rows and spheres of a plan: the log of its program has the same."""
+    rows = [",".join(cells) for cells in zip(*_columns(plan).values(), strict=True)]
+    return 10_000 + zlib.crc32("\n".join([*_sphere_lines(plan), *rows]).encode()) % 90_000
+
+
+def _sphere_lines(plan: Plan) -> list[str]:
+    return [f"instrument: {TOUCH_PROBE}", *header_lines(plan.targets[TIP].position, plan.spheres, ())]
+
+
+def _target_lines(plan: Plan) -> list[str]:
+    keys, found = {carrier: key for key, carrier in CARRIERS.items()}, []
     for name, target in plan.targets.items():
         if not PLAIN_NAME.fullmatch(name):
             raise UserError(f"target {name!r}: its name must not contain blanks, commas or colons")
-        head.append(f"{keys[target.carrier]}.{name}: {' '.join(f'{v!r}' for v in target.position)}")
+        found.append(f"{keys[target.carrier]}.{name}: {' '.join(f'{v!r}' for v in target.position)}")
+    return found
+
+
+def _columns(plan: Plan) -> dict[str, list[str]]:
+    """The columns of the file."""
+    state, axes = plan.state, plan.machine.names
     columns: dict[str, list[str]] = {}
     if state.time is not None:
         columns["time_s"] = [f"{t:.1f}" for t in state.time.tolist()]
@@ -44,21 +77,22 @@ def write_plan(plan: Plan, file: BinaryIO) -> None:
     if state.approach is not None and not np.array_equal(state.approach, with_moves(state).approach):  # type: ignore[arg-type]
         for name, approach in zip(axes, state.approach.T, strict=True):
             columns[f"dir_{name}"] = [str(sign) for sign in approach.astype(int).tolist()]
-    if state.target is not None:
+    if plan.spheres:
+        assert state.station is not None
+        columns[SPHERE] = state.station.tolist()
+    elif state.target is not None:
         columns["target"] = state.target.tolist()
     columns |= {"run": plan.run.tolist(), POINT: plan.names.tolist()}
     if plan.axis is not None:
         columns |= _measured(plan, plan.axis, columns)
-    lines = [*(f"# {line}" for line in head), ",".join(columns)]
-    lines += [",".join(cells) for cells in zip(*columns.values(), strict=True)]
-    file.write(("\n".join(lines) + "\n").encode())
+    return columns
 
 
 def read_plan(path: Path, machine: Machine) -> Plan:
     """The plan in a file with the state columns of a measurement file; UserError for a value that cannot be used."""
     table, notes = read_table(path, "plan"), list[str]()
     check_machine(table, machine, notes)
-    allow_columns(table, [*state_columns(machine), "axis", "target_mm", "target_deg"])
+    allow_columns(table, [*state_columns(machine), "axis", "target_mm", "target_deg", SPHERE])
     states = read_states(table, machine, notes)
     refuse_unstated(table, states.targets, "a plan")
     names = table.texts([name for name in (POINT,) if name in table.names])
@@ -67,7 +101,14 @@ def read_plan(path: Path, machine: Machine) -> Plan:
     return Plan(
         machine, strategy, states.state, names.get(POINT, count), count if states.run is None else states.run,
         states.targets, states.axis, minutes=_minutes(states.state.time), position_count=len(table), notes=tuple(notes),
+        spheres=read_spheres(table) if is_touch_probe(table) else {},
     )  # fmt: skip
+
+
+def stated_plan_id(path: Path) -> int | None:
+    """The number in the header of a plan of spheres; None without one."""
+    table = read_table(path, "plan")
+    return round(table.header_numbers(PLAN_ID, 1)[0]) if PLAN_ID in table.entries else None
 
 
 def _measured(plan: Plan, axis: np.ndarray, columns: Mapping[str, list[str]]) -> dict[str, list[str]]:

@@ -156,7 +156,7 @@ def _field_from(
         raise UserError("the tracker observes none of the positions from its own position")
     state = state.rows(visible)
     columns = _columns(machine, instrument, request, _plan_at(machine, state, request), tracker)
-    rows, prior, evaluated, other_effects = _equations(columns, len(state))
+    rows, prior, evaluated, other_effects = equations_of(columns, len(state))
     return _Field(state, rows, prior, evaluated, np.ones(len(state), bool), other_effects)
 
 
@@ -178,17 +178,22 @@ def _columns(machine: Machine, instrument: LaserTracker, request: Request, plan:
     return Columns(setup, volumes, request.visible)
 
 
-def _equations(columns: Columns, n: int) -> tuple[Array, Array, Array, dict[str, int]]:
-    """F, P and B of `Selection`, and the columns of the amplitudes of effects besides the error motions."""
+def equations_of(
+    columns: Columns, n: int, basis: str = BASIS, rotary_basis: str = ROTARY_BASIS, free: float = FREE
+) -> tuple[Array, Array, Array, dict[str, int]]:
+    """F, P and B of `Selection`, and the columns of the amplitudes of effects besides the error motions.
+
+    free: prior information on the registration, whose columns have unit length.
+    """
     bases = {
-        axis: parse_basis(ROTARY_BASIS if axis[0] in "ABC" else BASIS) for axis in moving_axes(columns.measurement)
+        axis: parse_basis(rotary_basis if axis[0] in "ABC" else basis) for axis in moving_axes(columns.measurement)
     }
     model = columns.model(with_other_effects(columns, bases))
     table = [(effect.name, quantity) for effect in model.effects for quantity in effect.parameter_table]
     scale = np.array([quantity.typical if quantity.linear else 0.0 for _, quantity in table]) * _smooth(model)
     own = columns.registration
     rows = np.concatenate([own, columns.observed(model) * scale], axis=1)
-    prior = np.diag(np.append(np.full(own.shape[1], FREE), np.ones(len(scale))))
+    prior = np.diag(np.append(np.full(own.shape[1], free), np.ones(len(scale))))
     evaluated_in = columns.evaluated(model) * scale
     evaluated = np.zeros_like(prior)
     evaluated[own.shape[1] :, own.shape[1] :] = evaluated_in.T @ evaluated_in / (len(evaluated_in) / 3)
@@ -284,7 +289,7 @@ def _plan_and_visible(
         if not request.visible:
             return plan, {}
         columns = _columns(machine, instrument, request, plan, tracker)
-        rows, prior, _, other_effects = _equations(columns, len(plan))
+        rows, prior, _, other_effects = equations_of(columns, len(plan))
         spread = np.linalg.inv(prior + _information(rows))
         u = {name: float(np.sqrt(spread[k, k])) for name, k in other_effects.items()}
         if max(u.values()) <= VISIBLE:

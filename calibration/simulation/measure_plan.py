@@ -139,6 +139,8 @@ def _probed(
     for option, given in refused.items():
         if given:
             raise UserError(f"{option}: no option of --instrument touch-probe")
+    if plan.spheres:
+        virtual = replace(virtual, spheres=_of_plan(plan, virtual.spheres))
     if not virtual.spheres.centres:
         raise UserError("--instrument touch-probe: the spheres are missing: state --sphere NAME=x,y,z")
     check_names(model.effects, {TIP: None}, list(virtual.spheres.centres))
@@ -149,6 +151,13 @@ def _probed(
     if not len(measured):
         raise UserError("--missing leaves no observation")
     return Simulated(into_positions(measured), notes, spoiled)
+
+
+def _of_plan(plan: Plan, stated: Spheres) -> Spheres:
+    """The spheres of a plan with the stated distances; UserError for spheres that are stated besides."""
+    if stated.centres:
+        raise UserError("--sphere: the plan has its own spheres")
+    return Spheres(plan.spheres, stated.distances)
 
 
 def tracker_poses(

@@ -52,7 +52,9 @@ def probed(
     draws: tuple[np.random.Generator, np.random.Generator],
     noise_scale: float = 1.0,
 ) -> tuple[Measurement, tuple[str, ...]]:
-    """The measurement of all spheres at each rotary position of a plan, and notes on rows that are left out.
+    """The measurement of a plan, and notes on rows that are left out.
+
+    A plan of spheres has the sphere of each row; of any other plan all spheres are measured at each rotary position.
 
     The positions of the linear axes follow from the spheres: they are those at which the actual tip is in the actual
     centre, with noise. draws: random numbers of the centres and of the noise. UserError for a plan with several targets
@@ -71,7 +73,7 @@ def probed(
     if not len(reached):
         raise UserError("--sphere: no sphere is within the travel of the linear axes at the rotary positions")
     state = with_moves(nominal.rows(reached))
-    run = np.repeat(plan.run, len(spheres.centres))[reached]
+    run = np.repeat(plan.run, len(nominal) // len(plan))[reached]
     blank = Measurement(machine, instrument, state, np.zeros((len(state), 3)), {TIP: tip}, run=run)
     actual = {
         name: np.array(stated) + draws[0].uniform(-PLACED_MM, PLACED_MM, 3) for name, stated in spheres.centres.items()
@@ -98,10 +100,14 @@ def into_positions(measurement: Measurement) -> Measurement:
 
 def _nominal(plan: Plan, tip: Vector, spheres: Spheres) -> State:
     """The states of the nominal machine with its tip in each sphere's centre, all spheres at each rotary position."""
-    names, n = list(spheres.centres), len(plan)
-    rows = np.repeat(np.arange(n), len(names))
+    n = len(plan)
+    if plan.spheres:
+        assert plan.state.station is not None
+        rows, station = np.arange(n), plan.state.station
+    else:
+        rows, station = np.repeat(np.arange(n), len(spheres.centres)), np.tile(list(spheres.centres), n)
     state = plan.state.rows(rows)
-    centres = np.tile(np.array(list(spheres.centres.values())), (n, 1))
+    centres = np.array([spheres.centres[name] for name in station.tolist()])
     positions = linear_positions(plan.machine, state.positions, centres, tip)
     time = plan.state.time
     step = POINT_S if time is None or n < 2 else float(time[-1] - time[0]) / (n - 1)
@@ -109,10 +115,10 @@ def _nominal(plan: Plan, tip: Vector, spheres: Spheres) -> State:
         positions,
         velocity=np.zeros_like(positions),
         acceleration=np.zeros_like(positions),
-        time=step * np.arange(len(rows), dtype=float),
+        time=state.time if plan.spheres and time is not None else step * np.arange(len(rows), dtype=float),
         temperatures=state.temperatures,
         cycle=state.cycle,
-        station=np.tile(names, n),
+        station=station,
         target=np.full(len(rows), TIP),
         observed=np.zeros((len(rows), 3)),
     )

@@ -31,6 +31,7 @@ COMMANDS = {
     "simulate": "measurements.simulate",
     "simulate-continuous": "measurements.simulate_continuous",
     "study": "measurements.study",
+    "touches": "measurements.touches",
     "three-points": "calibrations.three_points",
 }
 """The module of each command, in this package; it has a function of its own name, and EPILOG, the examples."""

@@ -83,6 +83,10 @@ class Config:
     """BACKLASH by axis letter, mm or degrees; LinuxCNC ignores that of a joint with a table."""
     tools: Mapping[int, float] = field(default_factory=dict)
     """Tool lengths, mm, by number."""
+    files: Mapping[str, str] = field(default_factory=dict)
+    """Further files beside the configuration, by name; those that begin with #! can be started by `hal`."""
+    written: Sequence[str] = ()
+    """Names of files that the program writes, as of a probe's log."""
     velocity: float = 20_000.0
     """Velocity of every axis and joint, mm/s or deg/s."""
     acceleration: float = 200_000.0
@@ -100,6 +104,8 @@ class Samples:
     """Commands in front of the kinematics, `axis.L.pos-cmd`: machine coordinates."""
     correction: Array
     """By table or backlash, before the ramp, `joint.N.backlash-corr`."""
+    texts: Mapping[str, str] = field(default_factory=dict)
+    """Files that the program has written, by name (`Config.written`)."""
 
 
 class SimulatorError(Exception):
@@ -146,12 +152,20 @@ def _simulate_once(config: Config, timeout: float, job: dict[str, Any], files: M
     with _workplace() as folder:
         for name, text in files.items():
             (folder / "config" / name).write_text(text, encoding="utf-8", newline="")
+            (folder / "config" / name).chmod(0o755 if text.startswith("#!") else 0o644)
         shutil.copy(DISPLAY, folder / "config" / "display.py")
         (folder / "config" / "display.py").chmod(0o755)
         _execute(folder, timeout + GRACE)
         rows = np.fromfile(folder / "config" / "samples.bin").reshape(-1, sum(columns))
+        texts = {name: _text(folder, name) for name in config.written}
     parts = np.split(rows, np.cumsum(columns)[:-1], axis=1)
-    return Samples(**dict(zip(channels, parts, strict=True)))
+    return Samples(**dict(zip(channels, parts, strict=True)), texts=texts)
+
+
+def _text(folder: Path, name: str) -> str:
+    """The text of a file that LinuxCNC has written somewhere in its folder."""
+    (path,) = folder.rglob(name)
+    return path.read_text(encoding="utf-8")
 
 
 # --- the configuration
@@ -177,6 +191,7 @@ def _files(config: Config, channels: Mapping[str, Sequence[str]]) -> dict[str, s
         "sim.tbl": "".join(f"T{number} P{pocket} Z{length!r}\n" for pocket, (number, length) in tools),
         "sim.var": "",
         **{f"{letter}.comp": table.text for letter, table in config.tables.items()},
+        **config.files,
     }
 
 

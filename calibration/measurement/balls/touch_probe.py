@@ -23,6 +23,8 @@ TOUCH_PROBE = "touch-probe"
 """Kind of the instrument in a header."""
 TIP, SPHERE, DISTANCE = "probe", "sphere", "distance"
 """Header keys: of the tip, and the first parts of those of spheres and of distances. The tip is the target `probe`."""
+PLAN_ID = "plan_id"
+"""Header key of a plan of spheres, whose positions are not measured."""
 READINGS = ("dx", "dy", "dz")
 """Position of the sphere's centre from the tip, mm, in the directions of the tool."""
 NAME = re.compile(r'[^\s,:".]+')
@@ -32,6 +34,15 @@ NAME = re.compile(r'[^\s,:".]+')
 def is_touch_probe(table: Table) -> bool:
     """True for a table of a touch probe; also for points without an instrument whose header gives a probe's tip."""
     return table.entries["instrument"].value == TOUCH_PROBE if "instrument" in table.entries else TIP in table.entries
+
+
+def refuse_plan(table: Table) -> None:
+    """UserError for a plan of spheres, whose positions are not measured."""
+    if PLAN_ID in table.entries:
+        table.header_fault(
+            PLAN_ID,
+            "this file is a plan, its positions are not measured: ncomp touches LOG --plan PLAN.csv makes the data",
+        )
 
 
 def is_sphere_key(key: str) -> bool:

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.measurements.plan_path import STRATEGY, PathOptions, path_report, plan_of_path
+from postproc.commands.measurements.plan_spheres import (
+    INSTRUMENT,
+    SphereOptions,
+    probing_lines,
+    spheres_json,
+    spheres_report,
+)
 from postproc.commands.options.declared import REQUIRED, option, refuse_given
 from postproc.commands.options.optimising import OptimisingOptions
 from postproc.commands.options.path import read_path
 from postproc.commands.options.program import ToolOptions
-from postproc.commands.options.shared import MachineName, check_files, whole_results
-from postproc.commands.options.strategy import SEQUENCE, StrategyOptions
+from postproc.commands.options.shared import JsonFile, MachineName, check_files, whole_results, write_json
+from postproc.commands.options.strategy import SEQUENCE, StrategyOptions, counts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from calibration.measurement.plan import Plan, Timing
+    from calibration.measurement.plan import Choices, Plan, Timing
     from kinematics.machine import Machine
     from postproc.generate import ProgramSettings
 
@@ -35,6 +43,8 @@ EPILOG = (
     "--nc path.nc`, or `--path mine.nc` to evaluate a program\n\n"
     "`ncomp plan --machine gantry --strategy axes --spacing 200 --runs 5 -o plan.csv --nc plan.nc --feed 3000`\n\n"
     "`ncomp plan --machine gantry --optimise --minutes 120 --elevation -59:79 --incidence 60 -o plan.csv --nc plan.nc`"
+    "\n\n`ncomp plan --machine dmu50 --instrument touch-probe --points 34 --sphere s1=130,20,60 --sphere s2=-110,60,50 "
+    "-o spheres.csv --nc spheres.ngc --dialect linuxcnc`"
 )
 
 
@@ -91,8 +101,8 @@ class ProgramOptions:
     PANEL: ClassVar[str] = "NC program"
 
     nc: str | None = option("File for the NC program of the measurement; `-` is standard output.", "PLAN.nc")
-    dialect: Literal["iso", "fanuc", "heidenhain"] | None = option(
-        "Dialect of the program; iso is that of LinuxCNC (G53, G4 P in s). Default: iso."
+    dialect: Literal["iso", "linuxcnc", "fanuc", "heidenhain", "siemens"] | None = option(
+        "Dialect of the program; iso is that of LinuxCNC (G53, G4 P in s), siemens is for a touch probe. Default: iso."
     )
     work_offset: str | None = option(
         "Work offset of the program, mm, so that ncomp can correct it. Default: machine coordinates, which ncomp does "
@@ -114,6 +124,11 @@ class ProgramOptions:
             None if self.work_offset is None else parse_work_offset(self.work_offset, machine),
         )
 
+    @property
+    def control(self) -> str:
+        """Name of the dialect in which a measuring program is written."""
+        return "iso" if self.dialect in (None, "linuxcnc") else str(self.dialect)
+
 
 def plan(
     *,
@@ -122,8 +137,10 @@ def plan(
     sequence: SequenceOptions,
     path: PathOptions,
     optimising: OptimisingOptions,
+    spheres: SphereOptions,
     program: ProgramOptions,
     tools: ToolOptions,
+    json: JsonFile,
 ) -> None:
     """Plan a measurement: positions inside the travel, their order, the time it takes, and its NC program."""
     from calibration.measurement.plan_file import write_plan
@@ -132,11 +149,14 @@ def plan(
     from postproc.generate import path_program
     from rendering.report import Report
 
-    check_files((path.path,), {"--output": output, "--nc": program.nc})
-    _check_kind(sequence, path, optimising, program)
+    check_files((path.path,), {"--output": output, "--nc": program.nc, "--json": json})
+    _check_kind(sequence, path, optimising, spheres, program)
     found = ncomp.load_machine(machine)
     choices = sequence.choices(found, sequence.timing())
-    settings, dialect = program.settings(found, sequence), program.dialect or "iso"
+    if spheres.instrument is not None:
+        _of_spheres(found, choices, Given(sequence, optimising, spheres, program), (output, program.nc, json))
+        return
+    settings, dialect = program.settings(found, sequence), program.control
     if sequence.strategy == STRATEGY:
         setup = tools.set_up(found, [program.work_offset] if program.work_offset else [])
         nominal = (
@@ -152,17 +172,74 @@ def plan(
         else:
             made = sequence.plan(found, choices)
         lines, shown = _lines(made, settings, dialect), Report("Plan", "", [], str(made.summary))
-    with whole_results(program.nc, output) as (file, table):
+    results = {"strategy": made.strategy, "observations": len(made), "minutes": made.minutes, "notes": made.notes}
+    with whole_results(program.nc, output, json) as (file, table, numbers):
         write_plan(made, table)
+        write_json(results, numbers)
         if program.nc is not None:
             file.writelines(f"{line}\n".encode() for line in lines)
     show(shown, "-")
 
 
+class Given(NamedTuple):
+    """The options of a plan of spheres."""
+
+    sequence: SequenceOptions
+    optimising: OptimisingOptions
+    spheres: SphereOptions
+    program: ProgramOptions
+
+
+def _of_spheres(machine: Machine, choices: Choices, given: Given, outputs: tuple[str, str | None, str | None]) -> None:
+    """Plan the centres of spheres, and write the plan, its probing program and its JSON."""
+    from calibration.measurement.plan_file import write_plan
+    from postproc.commands.show.terminal import console, say, show
+    from postproc.probing.program import mask_of
+
+    sequence, program, spheres = given.sequence, given.program, given.spheres
+    count = counts(sequence.points)
+    if isinstance(count, list):
+        raise UserError(f"--points {sequence.points}: a touch probe takes one number of rotary positions")
+    u_um, feed = given.optimising.instrument_of(INSTRUMENT).u_um, sequence.feed or FEED  # type: ignore[union-attr]
+    control = "linuxcnc" if program.control == "iso" else program.control
+    settings = spheres.settings(feed, program.settings(machine, sequence).offset)
+    with console.status("positions within reach") as status:
+        found = spheres.planned(machine, sequence.strategy, count, choices, u_um, feed, status.update)
+        predicted = spheres.predicted(found)
+    lines = probing_lines(found, settings, control) if program.nc is not None else iter(())
+    table, nc, json = outputs
+    mask = mask_of(control, machine) if nc not in (None, "-") else None
+    beside = str(Path(str(nc)).with_name("ncomp.a")) if mask else None
+    with whole_results(nc, table, json, beside) as (file, rows, numbers, form):
+        write_plan(found.plan, rows)
+        write_json(spheres_json(found, predicted), numbers)
+        file.writelines(f"{line}\n".encode() for line in lines)
+        form.write((mask or "").encode())
+    for note in found.notes:
+        say("note", note)
+    show(spheres_report(found, predicted), "-")
+
+
 def _check_kind(
-    sequence: SequenceOptions, path: PathOptions, optimising: OptimisingOptions, program: ProgramOptions
+    sequence: SequenceOptions,
+    path: PathOptions,
+    optimising: OptimisingOptions,
+    spheres: SphereOptions,
+    program: ProgramOptions,
 ) -> None:
     """UserError for options that do not apply to a plan by a strategy, optimised, on the fly or without program."""
+    if spheres.instrument is not None:
+        reason = f"does not apply to --instrument {INSTRUMENT}"
+        refuse_given(reason, sequence, "spacing", "margin_mm", "rotary", "order", "runs", "target_order", "planes_at")
+        refuse_given(reason, sequence, "rotary_points", "approach", "overrun", "dwell")
+        refuse_given(reason, path, "length_m", "path", "minutes")
+        refuse_given(reason, optimising, "optimise", "tracker", "elevation", "incidence", "obstacle", "visible")
+        refuse_given(reason, program, "rapid")
+        if program.nc is None:
+            refuse_given("is an option of the NC program: give --nc too", program, "dialect", "work_offset")
+        return
+    reason = f"is an option of --instrument {INSTRUMENT}"
+    refuse_given(reason, spheres, "sphere", "distance", "dimensions", "clearance", "probing_feed", "measuring_feed")
     if program.nc is None:
         reason = "is an option of the NC program: give --nc too"
         refuse_given(reason, program, "dialect", "rapid", *(["work_offset"] if path.path is None else []))

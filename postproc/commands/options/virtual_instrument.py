@@ -132,28 +132,11 @@ class InstrumentOptions(TrackerOptions):
 
     def _spheres(self) -> Spheres:
         """Spheres of a touch probe and distances between them; none for other instruments."""
-        from calibration.measurement.balls.touch_probe import NAME
-        from calibration.simulation.touch_probe import Spheres
-
         if self.instrument != "touch-probe":
             for name, given in (("sphere", self.sphere), ("distance", self.distance)):
                 if given:
                     raise UserError(f"--{name} is no option of --instrument {self.instrument}")
-        centres, distances = [], []
-        for text in self.sphere:
-            name, _, vector = text.partition("=")
-            if not NAME.fullmatch(name.strip()):
-                raise UserError(f"--sphere {text}: expected s1=x,y,z, a name without blanks and dots")
-            x, y, z = numbers(vector, 3, f"--sphere {text}")
-            centres.append((name.strip(), (x, y, z)))
-        for text in self.distance:
-            pair, _, value = text.partition("=")
-            one, dot, other = pair.strip().partition(".")
-            (u_um,) = numbers(value, 1, f"--distance {text}")
-            if not dot or u_um <= 0.0:
-                raise UserError(f"--distance {text}: expected s1.s2=u_um, the uncertainty above zero")
-            distances.append(((one, other), u_um * 1e-3))
-        return Spheres(given_once(centres, "--sphere "), dict(distances))
+        return spheres_of(self.sphere, self.distance)
 
     def _letters(self) -> Sequence[str]:
         """Letters of the error motions in `all` or in a list; empty for None."""
@@ -169,6 +152,28 @@ class InstrumentOptions(TrackerOptions):
             if letter not in COMPONENTS or letters.count(letter) > 1:
                 raise UserError(f"--error-motions {text}: expected all, or some of {','.join(COMPONENTS)}, each once")
         return letters
+
+
+def spheres_of(sphere: Sequence[str], distance: Sequence[str]) -> Spheres:
+    """Spheres from `s1=x,y,z`, and distances between them from `s1.s2=u_um`."""
+    from calibration.measurement.balls.touch_probe import NAME
+    from calibration.simulation.touch_probe import Spheres
+
+    centres, distances = [], []
+    for text in sphere:
+        name, _, vector = text.partition("=")
+        if not NAME.fullmatch(name.strip()):
+            raise UserError(f"--sphere {text}: expected s1=x,y,z, a name without blanks and dots")
+        x, y, z = numbers(vector, 3, f"--sphere {text}")
+        centres.append((name.strip(), (x, y, z)))
+    for text in distance:
+        pair, _, value = text.partition("=")
+        one, dot, other = pair.strip().partition(".")
+        (u_um,) = numbers(value, 1, f"--distance {text}")
+        if not dot or u_um <= 0.0:
+            raise UserError(f"--distance {text}: expected s1.s2=u_um, the uncertainty above zero")
+        distances.append(((one, other), u_um * 1e-3))
+    return Spheres(given_once(centres, "--sphere "), dict(distances))
 
 
 @dataclass(frozen=True, kw_only=True)

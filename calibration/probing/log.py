@@ -1,0 +1,164 @@
+"""Logs of probing programs: the axis positions at each contact, by row of the plan.
+
+A control writes `NCOMP PLAN n`, then `NCOMP P row T touch X.. Y.. Z..`, with rotary axes where it knows them.
+LinuxCNC's PROBEOPEN writes nine numbers (X Y Z A B C U V W) for each touch: the first, quick one, and the second.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.measurement.plan import Plan
+from calibration.probing.touches import TOUCHES
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+LINUXCNC_AXES = "XYZABCUVW"
+TURNED_DEG = 0.01
+"""Largest difference of a rotary axis from its planned position, degrees."""
+SECOND_MM = 0.5
+"""Largest distance of both touches of LinuxCNC, mm."""
+_NUMBER = r"[+-]?\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_PLAN = re.compile(rf"NCOMP\s+PLAN\s*({_NUMBER})")
+_TOUCH = re.compile(rf"NCOMP((?:\s*[A-Z]\s*{_NUMBER})+)")
+_FIELD = re.compile(rf"([A-Z])\s*({_NUMBER})")
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contacts of a log: `m` whole rows of the plan with TOUCHES each."""
+
+    row: np.ndarray
+    """Number of the row `(m,)`, from 0."""
+    positions: Array
+    """Axis positions at the contacts `(m, TOUCHES, axes)`, mm and rad."""
+    lines: np.ndarray
+    """Line of the first contact of each row in the log `(m,)`."""
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Contact:
+    """One contact with its line in the log."""
+
+    line: int
+    row: int
+    touch: int
+    values: dict[str, float]
+    """Positions by axis, mm and degrees."""
+
+
+def read_contacts(text: str, source: str, plan: Plan, plan_id: int | None) -> Contacts:
+    """The contacts in the text of a log; UserError, with the line, for a text that is not the log of this plan."""
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    lines = [(number, line) for number, line in lines if line and line != "%"]
+    if not lines:
+        raise UserError(f"{source}: the log is empty")
+    with_names = any(line.upper().startswith("NCOMP") for _, line in lines)
+    read = _named(lines, source, plan, plan_id) if with_names else _of_linuxcnc(lines, source)
+    contacts = list(read)
+    if with_names and not contacts:
+        raise UserError(f"{source}: the log has no contact")
+    return _in_rows(contacts, source, plan)
+
+
+def _named(lines: Sequence[tuple[int, str]], source: str, plan: Plan, plan_id: int | None) -> Iterator[_Contact]:
+    """Contacts of lines with fields."""
+    names = {"P", "T", *plan.machine.names}
+    for number, line in lines:
+        where = f"{source}, line {number}"
+        head = _PLAN.fullmatch(line.upper())
+        if head:
+            logged = round(_value(head[1]))
+            if plan_id is not None and logged != plan_id:
+                raise UserError(f"{where}: this is the log of plan {logged}, not of {plan_id}")
+            continue
+        if not _TOUCH.fullmatch(line.upper()):
+            raise UserError(f"{where}: {line!r}: expected NCOMP P row T touch X.. Y.. Z..")
+        fields = [(name, _value(value)) for name, value in _FIELD.findall(line.upper().removeprefix("NCOMP"))]
+        values = dict(fields)
+        for name in values:
+            if name not in names:
+                raise UserError(f"{where}: {line!r}: field {name} is unknown; known are {', '.join(sorted(names))}")
+        linear = [axis.name for axis in plan.machine.axes if not axis.rotary]
+        missing = [name for name in ("P", "T", *linear) if name not in values]
+        if missing or len(values) < len(fields):
+            what = f"{missing[0]} is missing" if missing else "a field is given twice"
+            raise UserError(f"{where}: {line!r}: {what}")
+        row, touch = round(values.pop("P")), round(values.pop("T"))
+        yield _Contact(number, row - 1, touch, values)
+
+
+def _of_linuxcnc(lines: Sequence[tuple[int, str]], source: str) -> Iterator[_Contact]:
+    """Contacts of PROBEOPEN: the second line of each touch."""
+    read: list[tuple[int, dict[str, float]]] = []
+    for number, line in lines:
+        cells = line.split()
+        try:
+            values = [float(cell) for cell in cells]
+        except ValueError:
+            values = []
+        if len(values) != len(LINUXCNC_AXES) or not np.isfinite(values).all():
+            raise UserError(
+                f"{source}, line {number}: {line!r}: expected the nine numbers of PROBEOPEN, or NCOMP P row T touch ..."
+            )
+        read.append((number, dict(zip(LINUXCNC_AXES, values, strict=True))))
+    if len(read) % 2:
+        raise UserError(f"{source}, line {read[-1][0]}: the second touch of this contact is missing")
+    for k, ((number, first), (_, second)) in enumerate(zip(read[::2], read[1::2], strict=True)):
+        apart = np.linalg.norm([first[name] - second[name] for name in "XYZ"])
+        if apart > SECOND_MM:
+            raise UserError(
+                f"{source}, line {number}: the two touches of a contact are {apart:.3g} mm apart: a touch is missing"
+            )
+        yield _Contact(number, k // TOUCHES, k % TOUCHES + 1, second)
+
+
+def _in_rows(contacts: Sequence[_Contact], source: str, plan: Plan) -> Contacts:
+    """The contacts by row of the plan; UserError for contacts out of order or of another plan."""
+    n = len(plan)
+    for k, each in enumerate(contacts):
+        where = f"{source}, line {each.line}"
+        if (each.row, each.touch) != (k // TOUCHES, k % TOUCHES + 1):
+            raise UserError(
+                f"{where}: row {each.row + 1}, touch {each.touch}, but row {k // TOUCHES + 1}, touch {k % TOUCHES + 1} "
+                "comes next"
+            )
+        if each.row >= n:
+            raise UserError(f"{where}: the log has more contacts than the plan: is it the log of several runs?")
+    whole = len(contacts) // TOUCHES
+    positions = np.repeat(plan.positions[:whole, None], TOUCHES, axis=1)
+    for each in contacts[: whole * TOUCHES]:
+        _set(positions[each.row, each.touch - 1], each, source, plan.machine)
+    if not whole:
+        raise UserError(f"{source}: the log has no complete centre of {TOUCHES} touches")
+    notes = (f"the log ends after {whole} of {n} centres",) if whole < n else ()
+    lines = np.array([contacts[k * TOUCHES].line for k in range(whole)])
+    return Contacts(np.arange(whole), positions, lines, notes)
+
+
+def _set(position: Array, contact: _Contact, source: str, machine: Machine) -> None:
+    """Put the linear axes of a contact into a planned position `(axes,)`; UserError for other rotary positions."""
+    for i, axis in enumerate(machine.axes):
+        logged = contact.values.get(axis.name)
+        if not axis.rotary:
+            if logged is None:
+                raise UserError(f"{source}, line {contact.line}: axis {axis.name} is missing")
+            position[i] = logged
+        elif logged is not None:
+            planned = float(position[i] / machine.scale[i])
+            off = (logged - planned + 180.0) % 360.0 - 180.0
+            if abs(off) > TURNED_DEG:
+                raise UserError(
+                    f"{source}, line {contact.line}: {axis.name} is at {logged:g} deg, but the plan has {planned:g} "
+                    f"deg in row {contact.row + 1}: is it the log of another plan?"
+                )
+
+
+def _value(text: str) -> float:
+    return float(re.sub(r"\s", "", text))

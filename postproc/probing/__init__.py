@@ -1,0 +1,1 @@
+"""Programs that measure spheres with a touch probe, for four controls."""
