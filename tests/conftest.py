@@ -36,7 +36,7 @@ INTEGRATION = {
 INTEGRATION_MODULES = {
     "test_bad_data", "test_blas", "test_chunks", "test_cli", "test_compensate", "test_conditions",
     "test_continuous", "test_control_state", "test_dependence", "test_diagnosis_exam", "test_diagnosis_frame",
-    "test_diagnosis_left", "test_diagnosis_page", "test_docs_commands", "test_diagnosis_scans", "test_diagnosis_selection",
+    "test_diagnosis_left", "test_diagnosis_page", "test_docs_commands", "test_docs_controls", "test_docs_pages", "test_diagnosis_scans", "test_diagnosis_selection",
     "test_direction", "test_distance_correlation", "test_encodings", "test_error_transform", "test_file_faults",
     "test_fit", "test_fit_edges", "test_fuzz", "test_generated_programs", "test_held_out_lines", "test_hooks", "test_in_place",
     "test_iso_coordinates", "test_iterations", "test_jumping_errors", "test_klartext_arcs",

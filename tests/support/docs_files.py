@@ -21,7 +21,7 @@ from support import robot
 from support import three_points_cases as three
 from support.command import succeed
 from support.docs_commands import DOCS, ROOT
-from support.programs import model_of, shifted
+from support.programs import model_of
 from support.real_data import REAL_DATA
 from support.tracker_logs import Stop, header, log_of
 
@@ -88,10 +88,13 @@ def programs(path: Path, _: str) -> None:
 
 
 def calibration(um: float) -> Maker:
-    """Writes a calibration of the machine: all tool points are displaced by so many um along X."""
+    """Writes a calibration: displacements of the tool point along X and of the lines of rotary axes by so many um."""
 
     def write(path: Path, machine: str) -> None:
-        write_model(shifted(machines.load(machine), X=um), path)
+        mill = machines.load(machine)
+        rotary = [axis.name for axis in mill.axes if axis.rotary]
+        effects: list[Effect] = [LocationError("X", "X", um), *(LocationError("X", name, um) for name in rotary)]
+        write_model(model_of(mill, *effects), path)
 
     return write
 
@@ -173,12 +176,13 @@ def control_tables(path: Path, _: str) -> None:
 TABLE = "-250 -250.01 -250.01\n0 0 0.002\n250 250.02 250.02\n"
 FILES: dict[str, Maker] = {
     "part.nc": text(PROGRAM),
+    "job.toml": text('machine = "dmu50"\n[programs]\n"posted/part.nc" = "corrected/job.nc"\n'),
     "posted": programs,
     "mill.toml": mill,
     "turntable.toml": text(TURNTABLE),
     "robot.toml": lambda path, _: path.write_text(robot.toml()),
     "examples": lambda path, _: path.symlink_to(ROOT / "examples"),
-    **dict.fromkeys(("cal.json", "before.json", "march.json"), calibration(-10.0)),
+    **dict.fromkeys(("cal.json", "mill.json", "before.json", "march.json"), calibration(-10.0)),
     **dict.fromkeys(("true.json", "after.json", "june.json"), calibration(4.0)),
     **dict.fromkeys(
         ("data.csv", "measured.csv"), f"simulate --machine MACHINE --strategy grid --points 60 {TRACKER} -o FILE"
@@ -216,6 +220,8 @@ def prepare(words: Sequence[str], folder: Path) -> None:
     machine = words[words.index("--machine") + 1] if "--machine" in words else "gantry"
     for before, word in zip(("", *words), words, strict=False):
         name = word.partition("/")[0]
+        if name == "job.toml":
+            prepare(["posted"], folder)
         if "--path" in words and "fit" in words:
             prepare([words[words.index("--path") + 1]], folder)
         if before not in OUTPUTS and name in FILES and not (folder / name).exists():

@@ -1,0 +1,123 @@
+"""Renew the tutorial: its measured data, the outputs shown in docs/tutorial.md, and its pictures.
+
+    python examples/tutorial/make.py             outputs of the commands, in the page
+    python examples/tutorial/make.py --data      the measured data first
+    python examples/tutorial/make.py --pictures  the pictures too, by Chromium
+
+A block of output in the page follows a comment `<!-- lines: A | B -->`: it holds the lines of the output of the last
+command that begin with A or with B, or all of them for `*`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+PAGE = ROOT / "docs" / "tutorial.md"
+INPUTS = ("mill.toml", "part.nc", "measured.csv", "true.json")
+MARK = re.compile(r"<!-- lines: (.*) -->$")
+HIDDEN = "backlash:axis=X,width=14"
+TRACKER = "--tracker=-1500,1500,300 -u u_range_um=0.5 -u u_range_um_per_m=0.5 -u u_angle_um=1 -u u_angle_um_per_m=1.5"
+PICTURES = {"diagnosis": "diagnosis.html", "part": "part.html"}
+
+
+def run(command: str, folder: Path) -> str:
+    """What a command prints, 100 columns wide."""
+    words = [sys.executable, "-m", "ncomp", *shlex.split(command)[1:]]
+    environment = {**os.environ, "COLUMNS": "100", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise SystemExit(f"{command}: status {done.returncode}\n{done.stderr}")
+    return done.stdout + done.stderr
+
+
+def renewed(page: str, folder: Path) -> str:
+    """The page with the outputs of its commands, which run in the folder."""
+    return "\n".join(_lines(page.split("\n"), folder))
+
+
+def _lines(lines: list[str], folder: Path) -> Iterator[str]:
+    command, output, old = "", "", False
+    for line in lines:
+        if old and (line.startswith("    ") or not line):
+            continue
+        if old:
+            old = False
+            yield ""
+        yield line
+        if line.startswith("    ncomp "):
+            command = line.strip().removesuffix("\\")
+        elif command.endswith(" ") and line.startswith("      "):
+            command += line.strip().removesuffix("\\")
+        if line.startswith("    ") and command and not line.endswith("\\"):
+            output, command = run(command, folder), ""
+        if mark := MARK.match(line):
+            starts = tuple(mark[1].split(" | "))
+            yield ""
+            yield from (f"    {each}".rstrip() for each in output.splitlines() if each.startswith(starts) or starts == ("*",))
+            old = True
+
+
+def copy_inputs(folder: Path) -> None:
+    """The files that the reader of the tutorial has."""
+    for name in INPUTS:
+        shutil.copyfile(HERE / name, folder / name)
+
+
+def make_data() -> None:
+    """Measure the virtual mill of the tutorial, along the plan of the page, with backlash that no one has told."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        shutil.copyfile(HERE / "mill.toml", folder / "mill.toml")
+        planned = next(line for line in PAGE.read_text().splitlines() if line.startswith("    ncomp plan"))
+        rest = PAGE.read_text().split(planned)[1].split("\n")[1]
+        run(planned.strip().removesuffix("\\") + rest, folder)
+        run(
+            f"ncomp simulate --machine mill.toml --strategy plan.csv {TRACKER} --effect {HIDDEN} --seed 4 "
+            "-o measured.csv --truth true.json",
+            folder,
+        )
+        for made in ("measured.csv", "true.json"):
+            shutil.copyfile(folder / made, HERE / made)
+
+
+def photograph(page: Path, picture: Path) -> None:
+    """A picture of a page in Chromium, in few colours."""
+    import matplotlib.image
+    import numpy as np
+
+    size = "1100,1500"
+    command = ["chromium", "--headless", "--no-sandbox", "--hide-scrollbars", f"--window-size={size}"]
+    subprocess.run([*command, f"--screenshot={picture}", page.as_uri()], check=True, capture_output=True)
+    pixels = matplotlib.image.imread(picture)[:, :, :3]
+    matplotlib.image.imsave(picture, np.round(pixels * 15) / 15)
+
+
+def main() -> None:
+    """Renew what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", action="store_true")
+    parser.add_argument("--pictures", action="store_true")
+    asked = parser.parse_args()
+    if asked.data:
+        make_data()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        copy_inputs(folder)
+        PAGE.write_text(renewed(PAGE.read_text(), folder))
+        for picture, page in PICTURES.items() if asked.pictures else ():
+            photograph(folder / page, ROOT / "docs" / "pictures" / f"{picture}.png")
+
+
+if __name__ == "__main__":
+    main()
