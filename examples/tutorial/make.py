@@ -64,7 +64,8 @@ def _lines(lines: list[str], folder: Path) -> Iterator[str]:
         if mark := MARK.match(line):
             starts = tuple(mark[1].split(" | "))
             yield ""
-            yield from (f"    {each}".rstrip() for each in output.splitlines() if each.startswith(starts) or starts == ("*",))
+            chosen = (each for each in output.splitlines() if starts == ("*",) or each.startswith(starts))
+            yield from (f"    {each}".rstrip() for each in chosen)
             old = True
 
 
