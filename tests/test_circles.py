@@ -16,7 +16,9 @@ from support.virtual_measurements import written
 from calibration.circles.circles import circles_of as read_circles
 from calibration.circles.figures import circular_tests
 from calibration.circles.shares import shares
+from calibration.circles.spikes import kept
 from calibration.measurement.instruments import Ballbar
+from calibration.plausibility.checks import usable
 from calibration.simulation.true_model import random_true_model
 from kinematics.basis import Legendre
 from kinematics.effects import (
@@ -31,6 +33,7 @@ from kinematics.effects import (
 )
 from kinematics.user_error import UserError
 
+DRIVES = ("backlash", "lateral-play", "servo-mismatch", "reversal-spike", "cyclic")
 PAGE = Path(__file__).parents[1] / "docs" / "ballbar.md"
 
 
@@ -155,11 +158,10 @@ def test_other_errors_of_the_machine_are_no_spikes_and_no_waves():
 
     Its residuals are smooth along the circle: the rows are not independent.
     """
-    drives = ("backlash", "lateral-play", "servo-mismatch", "reversal-spike", "cyclic")
     for seed in range(4):
         effects = random_true_model(CFRAME, np.random.default_rng(seed)).effects
         _, found = evaluated(*effects, step=2.0, seed=seed)
-        assert [cause.name for cause in found.causes if cause.kind in drives] == []
+        assert [cause.name for cause in found.causes if cause.kind in DRIVES] == []
 
 
 def test_a_row_off_by_a_millimetre_and_one_off_by_little_are_left_out():
@@ -262,3 +264,78 @@ def test_uncertainties_cover_the_true_sizes():
         parameters = {key: (value, cause.U[key]) for cause in found.causes for key, value in cause.parameters.items()}
         inside += [abs(parameters[key][0] - size) <= parameters[key][1] for key, size in true.items()]
     assert 0.91 < np.mean(inside) < 0.99
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_machine_with_all_error_motions_is_no_moved_table_ball(seed):
+    """Circles in one plane show no shift across it: none is reported."""
+    effects = random_true_model(CFRAME, np.random.default_rng(seed)).effects
+    measured, _ = circles_of(*effects, step=5.0, seed=seed, bar=Ballbar(u_um=0.3, length_u_um=0.5))
+    assert usable(measured) == []
+
+
+def test_drive_causes_beside_all_other_error_motions():
+    """Each is named with its size, and no other cause of a drive."""
+    beside = random_true_model(CFRAME, np.random.default_rng(2)).effects
+    effects = [Backlash("X", 4.0), LateralPlay("X", "Y", -3.0), ServoMismatch("X", "Y", 0.2)]
+    _, found = evaluated(*effects, *beside, step=1.0, seed=2)
+    own = {cause.name: cause for cause in found.causes if cause.kind in DRIVES}
+    assert set(own) == {"backlash X", "lateral-play E_XY", "servo-mismatch X Y"}
+    assert any(cause.kind == "other-error-motions" for cause in found.causes)
+    for name, key, size in (
+        ("backlash X", "width_plus_um", 4.0),
+        ("lateral-play E_XY", "play_um", -3.0),
+        ("servo-mismatch X Y", "lag_ms", 0.2),
+    ):
+        assert abs(own[name].parameters[key] - size) < 1.5 * own[name].U[key]
+
+
+def timed_spike(tau_ms, step=0.5, seed=5):
+    """A spike of X that keeps its time at 1000 and 3000 mm/min."""
+    measured, _ = circles_of(step=step, seed=seed)
+    observed = measured.observed.copy()
+    for feed in (1000.0, 3000.0):
+        way = (feed * tau_ms / 6e4) ** 2 / (2.0 * 150.0)
+        own, _ = circles_of(ReversalSpike("X", 8.0, way), step=step, seed=seed)
+        observed[measured.feed == feed] = own.observed[measured.feed == feed]
+    return replace(measured, observed=observed)
+
+
+def test_a_spike_that_keeps_its_time_and_one_that_keeps_its_way():
+    measured = timed_spike(150.0)
+    (cause,) = shares(measured, read_circles(measured)).causes
+    assert cause.name == "reversal-spike X"
+    assert kept(cause.by_feed) == "time"
+    for each in cause.by_feed:
+        assert abs(each.time_ms - 150.0) < 1.5 * each.U_time
+    _, found = evaluated(ReversalSpike("Y", 8.0, 0.3), step=0.5, seed=3)
+    assert kept(found.causes[0].by_feed) == "way"
+    assert all(abs(each.way_mm - 0.3) < 1.5 * each.U_way for each in found.causes[0].by_feed)
+    _, one = evaluated(ReversalSpike("Y", 8.0, 0.3), step=0.5, seed=3, feeds=(1000.0,))
+    assert kept(one.causes[0].by_feed) == ""
+
+
+@pytest.mark.statistical
+def test_a_spike_shorter_than_the_rows_is_not_parted():
+    """40 ms at 1000 mm/min are 1.5 um of way, and the first row behind the reversal is 6 um away."""
+    measured = timed_spike(40.0)
+    (cause,) = shares(measured, read_circles(measured)).causes
+    assert kept(cause.by_feed) == "both"
+    assert cause.by_feed[0].U_time > 0.3 * cause.by_feed[0].time_ms
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("backlash X", lambda size: Backlash("X", size)),
+        pytest.param("servo-mismatch X Y", lambda size: ServoMismatch("X", "Y", size), marks=pytest.mark.statistical),
+        pytest.param("lateral-play E_YX", lambda size: LateralPlay("Y", "X", size), marks=pytest.mark.statistical),
+    ],
+)
+def test_detection_limits(name, make):
+    """A cause of twice its limit is found, one of half its limit is not."""
+    _, empty = evaluated(step=2.0, seed=1)
+    limit = next(each for each in empty.limits if each.name == name)
+    for factor, there in ((2.0, True), (0.5, False)):
+        _, found = evaluated(make(factor * limit.largest), step=2.0, seed=1)
+        assert (name in [cause.name for cause in found.causes]) == there

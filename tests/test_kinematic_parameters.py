@@ -183,7 +183,7 @@ def test_the_reader_finds_the_errors_that_the_lines_correct(form, name):
         assert errors_of_lines(machine, read_back(found, found.format.file_before)) == []
 
 
-@pytest.mark.parametrize(("form", "name"), [CASES[0], CASES[3], CASES[-2], CASES[-1]], ids=lambda value: value)
+@pytest.mark.parametrize(("form", "name"), quick([CASES[0], CASES[3], CASES[-2], CASES[-1]], [CASES[0], CASES[-1]]))
 def test_stages_and_the_rest(form, name):
     found = exported(form, name)
     point = found.errors_in_the_volume()["tool_point_um"]

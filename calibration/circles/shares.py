@@ -10,31 +10,28 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, permutations
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
+from calibration.circles.candidates import (
+    OTHER,
+    Group,
+    candidates,
+    cyclic,
+    feeds_of,
+    other_motions,
+    spike,
+    timed_spike,
+    way_in,
+)
 from calibration.circles.circles import Circle
+from calibration.circles.spikes import SpikeAtFeed, kept, spikes_by_feed
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from calibration.observation.normal_equations import residuals
 from calibration.plausibility.recording_mistakes import misfit
-from kinematics.basis import Legendre
-from kinematics.effects import (
-    Backlash,
-    Component,
-    Cyclic,
-    EffectBase,
-    ErrorMotion,
-    LateralPlay,
-    LocationError,
-    ReversalSpike,
-    Scale,
-    ServoMismatch,
-)
-from kinematics.effects.base import own_component
 from kinematics.error_model.model import no_errors
 from kinematics.transforms import Array
 
@@ -46,37 +43,10 @@ SAME = 1e-3
 """Difference in BIC below which the first of the candidates is taken: signals are the same."""
 HIDDEN = 0.05
 """Share of the signal of a cause that centre, length and causes before it cannot imitate: below it, it is hidden."""
-LENGTHS_MM = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0)
-"""Ways over which a reversal spike decays that are tried, mm; refined."""
-WAVES = 3.0
-"""Rows in the shortest period of a cyclic error."""
-LARGEST_PERIOD = 0.1
-"""Longest period of a cyclic error, as a share of the range of its axis."""
 OUTLYING = 6.0
 """Deviation of a row in robust standard deviations from which it is left out."""
 MOST = 20
 """Largest number of causes."""
-
-
-@dataclass(frozen=True)
-class Group:
-    """A cause with the columns of its signal."""
-
-    kind: str
-    where: str
-    names: tuple[str, ...]
-    """Names of its parameters with their units."""
-    columns: Array
-    """Signal along the bar `(n, k)`, um for each unit of the parameters."""
-    shape: Mapping[str, float]
-    """Values of the parameters that shape the columns, with units."""
-    trials: float = 1.0
-    """Number of independent shapes that were tried."""
-
-    @property
-    def name(self) -> str:
-        """Name in reports: `backlash X`."""
-        return f"{self.kind} {self.where}"
 
 
 @dataclass(frozen=True)
@@ -95,6 +65,8 @@ class Share:
     delta_bic: float
     tied_with: tuple[str, ...]
     """Other causes that explain the data nearly as well in its place."""
+    by_feed: tuple[SpikeAtFeed, ...] = ()
+    """Of a reversal spike measured at several feeds: its decay at each."""
 
     @property
     def name(self) -> str:
@@ -107,7 +79,25 @@ class Share:
             "kind": self.kind, "where": self.where, "parameters": dict(self.parameters), "U": dict(self.U),
             "range_um": self.range_um, "share": self.share, "delta_bic": self.delta_bic,
             "verdict": "tied" if self.tied_with else "clear", "tied_with": list(self.tied_with),
+            **({"by_feed": [each.json() for each in self.by_feed]} if self.by_feed else {}),
+            **({"keeps": kept(self.by_feed)} if self.by_feed else {}),
         }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Detection limit of a cause that was not found: the size from which it would be."""
+
+    name: str
+    smallest: float
+    """For the shape (period, way of decay) that is seen best."""
+    largest: float
+    """For the shape that is seen worst."""
+    unit: str
+
+    def json(self) -> dict[str, Any]:
+        """The limit for programs."""
+        return {"cause": self.name, "smallest": self.smallest, "largest": self.largest, "unit": self.unit}
 
 
 @dataclass(frozen=True)
@@ -129,6 +119,8 @@ class Shares:
     """Number of rows that disagree with all others."""
     hidden: tuple[str, ...]
     """Causes whose signal centre and length imitate."""
+    limits: tuple[Limit, ...]
+    """Smallest sizes of the other causes that these circles would show."""
     fitted: Array
     """Signal of all causes `(n,)` at the rows used, um."""
     rows: np.ndarray
@@ -138,12 +130,12 @@ class Shares:
 def shares(measurement: Measurement, circles: Sequence[Circle]) -> Shares:
     """The shares of the causes in the deviations of the circles."""
     rows = np.sort(np.concatenate([each.rows for each in circles]))
-    found = _Selection.of(measurement, rows).selected()
+    found = _Selection.of(measurement, rows, circles).selected()
     off = found.left
     usual = 1.4826 * float(np.median(np.abs(off - np.median(off))))
     good = np.abs(off) <= OUTLYING * max(usual, found.u_um)
     if not good.all():
-        found = _Selection.of(measurement, rows[good]).selected()
+        found = _Selection.of(measurement, rows[good], circles).selected()
     return found.result(int(np.count_nonzero(~good)))
 
 
@@ -166,26 +158,26 @@ class _Selection:
     chosen: tuple[Group, ...] = ()
 
     @classmethod
-    def of(cls, measurement: Measurement, rows: np.ndarray) -> _Selection:
+    def of(cls, measurement: Measurement, rows: np.ndarray, circles: Sequence[Circle]) -> _Selection:
         """The selection before its first step."""
         _, registration = misfit(measurement)
         residual = residuals(measurement, no_errors(measurement.machine), registration)[rows, 0] * 1e3
         base = equations.registration_design(measurement, registration)[rows, 0] * 1e3
         transform = equations.transform(measurement, registration)[:, 0] * 1e3
         u = float(np.sqrt(equations.covariance(measurement)[0, 0, 0])) * 1e3
-        groups = tuple(candidates(measurement, transform, rows))
+        groups = (*candidates(measurement, transform, rows), *other_motions(measurement, rows, circles))
         return cls(measurement, rows, residual, registration, base, transform, u, groups)
 
     def selected(self) -> _Selection:
         """The selection with all significant causes and no superfluous ones."""
         now = self
         for _ in range(MOST):
-            gains = [(now.gain(group), group) for group in now._open()]
-            best = max((gain for gain, _ in gains), default=0.0)
+            gains = [*((now.gain(group), now, group) for group in now._open()), *now._exchanges()]
+            best = max((gain for gain, *_ in gains), default=0.0)
             if best < SIGNIFICANT:
                 break
-            group = next(group for gain, group in gains if gain > best - SAME)
-            now = replace(now, chosen=(*now.chosen, now._refined(group))).without_superfluous()
+            before, group = next((before, group) for gain, before, group in gains if gain > best - SAME)
+            now = replace(before, chosen=(*before.chosen, now._refined(group))).without_superfluous()
         return now.without_superfluous(now.independent())
 
     def independent(self) -> float:
@@ -261,17 +253,31 @@ class _Selection:
         for group, signal in zip(self.chosen, signals, strict=True):
             own = slice(place, place + group.columns.shape[1])
             place = own.stop
-            parameters = dict(zip(group.names, solution[own].tolist(), strict=True))
-            U = dict(zip(group.names, (2.0 * sizes[own]).tolist(), strict=True))
+            named = group.names or ()
+            parameters = dict(zip(named, solution[own].tolist(), strict=bool(named)))
+            U = dict(zip(named, (2.0 * sizes[own]).tolist(), strict=bool(named)))
             known = {**parameters, **group.shape}
             mean_square, gain = float(signal @ signal) / total, self.without(group).gain(group)
             width = float(np.ptp(signal))
-            causes.append(Share(group.kind, group.where, known, U, width, mean_square, -gain, self._ties(group)))
+            share = Share(group.kind, group.where, known, U, width, mean_square, -gain, self._ties(group))
+            causes.append(replace(share, by_feed=self._by_feed(group, noise)))
         offset, offset_u = self._offset(solution, sizes)
         fitted = np.sum(signals, axis=0) if signals else np.zeros(len(left))
         return Shares(
             tuple(sorted(causes, key=lambda cause: -cause.share)), offset, offset_u, _rms(before), _rms(left),
-            self.u_um, left_out, self._hidden(), fitted, self.rows,
+            self.u_um, left_out, self._hidden(), self._limits(noise), fitted, self.rows,
+        )  # fmt: skip
+
+    def _by_feed(self, group: Group, noise_um: float) -> tuple[SpikeAtFeed, ...]:
+        """The decay of a reversal spike at each feed."""
+        if group.kind != "reversal-spike":
+            return ()
+        feeds, others = feeds_of(self.measurement, self.rows), self.without(group)
+        time = group.shape.get("time_ms")
+        ways = [group.shape["length_mm"] if time is None else way_in(self.measurement, feed, time) for feed in feeds]
+        return spikes_by_feed(
+            self.measurement, self.transform, self.rows, group.where, np.array(ways), others._basis, self.deviation,
+            noise_um,
         )  # fmt: skip
 
     def _open(self) -> Iterator[Group]:
@@ -281,9 +287,19 @@ class _Selection:
             if group.name not in chosen:
                 yield group
 
+    def _exchanges(self) -> Iterator[tuple[float, _Selection, Group]]:
+        """Gain in BIC by another number of waves of the other error motions, with the selection without them."""
+        for group in self.chosen:
+            if group.kind == OTHER:
+                before = self.without(group)
+                present = before.gain(group)
+                for other in self.candidates:
+                    if other.name == group.name and other is not group:
+                        yield before.gain(other) - present, before, other
+
     def _refined(self, group: Group) -> Group:
         """The cause with its shape refined where the gain is largest."""
-        if not group.shape:
+        if not group.shape or group.kind == OTHER:
             return group
         (start,) = group.shape.values()
         from scipy.optimize import minimize_scalar
@@ -297,7 +313,7 @@ class _Selection:
         return self._reshaped(group, start * float(np.exp(best.x)))
 
     def _reshaped(self, group: Group, value: float) -> Group:
-        build = spike if group.kind == "reversal-spike" else cyclic
+        build = cyclic if group.kind == "cyclic" else timed_spike if "time_ms" in group.shape else spike
         axis = group.where.removeprefix("E_")[-1]
         return replace(build(self.measurement, self.transform, self.rows, axis, value), trials=group.trials)
 
@@ -320,6 +336,22 @@ class _Selection:
             if not _visible(group.columns - basis @ (basis.T @ group.columns), group.columns).shape[1]:
                 hidden.append(group.name)
         return tuple(dict.fromkeys(hidden))
+
+    def _limits(self, noise_um: float) -> tuple[Limit, ...]:
+        """Detection limits of the causes that are not in the model, of both ends alike, beside those that are."""
+        found: dict[str, list[float]] = {}
+        units, n = {}, len(self.rows)
+        for group in self._open():
+            if group.kind == OTHER:
+                continue
+            signal = group.columns[:, 0] if group.kind == "cyclic" else group.columns.sum(axis=1)
+            rest = signal - self._basis @ (self._basis.T @ signal)
+            if np.linalg.norm(rest) < HIDDEN * np.linalg.norm(signal):
+                continue
+            needed = SIGNIFICANT + group.columns.shape[1] * np.log(n) + 2.0 * np.log(group.trials)
+            found.setdefault(group.name, []).append(float(np.sqrt(needed) * noise_um / np.linalg.norm(rest)))
+            units[group.name] = group.unit
+        return tuple(Limit(name, min(sizes), max(sizes), units[name]) for name, sizes in found.items())
 
     def _offset(self, solution: Array, sizes: Array) -> tuple[dict[str, float], dict[str, float]]:
         """Shift of the first table ball from its stated centre, um, and its standard uncertainty."""
@@ -351,94 +383,3 @@ def _visible(rest: Array, columns: Array) -> Array:
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-# ---- the candidates
-
-
-def candidates(measurement: Measurement, transform: Array, rows: np.ndarray) -> Iterator[Group]:
-    """The causes that are tried: those of the table that a circle shows."""
-    machine, q = measurement.machine, measurement.state.positions[rows]
-    moving = [
-        axis.name for axis, span in zip(machine.axes, np.ptp(q, axis=0).tolist(), strict=True)
-        if not axis.rotary and span > 1.0
-    ]  # fmt: skip
-
-    def signal(effect: EffectBase) -> Array:
-        return signal_of(measurement, transform, rows, effect)
-
-    for axis in moving:
-        backlash = signal(Backlash(axis, 1.0))
-        i = machine.index(axis)
-        side = (q[:, [i]] - q[:, i].mean()) / (0.5 * np.ptp(q[:, i]))
-        yield Group("backlash", axis, ("width_plus_um", "width_minus_um"), _sides(backlash, side), {})
-        for length in LENGTHS_MM:
-            yield spike(measurement, transform, rows, axis, length)
-        yield from _periods(measurement, transform, rows, axis)
-    for axis, other in permutations(moving, 2):
-        component = own_component(other)
-        where = f"E_{component}{axis}"
-        yield Group("lateral-play", where, ("play_um",), signal(LateralPlay(component, axis, 1.0)), {})
-        low, high = q[:, machine.index(axis)].min(), q[:, machine.index(axis)].max()
-        bow = signal(ErrorMotion(component, axis, Legendre((float(low), float(high)), 2), (0.0,) * 3))[:, 2:]
-        yield Group("straightness", where, ("bow_um",), bow / 1.5, {})
-    for axis in moving:
-        low, high = q[:, machine.index(axis)].min(), q[:, machine.index(axis)].max()
-        component, basis = own_component(axis), Legendre((float(low), float(high)), 2)
-        curve = signal(ErrorMotion(component, axis, basis, (0.0,) * 3))[:, 2:]
-        yield Group("positioning-curve", f"E_{component}{axis}", ("bow_um",), curve / 1.5, {})
-    for one, other in combinations(moving, 2):
-        pair = f"{one} {other}"
-        apart = 0.5 * (signal(Scale(one, 1.0)) - signal(Scale(other, 1.0)))
-        yield Group("scale-mismatch", pair, ("difference_um_per_m",), apart, {})
-        normal = cast(Component, "ABC"[3 - sum("XYZ".index(own_component(axis)) for axis in (one, other))])
-        first, second = sorted((one, other), key=own_component)
-        angle = signal(LocationError(normal, second, 1.0))
-        yield Group("squareness", f"{first} {second}", ("angle_urad",), angle, {})
-        yield Group("servo-mismatch", pair, ("lag_ms",), signal(ServoMismatch(one, other, 1.0)), {})
-
-
-def spike(measurement: Measurement, transform: Array, rows: np.ndarray, axis: str, length: float) -> Group:
-    """A reversal spike at both ends of an axis that decays over a length, mm."""
-    own = signal_of(measurement, transform, rows, ReversalSpike(axis, 0.0, length))[:, :1]
-    names = "height_plus_um", "height_minus_um"
-    x = measurement.state.positions[rows, measurement.machine.index(axis)]
-    plus = (x > 0.5 * (x.min() + x.max()))[:, None]
-    columns = np.concatenate([np.where(plus, own, 0.0), np.where(plus, 0.0, own)], axis=1)
-    return Group("reversal-spike", axis, names, columns, {"length_mm": length}, 3.0)
-
-
-def cyclic(measurement: Measurement, transform: Array, rows: np.ndarray, axis: str, period: float) -> Group:
-    """A cyclic error of an axis with one harmonic and this period, mm."""
-    component = own_component(axis)
-    columns = signal_of(measurement, transform, rows, Cyclic(component, axis, period, (0.0,), (0.0,)))[:, 1:]
-    waves = _range(measurement, rows, axis) / period
-    return Group("cyclic", axis, ("sine_um", "cosine_um"), columns, {"period_mm": period}, max(waves, 1.0) * 10.0)
-
-
-def signal_of(measurement: Measurement, transform: Array, rows: np.ndarray, effect: EffectBase) -> Array:
-    """Signal along the bar `(n, parameters)` of an effect, um for each unit of its parameters."""
-    total: Array | None = None
-    for column, component, values in effect.columns(measurement.machine, measurement.state):
-        own = transform[rows, 6 * column + component][:, None] * values[rows]
-        total = own if total is None else total + own
-    assert total is not None
-    return total
-
-
-def _sides(width: Array, side: Array) -> Array:
-    """Columns of the widths at the positive and at the negative end, for a width that is linear between."""
-    return np.concatenate([width * 0.5 * (1.0 + side), width * 0.5 * (1.0 - side)], axis=1)
-
-
-def _range(measurement: Measurement, rows: np.ndarray, axis: str) -> float:
-    return float(np.ptp(measurement.state.positions[rows, measurement.machine.index(axis)]))
-
-
-def _periods(measurement: Measurement, transform: Array, rows: np.ndarray, axis: str) -> Iterator[Group]:
-    """Cyclic errors on a grid of periods, fine enough that the phase at the ends changes by less than an eighth."""
-    steps = np.abs(np.diff(measurement.state.positions[rows, measurement.machine.index(axis)]))
-    span, shortest = _range(measurement, rows, axis), WAVES * float(np.quantile(steps, 0.95))
-    low, high = 1.0 / (LARGEST_PERIOD * span), 1.0 / max(shortest, 1e-3)
-    for frequency in np.arange(low, high, 0.4 / span).tolist():
-        yield cyclic(measurement, transform, rows, axis, 1.0 / frequency)

@@ -19,6 +19,8 @@ LENGTH_OFF_MM = 2.0
 """Difference of the readings from the stated length, mm, from which the radius is wrong: a bar's travel is 1 mm."""
 OTHER_CENTRE_MM = 0.5
 """Distance of the centre of a run from that of the others, mm, from which the run has another table ball."""
+SEEN = 0.1
+"""Share of the best seen direction of a shift below which a direction is not seen: that across a circle."""
 FAR_MM = 3.0
 """Distance of the table ball from the stated centre, mm, from which one of the two is wrong."""
 LOST_MM = 20.0
@@ -108,7 +110,7 @@ def _other_centres(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
         length = np.linalg.norm(arms, axis=1)
         away = measurement.observed[mine, 0] - length - registration.zeros[LENGTH]
         good = np.abs(away - np.median(away)) < 20.0
-        shift = np.linalg.lstsq(-arms[good] / length[good, None], away[good], rcond=1e-3)[0]
+        shift = np.linalg.lstsq(-arms[good] / length[good, None], away[good], rcond=SEEN)[0]
         if float(np.linalg.norm(shift)) > OTHER_CENTRE_MM:
             yield (
                 "centre",

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration.circles.candidates import OTHER
 from calibration.circles.figures import CircularTest
 from calibration.circles.shares import Share, Shares
+from calibration.circles.spikes import kept
 from kinematics.report_head import ReportHead
 from rendering.report import Report, Section, Table, facts
 
@@ -33,6 +35,7 @@ def ballbar_json(tests: Sequence[CircularTest], shares: Shares) -> dict[str, Any
         "noise_um": shares.noise_um,
         "rows_left_out": shares.left_out,
         "not_visible": list(shares.hidden),
+        "detection_limits": [limit.json() for limit in shares.limits],
     }
 
 
@@ -80,6 +83,7 @@ def _causes(shares: Shares) -> Iterator[Section]:
         "positions, in a table or in a program, does not remove them, and ncomp leaves them out.",
         Table(("cause", "size and U (k=2)", "range, um", "share", "verdict", "remedy"), rows),
     )
+    yield from _by_feed(shares)
     offset = ", ".join(
         f"{name} {value:+.1f} +- {2.0 * shares.offset_u[name]:.1f} um" for name, value in shares.offset_um.items()
     )
@@ -89,6 +93,38 @@ def _causes(shares: Shares) -> Iterator[Section]:
     if shares.hidden:
         set_up.append(("not visible in these circles", ", ".join(shares.hidden)))
     yield facts("Set-up", set_up)
+    yield Section(
+        "Detection limits",
+        "Smallest size of each other cause that these circles would show beside the found ones (odds of 400 to 1), for "
+        "the period or the decay that is seen best, and for the one that is seen worst.",
+        Table(
+            ("cause", "best", "worst", ""),
+            [(each.name, f"{each.smallest:.2g}", f"{each.largest:.2g}", each.unit) for each in shares.limits],
+        ),
+        detail=True,
+    )
+
+
+KEPT = {
+    "time": "it keeps its time: friction and control",
+    "way": "it keeps its way: mechanics",
+    "both": "these feeds do not part time and way",
+    "neither": "it keeps neither its way nor its time",
+}
+
+
+def _by_feed(shares: Shares) -> Iterator[Section]:
+    rows = []
+    for cause in shares.causes:
+        for each in cause.by_feed:
+            way, time = f"{each.way_mm:.3f} +- {each.U_way:.3f}", f"{each.time_ms:.1f} +- {each.U_time:.1f}"
+            rows.append((cause.name, f"{each.feed:g}", way, time, KEPT[kept(cause.by_feed)]))
+    if rows:
+        yield Section(
+            "Reversal spikes by feed",
+            "Decay of the spike at each feed, with U (k = 2): the way since the reversal, and the time on this circle.",
+            Table(("cause", "feed, mm/min", "way, mm", "time, ms", "conclusion"), rows),
+        )
 
 
 def _size(cause: Share, name: str, value: float) -> str:
@@ -103,6 +139,8 @@ def _size(cause: Share, name: str, value: float) -> str:
 def _remedy(cause: Share) -> str:
     if cause.kind in NOT_CORRECTED:
         return "drive settings"
+    if cause.kind == OTHER:
+        return "program; circles elsewhere and other instruments part them"
     return "bidirectional table, program" if cause.kind in TABLES else "table, program"
 
 
