@@ -1,21 +1,76 @@
-"""Parts of figures that several reports draw."""
+"""Figures of reports: panels of traces for Plotly, which the page arranges by its width."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 
 from kinematics.transforms import Array
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-COLOURS = ("#3465a4", "#cc5500", "#4e9a06")
+COLOURS = ("#3b7dd8", "#d9700a", "#4e9a06")
+"""Of x, y, z; of A and B; of forward and backward."""
+INK, GREY, RED = "@ink", "@grey", "#d4372c"
+"""Text and thin lines in the colours of the page, which is light or dark."""
+MACHINE, INSTRUMENT, UNEXPLAINED = COLOURS[0], COLOURS[1], "#8a8f98"
+BEFORE, AFTER = COLOURS[:2]
 MANY = 4000
 """Most points that are drawn of one kind."""
 LONG = 1800.0
 """Duration, s, from which times are shown in hours."""
+ENDS = {0.0: "left", 1.0: "right"}
+HOVER = "%{x}: %{y:.2f} ± %{customdata:.2f}<extra>%{fullData.name}</extra>"
+DIGITS = 5
+"""Significant digits of drawn numbers."""
+Trace = dict[str, Any]
+
+
+@dataclass
+class Panel:
+    """Traces in one pair of axes, one polar diagram or one 3-D scene."""
+
+    x: str = ""
+    """Label of an axis, with its unit."""
+    y: str = ""
+    title: str = ""
+    z: str = ""
+    kind: Literal["xy", "polar", "scene"] = "xy"
+    traces: list[Trace] = field(default_factory=list)
+    axes: dict[str, Any] = field(default_factory=dict)
+    """Further attributes of the axes: `xaxis`, `yaxis`, or of the whole scene or polar diagram."""
+    notes: list[Trace] = field(default_factory=list)
+    """Annotations in the coordinates of the panel."""
+    shapes: list[Trace] = field(default_factory=list)
+
+
+@dataclass
+class Figure:
+    """Panels side by side."""
+
+    panels: Sequence[Panel]
+    across: int = 1
+    """Most panels in a row; a narrow page has fewer."""
+    height: int = 260
+    """Height of a panel, px."""
+    same_x: bool = False
+    """One scale along x."""
+    same_y: bool = False
+    colours: Trace | None = None
+    """Colour axis of all panels: `cmin`, `cmax`, `colorscale`, `title`."""
+
+    def spec(self) -> dict[str, Any]:
+        """The figure for the page, with rounded numbers."""
+        panels = [{key: value for key, value in vars(panel).items() if value} for panel in self.panels]
+        spec = {"panels": panels, "across": self.across, "height": self.height, "sameX": self.same_x}
+        rounded: dict[str, Any] = _plain(spec | {"sameY": self.same_y, "colours": self.colours})
+        return rounded
+
+
+def grid(panels: Sequence[Panel], across: int, **form: Any) -> Figure:
+    """Panels in rows."""
+    return Figure(panels, min(across, max(len(panels), 1)), **form)
 
 
 def clock(seconds: Array) -> tuple[float, str]:
@@ -28,21 +83,133 @@ def some(rows: np.ndarray, most: int = MANY) -> np.ndarray:
     return np.asarray(rows[np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(int)])
 
 
-def dots(panel: Axes, x: Array, y: Array, colour: str, **style: Any) -> None:
-    """Single points, drawn as a bitmap."""
-    panel.plot(x, y, ".", color=colour, rasterized=True, **({"markersize": 2} | style))
+def colour_axis(least: float, most: float, title: str, *, signed: bool = False) -> Trace:
+    """One colour scale for all panels of a figure; `signed`: white at zero."""
+    return {
+        "cmin": least,
+        "cmax": most,
+        "colorscale": "RdBu" if signed else "Viridis",
+        "reversescale": signed,
+        "title": title,
+    }
 
 
-def band(panel: Axes, x: Array, y: Array, half: Array, colour: str = COLOURS[0], label: str | None = None) -> None:
+def dots(panel: Panel, x: Array, y: Array, colour: str, name: str = "", **style: Any) -> None:
+    """Single points."""
+    marker = {"color": colour, "size": style.pop("size", 3), "opacity": style.pop("opacity", 0.5)} | style
+    panel.traces.append({"type": "scatter", "mode": "markers", "x": x, "y": y, "name": name, "marker": marker})
+
+
+def line(panel: Panel, x: Array, y: Array, colour: str = COLOURS[0], name: str = "", **style: Any) -> None:
+    """A curve."""
+    form = {"color": colour, "width": style.pop("width", 1.5)} | style
+    panel.traces.append({"type": "scatter", "mode": "lines", "x": x, "y": y, "name": name, "line": form})
+
+
+def band(panel: Panel, x: Array, y: Array, half: Array, colour: str = COLOURS[0], name: str = "") -> None:
     """A curve with a band of this half-width `(n,)`."""
-    panel.fill_between(x, y - half, y + half, color=colour, alpha=0.2, linewidth=0)
-    panel.plot(x, y, color=colour, linewidth=1, label=label)
+    area(panel, x, y - half, y + half, colour)
+    line(panel, x, y, colour, name)
+    panel.traces[-1] |= {"customdata": half, "hovertemplate": HOVER}
 
 
-def against_normal(panel: Axes, white: Array, most: float) -> None:
+def area(panel: Panel, x: Array, low: Array, high: Array, colour: str, opacity: float = 0.22) -> None:
+    """The area between two curves."""
+    fill = {"fill": "toself", "fillcolor": rgba(colour, opacity), "line": {"width": 0}, "hoverinfo": "skip"}
+    known = np.isfinite(low) & np.isfinite(high)
+    for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(known.astype(int))) + 1):
+        if len(part) and known[part[0]]:
+            across, up = np.concatenate([x[part], x[part][::-1]]), np.concatenate([high[part], low[part][::-1]])
+            panel.traces.append({"type": "scatter", "mode": "lines", "x": across, "y": up, "showlegend": False} | fill)
+
+
+def bars_of_error(panel: Panel, x: Array, y: Array, half: Array, colour: str, name: str = "", size: int = 6) -> None:
+    """Points with bars of this half-width `(n,)`."""
+    bar = {"type": "data", "array": half, "thickness": 1, "width": 2, "color": colour}
+    dots(panel, x, y, colour, name, size=size, opacity=1)
+    panel.traces[-1]["error_y"] = bar
+
+
+def bars(panel: Panel, names: Sequence[str], values: Sequence[float], colour: str, name: str = "") -> None:
+    """A bar above each of these names."""
+    panel.traces.append({"type": "bar", "x": names, "y": values, "name": name, "marker": {"color": colour}})
+    panel.axes.setdefault("xaxis", {"type": "category"})
+
+
+def coloured_dots(panel: Panel, x: Array, y: Array, values: Array) -> None:
+    """Points coloured by `values` on the figure's scale."""
+    marker = {"color": values, "coloraxis": "coloraxis", "size": 5}
+    trace = {"type": "scatter", "mode": "markers", "x": x, "y": y, "marker": marker}
+    panel.traces.append(trace | {"hovertemplate": "%{x:.4g}, %{y:.4g}: %{marker.color:.2f}<extra></extra>"})
+
+
+def ranked(rows: Sequence[tuple[str, float, str]], label: str) -> Figure:
+    """A bar to the right below each name, with its share and its colour."""
+    panel = Panel(label, axes={"bare": True, "yaxis": {"visible": False, "range": [len(rows) - 0.45, -0.75]}})
+    most = max(share for _, share, _ in rows)
+    panel.axes["xaxis"] = {"range": [0.0, 105.0 * most], "ticksuffix": " %"}
+    bar = {"type": "bar", "orientation": "h", "width": 0.42, "hoverinfo": "skip", "showlegend": False}
+    shares, colours = [100.0 * share for _, share, _ in rows], [colour for _, _, colour in rows]
+    panel.traces.append(bar | {"y": list(range(len(rows))), "x": shares, "marker": {"color": colours}})
+    for number, (name, share, _) in enumerate(rows):
+        text = f"{name}: <b>{share:.0%}</b>"
+        panel.notes.append({"x": 0, "y": number - 0.5, "text": text, "xanchor": "left", "yanchor": "middle"})
+    return Figure([panel], height=70 + 46 * len(rows))
+
+
+def extent(panel: Panel, x: float, low: float, high: float, label: str, colour: str = INK) -> None:
+    """A vertical line between two values, with a label at its upper end."""
+    form = {"color": colour, "width": 2}
+    panel.shapes.append({"type": "line", "x0": x, "x1": x, "y0": low, "y1": high, "line": form})
+    panel.notes.append({"x": x, "y": high, "yanchor": "bottom", "text": label})
+
+
+def level(panel: Panel, y: float, label: str = "", colour: str = GREY, *, dash: str = "solid", at: float = 1.0) -> None:
+    """A line from left to right, with a label at a share of its length."""
+    form = {"color": colour, "width": 1, "dash": dash}
+    panel.shapes.append({"type": "line", "xref": "domain", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": form})
+    if label:
+        panel.notes.append(
+            {"xref": "domain", "x": at, "xanchor": ENDS.get(at, "center"), "y": y, "yanchor": "bottom", "text": label}
+        )
+
+
+def steps(x: Array, y: Array) -> tuple[Array, Array]:
+    """Corners of a curve that is constant between the edges `x` `(n + 1,)`, with the values `y` `(n,)`."""
+    return np.repeat(x, 2)[1:-1], np.repeat(y, 2)
+
+
+def heat(panel: Panel, x: Array, y: Array, values: Array) -> None:
+    """Cells between the edges `x` and `y`, coloured by `values` `(len(x) - 1, len(y) - 1)` on the figure's scale."""
+    trace = {"type": "heatmap", "x": x, "y": y, "z": values.T, "coloraxis": "coloraxis", "hoverongaps": False}
+    panel.traces.append(trace | {"hovertemplate": "%{x:.4g}, %{y:.4g}: %{z:.2f}<extra></extra>"})
+
+
+def against_normal(panel: Panel, white: Array, most: float) -> None:
     """Distribution of residuals in standard uncertainties, with that of noise alone; larger ones count as `most`."""
     edges = np.linspace(-most, most, round(10 * most) + 1)
-    bins: list[float] = edges.tolist()
-    panel.hist(np.clip(white.ravel(), -most, most), bins, density=True, color=COLOURS[0], alpha=0.5, label="residuals")
-    panel.plot(edges, np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi), color="#222", linewidth=1, label="noise")
-    panel.set_xlabel("residual / standard uncertainty")
+    density, _ = np.histogram(np.clip(white.ravel(), -most, most), edges, density=True)
+    middle = (edges[1:] + edges[:-1]) / 2.0
+    bar = {"type": "bar", "x": middle, "y": density, "name": "residuals", "width": float(np.diff(edges)[0])}
+    panel.traces.append(bar | {"marker": {"color": COLOURS[0], "opacity": 0.55, "line": {"width": 0}}})
+    line(panel, edges, np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi), INK, "noise alone")
+    panel.x, panel.y = "residual / standard uncertainty", "density"
+
+
+def rgba(colour: str, opacity: float) -> str:
+    """A colour `#rrggbb` with this opacity."""
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return f"rgba({red},{green},{blue},{opacity:g})"
+
+
+def _plain(value: Any) -> Any:
+    """Numbers rounded, arrays as lists, gaps as None: ready for JSON."""
+    if isinstance(value, np.ndarray):
+        return [_plain(each) for each in value.tolist()]
+    if isinstance(value, Mapping):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(each) for each in value]
+    if isinstance(value, (float, np.floating)):
+        return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value

@@ -2,52 +2,58 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+import base64
+import gzip
+import json
+from importlib.util import find_spec
+from pathlib import Path
 
-from rendering.report import Report
+from kinematics.user_error import UserError
+from rendering.report import Report, Section
+from rendering.si import si, si_labels
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-STYLE: Any = {
-    "font.size": 8,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "svg.hashsalt": "ncomp",  # the same data give the same page
-    "svg.fonttype": "none",
-}
-SVG_DPI = 72
-"""Units per inch of an SVG."""
+FOLDED = 20
+"""Most rows of a table that is not folded."""
+HERE = Path(__file__).parent
 
 
 def page(report: Report) -> bytes:
     """The whole page, with the verdict at its top."""
-    from jinja2 import Environment, PackageLoader
+    from jinja2 import Environment, FileSystemLoader
 
-    environment = Environment(
-        loader=PackageLoader(__package__, "."), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    environment = Environment(loader=FileSystemLoader(HERE), autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["si"] = si
+    figures = [section.figure().spec() for section in (*report.before, *report.sections) if section.figure]
+    return (
+        environment.get_template("page.html")
+        .render(
+            report=report,
+            folded=_folded,
+            style=(HERE / "page.css").read_text(encoding="utf-8"),
+            script=(HERE / "page.js").read_text(encoding="utf-8"),
+            figures=as_script(si_labels(figures)) if figures else "",
+            library=_library() if figures else "",
+        )
+        .encode()
     )
-    return environment.get_template("page.html").render(report=report, svg=svg).encode()
 
 
-def svg(draw: Callable[[Figure], None]) -> str:
-    """A figure as SVG; `draw` sets its size."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
+def as_script(value: object) -> str:
+    """JSON that can stand inside an element of HTML."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("</", "<\\/").replace("<!--", "<\\u0021--")
 
-    out = io.StringIO()
-    with mpl.rc_context(STYLE):
-        canvas = Figure(layout="constrained")
-        FigureCanvasSVG(canvas)
-        draw(canvas)
-        bitmaps, canvas.dpi = canvas.dpi, SVG_DPI
-        if layout := canvas.get_layout_engine():  # savefig would execute it twice, and draw twice
-            layout.execute(canvas)
-            canvas.set_layout_engine(None)
-        canvas.savefig(out, format="svg", dpi=bitmaps, metadata={"Date": None})
-    return out.getvalue()[out.getvalue().index("<svg") :]
+
+def _folded(section: Section) -> bool:
+    """True for a long table, and for text that is only looked up."""
+    rows = 0 if section.table is None else len(section.table.rows)
+    return rows > FOLDED or (section.detail and section.figure is None)
+
+
+def _library() -> str:
+    """Plotly's JavaScript, packed, as base64."""
+    found = find_spec("plotly")
+    if found is None or not found.submodule_search_locations:
+        raise UserError("the page needs the package plotly: pip install plotly")
+    path = Path(found.submodule_search_locations[0]) / "package_data" / "plotly.min.js"
+    return base64.b64encode(gzip.compress(path.read_bytes(), mtime=0)).decode()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from kinematics.report_head import ReportHead
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from rendering.figures import Figure
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class Section:
     text: str = ""
     """Sentences; each line is a paragraph."""
     table: Table | None = None
-    figure: Callable[[Figure], None] | None = None
-    """Draws the figure."""
+    figure: Callable[[], Figure] | None = None
+    """Makes the figure."""
     detail: bool = False
-    """True for a section that is on the page only."""
+    """True for a section that is on the page only, folded if it has no figure."""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ os.environ["COLUMNS"] = "200"  # consoles take their width once, when they are i
 
 import hypothesis
 import pytest
+from clients import chromium as browsers
 from clients import freecad as freecad_posts
 from clients import linuxcnc_sim as simulator
 from clients import rs274
@@ -30,7 +31,7 @@ hypothesis.settings.load_profile("default")  # or --hypothesis-profile=ci
 TIERS = {"unit", "integration", "statistical"}
 LINUXCNC = {"linuxcnc", "linuxcnc_sim"}
 INTEGRATION = {
-    "command", "ncomp", "nc_data", "plates", "slit_log", "ecmc_report", "scope_log", "freecad", *LINUXCNC
+    "command", "ncomp", "nc_data", "plates", "slit_log", "ecmc_report", "scope_log", "chromium", "freecad", *LINUXCNC
 }  # fmt: skip
 """A test with one of these fixtures is an integration test, unless it is marked as statistical."""
 INTEGRATION_MODULES = {
@@ -88,6 +89,16 @@ def freecad() -> ModuleType:
     if not freecad_posts.available():
         _missing("FreeCAD", "freecad-python3")
     return freecad_posts
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[browsers.Chromium]:
+    """A browser; skipped or failed where it is missing, like `linuxcnc`."""
+    if not browsers.available():
+        _missing("Chromium with its driver", "chromium chromium-driver")
+    browser = browsers.Chromium()
+    yield browser
+    browser.close()
 
 
 def _missing(client: str, package: str = "linuxcnc-uspace") -> NoReturn:

@@ -511,7 +511,7 @@ def test_help_comes_without_heavy_libraries():
     done = subprocess.run([sys.executable, "-c", shown + names], capture_output=True, text=True, check=True, timeout=60)
     loaded = ast.literal_eval(done.stderr)
     assert "typer" in loaded
-    assert not loaded & {"numpy", "scipy", "sympy", "matplotlib", "lark"}
+    assert not loaded & {"numpy", "scipy", "sympy", "plotly", "lark"}
 
 
 def test_backlash_and_temperatures(ncomp, tmp_path):

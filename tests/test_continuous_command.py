@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from support.continuous_cases import virtual_case
+from support.pages import figures
 
 from calibration.continuous.reading import read_all
 from calibration.continuous.record_file import write_records
@@ -78,7 +79,7 @@ def test_from_a_virtual_machine_to_a_table(command, tmp_path):
     assert abs(found["reversal"]["mean_um"]) == pytest.approx(8.0, abs=0.3)
     assert found["cyclic"][0]["period_mm"] == pytest.approx(10.0, abs=0.01)
     page = (tmp_path / "out.html").read_text()
-    assert "<svg" in page
+    assert len(figures(page)) == 3
     assert "Reversal" in page
     assert "Cyclic errors" in done.err
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from support.pages import figures
 from support.virtual_measurements import THREE, measured, positions
 
 import machines
@@ -153,7 +154,7 @@ def test_a_diagnosis_its_calibration_and_what_it_is_good_for(diagnosed, sheet, c
     assert written["width"] == pytest.approx(effect["parameters"]["width_um"])
     assert new["ncomp_calibration"] == 1
     assert "backlash X" in done.out.decode()
-    assert "<svg" in (tmp_path / "page.html").read_text()
+    assert figures(tmp_path / "page.html")
     (tmp_path / "part.nc").write_text("G21 G90 G94 G54 G17\nT1 M6\nG43 H1\nG0 X10 Y10 Z50\nG1 X90 F500\nX20\nM30\n")
     setup = ("-m", "cframe", "-c", "new.json", "--work-offset", "G54=100,100,200", "--tool-length", "T1=100")
     done = command("part.nc", *setup, "-o", "part_c.nc", "--no-travel-check")

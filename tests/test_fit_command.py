@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.pages import figures
 from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions, truth
 
@@ -119,7 +120,7 @@ def test_the_report_is_one_page_with_its_figures(command, data, tmp_path):
     )
     assert done.status == 0, done.err
     page = (tmp_path / "fit.html").read_text()
-    assert page.count("<svg") == 3
+    assert len(figures(page)) == 4
     assert "src=" not in page.replace("xlink:href", "")  # nothing is loaded from elsewhere
     for part in (
         "Location errors",
@@ -128,7 +129,7 @@ def test_the_report_is_one_page_with_its_figures(command, data, tmp_path):
         "U (k=2)",
         "Unexplained residual",
         "Rows that disagree, or repeat",
-        "chi2/dof",
+        "χ²/dof",
     ):
         assert part in page
 

@@ -202,7 +202,7 @@ def test_no_module_imports_a_test_module() -> None:
 
 
 NOT_ON_THE_MAIN_ROAD = {
-    *("typer", "click", "pydantic", "rich", "lark", "jinja2", "matplotlib", "scipy", "sympy", "threadpoolctl"),
+    *("typer", "click", "pydantic", "rich", "lark", "jinja2", "plotly", "scipy", "sympy", "threadpoolctl"),
     *(
         "numpy.ma",
         "numpy.polynomial",

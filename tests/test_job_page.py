@@ -6,12 +6,12 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.pages import LINK, figures, panels, text_of, texts
 from support.programs import load, random_model, shifted
 from support.tiers import drawn
 
@@ -21,8 +21,6 @@ from postproc.evaluation import trace
 BOX = Path(__file__).parents[1] / "examples" / "box.nc"
 DEMO = ("--machine", "dmu50", "--work-offset", "G54=-30,-20,150", "--tool-length", "T1=80")
 GANTRY = ("--machine", "gantry", "--calibration", "cal.json")
-LINK = re.compile(r"""(?:src|href|xlink:href)\s*=\s*["'](?!#|data:)|@import|url\((?!#|["']?data:)""")
-SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
 LONG = "G21 G17 G90\nG0 X500.0 Y500.0 Z100.0\n" + "".join(
     f"G1 X{500 + 10 * np.cos(i / 9):.3f} Y{500 + i}.5 Z{100 + i % 7}.0 F500\n" for i in range(150)
 )
@@ -54,14 +52,9 @@ def with_page(ncomp):
 
 def table(page, title):
     """Rows of the table of a section, by their first cell."""
-    section = page.split(f"<h2>{title}</h2>")[1].split("<h2>")[0]
+    section = page.split(f"<h2>{title}</h2>")[1].split("<section")[0]
     rows = [re.findall(r"<td>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", section, re.DOTALL)]
     return {row[0]: row[1:] for row in rows if row}
-
-
-def texts(page):
-    """The words of each figure."""
-    return ["".join(ElementTree.fromstring(svg).itertext()) for svg in SVG.findall(page)]
 
 
 def test_page_of_the_demo(command):
@@ -80,15 +73,22 @@ def test_page_of_the_demo(command):
     options = table(page, "Options and inputs")
     assert options["classes"] == ["all but FOR"]
     assert options["program&#39;s hash"][0].startswith(results["program"]["sha256"])
-    notes = page.split("<h2>Notes</h2>")[1].split("<h2>")[0]
+    notes = page.split("<h2>Notes</h2>")[1].split("<section")[0]
     assert all(note in notes for note in results["notes"])
-    along, corrections, plan = texts(page)
-    assert "before, um" in along
-    assert "after, um" in along
-    assert all(f"{axis}, um" in corrections for axis in "XYZ")
+    plan, along, corrections = texts(page)
+    assert "error, µm" in along
+    assert "after, enlarged" in along
+    assert all(f"Axis {axis}" in corrections for axis in "XYZ")
     assert all(f"{axis}, mm" in plan for axis in "xyz")
-    assert "error before, um" in plan
-    assert not LINK.search(page)
+    assert "tool point error, µm" in plan
+    assert not LINK.search(text_of(page))
+    path = figures(page)[0]
+    before, after = (np.array(panel["traces"][0]["customdata"], float) for panel in path["panels"])
+    assert path["colours"]["cmax"] == pytest.approx(np.nanmax(before), rel=1e-4)
+    assert np.nanmax(before) == pytest.approx(results["predicted_error_um"]["before"]["max"], rel=0.02)
+    assert np.nanmax(after) < 0.3
+    largest = max(panels(page)[2]["traces"][0]["y"], key=lambda y: y or 0.0)
+    assert largest == pytest.approx(results["predicted_error_um"]["before"]["max"], rel=1e-3)
 
 
 def _numbers_agree(page, results):
@@ -108,8 +108,8 @@ def _numbers_agree(page, results):
         _same(table(page, "Corrections")[f"correction {axis}"], numbers)
     verdict = page.split('class="verdict">')[1].split("</p>")[0]
     before, after = predicted["before"], predicted["after"]
-    assert f"{before['rms']:.2f} -&gt; {after['rms']:.2f}" in verdict
-    assert f"{before['max']:.2f} -&gt; {after['max']:.2f}" in verdict
+    assert f"{before['rms']:.2f} → {after['rms']:.2f}" in verdict
+    assert f"{before['max']:.2f} → {after['max']:.2f}" in verdict
 
 
 def _same(cells, numbers):
@@ -212,7 +212,7 @@ def test_what_draws_is_loaded_on_demand():
     code += "print(*(name.partition('.')[0] for name in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert Path("out.nc").exists()
-    assert not set(done.stdout.split()) & {"matplotlib", "jinja2", "calibration"}
+    assert not set(done.stdout.split()) & {"plotly", "jinja2", "calibration"}
 
 
 # ---- what is kept of a program
@@ -251,6 +251,6 @@ def test_ways_are_thinned_evenly(chunks, most):
         for first, last in itertools.pairwise(np.cumsum([0, *chunks]).tolist()):
             kept = ways.rows(np.arange(first, last))
             one = np.broadcast_to(kept[:, None], (len(kept), trace.SEGMENTS + 1)).astype(float)
-            ways.add(np.repeat(one[:, :, None], 3, axis=2), one)
+            ways.add(np.repeat(one[:, :, None], 3, axis=2), np.repeat(one[:, :, None], 2, axis=2))
     assert len(ways.points) <= most
-    np.testing.assert_array_equal(ways.errors[:, 0], np.arange(0, sum(chunks), ways.stride))
+    np.testing.assert_array_equal(ways.errors[:, 0, 1], np.arange(0, sum(chunks), ways.stride))

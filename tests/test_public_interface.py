@@ -18,7 +18,7 @@ from kinematics.error_model.model import write_model
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 OFFSET, LENGTH = "G54=-30,-20,150", "T1=80"
-HEAVY = ("scipy.optimize", "sympy", "matplotlib", "lark", "rich")
+HEAVY = ("scipy.optimize", "sympy", "plotly", "lark", "rich")
 
 
 def test_every_public_function_has_a_docstring_and_the_examples_run():

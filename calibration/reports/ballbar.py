@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +13,8 @@ from calibration.circles.figures import CircularTest
 from calibration.circles.shares import Share, Shares
 from calibration.circles.spikes import kept
 from kinematics.report_head import ReportHead
+from rendering.figures import COLOURS, Figure, Panel, grid
 from rendering.report import Report, Section, Table, facts
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 NOT_CORRECTED = ("servo-mismatch", "reversal-spike")
 """Causes that depend on the dynamics of the drives: corrected positions do not remove them."""
@@ -41,7 +40,7 @@ def ballbar_json(tests: Sequence[CircularTest], shares: Shares) -> dict[str, Any
 
 def ballbar_report(tests: Sequence[CircularTest], shares: Shares, lead: str, head: ReportHead) -> Report:
     """The result for people."""
-    sections = [*_figures(tests), *_causes(shares), *_polar(tests)]
+    sections = [*_polar(tests), *_figures(tests), *_causes(shares)]
     return Report("Circular test, ISO 230-4:2005", lead, sections, _verdict(shares), head=head)
 
 
@@ -145,22 +144,26 @@ def _remedy(cause: Share) -> str:
 
 
 def _polar(tests: Sequence[CircularTest]) -> Iterator[Section]:
-    for test in tests:
-
-        def draw(figure: Figure, test: CircularTest = test) -> None:
-            polar(figure, test)
-
-        yield Section(f"Plane {test.plane}, feed {test.feed:g} mm/min", figure=draw, detail=True)
+    text = "Deviations of both directions about the least-squares circle, um, enlarged, all to one scale."
+    yield Section("Circles", text, figure=partial(_circles, tests))
 
 
-def polar(figure: Figure, test: CircularTest) -> None:
+def _circles(tests: Sequence[CircularTest]) -> Figure:
+    largest = max(float(np.abs(values).max(initial=0.0)) for test in tests for values in test.deviations)
+    return grid([_circle(test, largest or 1.0) for test in tests], 3, height=430)
+
+
+def _circle(test: CircularTest, largest: float) -> Panel:
     """The deviations of both directions, enlarged, about the least-squares circle."""
-    panel = figure.add_subplot(projection="polar")
-    largest = max(float(np.abs(values).max()) for values in test.deviations)
-    for circle, values in zip(test.circles, test.deviations, strict=True):
-        order = np.argsort(circle.angles % (2.0 * np.pi)) if len(values) else slice(None)
+    first, second = test.plane[0], test.plane[1]
+    panel = Panel(kind="polar", title=f"Plane {test.plane}, feed {test.feed:g} mm/min")
+    for circle, values, colour in zip(test.circles, test.deviations, COLOURS, strict=False):
+        angles = np.degrees(circle.angles) % 360.0
+        order = np.argsort(angles) if len(values) else slice(None)
         name = "counter-clockwise" if circle.counter_clockwise else "clockwise"
-        panel.plot((circle.angles % (2.0 * np.pi))[order], values[order], linewidth=0.8, label=name)
-    panel.set_ylim(-3.0 * largest, 1.2 * largest)
-    panel.set_title(f"deviation, um, from {test.plane[0]} to {test.plane[1]}", fontsize="small")
-    panel.legend(loc="lower left", fontsize="small")
+        trace = {"type": "scatterpolar", "mode": "lines", "theta": angles[order], "r": values[order], "name": name}
+        panel.traces.append(trace | {"line": {"color": colour, "width": 1.5}})
+    directions = {"tickvals": [0, 90, 180, 270], "ticktext": [f"+{first}", f"+{second}", f"-{first}", f"-{second}"]}
+    radius = {"range": [-3.0 * largest, 1.2 * largest], "nticks": 6, "angle": 45, "tickangle": 45}
+    panel.axes["polar"] = {"angularaxis": directions, "radialaxis": radius}
+    return panel

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calibration.evaluation.comparison import LEAST, Comparison, Motion
-from rendering.figures import COLOURS, band
+from rendering.figures import COLOURS, Figure, Panel, band, grid
 from rendering.report import Report, Section, Table
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MOTIONS = ("", "convention", "range A", "range B", "RMS B - A", "largest B - A", "at", "U (k=2)", "")
 FIGURES = ("", "", "unit", "A", "B", "B - A", "U (k=2)", "")
@@ -41,6 +36,9 @@ def _sections(found: Comparison) -> Iterator[Section]:
         f"{SIGN}\nReference position: {reference}. Straightness from the {found.straightness} line; its slope belongs "
         "to the squareness. Both calibrations are transformed into the frame of ncomp fit."
     )
+    for axis in dict.fromkeys(motion.axis for motion in found.motions):
+        own = [motion for motion in found.motions if motion.axis == axis]
+        yield Section(f"Axis {axis}", "Band: U (k=2).", figure=partial(_curves, own))
     yield Section("Error motions, ISO 230-1", text, Table(MOTIONS, list(map(_motion_row, found.motions))))
     if found.figures:
         rows = [
@@ -50,9 +48,6 @@ def _sections(found: Comparison) -> Iterator[Section]:
         ]  # fmt: skip
         yield Section("Squareness, location errors, reversal", "Angles right-handed.", Table(FIGURES, rows))
     yield _volume(found)
-    for axis in dict.fromkeys(motion.axis for motion in found.motions):
-        own = [motion for motion in found.motions if motion.axis == axis]
-        yield Section(f"Axis {axis}", "Bands: U (k=2).", figure=partial(_curves, own))
     if found.left_out:
         yield Section("Not compared", "\n".join(found.left_out))
 
@@ -89,21 +84,14 @@ def _volume(found: Comparison) -> Section:
     return Section("Over the volume", text, Table(("B - A, um", "RMS", "95 %", "largest"), rows))
 
 
-def _curves(motions: list[Motion], canvas: Figure) -> None:
-    down = -(-len(motions) // ACROSS)
-    canvas.set_size_inches(9.0, 2.2 * down)
-    panels = canvas.subplots(down, ACROSS, squeeze=False).ravel()
-    for panel in panels[len(motions) :]:
-        panel.set_axis_off()
-    for panel, motion in zip(panels, motions, strict=False):
-        _curve(panel, motion)
-    panels[0].legend(frameon=False, loc="best")
+def _curves(motions: list[Motion]) -> Figure:
+    return grid(list(map(_curve, motions)), ACROSS)
 
 
-def _curve(panel: Axes, motion: Motion) -> None:
+def _curve(motion: Motion) -> Panel:
+    panel = Panel(f"{motion.axis}, {motion.position_unit}", f"{motion.name}, {motion.unit}", motion.name)
     pairs = zip("AB", COLOURS, (motion.a, motion.b), (motion.U_a, motion.U_b), motion.known, strict=False)
     for name, colour, values, U, known in pairs:
         if known:
             band(panel, motion.positions, values, U, colour, name)
-    panel.set_title(f"{motion.name}, {motion.unit}", fontsize=8)
-    panel.set_xlabel(f"{motion.axis}, {motion.position_unit}")
+    return panel

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,15 +14,13 @@ from calibration.continuous.reading import Data
 from calibration.continuous.records import DIRECTION_NAMES
 from kinematics.report_head import ReportHead
 from kinematics.transforms import Array
-from rendering.figures import COLOURS, MANY, band
+from rendering.figures import COLOURS, MANY, Figure, Panel, band, dots, level, some
 from rendering.report import Report, Section, Table, facts
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 LISTED = 50
 """Most listed jumps of one direction, and most waves; the JSON has all."""
+DRAWN = 2000
+"""Most points of a curve."""
 HARMONIC = 2e-3
 """Largest relative deviation of a harmonic from a multiple of the basic frequency."""
 SIGN = "Measured minus target: positive where the axis goes too far in its positive direction."
@@ -159,7 +157,10 @@ def _sections(found: Estimate, data: Data) -> Iterator[Section]:
     yield facts("Data", list(_facts(found, data)))
     if found.both:
         yield Section("Reversal", "Forward minus backward. Band: U (k=2).", figure=partial(_reversal_figure, found))
-    text = "Quasi-static readings inside the segment, less the estimate and the drift of their run."
+    text = (
+        "Quasi-static readings inside the segment, less the estimate and the drift of their run. Lines: twice the "
+        "standard uncertainty u of a reading."
+    )
     yield Section("Readings against the estimate", text, figure=partial(_residuals, found))
     yield _runs(found)
     if waves := [row for sign, each in found.by_direction.items() for row in _waves(DIRECTION_NAMES[sign], each)]:
@@ -261,45 +262,36 @@ def _drift(found: Estimate) -> Section:
     return Section("Drift of the quasi-static runs", "Against their mean.", Table(head, rows))
 
 
-def _errors(found: Estimate, canvas: Figure) -> None:
+def _errors(found: Estimate) -> Figure:
     """Errors by direction with their uncertainties, and the readings."""
-    canvas.set_size_inches(9.0, 3.6)
-    panel = canvas.subplots()
+    panel = Panel("position, mm", "error, um")
     for colour, sign in zip(COLOURS, found.fused.signs, strict=False):
         rows = found.table(DIRECTION_NAMES[sign])
-        inner = rows.continuous
+        inner = some(np.flatnonzero(rows.continuous), DRAWN)
         band(panel, rows.position[inner], rows.error[inner], 2 * rows.u[inner], colour, DIRECTION_NAMES[sign])
         own, label = found.quasi.direction == sign, f"readings {DIRECTION_NAMES[sign]}"
-        _circles(panel, found.quasi.target[own], found.quasi.deviation[own], colour, label, markerfacecolor="none")
-    panel.set_xlabel("position, mm")
-    panel.set_ylabel("error, um")
-    panel.legend(frameon=False, loc="best")
+        form = {"symbol": "circle-open", "size": 6, "opacity": 1}
+        dots(panel, found.quasi.target[own], found.quasi.deviation[own], colour, label, **form)
+    return Figure([panel], height=420)
 
 
-def _reversal_figure(found: Estimate, canvas: Figure) -> None:
-    canvas.set_size_inches(9.0, 2.4)
-    panel = canvas.subplots()
+def _reversal_figure(found: Estimate) -> Figure:
+    panel = Panel("position, mm", "forward minus backward, um")
     values, covariance = found.curve("reversal")
-    band(panel, found.fused.positions, values, 2 * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
-    panel.set_xlabel("position, mm")
-    panel.set_ylabel("forward minus backward, um")
+    rows = some(np.arange(len(values)), DRAWN)
+    u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    band(panel, found.fused.positions[rows], values[rows], 2 * u[rows])
+    return Figure([panel], height=300)
 
 
-def _residuals(found: Estimate, canvas: Figure) -> None:
-    canvas.set_size_inches(9.0, 2.4)
-    panel = canvas.subplots()
+def _residuals(found: Estimate) -> Figure:
+    panel = Panel("target, mm", "reading minus estimate, um")
     quasi, residual = found.quasi, found.fused.residual
     for colour, (sign, name) in zip(COLOURS, DIRECTION_NAMES.items(), strict=False):
         rows = quasi.direction[found.fused.inside] == sign
         if rows.any():
             at = quasi.target[found.fused.inside][rows]
-            _circles(panel, at[:MANY], residual[rows][:MANY], colour, name)
+            dots(panel, at[:MANY], residual[rows][:MANY], colour, name, size=6, opacity=0.9)
     for k in (-2.0, 2.0):
-        panel.axhline(k * found.fused.spread.noise, color="#888", linewidth=0.6)
-    panel.set_xlabel("target, mm")
-    panel.set_ylabel("reading minus estimate, um")
-    panel.legend(frameon=False)
-
-
-def _circles(panel: Axes, x: Array, y: Array, colour: str, label: str, **style: Any) -> None:
-    panel.plot(x, y, "o", color=colour, markersize=3, label=label, **style)
+        level(panel, k * found.fused.spread.noise, f"{k:+g} u")
+    return Figure([panel], height=300)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,15 +24,25 @@ from calibration.reports.run_zeros import zeros_section
 from kinematics.effects import Effect, ErrorMotion, LocationError
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
-from rendering.figures import COLOURS, against_normal, band, dots, some
+from rendering.figures import (
+    COLOURS,
+    Figure,
+    Panel,
+    against_normal,
+    band,
+    bars,
+    clock,
+    dots,
+    grid,
+    level,
+    some,
+)
 from rendering.report import Report, Section, Table, facts
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 LISTED = 20
 """Most rows that are listed with the reason for which they were left out; the JSON has all."""
+ACROSS = 3
+"""Error motions side by side."""
 RIGHT_HANDED = "Tool relative to workpiece, right-handed; of a table the line lies at minus the value."
 
 
@@ -196,14 +206,17 @@ def _verdict(fitted: Fit) -> Iterator[str]:
 
 def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
     fitted = found.fit
+    yield error_motion_figures(found.model)
     yield facts("Data and model", list(_facts(found, taken)))
     yield residuals((found.before_rms_um, found.before_max_um), fitted, found.cross_validation)
     yield from parameters(found.model)
-    yield error_motion_figures(found.model)
     text = "Residuals in standard uncertainties; the curve is the distribution of noise alone."
     yield Section("Unexplained residual", text, figure=partial(_distribution, fitted))
     text = "A residual of noise alone has no shape. Lines: twice the standard uncertainty of an observation."
-    yield Section("Unexplained residual along each axis", text, figure=partial(_along_axes, fitted))
+    yield Section("Unexplained residual along time and axes", text, figure=partial(_along_axes, fitted))
+    if fitted.measurement.state.approach is not None:
+        text = "Reversal errors that the model lacks would make the two directions differ."
+        yield Section("Unexplained residual by direction", text, figure=partial(_by_direction, fitted))
     yield from hidden_section(found.identifiability)
     yield from zeros_section(fitted)
     if left_out := list(_left_out(fitted)):
@@ -322,28 +335,21 @@ def _left_out(fitted: Fit) -> Iterator[Sequence[str]]:
         yield f"station {station}", "most of its rows disagree with all others", ""
 
 
-def _motions(model: ErrorModel, canvas: Figure) -> None:
-    """The error motions with their uncertainties, one row per axis."""
+def _motions(model: ErrorModel) -> Figure:
+    """The error motions with their uncertainties."""
     whole = np.array(model.covariance)
-    by_axis: dict[str, list[tuple[ErrorMotion, Array]]] = {}
-    for effect, part in error_motions(model):
-        by_axis.setdefault(effect.axis, []).append((effect, whole[part, part]))
-    across = max(len(motions) for motions in by_axis.values())
-    canvas.set_size_inches(1.9 * max(across, 2), 1.7 * len(by_axis))
-    grid = canvas.subplots(len(by_axis), across, squeeze=False)
-    for row, motions in zip(grid, by_axis.values(), strict=True):
-        for panel, (effect, own) in zip(row, motions, strict=False):
-            _motion(panel, effect, own)
-        for panel in row[len(motions) :]:
-            panel.set_axis_off()
+    panels = [_motion(effect, whole[part, part]) for effect, part in error_motions(model)]
+    return grid(panels, ACROSS, height=220)
 
 
-def _motion(panel: Axes, effect: ErrorMotion, own: Array) -> None:
-    x = np.linspace(*effect.basis.interval, 200)
+def _motion(effect: ErrorMotion, own: Array) -> Panel:
+    unit = "deg" if effect.axis[0] in "ABC" else "mm"
+    panel = Panel(f"{effect.axis}, {unit}", f"{effect.name}, {'urad' if effect.angular else 'um'}", effect.name)
+    x = np.linspace(*effect.basis.interval, 120)
     columns = effect.basis.columns(x)
     u = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", columns, own, columns), 0.0))
     band(panel, x, columns @ effect.parameters, 2 * u)
-    panel.set_title(f"{effect.name}, {'urad' if effect.angular else 'um'}")
+    return panel
 
 
 def in_uncertainties(fitted: Fit) -> Array:
@@ -351,35 +357,57 @@ def in_uncertainties(fitted: Fit) -> Array:
     return np.asarray(fitted.white[fitted.kept])
 
 
-def _distribution(fitted: Fit, canvas: Figure) -> None:
+def _distribution(fitted: Fit) -> Figure:
     """Distribution of the residuals in standard uncertainties, and the residuals in the order of acquisition."""
     white = in_uncertainties(fitted)
-    canvas.set_size_inches(8.0, 2.4)
-    left, right = canvas.subplots(1, 2)
+    left, right = Panel(), Panel("row, in the order of acquisition", "residual / standard uncertainty")
     against_normal(left, white, 5.0)
     rows = some(np.arange(len(white)))
     for k in range(white.shape[1]):
-        dots(right, np.flatnonzero(fitted.kept)[rows], white[rows, k], COLOURS[k])
-    right.set_xlabel("row, in the order of acquisition")
+        name = "xyz"[k] if white.shape[1] > 1 else ""
+        dots(right, np.flatnonzero(fitted.kept)[rows], white[rows, k], COLOURS[k], name)
+    return grid([left, right], 2, height=300)
 
 
-def _along_axes(fitted: Fit, canvas: Figure) -> None:
-    """Residuals over the position of each axis that moves."""
-    measurement = fitted.measurement
-    machine = measurement.machine
-    positions = measurement.state.positions[fitted.kept] / machine.scale
-    moving = [i for i in range(len(machine.axes)) if np.ptp(positions[:, i]) > 0]
-    residual = (fitted.residual * measurement.per_micro)[fitted.kept]
+def _along_axes(fitted: Fit) -> Figure:
+    """Residuals over the time and over the position of each axis that moves, on one scale."""
+    measurement, kept = fitted.measurement, fitted.kept
+    residual = (fitted.residual * measurement.per_micro)[kept]
     noise = np.sqrt(np.diagonal(covariance(measurement), axis1=1, axis2=2)) * measurement.per_micro
-    typical = noise[fitted.kept].mean(axis=0)
+    typical = noise[kept].mean(axis=0)
     rows = some(np.arange(len(residual)))
-    canvas.set_size_inches(2.7 * max(len(moving), 2), 2.2)
-    for panel, i in zip(canvas.subplots(1, len(moving), squeeze=False)[0], moving, strict=True):
+    panels = []
+    for label, x in _variables(fitted):
+        panel = Panel(label, "residual, um")
         for k in range(residual.shape[1]):
-            dots(panel, positions[rows, i], residual[rows, k], COLOURS[k], label="xyz"[k])
-        panel.axhline(2 * typical.max(), color="#888", linewidth=0.6)
-        panel.axhline(-2 * typical.max(), color="#888", linewidth=0.6)
-        panel.set_xlabel(f"{machine.axes[i].name}, {machine.axes[i].unit}")
-        panel.set_ylabel("residual, um")
-        if residual.shape[1] > 1:
-            panel.legend(loc="upper right", markerscale=3, frameon=False)
+            dots(panel, x[rows], residual[rows, k], COLOURS[k], "xyz"[k] if residual.shape[1] > 1 else "")
+        for sign in (-2.0, 2.0):
+            level(panel, sign * float(typical.max()))
+        panels.append(panel)
+    return grid(panels, 3, same_y=True)
+
+
+def _variables(fitted: Fit) -> Iterator[tuple[str, Array]]:
+    """Time, and the position of each axis that moves, of the rows that are kept, with the labels of their axes."""
+    state, machine = fitted.measurement.state, fitted.measurement.machine
+    if state.time is not None and np.ptp(state.time[fitted.kept]) > 0:
+        unit, label = clock(state.time)
+        yield label, state.time[fitted.kept] / unit
+    positions = state.positions[fitted.kept] / machine.scale
+    for i, axis in enumerate(machine.axes):
+        if np.ptp(positions[:, i]) > 0:
+            yield f"{axis.name}, {axis.unit}", positions[:, i]
+
+
+def _by_direction(fitted: Fit) -> Figure:
+    """RMS of the residuals of the rows with each direction of approach of each axis that moves."""
+    measurement, rows = fitted.measurement, np.flatnonzero(fitted.kept)
+    approach = measurement.state.approach
+    assert approach is not None
+    squares = np.mean((fitted.residual * measurement.per_micro)[rows] ** 2, axis=1)
+    panel = Panel("axis and direction of approach", "residual RMS, um")
+    for sign, name, colour in ((1, "forward", COLOURS[0]), (-1, "backward", COLOURS[1])):
+        sides = {axis.name: approach[rows, i] == sign for i, axis in enumerate(measurement.machine.axes)}
+        known = {axis: side for axis, side in sides.items() if side.any()}
+        bars(panel, list(known), [float(np.sqrt(squares[side].mean())) for side in known.values()], colour, name)
+    return Figure([panel])

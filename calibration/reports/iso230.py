@@ -3,31 +3,50 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calibration.single_axis.iso230 import DIRECTIONS, AxisTest
 from kinematics.report_head import ReportHead
-from rendering.figures import COLOURS, band
+from rendering.figures import COLOURS, Figure, Panel, band, dots, extent, level
 from rendering.report import Report, Section, Table
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-IN_THE_CHART = ("A", "E", "R", "B", "M")
-"""Symbols of the values beside the chart of an axis."""
+IN_THE_VERDICT = ("A", "R", "B")
+"""Symbols of the values of the verdict."""
+LINES = {"A": ("dash", 1.0), "E": ("dot", 0.0), "M": ("dashdot", 0.5)}
+"""Form of the lines at the ends of each value, and the place of its label."""
 
 
 def iso230_report(tests: Sequence[AxisTest], lead: str, head: ReportHead) -> Report:
     """The result for people; `lead`: the data, for the page."""
-    return Report("ISO 230-2:2014", lead, [section for test in tests for section in _sections(test)], head=head)
+    sections = [section for test in tests for section in _sections(test)]
+    return Report("Positioning test, ISO 230-2:2014", lead, sections, "\n".join(map(_verdict, tests)), head=head)
+
+
+def _verdict(test: AxisTest) -> str:
+    """The values of an axis in a sentence."""
+    values = {value.symbol: value for value in test.values if not math.isnan(value.value)}
+    parts = [
+        f"{values[name].title.split(',')[0]} {name} {values[name].value:.2f} ± {values[name].U:.2f} {test.unit}"
+        for name in IN_THE_VERDICT
+        if name in values
+    ]
+    return f"Axis {test.axis}: {', '.join(parts) or 'no target has readings in both directions'}."
 
 
 def _sections(test: AxisTest) -> Iterator[Section]:
     unit = test.unit
+    text = (
+        "Means of each direction, with bands of twice the estimator s. Horizontal lines: the ends of the accuracy A "
+        "(dashed), of the systematic deviation E (dotted) and of the mean deviation M (dash-dotted) of both "
+        "directions. Vertical lines: the targets with the largest reversal value B and repeatability R."
+    )
+    yield Section(f"Axis {test.axis}: chart", text, figure=partial(_chart, test))
+    values = [(value.symbol, value.title, number(value.value), number(value.U)) for value in test.values]
+    head = [f"value, {unit}", f"U (k=2, instrument), {unit}"]
+    yield Section(f"Axis {test.axis}: ISO 230-2:2014", table=Table(("", "", *head), values))
     rows = []
     for i, position in enumerate(test.positions):
         cells = [cell for direction in range(len(DIRECTIONS)) for cell in _cells(test, direction, i)]
@@ -35,37 +54,37 @@ def _sections(test: AxisTest) -> Iterator[Section]:
     head = [cell for direction in DIRECTIONS for cell in (f"{direction} mean", "s", "runs")]
     table = Table((f"target, {test.position_unit}", *head, "reversal B_i"), rows)
     yield Section(f"Axis {test.axis}: deviations in {unit}", "Measured minus target.", table)
-    text = (
-        "Means of each direction, with bands of twice the estimator s. Dashed: the ends of A, the accuracy of both "
-        "directions."
-    )
-    yield Section(f"Axis {test.axis}: chart", text, figure=partial(_chart, test))
-    values = [(value.symbol, value.title, number(value.value), number(value.U)) for value in test.values]
-    head = [f"value, {unit}", f"U (k=2, instrument), {unit}"]
-    yield Section(f"Axis {test.axis}: ISO 230-2:2014", table=Table(("", "", *head), values))
 
 
-def _chart(test: AxisTest, canvas: Figure) -> None:
+def _chart(test: AxisTest) -> Figure:
     """Means and spreads over the targets, with the values of the axis."""
-    canvas.set_size_inches(7.5, 3.4)
-    panel, spread = canvas.subplots(1, 1), np.nan_to_num(test.spread)
+    label = f"measured minus target, {test.unit}"
+    panel, spread = Panel(f"{test.axis}, {test.position_unit}", label), np.nan_to_num(test.spread)
     for direction, colour in enumerate(COLOURS[: len(DIRECTIONS)]):
         rows = test.count[direction] > 0
         if rows.any():
             x, mean = test.positions[rows], test.mean[direction, rows]
-            band(panel, x, mean, 2.0 * spread[direction, rows], colour, DIRECTIONS[direction])
-            panel.plot(x, mean, "." if direction else "o", color=colour, markersize=4)
+            band(panel, x, mean, 2.0 * spread[direction, rows], colour, f"{DIRECTIONS[direction]}, mean ± 2 s")
+            dots(panel, x, mean, colour, size=6, opacity=1)
     if test.both.any():
-        high, low = test.mean + 2.0 * spread, test.mean - 2.0 * spread
-        for end in (high[:, test.both].max(), low[:, test.both].min()):
-            panel.axhline(end, color="#555", linewidth=0.8, linestyle="--")
-    panel.axhline(0.0, color="#888", linewidth=0.6)
-    panel.set_xlabel(f"{test.axis}, {test.position_unit}")
-    panel.set_ylabel(f"measured minus target, {test.unit}")
-    values = {value.symbol: value for value in test.values}
-    shown = [f"{name} {number(values[name].value)}" for name in IN_THE_CHART if name in values]
-    panel.set_title(f"{', '.join(shown)} {test.unit}" if shown else "")
-    panel.legend(frameon=False)
+        _ends(panel, test, {value.symbol: number(value.value) for value in test.values if not math.isnan(value.value)})
+    return Figure([panel], height=420)
+
+
+def _ends(panel: Panel, test: AxisTest, values: Mapping[str, str]) -> None:
+    """Lines at the ends of A, E and M, and at the targets with the largest reversal value B and repeatability R."""
+    positions, mean = test.positions[test.both], test.mean[:, test.both]
+    half, middle = 2.0 * np.nan_to_num(test.spread)[:, test.both], mean.mean(axis=0)
+    for symbol, low, high in (("A", mean - half, mean + half), ("E", mean, mean), ("M", middle, middle)):
+        if symbol in values:
+            dash, place = LINES[symbol]
+            level(panel, float(low.min()), dash=dash)
+            level(panel, float(high.max()), f"{symbol} {values[symbol]}", dash=dash, at=place)
+    for symbol, low, high in (("B", mean, mean), ("R", mean - half, mean + half)):
+        if symbol in values:
+            at = int(np.argmax(high.max(axis=0) - low.min(axis=0)))
+            ends = float(low[:, at].min()), float(high[:, at].max())
+            extent(panel, float(positions[at]), *ends, f"{symbol} {values[symbol]}")
 
 
 def _cells(test: AxisTest, direction: int, i: int) -> tuple[str, str, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,68 +14,88 @@ from calibration.reports.causes.text import title
 from calibration.reports.fit import in_uncertainties
 from kinematics.state import REFERENCE
 from kinematics.transforms import Array
-from rendering.figures import COLOURS, against_normal, clock, dots, some
+from rendering.figures import (
+    AFTER,
+    BEFORE,
+    COLOURS,
+    INSTRUMENT,
+    MACHINE,
+    UNEXPLAINED,
+    Figure,
+    Panel,
+    against_normal,
+    bars,
+    clock,
+    colour_axis,
+    coloured_dots,
+    dots,
+    grid,
+    line,
+    ranked,
+    some,
+)
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-MACHINE, INSTRUMENT, UNEXPLAINED = "#3465a4", "#cc5500", "#888888"
+SHARE = "% of the squared residuals of the model without these causes, in units of the noise"
+APPROACHES = ((1, "forward"), (-1, "backward"), (0, "not known"))
 MEANS_ALONG, PER_MEAN = 16, 8
 OUTER = 0.5
 """Share of the points, per cent, that may lie outside of a panel on each side."""
 
 
-def share_chart(found: Diagnosis, canvas: Figure) -> None:
+def share_chart(found: Diagnosis) -> Figure:
     """Share of the squares without any cause, by named cause, and the share that no cause explains."""
-    bars = [(title(c), c.share, INSTRUMENT if c.where == "instrument" else MACHINE) for c in found.causes]
-    bars.append(("noise and unexplained residual", found.unexplained_share, UNEXPLAINED))
-    canvas.set_size_inches(8.0, 0.5 + 0.3 * len(bars))
-    panel = canvas.subplots()
-    for number, (_, share, colour) in enumerate(bars):
-        panel.barh(number, 100 * share, color=colour, height=0.6)
-        panel.annotate(f"{share:.0%}", (100 * share, number), (3, 0), textcoords="offset points", va="center")
-    panel.set_yticks(range(len(bars)), [name for name, _, _ in bars])
-    panel.invert_yaxis()
-    panel.set_xlim(0, 112 * max(share for _, share, _ in bars))
-    panel.set_xlabel("% of the squared residuals of the model without any of these causes, in units of the noise")
-    panel.grid(visible=False)
+    causes = sorted(found.causes, key=lambda cause: -cause.share)
+    rows = [(title(c), c.share, INSTRUMENT if c.where == "instrument" else MACHINE) for c in causes]
+    return ranked([*rows, ("noise and unexplained residual", found.unexplained_share, UNEXPLAINED)], SHARE)
 
 
-def before_and_after(found: Diagnosis, canvas: Figure) -> None:
+def before_and_after(found: Diagnosis) -> Figure:
     """Residuals of the present and of the new model, against time and the position of each axis."""
-    measurement = found.measurement
     across = dict(_axes_of_figures(found))
     kept = np.flatnonzero(found.before.fit.kept & found.after.fit.kept)
     rows = some(kept)
-    names = "xyz" if measurement.axis is None else [""]
-    canvas.set_size_inches(8.6, 4.0)
-    grid = canvas.subplots(2, len(across), squeeze=False, sharey=True, sharex="col")
-    for line, name, stage in zip(grid, ("before", "after"), (found.before, found.after), strict=True):
-        values = in_micro(stage.fit, stage.fit.residual)
-        for panel, x in zip(line, across.values(), strict=True):
-            for k in range(values.shape[1]):
-                dots(panel, x[rows], values[rows, k], COLOURS[k], alpha=0.4)
-                panel.plot(*_means(x[kept], values[kept, k]), color=COLOURS[k], linewidth=1.5, label=names[k])
-        line[0].set_ylabel(f"{name}, um")
-    for panel, label in zip(grid[-1], across, strict=True):
-        panel.set_xlabel(label)
-    low, high = np.percentile(in_micro(found.before.fit, found.before.fit.residual)[rows], (OUTER, 100 - OUTER))
-    grid[0][0].set_ylim(1.2 * min(low, -1e-3), 1.2 * max(high, 1e-3))
-    if measurement.axis is None:
-        grid[0][-1].legend(loc="upper right", fontsize=7, framealpha=0.7)
+    names = "xyz" if found.measurement.axis is None else [""]
+    values = [in_micro(stage.fit, stage.fit.residual) for stage in (found.before, found.after)]
+    low, high = np.percentile(values[0][rows], (OUTER, 100 - OUTER))
+    limits = [1.2 * min(low, -1e-3), 1.2 * max(high, 1e-3)]
+    panels = []
+    for label, x in across.items():
+        for name, stage in zip(("before", "after"), values, strict=True):
+            panel = Panel(label, "residual, um", name, axes={"yaxis": {"range": limits}})
+            for k in range(stage.shape[1]):
+                dots(panel, x[rows], stage[rows, k], COLOURS[k], opacity=0.35)
+                line(panel, *_means(x[kept], stage[kept, k]), COLOURS[k], names[k], width=2)
+            panels.append(panel)
+    return grid(panels, 2, same_y=True)
 
 
-def against_noise(found: Diagnosis, canvas: Figure) -> None:
+def by_direction(found: Diagnosis) -> Figure:
+    """RMS of the residuals of the rows with each direction of approach of each axis, before and after."""
+    measurement = found.measurement
+    rows = np.flatnonzero(found.before.fit.kept & found.after.fit.kept)
+    panels = []
+    for axis in moving_axes(measurement):
+        side = np.asarray(measurement.state.need("approach", axis))[rows, measurement.machine.index(axis)]
+        panel = Panel(f"direction of approach of {axis}", "residual RMS, um", f"Axis {axis}")
+        signs = [(sign, name) for sign, name in APPROACHES if (side == sign).any()]
+        for stage, name, colour in ((found.before, "before", BEFORE), (found.after, "after", AFTER)):
+            squares = np.mean(in_micro(stage.fit, stage.fit.residual)[rows] ** 2, axis=1)
+            values = [float(np.sqrt(np.mean(squares[side == sign]))) for sign, _ in signs]
+            bars(panel, [label for _, label in signs], values, colour, name)
+        panels.append(panel)
+    return grid(panels, 3, height=220, same_y=True)
+
+
+def against_noise(found: Diagnosis) -> Figure:
     """Distribution of the residuals in standard uncertainties, before and after, with that of noise alone."""
-    canvas.set_size_inches(8.0, 2.3)
-    panels = canvas.subplots(1, 2, sharey=True)
-    for panel, name, stage in zip(panels, ("before", "after"), (found.before, found.after), strict=True):
-        against_normal(panel, in_uncertainties(stage.fit), 6.0)
-        panel.set_title(name)
-        panel.legend(fontsize=7, frameon=False)
+    panels = []
+    for name, stage in (("before", found.before), ("after", found.after)):
+        panels.append(Panel(title=name))
+        against_normal(panels[-1], in_uncertainties(stage.fit), 6.0)
+    return grid(panels, 2, same_y=True)
 
 
-def unexplained_shape(found: Diagnosis, canvas: Figure) -> None:
+def unexplained_shape(found: Diagnosis) -> Figure:
     """Smooth shape of the unexplained residual over each variable that it depends on, and over two of them."""
     assert found.unexplained is not None
     linearised = found.named.linearised
@@ -85,23 +104,20 @@ def unexplained_shape(found: Diagnosis, canvas: Figure) -> None:
     micro = in_micro(linearised.fit, values)[linearised.rows]
     known = variables(found.measurement, linearised.rows)
     chosen = dict(_shown(found, name, known[name]) for name in found.unexplained.variables)
-    canvas.set_size_inches(8.6, 2.6)
-    panels = canvas.subplots(1, len(chosen) + (len(chosen) > 1), squeeze=False)[0]
-    for panel, (name, x) in zip(panels, chosen.items(), strict=False):
+    panels = []
+    for name, x in chosen.items():
+        panels.append(Panel(name, "unexplained, um"))
         for k in range(micro.shape[1]):
-            dots(panel, x, micro[:, k], COLOURS[k], label="xyz"[k], alpha=0.4)
-        panel.set_xlabel(name)
-    panels[0].set_ylabel("unexplained, um")
-    if micro.shape[1] > 1:
-        panels[0].legend(loc="upper right", markerscale=3, fontsize=7, framealpha=0.7)
-    if len(chosen) > 1:
-        k = int(np.argmax(np.sum(micro**2, axis=0)))
-        (first, x), (second, y) = list(chosen.items())[:2]
-        most = float(np.abs(micro[:, k]).max())
-        mapped = panels[-1].scatter(x, y, c=micro[:, k], cmap="RdBu_r", vmin=-most, vmax=most, s=9, rasterized=True)
-        panels[-1].set_xlabel(first)
-        panels[-1].set_ylabel(second)
-        canvas.colorbar(mapped, ax=panels[-1], label=f"{'xyz'[k] if micro.shape[1] > 1 else 'unexplained'}, um")
+            dots(panels[-1], x, micro[:, k], COLOURS[k], "xyz"[k] if micro.shape[1] > 1 else "")
+    if len(chosen) < 2:
+        return grid(panels, 2)
+    k = int(np.argmax(np.sum(micro**2, axis=0)))
+    (first, x), (second, y) = list(chosen.items())[:2]
+    most = float(np.abs(micro[:, k]).max())
+    label = f"unexplained{' in ' + 'xyz'[k] if micro.shape[1] > 1 else ''}, um"
+    panels.append(Panel(first, second))
+    coloured_dots(panels[-1], x, y, micro[:, k])
+    return grid(panels, 3, colours=colour_axis(-most, most, label, signed=True))
 
 
 def _axes_of_figures(found: Diagnosis) -> Iterator[tuple[str, Array]]:

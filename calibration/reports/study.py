@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -15,19 +14,13 @@ from calibration.study.stopping import LEVEL, estimates
 from kinematics.forward import tool_point
 from kinematics.report_head import ReportHead
 from kinematics.transforms import Array
-from rendering.figures import some
+from rendering.figures import AFTER, BEFORE, RED, Figure, Panel, area, dots, grid, line, rgba, some
 from rendering.report import Report, Section, Table
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-BEFORE, AFTER = "#3465a4", "#888a85"
-TRACKER = "#cc0000"
 MANY = 2000
-"""Most points that are drawn of one case."""
-ACROSS = 4
-"""Plots in a row."""
+"""Most points, and most draws, that are drawn of one case."""
+SCENES = 6
+"""Most cases whose positions are drawn: a browser draws few 3-D figures."""
 CURVE = 4
 """Least number of cases with different numbers of points for which a curve is drawn."""
 DOUBTFUL = 0.1
@@ -37,20 +30,41 @@ DOUBTFUL = 0.1
 def study_report(results: Sequence[Result], study: StudyEntry, draws: Draws, command: str) -> Report:
     """The result for people; `command`: the command that made it."""
     head = ReportHead(machine=study.machine, instrument="virtual laser tracker", command=command)
-    return Report(f"Virtual calibration of {study.machine}", "", list(_sections(results, study, draws)), head=head)
+    return Report(
+        f"Virtual calibration of {study.machine}",
+        "",
+        list(_sections(results, study, draws)),
+        _verdict(results),
+        head=head,
+    )
+
+
+def _verdict(results: Sequence[Result]) -> str:
+    """The case with the least error."""
+    best = min(results, key=lambda result: float(result.after[0].mean()))
+    before, after = estimates(best.before[0]), estimates(best.after[0])
+    of = f" of {len(results)} cases" if len(results) > 1 else ""
+    return (
+        f"Least error{of}: case {best.case.name}, {best.points} points in {best.minutes:.0f} min, RMS volumetric error "
+        f"{before.mean:.2f} -> {after.mean:.2f} um (mean), {before.quantile:.2f} -> {after.quantile:.2f} um "
+        "(95 % quantile)."
+    )
 
 
 def _sections(results: Sequence[Result], study: StudyEntry, draws: Draws) -> Iterator[Section]:
-    yield Section("Results", _lead(study, results), _table(results))
     yield Section(
         "Error before and after",
-        "RMS volumetric error of every draw; the line is the mean, the dash the 95 % quantile.",
+        "RMS volumetric error of every draw, before (above) and after (below) the calibration: distribution, mean "
+        "(line) and 95 % quantile (dots).",
         figure=partial(_distributions, results),
     )
+    yield Section("Results", _lead(study, results), _table(results))
     if len({result.points for result in results}) >= CURVE:
         text = "Mean over draws (dots) and 95 % quantile (band)."
         yield Section("Points and time", text, figure=partial(_curve, results))
-    text = "Positions of the target, and the tracker."
+    text = "Positions of the target and of the tracker, in the workpiece frame."
+    if len(results) > SCENES:
+        text += f" The first {SCENES} of {len(results)} cases are drawn."
     yield Section("Measured positions", text, figure=partial(_position_figure, results))
     if notes := list(_notes(results, draws)):
         yield Section("Notes", "\n".join(notes))
@@ -94,58 +108,68 @@ def _notes(results: Sequence[Result], draws: Draws) -> Iterator[str]:
         )
 
 
-def _distributions(results: Sequence[Result], canvas: Figure) -> None:
-    canvas.set_size_inches(8.0, 0.45 * len(results) + 1.0)
-    panel = canvas.subplots()
+def _distributions(results: Sequence[Result]) -> Figure:
+    """Distribution of the errors over the draws of each case, before above after, with its mean and 95 % quantile."""
+    names = [result.case.name for result in results]
+    panel = Panel("RMS volumetric error, um", axes={"bare": True, "xaxis": {"rangemode": "tozero"}})
+    panel.axes["yaxis"] = {"visible": False, "range": [len(results) - 0.4, -0.9]}
     for k, result in enumerate(results):
-        _half(panel, -k, result.before[0], BEFORE, "high")
-        _half(panel, -k, result.after[0], AFTER, "low")
-    panel.set_yticks([-k for k in range(len(results))], [result.case.name for result in results])
-    panel.set_xlim(left=0)
-    panel.set_xlabel("RMS volumetric error, um: before (blue), after (grey)")
+        for values, colour, side, name in (
+            (result.before[0], BEFORE, "negative", "before"),
+            (result.after[0], AFTER, "positive", "after"),
+        ):
+            _half(panel, k, values, colour, side, name)
+        panel.notes.append(
+            {"xref": "domain", "x": 0, "y": k - 0.55, "text": f"<b>case {names[k]}</b>", "xanchor": "left"}
+        )
+    return Figure([panel], height=70 + 78 * len(results))
 
 
-def _half(panel: Axes, row: int, values: Array, colour: str, side: Literal["low", "high"]) -> None:
+def _half(panel: Panel, row: int, values: Array, colour: str, side: str, name: str) -> None:
     """One side of a row: the distribution, its mean and its quantile."""
-    shape = panel.violinplot([values], [row], orientation="horizontal", side=side, widths=0.8, showextrema=False)
-    for body in shape["bodies"]:  # type: ignore[attr-defined]
-        body.set_facecolor(colour)
-        body.set_alpha(0.6)
-    end = row + (0.35 if side == "high" else -0.35)
-    panel.plot([values.mean()] * 2, [row, end], color=colour, linewidth=1.5)
-    panel.plot([np.quantile(values, LEVEL)] * 2, [row, end], color=colour, linewidth=1, linestyle=":")
+    form = {"type": "violin", "orientation": "h", "side": side, "points": False, "spanmode": "hard", "width": 0.9}
+    look = {"line": {"color": colour, "width": 1}, "fillcolor": rgba(colour, 0.4), "hoverinfo": "skip"}
+    drawn = some(np.sort(values), MANY)
+    panel.traces.append(form | look | {"x": drawn, "y": np.full(len(drawn), float(row)), "name": name})
+    end = row + (-0.4 if side == "negative" else 0.4)
+    for value, dash, title in ((values.mean(), "solid", "mean"), (np.quantile(values, LEVEL), "dot", "95 % quantile")):
+        line(panel, np.full(2, value), np.array([row, end]), colour, width=2, dash=dash)
+        panel.traces[-1]["hovertemplate"] = f"{name}, {title}: %{{x:.2f}} um<extra></extra>"
 
 
-def _curve(results: Sequence[Result], canvas: Figure) -> None:
-    ranked = sorted(results, key=lambda result: result.points)
-    points = np.array([result.points for result in ranked])
-    hours = np.array([result.minutes for result in ranked]) / 60.0
-    canvas.set_size_inches(8.0, 2.6)
-    left, right = canvas.subplots(1, 2)
-    for panel, x, label in ((left, points, "points"), (right, hours, "hours")):
-        for values, colour in (([r.before[0] for r in ranked], BEFORE), ([r.after[0] for r in ranked], AFTER)):
+def _curve(results: Sequence[Result]) -> Figure:
+    ordered = sorted(results, key=lambda result: result.points)
+    points = np.array([float(result.points) for result in ordered])
+    hours = np.array([result.minutes for result in ordered]) / 60.0
+    panels = []
+    for x, label in ((points, "points"), (hours, "measuring time, h")):
+        panel = Panel(label, "RMS volumetric error, um", axes={"yaxis": {"rangemode": "tozero"}})
+        before, after = [r.before[0] for r in ordered], [r.after[0] for r in ordered]
+        for values, colour, name in ((before, BEFORE, "before"), (after, AFTER, "after")):
             found = [estimates(each) for each in values]
-            panel.plot(x, [each.mean for each in found], "o-", markersize=3, color=colour, linewidth=1)
-            panel.fill_between(x, [e.mean for e in found], [e.quantile for e in found], color=colour, alpha=0.2)
-        panel.set_xlabel(label)
-        panel.set_ylim(bottom=0)
-    left.set_ylabel("RMS volumetric error, um")
+            mean, quantile = (np.array([each[k] for each in ((e.mean, e.quantile) for e in found)]) for k in (0, 1))
+            area(panel, x, mean, quantile, colour)
+            line(panel, x, mean, colour, name)
+            dots(panel, x, mean, colour, size=6, opacity=1)
+        panels.append(panel)
+    return grid(panels, 2, same_y=True, height=300)
 
 
-def _position_figure(results: Sequence[Result], canvas: Figure) -> None:
-    across = min(ACROSS, len(results))
-    rows = -(-len(results) // across)
-    canvas.set_size_inches(8.0, 2.2 * rows)
-    for k, result in enumerate(results, start=1):
-        panel: Any = canvas.add_subplot(rows, across, k, projection="3d")
-        x, y, z = _targets(result).T / 1e3
-        panel.scatter(x, y, z, s=1, color=BEFORE, rasterized=True)
-        for tracker in result.case.trackers:
-            panel.scatter(*(value / 1e3 for value in tracker), s=20, color=TRACKER, marker="^")
-        panel.set_title(result.case.name)
-        panel.set_box_aspect([max(float(np.ptp(v)), 0.3) for v in (x, y, z)])
-        panel.tick_params(labelsize=5)
-        panel.locator_params(nbins=4)
+def _position_figure(results: Sequence[Result]) -> Figure:
+    return grid([_positions(result) for result in results[:SCENES]], 3, height=330)
+
+
+def _positions(result: Result) -> Panel:
+    """Positions of the target, and the trackers, of one case, m."""
+    panel = Panel("x, m", "y, m", result.case.name, "z, m", kind="scene")
+    for points, colour, size, symbol, name in (
+        (_targets(result), BEFORE, 2, "circle", "target"),
+        (np.array(result.case.trackers, float).reshape(-1, 3), RED, 5, "diamond", "tracker"),
+    ):
+        x, y, z = points.T / 1e3
+        trace = {"type": "scatter3d", "mode": "markers", "x": x, "y": y, "z": z, "name": name}
+        panel.traces.append(trace | {"marker": {"size": size, "color": colour, "symbol": symbol}})
+    return panel
 
 
 def _targets(result: Result) -> Array:

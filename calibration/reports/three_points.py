@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from calibration.reports.fit import RIGHT_HANDED, insignificant, residuals
 from calibration.single_axis.three_points import AxisResult, ThreePoints
@@ -13,11 +13,8 @@ from calibration.single_axis.three_points_figures import LINES, locations, range
 from kinematics.effects import COMPONENTS
 from kinematics.report_head import ReportHead
 from kinematics.transforms import Array
-from rendering.figures import COLOURS
+from rendering.figures import COLOURS, Figure, Panel, bars_of_error, grid, level
 from rendering.report import Report, Section, Table, facts
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def three_points_json(found: ThreePoints, checked: Check) -> dict[str, Any]:
@@ -131,14 +128,15 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
     yield Section("Location errors and squareness", RIGHT_HANDED, Table(("", "value", "u (k=1)", "", ""), rows))
 
 
-def _motions(axis: AxisResult, canvas: Figure) -> None:
+def _motions(axis: AxisResult) -> Figure:
     """The six error motions of an axis at its positions."""
-    canvas.set_size_inches(11.4, 2.0)
-    for j, (panel, name) in enumerate(zip(canvas.subplots(1, len(COMPONENTS)), _names(axis), strict=True)):
-        u = 2.0 * axis.u[:, j]
-        panel.errorbar(axis.positions, axis.errors[:, j], u, fmt=".", color=COLOURS[0], markersize=3, elinewidth=0.7)
-        panel.axhline(0.0, color="#888", linewidth=0.6)
-        panel.set_title(f"{name}, {'urad' if j >= 3 else 'um'}")
+    panels = []
+    for j, name in enumerate(_names(axis)):
+        panel = Panel(f"{axis.axis.name}, {axis.axis.unit}", f"{name}, {'urad' if j >= 3 else 'um'}", name)
+        bars_of_error(panel, axis.positions, axis.errors[:, j], 2.0 * axis.u[:, j], COLOURS[0], size=5)
+        level(panel, 0.0)
+        panels.append(panel)
+    return grid(panels, 3)
 
 
 def _axis_summary(axis: AxisResult) -> Section:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,11 +21,8 @@ from calibration.reports.fit import (
     parameters_json,
 )
 from calibration.reports.head import calibration_text
-from rendering.figures import against_normal
+from rendering.figures import Figure, Panel, against_normal, grid
 from rendering.report import Report, Section, Table, facts
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def together_json(found: Together) -> dict[str, Any]:
@@ -123,9 +120,10 @@ def _row(part: Part) -> list[str]:
     return [measurement.source, str(len(measurement)), *texts, f"{part.p_value:.2g}"]
 
 
-def _distributions(found: Together, canvas: Figure) -> None:
+def _distributions(found: Together) -> Figure:
     """Distribution of the residuals of each measurement, in standard uncertainties."""
-    canvas.set_size_inches(4.0 * len(found.parts), 2.4)
-    for panel, part in zip(canvas.subplots(1, len(found.parts), squeeze=False)[0], found.parts, strict=True):
-        against_normal(panel, np.asarray(in_uncertainties(part.together)), 5.0)
-        panel.set_title(part.together.measurement.source)
+    panels = []
+    for part in found.parts:
+        panels.append(Panel(title=part.together.measurement.source))
+        against_normal(panels[-1], np.asarray(in_uncertainties(part.together)), 5.0)
+    return grid(panels, 3)

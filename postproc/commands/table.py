@@ -30,6 +30,7 @@ COMMANDS = {
     "predict": "measurements.predict",
     "simulate": "measurements.simulate",
     "simulate-continuous": "measurements.simulate_continuous",
+    "report": "programs.report",
     "study": "measurements.study",
     "touches": "measurements.touches",
     "three-points": "calibrations.three_points",

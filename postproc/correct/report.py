@@ -63,6 +63,8 @@ def _verdict(result: CorrectionResult) -> str:
 
 
 def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterator[Section]:
+    if trace is not None:
+        yield from _figures(trace, result.error)
     yield facts("Set-up", list(_set_up(result)))
     yield Section("Options and inputs", table=Table(("", ""), _choices(job, result)), detail=True)
     yield Section("Conventions", f"{SIGNS}\n{RELATIVE if result.relative else ''}", detail=True)
@@ -82,7 +84,6 @@ def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterat
     if notes := [note for note in result.notes if note not in listed]:
         yield Section("Notes", "\n".join(notes))
     if trace is not None:
-        yield from _figures(trace, result.error)
         for stage, ends in zip(("before", "after"), trace.worst, strict=True):
             if ends:
                 text = "Ends of moves, in programmed coordinates (mm, degrees)."
@@ -151,21 +152,21 @@ def _error_rows(result: CorrectionResult, trace: Trace | None) -> list[tuple[str
 
 def _figures(trace: Trace, error: str) -> Iterator[Section]:
     """Figures along the program, and of the tool path; `error`: name of the error in the figures."""
-    from postproc.correct.report_figures import correction_figure, error_figure, plan_figure
+    from postproc.correct.report_figures import correction_figure, error_figure, path_figure
 
     bins, paths = trace.bins, trace.paths
+    if len(paths.points):
+        some = f" One feed move in {paths.stride} is drawn." if paths.stride > 1 else ""
+        text = f"Nominal path of feed moves in the workpiece frame; colour: {error}, on one scale.{some}"
+        yield Section("Errors on the part", text, figure=partial(path_figure, paths))
     if not bins.moves:
         return
     joined = f" Each step is {bins.width} moves: the line is the RMS, the area the largest." if bins.width > 1 else ""
     if not np.isnan(bins.largest).all():
-        text = f"At the ends of moves, in the order of execution; the two scales differ.{joined}"
+        text = f"At the ends of moves, in the order of execution.{joined}"
         yield Section(f"{error.capitalize()} along the program", text, figure=partial(error_figure, bins))
     text = f"Correction of each axis.{' From the smallest to the largest of each step.' if bins.width > 1 else ''}"
     yield Section("Corrections along the program", text, figure=partial(correction_figure, bins, trace.machine))
-    if len(paths.points):
-        some = f" One feed move in {paths.stride} is drawn." if paths.stride > 1 else ""
-        text = f"Nominal path of feed moves in the workpiece frame; colour: {error} before correction.{some}"
-        yield Section("Errors on the part", text, figure=partial(plan_figure, paths))
 
 
 def _worst_table(trace: Trace, ends: Sequence[MoveEnd]) -> Table:

@@ -140,7 +140,7 @@ class Evaluation:
         if self._trace is not None:
             moved = np.where(moves.corrected, moves.moved, np.nan)
             self._trace.add(motions, moves.lines, moves.correctable, moved, errors)
-            self._trace.add_paths(motions, self._before)
+            self._trace.add_paths(motions, moves.commanded, (self._before, self._after))
 
     def finish(self) -> Evaluated:
         """The results for all moves."""

@@ -104,14 +104,14 @@ class MoveEnd(NamedTuple):
 
 @dataclass
 class DrawnPaths:
-    """Every `stride`-th feed move: points of its nominal tool path, with the errors before correction."""
+    """Every `stride`-th feed move: points of its nominal tool path, with the errors before and after correction."""
 
     stride: int = 1
     seen: int = 0
     points: Array = field(default_factory=lambda: np.empty((0, SEGMENTS + 1, 3)))
-    """Tool points `(n, PIECES + 1, 3)`, mm, workpiece frame."""
-    errors: Array = field(default_factory=lambda: np.empty((0, SEGMENTS + 1)))
-    """Errors `(n, PIECES + 1)`, um."""
+    """Tool points `(n, SEGMENTS + 1, 3)`, mm, workpiece frame."""
+    errors: Array = field(default_factory=lambda: np.empty((0, SEGMENTS + 1, 2)))
+    """Errors `(n, SEGMENTS + 1, 2)`, um, before and after."""
 
     def rows(self, rows: np.ndarray) -> np.ndarray:
         """Rows of the next feed moves `(n,)` that are kept; earlier moves are thinned out to make room for them."""
@@ -152,19 +152,22 @@ class Trace:
         for which, known in enumerate(self.worst):
             known[:] = _worst(known, motions, lines, errors, which)
 
-    def add_paths(self, motions: Motions, machine_states: MachineStates) -> None:
-        """Add some feed moves of a chunk, by `machine_states`, which follows the uncorrected text."""
+    def add_paths(self, motions: Motions, commanded: Motions, both: tuple[MachineStates, MachineStates]) -> None:
+        """Add some feed moves of a chunk, as programmed and as written, by the states that follow both texts."""
         rows = self.paths.rows(np.flatnonzero(motions.evaluated_paths))
         if not len(rows):
             return
         points = np.repeat(rows, SEGMENTS + 1)
         shares = np.tile(np.linspace(0.0, 1.0, SEGMENTS + 1), len(rows))
-        nominal = motions.bare.take(points).in_machine(positions_along(motions, points, shares))
-        tool = motions.tool[points]
-        states, shift = machine_states.last_states(points), machine_states.datum_shifts(motions)[points]
-        errors = pose_errors(self.machine, self._model, nominal, nominal, tool, states, shift).point_um
+        frames, tool = motions.bare.take(points), motions.tool[points]
+        nominal, written = (frames.in_machine(positions_along(text, points, shares)) for text in (motions, commanded))
+        shift = both[0].datum_shifts(motions)[points]
+        errors = [
+            pose_errors(self.machine, self._model, actual, nominal, tool, states.last_states(points), shift).point_um
+            for actual, states in zip((nominal, written), both, strict=True)
+        ]
         tips = tool_point(self.machine, nominal, tool)
-        self.paths.add(tips.reshape(len(rows), -1, 3), errors.reshape(len(rows), -1))
+        self.paths.add(tips.reshape(len(rows), -1, 3), np.stack(errors, axis=1).reshape(len(rows), -1, 2))
 
 
 def _worst(known: list[MoveEnd], motions: Motions, lines: np.ndarray, errors: Array, which: int) -> list[MoveEnd]:

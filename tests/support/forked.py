@@ -14,7 +14,7 @@ FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(
     ["postproc.cli", "postproc.correct.pipeline", "postproc.correct.report", "postproc.iso.interpreter",
      "postproc.tool_tables", "postproc.commands.show.terminal", "kinematics.derived.gantry", "jinja2",
-     "matplotlib.backends.backend_svg", "typer._adapters"]
+     "rendering.page", "typer._adapters"]
 )  # fmt: skip
 
 

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calibration.reports.causes.views import View
 from kinematics.transforms import Array
-from rendering.figures import dots, some
+from rendering.figures import (
+    COLOURS,
+    INK,
+    RED,
+    Figure,
+    Panel,
+    bars_of_error,
+    colour_axis,
+    dots,
+    grid,
+    heat,
+    line,
+    some,
+)
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-POINTS = ("#7a9cc6", "#d99a6c")
-MEANS = ("#204a87", "#a33c00")
-FITTED = "#111111"
+MEANS = COLOURS[:2]
 MEANS_ALONG = 24
-WIDTHS = {1: 6.5, 2: 8.6, 3: 9.6}
-"""Width of a figure, inches, by the number of panels in a row."""
 PER_CELL, FEWEST_CELLS, MOST_CELLS = 12, 4, 10
 """Mean number of rows in a cell of a map; least and most cells along each of its axes."""
 PER_MEAN = 4
@@ -29,49 +33,44 @@ OUTER = 1.0
 """Share of the points, per cent, that may lie outside of a panel on each side."""
 
 
-def cause_figure(views: Sequence[View], canvas: Figure) -> None:
-    """The panels of one cause, at most three in a row."""
-    widths = [2 if view.over is not None else 1 for view in views]
-    across = min(sum(widths), 3)
-    down = -(-sum(widths) // across)
-    canvas.set_size_inches(WIDTHS[across], 2.8 * down)
-    panels = iter(canvas.subplots(down, across, squeeze=False).ravel())
-    for view in views:
-        if view.over is None:
-            _panel(next(panels), view)
-        else:
-            _maps(canvas, (next(panels), next(panels)), view)
-    for panel in panels:
-        panel.set_axis_off()
+def cause_figure(views: Sequence[View]) -> Figure:
+    """The panels of one cause; maps of one cause have one colour scale."""
+    maps = [view for view in views if view.over is not None]
+    most = 1.5 * max((float(np.abs(view.fitted[np.isfinite(view.u)]).max(initial=1e-9)) for view in maps), default=0.0)
+    panels = [panel for view in views for panel in ([_panel(view)] if view.over is None else _maps(view, most))]
+    colours = colour_axis(-most, most, maps[0].y_label, signed=True) if maps else None
+    return grid(panels, 3, height=300, colours=colours)
 
 
-def _panel(panel: Axes, view: View) -> None:
-    certain = np.isfinite(view.u)
+def _panel(view: View) -> Panel:
+    panel, certain = Panel(view.x_label, view.y_label, view.title), np.isfinite(view.u)
     groups = view.groups or (("", np.ones(len(certain), bool)),)
     for number, (name, group) in enumerate(groups):
         rows = some(np.flatnonzero(group & certain))
-        dots(panel, view.x[rows], view.y[rows], POINTS[number], markersize=2.5, alpha=0.6)
-        label = name or "mean of rows, U (k=2)"
+        dots(panel, view.x[rows], view.y[rows], MEANS[number], opacity=0.3)
+        label = f"{name or 'rows'}, mean and U (k=2)"
         if not view.means:
-            panel.plot(view.x[rows], view.y[rows], "o", markersize=3, color=MEANS[number], label=label, rasterized=True)
+            dots(panel, view.x[rows], view.y[rows], MEANS[number], name, size=5, opacity=1)
             continue
         x, mean, u = np.array(list(_means(view, group & certain))).reshape(-1, 3).T
-        panel.errorbar(x, mean, 2 * u, fmt="o", markersize=3, color=MEANS[number], linewidth=0.9, label=label)
+        bars_of_error(panel, x, mean, 2 * u, MEANS[number], label)
     if view.curves:
         for curve in view.curves:
-            colour = MEANS[curve.group] if len(view.curves) > 1 else FITTED
-            panel.plot(curve.x, curve.y, color=colour, linewidth=1.3, label="fitted" if not curve.group else None)
+            colour, of = (MEANS[curve.group], groups[curve.group][0]) if len(view.curves) > 1 else (INK, "")
+            line(panel, curve.x, curve.y, colour, f"fitted {of}".strip(), width=2)
     elif view.means:
         rows = some(np.flatnonzero(certain))
-        dots(panel, view.x[rows], view.fitted[rows], FITTED, label="fitted")
+        dots(panel, view.x[rows], view.fitted[rows], INK, "fitted", opacity=1)
     if view.moment is not None:
-        panel.axvline(view.moment, color="#cc0000", linewidth=1, linestyle="--", label="moment found")
+        moment = {"color": RED, "width": 1.5, "dash": "dash"}
+        at = {"x0": view.moment, "x1": view.moment, "y0": 0, "y1": 1, "yref": "domain"}
+        panel.shapes.append({"type": "line", "line": moment} | at)
+        panel.notes.append({"x": view.moment, "xanchor": "left", "y": _limits(view, certain)[1], "yanchor": "top",
+                            "text": "moment found"})  # fmt: skip
+    panel.axes["yaxis"] = {"range": _limits(view, certain)}
     if view.ticks:
-        panel.set_xticks(range(len(view.ticks)), view.ticks)
-    panel.set_ylim(*_limits(view, certain))
-    panel.set_xlabel(view.x_label)
-    panel.set_ylabel(view.y_label)
-    panel.legend(loc="best", fontsize=7, framealpha=0.7, edgecolor="none")
+        panel.axes["xaxis"] = {"tickvals": list(range(len(view.ticks))), "ticktext": list(view.ticks)}
+    return panel
 
 
 def _limits(view: View, certain: np.ndarray) -> tuple[float, float]:
@@ -102,22 +101,18 @@ def _means(view: View, rows: np.ndarray) -> Iterator[tuple[float, float, float]]
         yield float(view.x[own] @ weights / whole), float(view.y[own] @ weights / whole), float(whole**-0.5)
 
 
-def _maps(canvas: Figure, panels: tuple[Axes, Axes], view: View) -> None:
+def _maps(view: View, most: float) -> Iterator[Panel]:
     """Means of readings in cells of two variables beside those of the fitted cause, in the same colours."""
     assert view.over is not None
     certain = np.isfinite(view.u)
     count = int(np.clip(np.sqrt(certain.sum() / PER_CELL), FEWEST_CELLS, MOST_CELLS))
     edges = [np.linspace(v[certain].min(), v[certain].max(), count + 1) for v in (view.x, view.over)]
     (read, u), (fitted, _) = (_cells(view, values, edges, certain) for values in (view.y, view.fitted))
-    most = 1.5 * float(np.nanmax(np.abs(fitted), initial=1e-9))
     read = np.where(2 * u < most, read, np.nan)
-    for panel, values, origin in ((panels[0], read, "from the data"), (panels[1], fitted, "fitted")):
-        mesh = panel.pcolormesh(*edges, values.T, cmap="RdBu_r", vmin=-most, vmax=most, rasterized=True)
-        panel.set_title(f"{view.title}, {origin}")
-        panel.set_xlabel(view.x_label)
-        panel.set_ylabel(view.over_label)
-        panel.grid(visible=False)
-    canvas.colorbar(mesh, ax=panels[1], label=view.y_label)
+    for values, origin in ((read, "from the data"), (fitted, "fitted")):
+        panel = Panel(view.x_label, view.over_label, f"{view.title}, {origin}")
+        heat(panel, edges[0], edges[1], values)
+        yield panel
 
 
 def _cells(view: View, values: Array, edges: Sequence[Array], certain: np.ndarray) -> tuple[Array, Array]:

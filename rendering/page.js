@@ -1,0 +1,192 @@
+"use strict";
+// Unpacks Plotly, arranges the panels of each figure by the width of the page, and keeps a picture in light colours of
+// each figure for the printer. `document.documentElement.dataset.ready` becomes `drawn`, then `printable`.
+(() => {
+const root = document.documentElement;
+const LIGHT = {ink: "#1d2127", grey: "#8a8f98", paper: "#ffffff", card: "#f5f7fa", grid: "#e3e6eb"};
+const DARK = {ink: "#e6e8ec", grey: "#8a919e", paper: "#14171c", card: "#1e232b", grid: "#2d333d"};
+const LEAST = {xy: 250, polar: 340, scene: 360};  // px, least width of a panel
+const PRINTED = 1000;                             // px, width of a figure for the printer
+const GAP = {left: 62, right: 16, top: 12, bottom: 46, title: 22, scale: 58};
+const FONT = 12;
+
+const system = window.matchMedia("(prefers-color-scheme: dark)");
+const isDark = () => root.dataset.theme ? root.dataset.theme === "dark" : system.matches;
+
+function coloured(value, palette) {
+  if (typeof value === "string") return value[0] === "@" && palette[value.slice(1)] || value;
+  if (Array.isArray(value)) return typeof value[0] === "number" ? value : value.map(each => coloured(each, palette));
+  if (value && typeof value === "object")
+    return Object.fromEntries(Object.entries(value).map(([key, each]) => [key, coloured(each, palette)]));
+  return value;
+}
+
+function merged(base, over) {
+  const result = {...base};
+  for (const [key, value] of Object.entries(over || {}))
+    result[key] = value && typeof value === "object" && !Array.isArray(value) ? merged(base[key], value) : value;
+  return result;
+}
+
+// Names of the legend, each once, and the height of its lines, px.
+function legend(panels, width) {
+  const names = new Set(panels.flatMap(panel => panel.traces.filter(trace => trace.name && trace.showlegend !== false)
+    .map(trace => trace.name)));
+  if (names.size === 0) return {shown: false, height: 0};
+  const widest = Math.max(...[...names].map(name => 46 + name.length * FONT * 0.58));
+  const inRow = Math.max(1, Math.floor((width - 20) / widest));
+  return {shown: true, height: 10 + 20 * Math.ceil(names.size / inRow)};
+}
+
+function axis(palette, own, title) {
+  const plain = {gridcolor: palette.grid, zerolinecolor: palette.grey, linecolor: palette.grey, zerolinewidth: 1,
+    title: {text: title || "", standoff: 6}, automargin: false};
+  return merged(plain, own);
+}
+
+// Panel `i` in its cell (px: x0, x1 from the left, y0, y1 from the top) of a figure of this size.
+function place(layout, panel, i, cell, size, palette, spec, across) {
+  const kind = panel.kind, own = panel.axes || {}, top = cell.y0 + (panel.title ? GAP.title : 0);
+  if (panel.title) layout.annotations.push({text: `<b>${panel.title}</b>`, showarrow: false, xref: "paper", yref: "paper",
+    x: (cell.x0 + (kind === "xy" ? GAP.left : 8)) / size.width, y: 1 - cell.y0 / size.height, xanchor: "left",
+    yanchor: "top", font: {size: FONT}});
+  const n = i ? i + 1 : "", bare = own.bare;
+  const box = kind === "xy"
+    ? {x: [cell.x0 + (bare ? 6 : GAP.left), cell.x1 - GAP.right], y: [cell.y1 - GAP.bottom, top + GAP.top]}
+    : {x: [cell.x0 + 6, cell.x1 - 6], y: [cell.y1 - (kind === "polar" ? 26 : 4), top + (kind === "polar" ? 22 : 4)]};
+  const domain = {x: box.x.map(x => Math.min(Math.max(x / size.width, 0), 1)),
+    y: box.y.map(y => Math.min(Math.max(1 - y / size.height, 0), 1))};
+  if (kind === "scene") {
+    const side = name => merged(axis(palette, {backgroundcolor: palette.card, showbackground: true}, panel[name]), own[`${name}axis`]);
+    layout[`scene${n}`] = merged({domain, xaxis: side("x"), yaxis: side("y"), zaxis: side("z"), aspectmode: "data",
+      dragmode: "turntable", camera: {eye: {x: 1.75, y: -1.9, z: 1.05}}}, own.scene);
+  } else if (kind === "polar") {
+    layout[`polar${n}`] = merged({domain, bgcolor: palette.paper, angularaxis: axis(palette), radialaxis: axis(palette)}, own.polar);
+  } else {
+    const x = axis(palette, own.xaxis, panel.x), y = axis(palette, own.yaxis, panel.y);
+    if (spec.sameX && i) x.matches = "x";
+    if (spec.sameY && i) y.matches = "y";
+    layout[`xaxis${n}`] = {...x, domain: domain.x, anchor: `y${n}`};
+    layout[`yaxis${n}`] = {...y, domain: domain.y, anchor: `x${n}`};
+    for (const note of panel.notes || []) {
+      const xref = note.xref === "domain" ? `x${n} domain` : `x${n}`;
+      layout.annotations.push({showarrow: false, font: {size: FONT - 1}, yref: `y${n}`, ...note, xref});
+    }
+    for (const shape of panel.shapes || [])
+      layout.shapes.push({yref: `y${n}`, ...shape, xref: shape.xref === "domain" ? `x${n} domain` : `x${n}`,
+        ...(shape.yref === "domain" ? {yref: `y${n} domain`} : {})});
+  }
+}
+
+// Data and layout of a figure at this width, px.
+function arranged(spec, width, palette) {
+  const panels = spec.panels.map(panel => ({kind: "xy", traces: [], ...panel}));
+  const least = Math.max(...panels.map(panel => LEAST[panel.kind]));
+  const across = Math.max(1, Math.min(spec.across, Math.floor(width / least)));
+  const down = Math.ceil(panels.length / across);
+  const names = legend(panels, width);
+  const size = {width, height: names.height + down * spec.height + (spec.colours ? GAP.scale : 0)};
+  const layout = {...size, margin: {l: 0, r: 0, t: 0, b: 0, autoexpand: false}, paper_bgcolor: palette.paper,
+    plot_bgcolor: palette.paper, font: {color: palette.ink, size: FONT, family: "system-ui, 'DejaVu Sans', sans-serif"},
+    annotations: [], shapes: [], showlegend: names.shown, bargap: 0.35, hovermode: "closest",
+    dragmode: window.matchMedia("(pointer: coarse)").matches ? false : "zoom",
+    legend: {orientation: "h", x: 0.5, xanchor: "center", y: 1, yanchor: "top", bgcolor: "rgba(0,0,0,0)", itemsizing: "constant"}};
+  const data = [], seen = new Set();
+  panels.forEach((panel, i) => {
+    const column = i % across, row = Math.floor(i / across), high = spec.height;
+    const cell = {x0: column * width / across, x1: (column + 1) * width / across,
+      y0: names.height + row * high, y1: names.height + (row + 1) * high};
+    place(layout, panel, i, cell, size, palette, spec, across);
+    const n = i ? i + 1 : "";
+    const where = {scene: {scene: `scene${n}`}, polar: {subplot: `polar${n}`}, xy: {xaxis: `x${n}`, yaxis: `y${n}`}}[panel.kind];
+    for (const trace of panel.traces) {
+      const named = Boolean(trace.name) && trace.showlegend !== false;
+      data.push({hoverlabel: {namelength: -1}, ...trace, ...where, legendgroup: trace.name || `${i}`,
+        showlegend: named && !seen.has(trace.name)});
+      if (named) seen.add(trace.name);
+    }
+  });
+  if (spec.colours) {
+    const {title, ...own} = spec.colours;
+    layout.coloraxis = {...own, colorbar: {orientation: "h", x: 0.5, xanchor: "center", len: Math.min(0.9, 420 / width),
+      y: 0, yanchor: "bottom", thickness: 10, outlinewidth: 0, title: {text: title, side: "top", font: {size: FONT}}, ypad: 2,
+      tickfont: {size: FONT - 1}}};
+  }
+  return coloured({data, layout}, palette);
+}
+
+const CONFIG = {displaylogo: false, responsive: false, displayModeBar: "hover", showTips: false,
+  modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]]};
+const CONFIG_3D = {...CONFIG, modeBarButtons: [["toImage", "orbitRotation", "tableRotation", "resetCameraDefault3d"]]};
+const is3d = spec => spec.panels.some(panel => panel.kind === "scene");
+const configOf = spec => is3d(spec) ? CONFIG_3D : CONFIG;
+const next = () => new Promise(resolve => setTimeout(resolve));
+
+async function draw(plot, spec) {
+  const width = Math.floor(plot.clientWidth);
+  if (!width) return;  // inside a closed <details>
+  plot.shownWidth = width;
+  const {data, layout} = arranged(spec, width, isDark() ? DARK : LIGHT);
+  await Plotly.react(plot, data, layout, {...configOf(spec), ...(width < 560 ? {displayModeBar: false} : {})});
+}
+
+async function picture(plot, spec) {
+  const {data, layout} = arranged(spec, PRINTED, LIGHT);
+  const solid = is3d(spec), image = document.createElement("img");
+  image.className = "printed";
+  image.alt = plot.getAttribute("aria-label");
+  image.src = await Plotly.toImage({data, layout, config: {plotGlPixelRatio: 2}},
+    {format: solid ? "png" : "svg", scale: solid ? 2 : 1, width: layout.width, height: layout.height});
+  plot.after(image);
+  await image.decode();
+}
+
+async function unpacked(id) {
+  const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), each => each.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Response(stream).text();
+}
+
+async function all() {
+  const text = document.getElementById("figures");
+  if (!text) { root.dataset.ready = "printable"; return; }
+  const script = document.createElement("script");
+  script.textContent = await unpacked("library");
+  document.head.append(script);
+  const figures = JSON.parse(text.textContent);
+  const plots = [...document.querySelectorAll(".plot")];
+  const specOf = plot => figures[Number(plot.dataset.figure)];
+  const redraw = () => plots.forEach(plot => draw(plot, specOf(plot)));
+  for (const plot of plots) { await draw(plot, specOf(plot)); await next(); }
+  root.dataset.ready = "drawn";
+  system.addEventListener("change", redraw);
+  root.addEventListener("theme", redraw);
+  new ResizeObserver(() => plots.forEach(plot => {
+    if (plot.clientWidth && Math.floor(plot.clientWidth) !== plot.shownWidth) draw(plot, specOf(plot));
+  })).observe(document.body);
+  document.addEventListener("toggle", () => plots.forEach(plot => { if (!plot.shownWidth) draw(plot, specOf(plot)); }), true);
+  for (const plot of plots) { await picture(plot, specOf(plot)); await next(); }
+  root.dataset.ready = "printable";
+}
+
+const button = document.getElementById("theme");
+button.hidden = false;
+button.addEventListener("click", () => {
+  root.dataset.theme = isDark() ? "light" : "dark";
+  root.dispatchEvent(new Event("theme"));
+});
+const closed = [];
+window.addEventListener("beforeprint", () => {
+  for (const each of document.querySelectorAll("details:not([open])")) { closed.push(each); each.open = true; }
+});
+window.addEventListener("afterprint", () => { for (const each of closed.splice(0)) each.open = false; });
+all().catch(fault => {
+  root.dataset.ready = "failed";
+  root.dataset.fault = String(fault && fault.message || fault);
+  const line = document.createElement("p");
+  line.className = "fault";
+  line.textContent = `The figures cannot be drawn (${root.dataset.fault}). Open the page in a browser of 2023 or later.`;
+  document.querySelector("main").prepend(line);
+  console.error(fault);
+});
+})();

@@ -1,0 +1,173 @@
+"""Pages of reports in a real browser: drawn, clicked, turned, on a phone, in the dark, and printed."""
+
+import base64
+import re
+from pathlib import Path
+
+import pytest
+from clients.chromium import DESKTOP, PHONE
+from pypdf import PdfReader
+from support.command import succeed
+from support.pages import figures
+
+BOX = Path(__file__).parents[1] / "examples" / "box.nc"
+A4 = (595, 842)
+"""Points."""
+DRAWN = "return [...document.querySelectorAll('.plot')].map(p => p.querySelectorAll('.main-svg').length)"
+OVERFLOW = """return [...document.querySelectorAll('body *')].filter(e => !e.closest('.scroll') && !e.closest('.plot')
+  && e.getBoundingClientRect().right > innerWidth + 1).map(e => e.tagName + '.' + e.className)"""
+CAMERA = "return document.querySelector('.plot')._fullLayout.scene._scene.getCamera().eye"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder for the pages, each of which is written once."""
+    return tmp_path_factory.mktemp("pages")
+
+
+@pytest.fixture(scope="module")
+def correction(folder):
+    """The page of the demonstration, with a head."""
+    page, head = folder / "correction.html", folder / "head.toml"
+    head.write_text('[report]\noperator = "A. Müller"\nserial_number = "4711"\n')
+    set_up = ("--machine", "dmu50", "--work-offset", "G54=-30,-20,150", "--tool-length", "T1=80")
+    succeed(BOX, *set_up, "-o", folder / "out.nc", "--report", page, "--report-head", head)
+    return page
+
+
+def check_screens(chromium, page):
+    """All figures drawn without an error, nothing loaded, nothing wider than a phone, light and dark."""
+    count = len(figures(page))
+    for width, night in ((PHONE, False), (DESKTOP, True)):
+        chromium.open(page, width, dark=night)
+        shown = chromium.run("document.querySelectorAll('details').forEach(d => d.open = true);" + DRAWN)
+        assert len(shown) == count
+        assert all(shown)
+        assert chromium.run("return document.documentElement.scrollWidth") <= width
+        assert chromium.run(OVERFLOW) == []
+        colour = chromium.run("return getComputedStyle(document.documentElement).backgroundColor")
+        assert (sum(map(int, re.findall(r"\d+", colour))) < 200) == night
+    assert chromium.errors() == []
+    asked = [url for url in chromium.requests() if not url.startswith(("data:", "blob:", "about:", "chrome"))]
+    assert {url.rpartition("/")[2] for url in asked} == {page.name}
+
+
+def printed(page):
+    """The texts of the A4 pages that `ncomp report` makes of a page; each with its number."""
+    pdf = page.with_suffix(".pdf")
+    succeed("report", page, "--pdf", pdf)
+    reader = PdfReader(pdf)
+    texts = [sheet.extract_text() for sheet in reader.pages]
+    for number, (sheet, text) in enumerate(zip(reader.pages, texts, strict=True), start=1):
+        assert tuple(map(float, sheet.mediabox[2:])) == pytest.approx(A4, abs=1)
+        assert f"page {number} of {len(texts)}" in text
+    return texts
+
+
+@pytest.mark.statistical
+def test_page_of_a_correction(chromium, correction):
+    check_screens(chromium, correction)
+
+
+@pytest.mark.statistical
+def test_a_path_turns_and_answers_the_pointer(chromium, correction):
+    from selenium.webdriver import ActionChains
+
+    chromium.open(correction)
+    plot = chromium.driver.find_element("css selector", ".plot")
+    chromium.run("arguments[0].scrollIntoView({block: 'center'})", plot)
+    before = chromium.run(CAMERA)
+    quarter = -plot.size["width"] // 4
+    ActionChains(chromium.driver).move_to_element_with_offset(plot, quarter, 0).click_and_hold().move_by_offset(
+        90, 40
+    ).release().perform()
+    after = chromium.run(CAMERA)
+    assert sum(abs(after[k] - before[k]) for k in "xyz") > 0.05
+    line = chromium.driver.find_elements("css selector", ".plot")[1]
+    chromium.run("arguments[0].scrollIntoView({block: 'center'})", line)
+    texts = []
+    for step in range(-4, 5):
+        ActionChains(chromium.driver).move_to_element_with_offset(line, step * 60, -120 + 12 * step).perform()
+        chromium.run("Plotly.Fx.hover(arguments[0], [{curveNumber: 0, pointNumber: 40}])", line)
+        texts += chromium.run("return [...arguments[0].querySelectorAll('.hovertext')].map(t => t.textContent)", line)
+    assert any(re.search(r"\d", text) for text in texts)
+
+
+def test_lists_open_and_the_theme_changes_by_clicks(chromium, correction):
+    chromium.open(correction)
+    summary = chromium.driver.find_element("xpath", "//summary[contains(., 'Conventions')]")
+    text = chromium.driver.find_element("xpath", "//details[contains(., 'Conventions')]/p")
+    assert not text.is_displayed()
+    summary.click()
+    assert text.is_displayed()
+    colour = "return getComputedStyle(document.documentElement).backgroundColor"
+    figure = "return document.querySelectorAll('.plot')[1]._fullLayout.paper_bgcolor"
+    light = chromium.run(colour), chromium.run(figure)
+    chromium.driver.find_element("id", "theme").click()
+    assert all(a != b for a, b in zip(light, (chromium.run(colour), chromium.run(figure)), strict=True))
+    assert chromium.errors() == []
+
+
+def test_the_printed_page(chromium, correction):  # noqa: ARG001  the browser must be there
+    texts = printed(correction)
+    assert "A. Müller" in texts[0]
+    assert "4711" in texts[0]
+    assert "4.84 → 0.05 µm RMS" in texts[0]
+    (sheet,) = [text for text in texts if "Largest errors after" in text]
+    rows = sheet.split("Largest errors after")[1]
+    assert len(re.findall(r"^\d+ (?:-?\d+\.\d{3} ){6}\d\.\d{3}$", rows, re.MULTILINE)) == 10
+    assert "Errors are actual minus nominal" in " ".join(texts)  # folded on the screen
+
+
+@pytest.mark.statistical
+def test_a_picture_of_the_path_is_not_blank(chromium, correction):
+    chromium.open(correction, printable=True)
+    assert chromium.run("return document.querySelectorAll('img.printed').length") == len(figures(correction))
+    source = chromium.run("return document.querySelector('img.printed').src")
+    assert source.startswith("data:image/png;base64,")
+    assert len(base64.b64decode(source.partition(",")[2])) > 30_000
+    colours = chromium.run(
+        "const i = document.querySelector('img.printed'), c = document.createElement('canvas');"
+        "c.width = 400; c.height = 200; const g = c.getContext('2d'); g.drawImage(i, 0, 0, 400, 200);"
+        "const d = g.getImageData(0, 0, 200, 200).data; const s = new Set();"
+        "for (let k = 0; k < d.length; k += 4) s.add(d[k] >> 4 << 8 | d[k + 1] >> 4 << 4 | d[k + 2] >> 4); return s.size"
+    )
+    assert colours > 20
+
+
+def test_a_page_without_figures_prints_too(chromium, tmp_path):  # noqa: ARG001
+    program = tmp_path / "a.nc"
+    program.write_text("G21 G90\nG0 X100.0 Y100.0 Z100.0\n")
+    page = tmp_path / "a.html"
+    succeed(program, "--machine", "gantry", "-c", "none", "-o", tmp_path / "b.nc", "--report", page)
+    assert "written back as it was" in printed(page)[0]
+
+
+def test_what_is_no_page_is_not_printed(command, tmp_path):
+    (tmp_path / "a.html").write_text("<!doctype html><title>another</title>")
+    (tmp_path / "a.csv").write_text("# machine: gantry\n# instrument: laser-tracker\n")
+    for name, words in (("a.html", "found a web page"), ("a.csv", "found a measurement file"), ("b", "No such file")):
+        done = command("report", name, "--pdf", "a.pdf")
+        assert done.status == 2
+        assert words in done.err
+    assert not (tmp_path / "a.pdf").exists()
+
+
+def test_a_missing_browser_is_named_with_its_cure(command, tmp_path, monkeypatch):
+    (tmp_path / "a.html").write_text('<meta name="generator" content="ncomp">')
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = command("report", "a.html", "--pdf", "a.pdf")
+    assert done.status == 2
+    assert "apt-get install chromium" in done.err
+    assert not (tmp_path / "a.pdf").exists()
+
+
+def test_a_browser_that_fails_leaves_no_file(command, tmp_path, monkeypatch):
+    (tmp_path / "a.html").write_text('<meta name="generator" content="ncomp">')
+    (tmp_path / "chromium").write_text("#!/bin/sh\nexit 3\n")
+    (tmp_path / "chromium").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = command("report", "a.html", "--pdf", "a.pdf")
+    assert done.status == 2
+    assert "has ended" in done.err
+    assert not (tmp_path / "a.pdf").exists()
