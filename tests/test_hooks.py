@@ -72,6 +72,9 @@ def posted(freecad: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> tup
         ours = f"--stock {name} --ncomp {NCOMP} {SETUP} -- {arguments}"
         posts[name] = Post("ncomp", ours, f"{home}/{name}.nc")
     posts["five axes"] = Post("ncomp", f"--ncomp {NCOMP} {SETUP} -- --no-header", f"{home}/five.nc", FIVE_AXES)
+    succeed("tutorial", home / "mill")
+    options = "--machine mill.toml --calibration true.json -- --no-header"
+    posts["relative paths"] = Post("ncomp", options, f"{home}/mill/block.nc")
     for name, (arguments, gcode, _) in FAULTS.items():
         output = home / f"{name}.nc"
         output.write_text(OLD)
@@ -99,6 +102,12 @@ def test_freecad_writes_five_axes(posted: tuple[Path, dict[str, str | None]]) ->
     folder, faults = posted
     assert faults["five axes"] is None
     assert re.search(r"^G1 X20\.\d+ Y\d+\.\d+ Z\d+\.\d+ B30\.125\d* C45\.5", (folder / "five.nc").read_text(), re.M)
+
+
+def test_freecad_finds_ncomp_and_files_beside_the_output(posted: tuple[Path, dict[str, str | None]]) -> None:
+    folder, faults = posted
+    assert faults["relative paths"] is None
+    assert "(NCOMP " in (folder / "mill" / "block.nc").read_text()
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -245,6 +254,17 @@ def test_a_long_program_that_is_killed_leaves_nothing(tmp_path: Path) -> None:
     os.killpg(running.pid, signal.SIGKILL)
     running.wait()
     assert not (tmp_path / "part.nc").exists()
+
+
+def test_the_shell_command_finds_files_beside_it(tmp_path: Path) -> None:
+    succeed("tutorial", tmp_path / "mill")
+    succeed("hook", "unix", "-o", tmp_path / "mill")
+    posted = tmp_path / "part.posted"
+    shutil.copyfile(tmp_path / "mill" / "part.nc", posted)
+    environment = {**os.environ, "OPTIONS": "--machine mill.toml --calibration true.json"}
+    command = [str(tmp_path / "mill" / "after_post.sh"), "part.posted"]
+    subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, check=True)
+    assert "(NCOMP " in (tmp_path / "part.nc").read_text()
 
 
 # ---- the command

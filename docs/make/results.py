@@ -2,7 +2,7 @@
 
     python docs/make/results.py
 
-Every command that has `--json` runs once, on the files of examples/tutorial and simulated data. The keys, their types
+Every command that has `--json` runs once, on the files of the tutorial and simulated data. The keys, their types
 and examples come from these runs; MEANINGS explains names.
 """
 
@@ -25,7 +25,7 @@ from lines import written
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "results.md"
-INPUTS = ROOT / "examples" / "tutorial"
+INPUTS = ROOT / "postproc" / "tutorial"
 CIRCLES = "--instrument ballbar --centre 300,200,150 --target t1=0,0,-120 --bar 100:0.5 --feed 1000"
 STUDY = """machine = "gantry"
 draws = 2
@@ -164,8 +164,7 @@ def run(command: str, folder: Path) -> str:
 def prepare(folder: Path) -> None:
     """The inputs of all runs."""
     for path in INPUTS.iterdir():
-        if path.suffix != ".py" and path.is_file():
-            shutil.copyfile(path, folder / path.name)
+        shutil.copyfile(path, folder / path.name)
     (folder / "posted").mkdir()
     shutil.copyfile(INPUTS / "part.nc", folder / "posted" / "part.nc")
     (folder / "points.csv").write_text("X,Y,Z\n0,0,0\n300,200,225\n")

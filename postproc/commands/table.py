@@ -21,6 +21,7 @@ COMMANDS = {
     "fit": "calibrations.fit",
     "diagnose": "calibrations.diagnose",
     "hook": "programs.hook",
+    "tutorial": "programs.tutorial",
     "import": "controls.import_tables",
     "iso230": "calibrations.iso230",
     "ballbar": "calibrations.ballbar",

@@ -2,7 +2,8 @@
 # Linux and macOS: a posted program, corrected by ncomp. Call it with the posted file:
 #     after_post.sh posted/part.posted
 # The CAM writes part.posted, and ncomp alone writes part.nc: complete, or not at all. An older part.nc is removed first.
-NCOMP=${NCOMP:-ncomp}
+# Machine and calibration lie beside this file, or have their whole paths.
+NCOMP=${NCOMP:-"ncomp"}
 OPTIONS=${OPTIONS:---machine mill.toml --calibration cal.json}
 case $1 in
 *.nc)
@@ -10,9 +11,10 @@ case $1 in
     exit 2
     ;;
 esac
-rm -f "${1%.*}.nc" || exit 2
+posted=$(cd "$(dirname "$1")" && pwd)/$(basename "$1") && cd "$(dirname "$0")" || exit 2
+rm -f "${posted%.*}.nc" || exit 2
 # shellcheck disable=SC2086  # several options
-$NCOMP correct "$1" -o "${1%.*}.nc" $OPTIONS || {
+"$NCOMP" correct "$posted" -o "${posted%.*}.nc" $OPTIONS || {
     echo "ncomp: no program was written" >&2
     exit 2
 }

@@ -1,6 +1,6 @@
 // Fusion (and Inventor CAM, HSMWorks) post-processor: the program of a post, corrected by ncomp when it is complete.
 //
-// Append this text to the post's .cps file, and set the options of `ncomp correct` here:
+// Append this text to the post's .cps file, and set the options of `ncomp correct` here, with the whole paths of files:
 var ncompCommand = "ncomp";
 var ncompOptions = "--machine mill.toml --calibration cal.json";
 //

@@ -2,8 +2,8 @@
 #
 # Source this file at the end of the post's event handler (Post Builder: a custom command "PB_CMD_ncomp" with
 #     source "C:/ncomp/ncomp_nx.tcl"
-# that the start of the program calls), and set the options of `ncomp correct` here:
-set ncomp_command [list ncomp]
+# that the start of the program calls), and set the options of `ncomp correct` here, with the whole paths of files:
+set ncomp_command [list {ncomp}]
 set ncomp_options [list --machine mill.toml --calibration cal.json]
 #
 # NX writes part.posted, and ncomp alone writes part.nc: complete, or not at all. An older part.nc is removed first.

@@ -1,12 +1,13 @@
-"""FreeCAD post-processor "ncomp": a stock post of FreeCAD, and its program corrected by the ncomp command.
+"""FreeCAD post-processor *ncomp*: a stock post of FreeCAD, and its program corrected by the ncomp command.
 
 `ncomp hook freecad --install` copies this file into FreeCAD's macro folder. Arguments of the Job, for example
 
     --stock linuxcnc --machine dmu50 --work-offset G54=-30,-20,150 --tool-length T1=80 -- --no-header --precision=4
 
 After `--` are those of the stock post. Before it, `--stock NAME` is the stock post, `--ncomp COMMAND` the path of the
-ncomp command, and all others are options of `ncomp correct`. The output file is written by ncomp only, complete or not
-at all; an older one of its name is removed first. Runs in FreeCAD's own Python (3.8 or later) and needs only FreeCAD.
+ncomp command, and all others are options of `ncomp correct`, whose paths are relative to the folder of the output file.
+The output file is written by ncomp only, complete or not at all; an older one of its name is removed first. Runs in
+FreeCAD's own Python (3.8 or later) and needs only FreeCAD.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from typing import Any, NoReturn
 
 import FreeCAD
 
+COMMAND = "ncomp"
+"""The ncomp command; `ncomp hook` writes its path here."""
 TOOLTIP = __doc__
 TOOLTIP_ARGS = "--stock NAME --machine NAME [options of ncomp correct] [-- arguments of the stock post]"
 LONGEST = 3600
@@ -44,13 +47,14 @@ def export(objectslist: list[Any], filename: str, argstring: str) -> str:
     with tempfile.TemporaryDirectory(prefix="ncomp-") as folder:
         name = Path(filename).name if to_file else "program.nc"
         posted = Path(folder, name)
-        output = Path(filename) if to_file else Path(folder, f"corrected-{name}")
+        output = Path(filename).absolute() if to_file else Path(folder, f"corrected-{name}")
         try:
             output.unlink(missing_ok=True)  # no older program is taken for the output of this run
         except OSError as fault:
             _fail(f"cannot replace {output}: {fault.strerror}")
         _post(ours.stock, objectslist, posted, stock_arguments)
-        _correct([*shlex.split(ours.ncomp), "correct", str(posted), "-o", str(output), *ncomp_options], output, folder)
+        command = [*shlex.split(ours.ncomp), "correct", str(posted), "-o", str(output), *ncomp_options]
+        _correct(command, output, folder)
         return output.read_bytes().decode("utf-8", "surrogateescape")
 
 
@@ -60,7 +64,7 @@ def _arguments(text: str) -> tuple[argparse.Namespace, list[str], list[str]]:
     end = words.index("--") if "--" in words else len(words)
     parser = argparse.ArgumentParser(prog="ncomp", add_help=False, allow_abbrev=False)
     parser.add_argument("--stock", default="linuxcnc")
-    parser.add_argument("--ncomp", default=os.environ.get("NCOMP", "ncomp"))
+    parser.add_argument("--ncomp", default=os.environ.get("NCOMP", shlex.quote(COMMAND)))
     try:
         ours, others = parser.parse_known_args(words[:end])
     except SystemExit:
@@ -147,6 +151,7 @@ def _correct(command: list[str], output: Path, folder: str) -> None:
             command,
             check=False,
             env=environment,
+            cwd=output.parent,
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,

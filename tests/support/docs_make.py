@@ -9,7 +9,6 @@ from types import ModuleType
 
 ROOT = Path(__file__).parents[2]
 MAKE = ROOT / "docs" / "make"
-TUTORIAL = ROOT / "examples" / "tutorial" / "make.py"
 
 
 def script(path: Path) -> ModuleType:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
 from pathlib import Path
 
 from kinematics.files import write_whole
@@ -46,10 +48,20 @@ def hook(
         if not folder.is_dir():
             raise UserError(f"cannot write {folder}: it is no folder")
         target = folder / file.name
-        write_whole(target, file.read_bytes())
+        write_whole(target, _with_path(file.read_text()).encode())
         if cam == "unix":
             target.chmod(target.stat().st_mode | 0o111)
         screen.print(f"written: {target}")
+
+
+def _with_path(text: str) -> str:
+    """The text of a hook with the path of this ncomp: a CAM may not find the command by its name."""
+    beside = Path(sys.executable).with_name("ncomp.exe" if sys.platform == "win32" else "ncomp")
+    found = str(beside) if beside.is_file() else shutil.which("ncomp") or "ncomp"
+    found = found if "@echo off" in text else Path(found).as_posix()
+    for quoted in ('"{}"', "{{{}}}"):
+        text = text.replace(quoted.format("ncomp"), quoted.format(found), 1)
+    return text
 
 
 def _macro_folders() -> list[Path]:

@@ -1,8 +1,8 @@
 """Renew the tutorial: its measured data, the outputs shown in docs/tutorial.md, and its pictures.
 
-    python examples/tutorial/make.py             outputs of the commands, in the page
-    python examples/tutorial/make.py --data      the measured data first
-    python examples/tutorial/make.py --pictures  the pictures too, by Chromium
+    python docs/make/tutorial.py             outputs of the commands, in the page
+    python docs/make/tutorial.py --data      the measured data first
+    python docs/make/tutorial.py --pictures  the pictures too, by Chromium
 
 A block of output in the page follows a comment `<!-- lines: A | B -->`: it holds the lines of the output of the last
 command that begin with A or with B, or all of them for `*`.
@@ -21,10 +21,11 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
+ROOT = Path(__file__).parents[2]
+HERE = ROOT / "postproc" / "tutorial"
 PAGE = ROOT / "docs" / "tutorial.md"
-INPUTS = ("mill.toml", "part.nc", "measured.csv", "true.json")
+FOLDER = "mill"
+"""Folder of the tutorial's files, below that in which its first command runs."""
 MARK = re.compile(r"<!-- lines: (.*) -->$")
 HIDDEN = "backlash:axis=X,width=14"
 TRACKER = "--tracker=-1500,1500,300 -u u_range_um=0.5 -u u_range_um_per_m=0.5 -u u_angle_um=1 -u u_angle_um_per_m=1.5"
@@ -60,19 +61,14 @@ def _lines(lines: list[str], folder: Path) -> Iterator[str]:
         elif command.endswith(" ") and line.startswith("      "):
             command += line.strip().removesuffix("\\")
         if line.startswith("    ") and command and not line.endswith("\\"):
-            output, command = run(command, folder), ""
+            output = run(command, folder)
+            folder, command = (folder / FOLDER if command.startswith("ncomp tutorial") else folder), ""
         if mark := MARK.match(line):
             starts = tuple(mark[1].split(" | "))
             yield ""
             chosen = (each for each in output.splitlines() if starts == ("*",) or each.startswith(starts))
             yield from (f"    {each}".rstrip() for each in chosen)
             old = True
-
-
-def copy_inputs(folder: Path) -> None:
-    """The files that the reader of the tutorial has."""
-    for name in INPUTS:
-        shutil.copyfile(HERE / name, folder / name)
 
 
 def make_data() -> None:
@@ -114,10 +110,9 @@ def main() -> None:
         make_data()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        copy_inputs(folder)
         PAGE.write_text(renewed(PAGE.read_text(), folder))
         for picture, page in PICTURES.items() if asked.pictures else ():
-            photograph(folder / page, ROOT / "docs" / "pictures" / f"{picture}.png")
+            photograph(folder / FOLDER / page, ROOT / "docs" / "pictures" / f"{picture}.png")
 
 
 if __name__ == "__main__":
