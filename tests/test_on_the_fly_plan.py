@@ -21,13 +21,14 @@ from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.on_the_fly.along_path import on_path
 from calibration.on_the_fly.drive import PathDynamics, driven, duration
 from calibration.on_the_fly.planning import path_search as planner
-from calibration.on_the_fly.planning.noise_gain import PRIOR, Volume
+from calibration.on_the_fly.planning.noise_gain import PRIOR, SAMPLE_MM, Volume
 from calibration.on_the_fly.planning.path_search import best_path
 from calibration.on_the_fly.planning.predicted_fit import evaluated_path
 from calibration.planning.strategies import plan
 from calibration.simulation.simulate import observe, tracker_pose
 from calibration.simulation.true_model import random_true_model
 from kinematics.error_transform import error_transform_with_tool
+from kinematics.forward import tool_point
 from kinematics.state import State
 from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
@@ -85,6 +86,38 @@ def test_the_diagonals_hide_one_direction_that_matters():
     whole = volume().noise_gain(information(volume(), polyline(0, 40)))
     assert whole.hidden == 0
     assert whole.noise == pytest.approx(whole.score, rel=1e-3)
+
+
+def test_the_information_is_that_of_the_design_across_the_path():
+    """Products of the design of the model, row by row, for a move of every axis and several targets."""
+    machine, targets = machines.load("dmu50"), {"1": Target((0.0, 0.0, -100.0)), "2": Target((40.0, 10.0, -90.0))}
+    ends = np.clip(machine.travel, -200.0, 200.0) * machine.scale
+    volume = Volume(machine, ends, targets, 4.0, 5.0)
+    moves = [
+        (ends[0] + a * (ends[1] - ends[0]), ends[0] + b * (ends[1] - ends[0])) for a, b in ((0.1, 0.9), (0.7, 0.3))
+    ]
+    short = ends[0], ends[0] + 1e-3 * (ends[1] - ends[0])
+    for (start_at, end_at), found in zip(moves, volume.informations([*moves, short]), strict=False):
+        expected = np.zeros_like(found)
+        for tool in (target.position for target in targets.values()):
+            share = np.linspace(0.0, 1.0, 9)[:, None]
+            length = sum(
+                np.linalg.norm(
+                    np.diff(tool_point(machine, start_at + share * (end_at - start_at), tool), axis=0), axis=1
+                )
+            )
+            n = int(np.ceil((length - 10.0) / SAMPLE_MM))
+            at = (5.0 + (np.arange(n) + 0.5) * (length - 10.0) / n) / length
+            q = start_at + at[:, None] * (end_at - start_at)
+            way = 1e-6 * (end_at - start_at)
+            along = tool_point(machine, q + way, tool) - tool_point(machine, q - way, tool)
+            along /= np.linalg.norm(along, axis=1, keepdims=True)
+            across = np.eye(3) - along[:, :, None] * along[:, None, :]
+            transform = across @ error_transform_with_tool(machine, q, tool)[:, :3]
+            rows = volume.model.design(machine, State(q), transform).reshape(3 * n, -1) * PRIOR * 1e3
+            expected[6:, 6:] += rows.T @ rows * ((length - 10.0) / 4.0 / n)
+        assert found[6:, 6:] == pytest.approx(expected[6:, 6:], rel=1e-6, abs=1e-6 * np.abs(expected).max())
+    assert not volume.information(*short).any()
 
 
 def test_moves_that_corners_swallow_say_nothing():

@@ -7,7 +7,7 @@ axis that moves, together with the pose of the instrument.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -16,13 +16,16 @@ import numpy as np
 from calibration.fit.linear import Posterior, pseudo_inverse
 from calibration.measurement.measurement import Target
 from calibration.observation.full_model import BasisChoice
+from kinematics.columns import cross, rows_of, vector
 from kinematics.effects import COMPONENTS, ErrorMotion
-from kinematics.error_model.model import Design, no_errors
+from kinematics.effects.base import unit_of
+from kinematics.error_model.model import no_errors
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
 from kinematics.state import State
-from kinematics.transforms import Array, by_turn
+from kinematics.transforms import Array, by_turn, read_only
+from kinematics.turn import columns_of
 
 NODE_MM = 50.0
 """Node spacing of the error motions of linear axes, mm; larger on long axes, which have MOST_NODES nodes."""
@@ -35,8 +38,14 @@ GRID, SCATTERED = 9, 600
 """Positions in the volume: grid points per axis for up to three axes; number of random positions for more axes."""
 UNIDENTIFIABLE = 1e-9
 """Information in a direction, relative to the best direction, below which it is unidentifiable."""
+ROUNDING = 1e-15
+"""Mean square of a deviation, relative to the largest, that is rounding error."""
 RELEVANT_UM = 1e-3
 """Deviation in the volume, um, by one prior standard deviation of a hidden direction; below, only the frame moves."""
+
+
+_UNITS = read_only(np.array([unit_of(component)[1] for component in COMPONENTS])[:, None])
+"""Unit of each error motion `(6, 1)`, mm or rad."""
 
 
 class NoiseGain(NamedTuple):
@@ -61,8 +70,11 @@ class Volume:
         """ends `(2, axes)`, mm and rad; an axis whose two ends are equal does not move."""
         self.machine, self.ends, self.cell_mm, self.corner_mm = machine, ends, cell_mm, corner_mm
         self.tools = [target.position for target in targets.values()]
-        self.model = msgspec.structs.replace(no_errors(machine), effects=tuple(_motions(machine, ends)))
+        motions = _motions(machine, ends)
+        self.model = msgspec.structs.replace(no_errors(machine), effects=tuple(motions))
         self.size = len(self.model.parameters)
+        self._bases = {machine.index(each.axis): each.basis for each in motions}
+        """Basis of the six error motions of each axis that moves, by its column."""
         tips = tool_point(machine, ends, self.tools[0])
         self._centre = tips.mean(axis=0)
         self._size = max(float(np.ptp(tips, axis=0).max()), 1.0)
@@ -73,19 +85,29 @@ class Volume:
 
         Registration first, then the parameters in units of their prior; noise of 1 um in each cell.
         """
-        total = np.zeros((6 + self.size, 6 + self.size))
+        (found,) = self.informations([(start, end)])
+        return found
+
+    def informations(self, moves: Sequence[tuple[Array, Array]]) -> list[Array]:
+        """The information of several moves, each by its start and end."""
+        totals = [np.zeros((6 + self.size, 6 + self.size)) for _ in moves]
+        starts, ends = (np.array(each) for each in zip(*moves, strict=True))
+        ways = ends - starts
+        shares = np.linspace(0.0, 1.0, 9)[:, None]
         for tool in self.tools:
-            share = np.linspace(0.0, 1.0, 9)[:, None]
-            chords = np.diff(tool_point(self.machine, start + share * (end - start), tool), axis=0)
-            length = float(np.linalg.norm(chords, axis=1).sum())
-            used = length - 2.0 * self.corner_mm
-            if used <= 0.0:
-                continue
-            n = max(int(np.ceil(used / SAMPLE_MM)), 2)
-            at = (self.corner_mm + (np.arange(n) + 0.5) * used / n) / length
-            rows = self._across(start + at[:, None] * (end - start), end - start, tool)
-            total += rows.T @ rows * (used / self.cell_mm / n)
-        return total
+            along = (starts[:, None] + shares * ways[:, None]).reshape(-1, ways.shape[1])
+            chords = np.diff(tool_point(self.machine, along, tool).reshape(len(moves), 9, 3), axis=1)
+            lengths = np.linalg.norm(chords, axis=2).sum(axis=1)
+            used = lengths - 2.0 * self.corner_mm
+            counts = np.where(used > 0.0, np.maximum(np.ceil(used / SAMPLE_MM), 2), 0).astype(int)
+            move, lasts = np.repeat(np.arange(len(moves)), counts), np.cumsum(counts)
+            number = np.arange(len(move)) - (lasts - counts)[move]
+            at = (self.corner_mm + (number + 0.5) * used[move] / counts[move]) / lengths[move]
+            rows = self._across(starts[move] + at[:, None] * ways[move], ways[move], tool)
+            for i in np.flatnonzero(counts).tolist():
+                own = rows[2 * (lasts[i] - counts[i]) : 2 * lasts[i]]
+                totals[i] += own.T @ own * (used[i] / self.cell_mm / counts[i])
+        return totals
 
     def noise_gain(self, information: Array) -> NoiseGain:
         """Identifiability from moves whose information adds up to `(6 + p, 6 + p)`."""
@@ -110,19 +132,28 @@ class Volume:
         linear = float(np.linalg.norm(move[~self.machine.rotary]))
         return linear or float(np.linalg.norm(move))
 
-    def _across(self, positions: Array, direction: Array, tool: tuple[float, float, float]) -> Array:
-        """Rows `(3 n, 6 + p)`, um across the path of a target, per motion of the frame and per prior of a parameter."""
+    def _across(self, positions: Array, ways: Array, tool: tuple[float, float, float]) -> Array:
+        """Rows `(2 n, 6 + p)`, um across the path of a target, per motion of the frame and per prior of a parameter.
+
+        ways `(n, axes)`: in the directions of the moves, mm and rad.
+        """
         machine, n = self.machine, len(positions)
-        points = tool_point(machine, positions, tool)
-        step = direction * (1e-4 / max(float(np.abs(direction).max()), 1e-12))
-        along = tool_point(machine, positions + step, tool) - tool_point(machine, positions - step, tool)
-        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-15)
-        across = np.eye(3) - along[:, :, None] * along[:, None, :]
-        design = Design(self.model, machine, State(positions), with_instrument=False).of(
-            slice(None), across @ error_transform_with_tool(machine, positions, tool)[:, :3]
-        )
-        frame = np.concatenate([across, across @ by_turn((points - self._centre) / self._size)], axis=2)
-        return np.concatenate([frame, design * (PRIOR * 1e3)], axis=2).reshape(3 * n, -1)
+        step = ways * (1e-4 / np.maximum(np.abs(ways).max(axis=1, keepdims=True), 1e-12))
+        tips = tool_point(machine, np.concatenate([positions, positions + step, positions - step]), tool)
+        points, ahead, behind = tips.reshape(3, n, 3)
+        across = _perpendicular(ahead - behind)
+        arms = across @ error_transform_with_tool(machine, positions, tool)[:, :3]
+        rows = np.empty((n, 2, 6 + self.size))
+        rows[:, :, :3], rows[:, :, 3:6] = across, across @ by_turn((points - self._centre) / self._size)
+        first = 6
+        for column, basis in self._bases.items():
+            axis = machine.axes[column]
+            values = columns_of(axis, basis, positions[:, column] / machine.scale[column])
+            own = arms[:, :, 6 * column : 6 * column + 6, None] * (_UNITS * (PRIOR * 1e3))
+            last = first + 6 * basis.size
+            np.multiply(own, values[:, None, None], out=rows[:, :, first:last].reshape(n, 2, 6, basis.size))
+            first = last
+        return rows.reshape(2 * n, 6 + self.size)
 
     def _volume_deviations(self) -> tuple[Array, Array]:
         """Aligned deviations `(n, 3, p)`, um, in the volume per prior of a parameter; their mean products `(p, p)`."""
@@ -138,8 +169,17 @@ class Volume:
         columns = columns - motions @ np.linalg.lstsq(motions, columns, rcond=1e-12)[0]
         squares = columns.T @ columns / len(columns)
         values, vectors = np.linalg.eigh(squares)
-        self._root = vectors * np.sqrt(np.maximum(values, 0.0))
+        present = values > values[-1] * ROUNDING
+        self._root = vectors[:, present] * np.sqrt(values[present])
         return columns.reshape(design.shape), squares
+
+
+def _perpendicular(along: Array) -> Array:
+    """Two unit vectors `(n, 2, 3)` across each of n vectors `(n, 3)`; 0 where the vector is 0."""
+    way = vector(along)
+    first = cross(way, vector(np.eye(3)[np.abs(along).argmin(axis=1)]))
+    both = np.stack([rows_of(each, len(along)) for each in (first, cross(way, first))], axis=1)
+    return np.asarray(both / np.maximum(np.linalg.norm(both, axis=2, keepdims=True), 1e-300))
 
 
 def _without_registration(information: Array) -> Array:
@@ -149,7 +189,7 @@ def _without_registration(information: Array) -> Array:
 
 
 def _motions(machine: Machine, ends: Array) -> list[ErrorMotion]:
-    """The error motions of the axes that move."""
+    """The six error motions of each axis that moves, in the order of the axes, with one basis for an axis."""
     found = []
     for axis, (low, high) in zip(machine.axes, (ends / machine.scale).T.tolist(), strict=True):
         if high > low:

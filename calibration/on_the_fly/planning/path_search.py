@@ -131,7 +131,9 @@ class _Generator:
         ends = {a.tobytes() + b.tobytes(): (a, b) for a, b in pairwise(corners)}
         moves = Counter(a.tobytes() + b.tobytes() for a, b in pairwise(corners))
         known = {} if like is None else like.parts
-        parts = {key: known[key] if key in known else self._volume.information(*ends[key]) for key in moves}
+        new = [key for key in moves if key not in known]
+        found = dict(zip(new, self._volume.informations([ends[key] for key in new]), strict=True)) if new else {}
+        parts = {key: known[key] if key in known else found[key] for key in moves}
         if like is None:
             total = sum((count * parts[key] for key, count in moves.items()), np.zeros(()))
         else:
