@@ -349,7 +349,7 @@ def test_formats_are_recognised(write):
         assert len(auto) > 0
         with pytest.raises(UserError):
             read_any(write(text[: len(text) // 9]), GANTRY, header=header)
-    foreign = ("rtl", "iso230-table", "ecmc-report", "cmm", "epics", "twincat-scope", "robot")
+    foreign = ("rtl", "iso230-table", "ecmc-report", "cmm", "epics", "twincat-scope", "ballbar-angles", "robot")
     assert ("auto", "ncomp", *foreign, "delimited") == FORMATS
 
 

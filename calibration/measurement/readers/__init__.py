@@ -16,11 +16,13 @@ from typing import NamedTuple
 from calibration.measurement.file import measurement_of
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.readers import (
+    ballbar_angles,
     cmm,
     delimited,
     ecmc_report,
     epics,
     iso230_table,
+    protocols,
     renishaw,
     robot_tables,
     twincat_scope,
@@ -47,13 +49,15 @@ FOREIGN: Mapping[str, Reader] = {
     "cmm": Reader(cmm.recognises, cmm.to_table),
     "epics": Reader(epics.recognises, epics.to_table),
     "twincat-scope": Reader(twincat_scope.recognises, twincat_scope.to_table),
+    "ballbar-angles": Reader(ballbar_angles.recognises, ballbar_angles.to_table),
 }
 FORMATS = ("auto", "ncomp", *FOREIGN, "robot", "delimited")
 KNOWN = (
     "ncomp (measurement file, '# instrument: ...'), rtl (Renishaw), iso230-table (targets by runs, 'target_mm, 1 up, "
     "1 down, ...'), ecmc-report (Markdown, 'ISO 230-2 motion test'), cmm ('Meas X Meas Y Nom X Nom Y ...'), epics "
-    "('NAME date time value'), twincat-scope (CSV, 'Starttime of export'), robot (points 'x y z', and "
-    "joints 'J1 J2 ...' in the same file or as the plan), delimited (any columns, with a column map)"
+    "('NAME date time value'), twincat-scope (CSV, 'Starttime of export'), ballbar-angles ('angle_deg,deviation_um,"
+    "run'), robot (points 'x y z', and joints 'J1 J2 ...' in the same file or as the plan), delimited (any columns, "
+    "with a column map)"
 )
 HEAD = 20_000
 """Number of bytes from which a format is recognised."""
@@ -167,5 +171,8 @@ def _recognised(data: bytes, path: Path) -> str:
     if "# instrument" in head or (names and "," in names[0] and head.lstrip().startswith("#")):
         return "ncomp"
     kind = kind_of_file(data)
+    protocol = protocols.refused(head, str(path))
+    if protocol and kind != "an NC program":
+        raise UserError(protocol)
     known = f"the format of the file is unknown; known formats are {KNOWN}"
     raise UserError(f"{path}: this is {kind}, no measurement; {known}" if kind else f"{path}: {known}")

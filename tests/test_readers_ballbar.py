@@ -1,0 +1,135 @@
+"""Circles of a ballbar by angle and deviation; protocols of controls and ballbar files that are recognised and refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.ballbar_cases import CFRAME, circles_of
+
+from calibration.circles.circles import circles_of as read_circles
+from calibration.circles.shares import shares
+from calibration.measurement.readers import read_any
+from kinematics.effects import Backlash, LocationError
+from kinematics.user_error import UserError
+
+HEAD = (
+    "# machine: cframe\n# u_um: 0.3\n# length_mm: 150\n# centre: 300 225 150\n# target.t1: 0 0 -120\n# plane: XY\n"
+    "# feed: 1000\n"
+)
+ROWS = "angle_deg,deviation_um,run\n0,1.5,a\n10,1.0,a\n20,-0.5,a\n"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def writing(text, name="data.csv"):
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return writing
+
+
+def by_angle(measured, columns=("angle_deg", "deviation_um", "run", "feed", "plane", "direction")):
+    """The text of circles as ballbar software shows them."""
+    rows = {}
+    for circle in read_circles(measured):
+        for row, angle in zip(circle.rows.tolist(), np.degrees(circle.angles).tolist(), strict=True):
+            deviation = (measured.observed[row, 0] - 150.0) * 1e3
+            rows[row] = {
+                "angle_deg": f"{angle:.6f}", "deviation_um": f"{deviation:.4f}", "run": circle.run,
+                "radius_mm": f"{measured.observed[row, 0]:.7f}", "feed": f"{circle.feed:g}", "plane": circle.plane,
+                "direction": "ccw" if circle.counter_clockwise else "cw",
+            }  # fmt: skip
+    lines = [",".join(rows[row][name] for name in columns) for row in sorted(rows)]
+    header = "".join(line + "\n" for line in HEAD.splitlines() if "plane" not in line and "feed" not in line)
+    return header + "\n".join([",".join(columns), *lines, ""])
+
+
+@pytest.mark.parametrize("planes", [("XY",), ("YZ", "ZX")])
+def test_angles_give_the_positions_and_causes_of_the_circles(write, planes):
+    measured, _ = circles_of(Backlash("X", 8.0), LocationError("C", "Y", 30.0), step=3.0, planes=planes, seed=4)
+    read = read_any(write(by_angle(measured)), CFRAME)
+    assert read.run.tolist() == measured.run.tolist()
+    np.testing.assert_allclose(read.state.positions, measured.state.positions, atol=0.05)
+    np.testing.assert_allclose(read.observed, measured.observed, atol=1e-6)
+    own, again = (shares(each, read_circles(each)) for each in (measured, read))
+    assert [cause.name for cause in own.causes] == [cause.name for cause in again.causes]
+    assert "nominal circle" in read.notes[0]
+
+
+def test_distances_in_place_of_deviations(write):
+    measured, _ = circles_of(step=6.0, seed=1)
+    columns = ("angle_deg", "radius_mm", "run", "feed", "plane")
+    one, other = (
+        read_any(write(by_angle(measured, each)), CFRAME)
+        for each in (columns, (*columns[:1], "deviation_um", *columns[2:]))
+    )
+    np.testing.assert_allclose(one.observed, other.observed, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "reason"),
+    [
+        (HEAD, ROWS.replace("run\n0", "run,colour\n0").replace(",a\n", ",a,1\n"), "data.csv:8 column colour: not known"),
+        (HEAD, ROWS.replace("10,1.0", "10,x"), "data.csv:10 column deviation_um: 'x' is no number"),
+        (HEAD, ROWS.replace("10,1.0", "10,149998"), "data.csv:10 column deviation_um: 149998 um is no deviation"),
+        (HEAD, ROWS.replace("20,", "5,"), "data.csv:11 column angle_deg: a step back in run a"),
+        (HEAD, ROWS.replace("20,", "90,"), "data.csv:11 column angle_deg: a step of more than 30 degrees"),
+        (HEAD.replace("XY", "XZ"), ROWS, "data.csv:6 plane: 'XZ' is none of XY, YZ, ZX"),
+        (HEAD.replace("# plane: XY\n", ""), ROWS, "header line '# plane: XY' or a column plane is missing"),
+        (HEAD.replace("# feed: 1000\n", ""), ROWS, "header line '# feed: 1000' or a column feed is missing"),
+        (HEAD.replace("# length_mm: 150\n", ""), ROWS, "header line '# length_mm: 150' is missing"),
+        (HEAD.replace("# centre: 300 225 150\n", ""), ROWS, "header line '# centre: x y z' is missing"),
+        (HEAD.replace("target.t1", "tool"), ROWS, "expected one header line '# target.NAME: x y z', found 0"),
+        (HEAD + "# instrument: laser-tracker\n", ROWS, "the instrument is laser-tracker"),
+        (HEAD, ROWS.replace("deviation_um", "radius_mm,deviation_um").replace(",1", ",1,1").replace(",-0", ",1,-0"),
+         "expected one of the columns deviation_um and radius_mm"),
+        (HEAD, ROWS.replace("run\n", "run,direction\n").replace(",a\n", ",a,cw\n"), "the rows of run a go ccw"),
+    ],
+)  # fmt: skip
+def test_refused(write, head, rows, reason):
+    with pytest.raises(UserError) as refused:
+        read_any(write(head + rows), CFRAME)
+    assert reason in str(refused.value)
+
+
+PROTOCOLS = {
+    "TCHPR451.TXT": ("any text\n1 2 3\n", "KinematicsOpt", "FN 16"),
+    "log.txt": ("Date 01.02\nTCH PROBE 451 MEASURE KINEMATICS\nA 0.01\n", "KinematicsOpt", "FN 16"),
+    "kin.log": ("; protocol\nCYCLE996 swivel data\n_OVR[1] 0.012\n", "CYCLE996", "siemens-tcarr"),
+    "report.csv": ("Renishaw AxiSet Check-Up\nA,0.01\n", "AxiSet", "touch-probe"),
+    "run.b5r": ("<?xml version='1.0'?>\n<data/>\n", "Renishaw Ballbar", "angle_deg"),
+    "run.xml": ("<?xml version='1.0'?>\n<Ballbar test='1'/>\n", "Renishaw Ballbar", "angle_deg"),
+}
+"""Names and words by the manuals; the texts are not samples of these programs, whose layout is not public."""
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_protocols_are_named_with_the_export_to_use(ncomp, write, name):
+    text, title, instead = PROTOCOLS[name]
+    path = write(text, name)
+    done = ncomp("fit", str(path), "--machine", "dmu50", "-o", "new.json")
+    assert done.status == 2
+    message = " ".join(done.err.split())
+    assert title in message
+    assert instead in message
+    assert name in message
+    assert not Path("new.json").exists()
+
+
+def test_the_line_that_shows_a_protocol_is_named(write):
+    with pytest.raises(
+        UserError, match=r"log.txt:2: 'TCH PROBE 451 MEASURE KINEMATICS': this is a protocol of HEIDENHAIN"
+    ):
+        read_any(write(PROTOCOLS["log.txt"][0], "log.txt"), CFRAME)
+
+
+def test_a_program_with_such_a_cycle_is_a_program(write):
+    with pytest.raises(UserError, match="this is an NC program"):
+        read_any(write("0 BEGIN PGM X MM\n1 TCH PROBE 451 MEASURE KINEMATICS\n2 END PGM X MM\n", "x.h"), CFRAME)
+
+
+def test_a_measurement_that_mentions_one_is_read(write):
+    measured, _ = circles_of(step=6.0, seed=1)
+    text = "# Renishaw Ballbar, exported\n" + by_angle(measured)
+    assert len(read_any(write(text), CFRAME)) == len(measured)
