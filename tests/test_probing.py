@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.linuxcnc_spheres import config_of
 from support.probe_cases import TIP
 from support.probing_cases import CONTACT, FIVE_AXES, contacts, log_of, planned, sequence_of, settings_of, spheres_of
 from support.programs import source_of
 from support.tiers import quick
 
 import machines
+from calibration.fit.fit import fit
 from calibration.measurement.file import read_measurement
 from calibration.measurement.plan_file import plan_id, read_plan, write_plan
 from calibration.probing.bodies import Artefact, Bodies, Probe, least_clearance
@@ -23,6 +25,7 @@ from calibration.probing.paths import MOVE, TOUCH
 from calibration.probing.plan import ProbeRequest, probe_plan
 from calibration.probing.predicted import predicted
 from calibration.simulation.true_model import model_of, random_location_errors
+from kinematics.effects import LocationError
 from kinematics.forward import forward, tool_point
 from kinematics.inverse import linear_positions
 from kinematics.user_error import UserError
@@ -154,7 +157,7 @@ TOUCHES = {
 }
 """Touches as plain moves to the position that they would reach without contact."""
 NO_MOVES = {
-    "linuxcnc": r"O1 .*|M2|\(MSG.*|M0",
+    "linuxcnc": r"O1 .*|G4 .*|M2|\(MSG.*|M0",
     "fanuc": r"IF.*|#.*|DPRNT.*|POPEN|PCLOS|N90.*|M0|O\d+",
     "siemens": r"IF.*|WRITE.*|DEF.*|STOPRE|M0|MISSED:|MSG.*",
     "heidenhain": r"FN .*|TCH .*|Q\d.*|STOP|M129|LBL.*",
@@ -301,12 +304,15 @@ def test_bad_logs_of_linuxcnc_are_refused_with_their_line():
     lines = log_of(found, "linuxcnc", contacts(found, model_of(DMU50, []))).splitlines()
     for spoiled, message in (
         ([*lines[:3], "1 2 3"], "line 4: '1 2 3': expected the nine numbers"),
-        (lines[:5], "line 5: the second touch of this contact is missing"),
-        ([lines[0], *lines[2:], lines[1]], "line 1: the two touches of a contact are"),
+        (lines[::2], "line 1: this contact has one touch, not two: 25 of 25 contacts are like this"),
+        ([*lines[:2], lines[1], *lines[2:]], "line 3: a third touch at the same contact"),
+        ([*lines[:2], *lines[4:]], "B is at"),
         (lines[:8], "no complete centre"),
     ):
         with pytest.raises(UserError, match=re.escape(message)):
             read_contacts("\n".join(spoiled), "log.txt", found.plan, None)
+    once = read_contacts("\n".join([*lines[:3], *lines[4:]]), "log.txt", found.plan, None)
+    assert once.notes == ("log.txt, line 3: this contact has one touch, not two",)
     short = read_contacts("\n".join(lines[:24]), "log.txt", found.plan, None)
     assert short.notes == (f"the log ends after 2 of {len(found.plan)} centres",)
 
@@ -403,3 +409,28 @@ def test_samba_needs_three_spheres():
     assert probe_plan(DMU50, request).plan.position_count >= 7
     with pytest.raises(UserError, match="three spheres or more"):
         probe_plan(DMU50, replace(request, artefact=Artefact(spheres_of("dmu50", 2))))
+
+
+# ---- LinuxCNC
+
+QUICK = ["--feed", "60000", "--clearance", "2.5", "--probing-feed", "600", "--measuring-feed", "120"]
+
+
+@pytest.mark.statistical
+def test_linuxcnc_measures_the_location_errors_of_a_machine(ncomp, linuxcnc_sim):
+    """The program runs in LinuxCNC's simulator on a machine with errors; its log is read, fitted and compared."""
+    done = ncomp(*PLAN[:5], "--strategy", "optimised", "--points", "5", *PLAN[9:11], *QUICK, "-o", "plan.csv",
+                 "--nc", "plan.ngc", "--json", "plan.json", "--dialect", "linuxcnc")  # fmt: skip
+    assert done.status == 0, done.err
+    log = f"ncomp{json.loads(Path('plan.json').read_text())['plan_id']}.txt"
+    effects = [e for e in random_location_errors(DMU50, np.random.default_rng(5), 60.0) if e.axis in "BC"]
+    program = Path("plan.ngc").read_text().replace("\nM0\n", "\n")
+    config = config_of(DMU50, effects, [(130.4, 19.7, 60.2)], TIP, log)
+    Path("log.txt").write_text(linuxcnc_sim.run(config, program, timeout=200.0).texts[log])
+    done = ncomp("touches", "log.txt", "--machine", "dmu50", "--plan", "plan.csv", "-o", "data.csv", "--json", "-")
+    assert done.status == 0, done.err
+    assert 0.2 < json.loads(done.out)["u_um"] < 4.0
+    data = read_measurement(Path("data.csv"), DMU50)
+    model = fit(data, model_of(DMU50, [LocationError(e.component, e.axis, 0.0) for e in effects])).model
+    for real, found in zip(effects, model.effects, strict=True):
+        assert abs(real.value - found.value) < max(4.0 * found.uncertainties[0], 5.0), (real, found)

@@ -10,12 +10,13 @@ from typing import get_args
 import msgspec
 import numpy as np
 
-from calibration.measurement.instruments import Interferometer
+from calibration.measurement.instruments import Interferometer, TouchProbe
 from calibration.measurement.measurement import Measurement
 from kinematics.basis import Basis, BSpline, Fourier, Harmonics, Interval, Legendre, Polynomial
 from kinematics.effects import Backlash, Component, Effect, ErrorMotion
 from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.machine import Machine
 from kinematics.turn import gap_of, measured_arc, swept_arc
 from kinematics.user_error import UserError
 
@@ -152,12 +153,34 @@ def observed_components(measurement: Measurement, axis: str) -> list[Component]:
 def with_effects(
     measurement: Measurement, bases: Mapping[str, BasisChoice], effects: Sequence[Effect], prior_scale: float
 ) -> tuple[ErrorModel, np.ndarray]:
-    """The rigid model with additional effects, and priors `(parameters,)`; `prior_scale`: factor of the rigid ones."""
+    """The rigid model with additional effects, and priors `(parameters,)`; `prior_scale`: factor of the rigid ones.
+
+    For a touch probe the location errors of rotary axes keep their typical size where the scale is smaller: they come
+    from assembly, not from the shapes of error motions, and spheres leave combinations of them to the prior.
+    """
     rigid = rigid_model(measurement, bases)
     model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *effects))
     prior = priors(model)
-    prior[: len(rigid.parameters)] *= prior_scale
+    own = slice(0, len(rigid.parameters))
+    scaled = prior[own] * prior_scale
+    if isinstance(measurement.instrument, TouchProbe):
+        scaled = np.where(_constants(measurement.machine, rigid), np.maximum(scaled, prior[own]), scaled)
+    prior[own] = scaled
     return model, prior
+
+
+def _constants(machine: Machine, model: ErrorModel) -> np.ndarray:
+    """Mask `(parameters,)` of the constants of rotary axes' error motions, in bases that have one."""
+    return np.concatenate(
+        [
+            np.arange(len(effect.parameters)) == 0
+            if isinstance(effect, ErrorMotion)
+            and isinstance(effect.basis, Fourier | Harmonics)
+            and machine.axes[machine.index(effect.axis)].rotary
+            else np.zeros(len(effect.parameters), bool)
+            for effect in model.effects
+        ]
+    )
 
 
 def repeated_targets(measurement: Measurement, axis: str) -> list[float]:

@@ -51,6 +51,8 @@ class _Contact:
     touch: int
     values: dict[str, float]
     """Positions by axis, mm and degrees."""
+    alone: bool = False
+    """True for a contact of LinuxCNC with one line only: now and then it leaves one of two touches out."""
 
 
 def read_contacts(text: str, source: str, plan: Plan, plan_id: int | None) -> Contacts:
@@ -108,15 +110,18 @@ def _of_linuxcnc(lines: Sequence[tuple[int, str]], source: str) -> Iterator[_Con
                 f"{source}, line {number}: {line!r}: expected the nine numbers of PROBEOPEN, or NCOMP P row T touch ..."
             )
         read.append((number, dict(zip(LINUXCNC_AXES, values, strict=True))))
-    if len(read) % 2:
-        raise UserError(f"{source}, line {read[-1][0]}: the second touch of this contact is missing")
-    for k, ((number, first), (_, second)) in enumerate(zip(read[::2], read[1::2], strict=True)):
-        apart = np.linalg.norm([first[name] - second[name] for name in "XYZ"])
-        if apart > SECOND_MM:
-            raise UserError(
-                f"{source}, line {number}: the two touches of a contact are {apart:.3g} mm apart: a touch is missing"
-            )
-        yield _Contact(number, k // TOUCHES, k % TOUCHES + 1, second)
+    groups: list[list[tuple[int, dict[str, float]]]] = []
+    for number, at in read:
+        last = groups[-1][-1][1] if groups else None
+        if last is not None and np.linalg.norm([at[name] - last[name] for name in "XYZ"]) < SECOND_MM:
+            groups[-1].append((number, at))
+        else:
+            groups.append([(number, at)])
+    for k, group in enumerate(groups):
+        if len(group) > 2:
+            raise UserError(f"{source}, line {group[2][0]}: a third touch at the same contact: two are expected")
+        number, at = group[-1]
+        yield _Contact(number, k // TOUCHES, k % TOUCHES + 1, at, alone=len(group) == 1)
 
 
 def _in_rows(contacts: Sequence[_Contact], source: str, plan: Plan) -> Contacts:
@@ -137,9 +142,12 @@ def _in_rows(contacts: Sequence[_Contact], source: str, plan: Plan) -> Contacts:
         _set(positions[each.row, each.touch - 1], each, source, plan.machine)
     if not whole:
         raise UserError(f"{source}: the log has no complete centre of {TOUCHES} touches")
-    notes = (f"the log ends after {whole} of {n} centres",) if whole < n else ()
+    notes = [f"{source}, line {each.line}: this contact has one touch, not two" for each in contacts if each.alone]
+    if len(notes) > len(contacts) / 10.0:
+        raise UserError(f"{notes[0]}: {len(notes)} of {len(contacts)} contacts are like this")
+    notes += [f"the log ends after {whole} of {n} centres"] if whole < n else []
     lines = np.array([contacts[k * TOUCHES].line for k in range(whole)])
-    return Contacts(np.arange(whole), positions, lines, notes)
+    return Contacts(np.arange(whole), positions, lines, tuple(notes))
 
 
 def _set(position: Array, contact: _Contact, source: str, machine: Machine) -> None:

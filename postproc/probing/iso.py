@@ -11,6 +11,9 @@ from postproc.probing.sequence import ProbingSequence, ProbingSettings, Touch, j
 MISSED = 900
 """Sequence number of the stop for a touch without contact (Fanuc)."""
 AT_START_MM = 0.001
+"""Largest difference of the active coordinates from the axis positions at the parking position, mm."""
+SEAT_S = 0.1
+"""Time in which the probe comes to rest before the second touch, s (LinuxCNC)."""
 
 
 @dataclass
@@ -51,6 +54,7 @@ class LinuxCnc:
         return [
             f"G38.2 {end} F{self.settings.probing:g}",
             f"G91 G1 {joined(touch.back)} F{self.settings.feed:g}",
+            f"G4 P{SEAT_S}",
             f"G90 G38.2 {end} F{self.settings.measuring:g}",
         ]
 

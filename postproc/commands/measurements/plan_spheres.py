@@ -194,7 +194,11 @@ def spheres_report(found: ProbePlan, predicted: Predicted) -> Report:
             "Expected expanded uncertainty (k = 2), with all error motions of all axes unknown.",
             Table(("", "U", ""), uncertainty),
         ),
-        facts("Not visible in this plan", [_short(each) for each in predicted.unidentifiable]),
+        Section(
+            "Not visible in this plan",
+            "These errors, or combinations of them, leave no trace in the planned centres: a fit leaves them as they are.",
+            Table(("errors", "reason; remedy"), [_short(each) for each in predicted.unidentifiable]),
+        ),
     ]
     return Report("Plan of spheres", "", sections, str(found.plan.summary))
 
