@@ -2,11 +2,11 @@
 
 For each machine a plan by `ncomp plan --instrument touch-probe` (34 rotary positions, three spheres, the first one
 again at the end), then draws of the machine: location errors uniform within 50 um and urad, error motions of rotary
-axes as in `ncomp simulate`, those of linear axes a tenth of the virtual calibration paper's; spheres up to 1 mm off,
-noise 1 um (k = 1). Each measurement is fitted as `ncomp fit` does, and the tip is evaluated at 200 other poses inside
-the measured ranges, within 50 mm of the spheres.
+axes as in `ncomp simulate`, those of linear axes a tenth of the virtual calibration paper's (--linear 0.1); spheres up
+to 1 mm off, noise 1 um (k = 1). Each measurement is fitted as `ncomp fit` does, and the tip is evaluated at 200 other
+poses inside the measured ranges, within 50 mm of the spheres.
 
-    python benchmarks/sphere_exam.py [--draws 20] [--spheres 3] [--design optimised] [--machine dmu50 ...]
+    python benchmarks/sphere_exam.py [--draws 20] [--spheres 3] [--linear 0.1] [--design bk] [--machine dmu50 ...]
 """
 
 import argparse
@@ -40,24 +40,22 @@ from kinematics.effects import LocationError
 from kinematics.inverse import linear_positions
 from kinematics.state import State
 
-LINEAR = 0.1
-"""Share of the virtual calibration paper's half-widths that the linear axes have."""
 LOCATION_UM = 50.0
 POSES = 200
 
 
-def half_widths():
-    """Half-widths of the error motions: rotary axes as usual, linear axes small."""
+def half_widths(linear):
+    """Half-widths of the error motions: rotary axes as usual, a share of them for linear axes."""
     small = {
-        name: tuple(value * (1.0 if k in (2, 5) else LINEAR) for k, value in enumerate(row))
+        name: tuple(value * (1.0 if k in (2, 5) else linear) for k, value in enumerate(row))
         for name, row in TABLE_1.items()
     }
     return {**small, **ROTARY}
 
 
-def true_model(machine, rng):
+def true_model(machine, rng, linear=0.1):
     """A random machine."""
-    motions = random_true_model(machine, rng, half_widths()).effects
+    motions = random_true_model(machine, rng, half_widths(linear)).effects
     return model_of(machine, [*random_location_errors(machine, rng, LOCATION_UM), *motions])
 
 
@@ -72,10 +70,10 @@ def other_poses(plan, rng):
     return q[np.all((q >= low - 20.0) & (q <= high + 20.0), axis=1)][:POSES]
 
 
-def examined(plan, seed):
+def examined(plan, seed, linear):
     """Location errors within U, error at other poses before and after, components within U, findings of one draw."""
     machine, draws = plan.machine, streams(seed, 4)
-    model = true_model(machine, draws[0])
+    model = true_model(machine, draws[0], linear)
     measured = measure_plan(plan, model, VirtualInstrument(TouchProbe(u_um=1.0)), draws[1:]).measurement
     found = calibrate(measured, hold_out=False, force=True)
     true = in_datum(model, found.fit)
@@ -103,16 +101,19 @@ def main():
     parser.add_argument("--draws", type=int, default=20)
     parser.add_argument("--spheres", type=int, default=3)
     parser.add_argument("--points", type=int, default=34)
+    parser.add_argument("--linear", type=float, default=0.1)
     parser.add_argument("--design", default="optimised")
     parser.add_argument("--machine", nargs="*", default=list(MIDDLE))
     given = parser.parse_args()
-    print(f"{given.spheres} spheres, {given.points} poses, {given.design}, {given.draws} draws")
+    print(
+        f"{given.spheres} spheres, {given.points} poses, {given.design}, linear axes {given.linear:g}, {given.draws} draws"
+    )
     print("machine       centres  location within U   before    after   after/before (worst)  no worse  covered  chi2")
     for name in given.machine:
         machine, start = machines.load(name), time.perf_counter()
         spheres = {f"s{k + 1}": tuple((AROUND[k] + MIDDLE[name]).tolist()) for k in range(given.spheres)}
         plan = probe_plan(machine, ProbeRequest(Probe(TIP), Artefact(spheres), given.design, given.points)).plan
-        results = [examined(plan, seed) for seed in range(given.draws)]
+        results = [examined(plan, seed, given.linear) for seed in range(given.draws)]
         before, after = (np.array([each[key] for each in results]) for key in ("before", "after"))
         inside = np.concatenate([each["inside"] for each in results])
         covered = np.concatenate([each["covered"].ravel() for each in results])

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
+import shutil
 from pathlib import Path
 
 import pytest
@@ -53,3 +56,24 @@ def test_lines_are_short(page: Path) -> None:
 def test_every_page_is_in_the_navigation() -> None:
     named = set(re.findall(r"[\w/]+\.md", (ROOT / "mkdocs.yml").read_text()))
     assert {page.relative_to(DOCS).as_posix() for page in DOCS.rglob("*.md")} == named
+
+
+@pytest.mark.statistical
+def test_commands_of_the_evening_with_one_sphere(ncomp) -> None:
+    """The errors that the simulated machine has are within U of those that the page's commands find."""
+    shutil.copytree(ROOT / "examples", "examples")
+    commands = re.findall(r"^    ncomp (.*)$", (ROOT / "docs" / "spheres.md").read_text(), re.MULTILINE)
+    assert [command.split()[0] for command in commands][:3] == ["plan", "touches", "fit"]
+    for command in commands:
+        done = ncomp(*shlex.split(command))
+        assert done.status == 0, done.err
+    real, found = (
+        {
+            f"{e['component']}0{e['axis']}": e
+            for e in json.loads(Path(name).read_text())["effects"]
+            if e["kind"] == "location"
+        }
+        for name in ("examples/spheres/machine.json", "cal.json")
+    )
+    assert len(real) == 8
+    assert all(abs(real[name]["value"] - found[name]["value"]) < 2.0 * found[name]["u"][0] for name in real)

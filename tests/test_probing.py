@@ -419,7 +419,7 @@ QUICK = ["--feed", "60000", "--clearance", "2.5", "--probing-feed", "600", "--me
 @pytest.mark.statistical
 def test_linuxcnc_measures_the_location_errors_of_a_machine(ncomp, linuxcnc_sim):
     """The program runs in LinuxCNC's simulator on a machine with errors; its log is read, fitted and compared."""
-    done = ncomp(*PLAN[:5], "--strategy", "optimised", "--points", "5", *PLAN[9:11], *QUICK, "-o", "plan.csv",
+    done = ncomp(*PLAN[:5], "--strategy", "optimised", "--points", "4", *PLAN[9:11], *QUICK, "-o", "plan.csv",
                  "--nc", "plan.ngc", "--json", "plan.json", "--dialect", "linuxcnc")  # fmt: skip
     assert done.status == 0, done.err
     log = f"ncomp{json.loads(Path('plan.json').read_text())['plan_id']}.txt"
