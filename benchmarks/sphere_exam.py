@@ -105,9 +105,8 @@ def main():
     parser.add_argument("--design", default="optimised")
     parser.add_argument("--machine", nargs="*", default=list(MIDDLE))
     given = parser.parse_args()
-    print(
-        f"{given.spheres} spheres, {given.points} poses, {given.design}, linear axes {given.linear:g}, {given.draws} draws"
-    )
+    design = f"{given.design}, linear axes {given.linear:g}, {given.draws} draws"
+    print(f"{given.spheres} spheres, {given.points} poses, {design}")
     print("machine       centres  location within U   before    after   after/before (worst)  no worse  covered  chi2")
     for name in given.machine:
         machine, start = machines.load(name), time.perf_counter()

@@ -306,7 +306,7 @@ def test_bad_logs_of_linuxcnc_are_refused_with_their_line():
         ([*lines[:3], "1 2 3"], "line 4: '1 2 3': expected the nine numbers"),
         (lines[::2], "line 1: this contact has one touch, not two: 25 of 25 contacts are like this"),
         ([*lines[:2], lines[1], *lines[2:]], "line 3: a third touch at the same contact"),
-        ([*lines[:2], *lines[4:]], "B is at"),
+        ([*lines[:2], *lines[4:]], "is it the log of another plan?"),
         (lines[:8], "no complete centre"),
     ):
         with pytest.raises(UserError, match=re.escape(message)):

@@ -196,7 +196,7 @@ def spheres_report(found: ProbePlan, predicted: Predicted) -> Report:
         ),
         Section(
             "Not visible in this plan",
-            "These errors, or combinations of them, leave no trace in the planned centres: a fit leaves them as they are.",
+            "These errors, or combinations of them, leave no trace in the planned centres; a fit does not change them.",
             Table(("errors", "reason; remedy"), [_short(each) for each in predicted.unidentifiable]),
         ),
     ]
