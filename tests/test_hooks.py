@@ -126,7 +126,8 @@ proc MOM_end_of_program {{}} {{ puts $::file "M30"; set ::ended 1 }}
 proc MOM_close_output_file {{ name }} {{ close $::file }}
 proc MOM_abort {{ text }} {{ puts "ABORT $text"; exit 1 }}
 proc MOM_output_to_listing_device {{ text }} {{ puts $text }}
-source {hook}
+proc PB_CMD_ncomp {{}} {{ source {hook} }}
+PB_CMD_ncomp
 set ncomp_command [list {ncomp}]
 set ncomp_options [list {options}]
 set mom_output_file_full_name {posted}

@@ -11,9 +11,11 @@ if /i "%~x1"==".nc" (
     pause
     exit /b 2
 )
+set POSTED=%~f1
+set OUTPUT=%~dpn1.nc
 cd /d "%~dp0"
-if exist "%~dpn1.nc" del /q "%~dpn1.nc"
-%NCOMP% correct "%~1" -o "%~dpn1.nc" %OPTIONS%
+if exist "%OUTPUT%" del /q "%OUTPUT%"
+%NCOMP% correct "%POSTED%" -o "%OUTPUT%" %OPTIONS%
 if errorlevel 1 (
     echo ncomp: no program was written
     pause

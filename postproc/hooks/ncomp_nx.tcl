@@ -3,11 +3,11 @@
 # Source this file at the end of the post's event handler (Post Builder: a custom command "PB_CMD_ncomp" with
 #     source "C:/ncomp/ncomp_nx.tcl"
 # that the start of the program calls), and set the options of `ncomp correct` here, with the whole paths of files:
-set ncomp_command [list {ncomp}]
-set ncomp_options [list --machine mill.toml --calibration cal.json]
+set ::ncomp_command [list {ncomp}]
+set ::ncomp_options [list --machine mill.toml --calibration cal.json]
 #
 # NX writes part.posted, and ncomp alone writes part.nc: complete, or not at all. An older part.nc is removed first.
-set ncomp_suffix ".nc"
+set ::ncomp_suffix ".nc"
 
 # Correct the posted program; its path, without the suffix, and ncomp_suffix are the name of the corrected program.
 proc ncomp_correct { posted } {

@@ -48,7 +48,8 @@ def hook(
         if not folder.is_dir():
             raise UserError(f"cannot write {folder}: it is no folder")
         target = folder / file.name
-        write_whole(target, _with_path(file.read_text()).encode())
+        line_end = "\r\n" if file.suffix == ".cmd" else "\n"
+        write_whole(target, _with_path(file.read_text()).replace("\n", line_end).encode())
         if cam == "unix":
             target.chmod(target.stat().st_mode | 0o111)
         screen.print(f"written: {target}")
