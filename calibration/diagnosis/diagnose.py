@@ -18,15 +18,14 @@ from calibration.diagnosis.preparation import Start, prepared
 from calibration.diagnosis.residual import unexplained as unexplained_residual
 from calibration.diagnosis.residual.absorber import absorbed
 from calibration.diagnosis.residual.cancelling import cancelling
-from calibration.diagnosis.residual.chance_level import SEARCHES, Chance
+from calibration.diagnosis.residual.chance_level import ByChance
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unnamed import add_unnamed
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.result import LEFT, Diagnosis
 from calibration.diagnosis.search import proposed_shapes
-from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, evaluate
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Search, Selection, Selector
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.diagnosis.search.sudden_changes import sudden_changes
@@ -145,7 +144,11 @@ def _concluded(
     bare = after.linearised if not after.accepted else selector.without_causes(after)
     # an unexplained dependence makes outliers too
     lost = outliers(after.fit, bare) if dependence is None else None
-    causes = [*named(after, bare), *([] if lost is None else [lost]), *misplaced_targets(start.positions, after.fit)]
+    found_causes = named(after, bare)
+    # a basis that the search has chosen itself is no fault of the model
+    finer = [each for each in found_causes if each.kind == HIGHER_FREQUENCY and first.base.origin == "automatic"]
+    causes = [each for each in found_causes if each not in finer]
+    causes += [*([] if lost is None else [lost]), *misplaced_targets(start.positions, after.fit)]
     evaluated = found.evaluated or tuple(evaluate(after.linearised, first.library))
     added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
     unexplained_um = 0.0 if dependence is None else unexplained_residual.shared_rms(found.stage.linearised, dependence)
@@ -173,6 +176,7 @@ def _concluded(
         tests=tuple(tests),
         tests_after=tuple(completed.tests),
         causes=tuple(causes),
+        finer=tuple(each.effect for each in finer),
         unexplained_share=after.linearised.squares / in_terms_of(bare, after.linearised),
         not_visible=(*not_visible(evaluated), *below_spacing(selector.measurement)),
         untested=tuple(start.untested),
@@ -208,17 +212,7 @@ def _causes(selector: Selector) -> _Found:
         found = _with_bases(found.selector, commoner.accepted)
     dependence = _dependence(found.stage, unexplained_residual.tests(found.stage.linearised))
     absorb = partial(absorbed, dependence=dependence)
-    latest: list[Chance] = []
-
-    def by_chance(linearised: LinearisedFit, evaluated: Evaluated) -> bool:
-        """True where the same search finds as much in residuals with random signs."""
-        if evaluated.candidate.kind not in SEARCHES:
-            return False
-        if not latest or latest[0].linearised is not linearised:
-            latest[:] = [Chance(linearised, selector.library)]
-        return latest[0].finds(evaluated.candidate, evaluated.score.gain)
-
-    shapes = Search(proposed_shapes.proposals, absorb, by_chance)
+    shapes = Search(proposed_shapes.proposals, absorb, ByChance(selector.library))
     return _with_bases(replace(found.selector, search=shapes), found.stage.accepted)
 
 

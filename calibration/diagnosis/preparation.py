@@ -11,6 +11,7 @@ import numpy as np
 
 from calibration.diagnosis.linear_order import other_order
 from calibration.diagnosis.repeatability import Repeats, repeats
+from calibration.diagnosis.residual.chance_level import PERIODIC, ByChance
 from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.candidates import Untested, changes, library
 from calibration.diagnosis.search.selection import Search, Selector
@@ -67,7 +68,9 @@ def prepared(
         candidates += [each for each in changes(base.present.model) if each.effect.name not in free]
     # in the log of a moving axis waves are no rare causes, and larger than others
     log = all(is_log(measurement, axis) for axis in moving_axes(measurement))
-    search = Search(proposed_shapes.proposals if log else proposed_shapes.dominant)
+    search = Search(proposed_shapes.proposals)
+    if not log:
+        search = Search(proposed_shapes.dominant, by_chance=ByChance(candidates, PERIODIC))
     selector = Selector(measurement, base, candidates, variance, progress, search)
     noise = repeats(measurement, selector.bare.fit.kept)
     if variance == "sheet" and noise is not None and _contradicted(noise):

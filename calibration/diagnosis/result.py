@@ -33,7 +33,7 @@ from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.identifiability import Identifiability
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.checks import Finding
-from kinematics.effects import Unnamed
+from kinematics.effects import Effect, Unnamed
 from kinematics.error_model.model import ErrorModel
 
 LEFT = 0.01
@@ -60,6 +60,8 @@ class Diagnosis:
     """Whiteness tests of the residuals of the present model."""
     tests_after: tuple[Test, ...]
     causes: tuple[Named, ...]
+    finer: tuple[Effect, ...]
+    """Error motions whose bases the search has refined beyond those of their axes."""
     unexplained_share: float
     """Squares of the residuals with all causes, as a share of those without any; reference as of the causes' shares."""
     not_visible: tuple[NotVisible, ...]

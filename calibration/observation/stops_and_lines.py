@@ -53,6 +53,11 @@ def stops(measurement: Measurement) -> np.ndarray:
     return np.asarray(np.cumsum(new) - 1)
 
 
+def visited(measurement: Measurement) -> np.ndarray:
+    """Numbers `(n,)` of the positions of all axes, from 0; all visits of a position share its number."""
+    return np.asarray(np.unique(np.round(_positions(measurement)), axis=0, return_inverse=True)[1].reshape(-1))
+
+
 def lines(measurement: Measurement) -> np.ndarray:
     """Numbers `(n,)` of the lines, from 0 in the order of their first rows; -1 for rows on no line."""
     visit = np.cumsum(_changed(_positions(measurement))) - 1

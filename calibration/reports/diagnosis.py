@@ -83,6 +83,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         ],
         "origin": found.base.origin,
         "basis": {} if found.base.choice is None else {a: str(b) for a, b in found.base.choice.bases.items()},
+        "finer": {effect.name: len(effect.parameters) for effect in found.finer},
         "sanity": [{"what": finding.check, "says": finding.message} for finding in found.findings],
         "zeros": [zero.json() for zero in run_zeros(fit)],
         "noise_from_repeats": None if found.repeats is None else found.repeats.text,
@@ -234,7 +235,8 @@ def _facts(found: Diagnosis) -> Iterator[tuple[str, str]]:
     counted = f", {runs} run{'s' if runs > 1 else ''}" if runs else ""
     yield "data", f"{measurement.source}: {len(measurement)} rows, {fit.observations} observations{counted}"
     bases = "" if choice is None else ": " + ", ".join(f"{axis} {basis}" for axis, basis in choice.bases.items())
-    yield "model", f"{ORIGINS[found.base.origin]}{bases}; {len(fit.model.parameters)} parameters"
+    finer = "".join(f", {effect.name} with {len(effect.parameters)}" for effect in found.finer)
+    yield "model", f"{ORIGINS[found.base.origin]}{bases}; {len(fit.model.parameters)} parameters{finer}"
     for finding in found.findings:
         yield "note", finding.message
     repeats = found.repeats

@@ -9,13 +9,15 @@ along a line, but destroys every course that recurs from line to line, as that o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from calibration.diagnosis.residual.found_again import found_again
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, Candidate
+from calibration.diagnosis.search.evaluation import Evaluated
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 
 SMOOTH = (
@@ -24,8 +26,8 @@ SMOOTH = (
     *("thermal-scale-sensor", "station-shift", "tracker-drift", "tracker-range", "air-scale", "tracker-angle"),
 )
 """Kinds that another smooth function of their variables could imitate."""
-DRAWS = 19
-"""Random draws: a cause that exceeds all of them is found by chance at most once in twenty times."""
+DRAWS, FALSE = 19, 0.01
+"""Random draws, all of which a cause must exceed, and the chance of its gain by the distribution of theirs."""
 SEED = 1
 SEARCHES: Mapping[str, Callable[[LinearisedFit], Iterable[Candidate]]] = {
     "cyclic": scans.waves,
@@ -34,6 +36,8 @@ SEARCHES: Mapping[str, Callable[[LinearisedFit], Iterable[Candidate]]] = {
     HIGHER_FREQUENCY: scans.finer,
 }
 """Search for shapes, by kind of cause."""
+PERIODIC = ("cyclic", "quantised-compensation")
+"""Kinds of cause whose periods are searched for."""
 
 
 @dataclass
@@ -62,7 +66,7 @@ class Chance:
         while max(known, default=0.0) < gain:
             more = next(self._draws[kind], None)
             if more is None:
-                return False
+                return gain < _largest(known)
             known.append(more)
         return True
 
@@ -83,3 +87,33 @@ class Chance:
         for _ in range(DRAWS):
             shuffled = linearised.shuffled(rng)
             yield max(shuffled.score(one, each.shapes).gain for one, each in zip(responses, tried, strict=True))
+
+
+def _largest(gains: Sequence[float]) -> float:
+    """Gain that random signs exceed in `FALSE` of all draws: largest gains of a search have a Gumbel distribution."""
+    scale = float(np.std(gains)) * np.sqrt(6.0) / np.pi
+    return float(np.mean(gains) - scale * (np.euler_gamma + np.log(-np.log1p(-FALSE))))
+
+
+@dataclass
+class ByChance:
+    """Doubt about searched shapes.
+
+    True where the same search does not find a shape again without each held-out block, or finds as much in residuals
+    with random signs.
+    """
+
+    library: Sequence[Candidate]
+    kinds: Collection[str] = tuple(SEARCHES)
+    """Kinds of cause that are doubted."""
+    _latest: Chance | None = field(init=False, default=None)
+
+    def __call__(self, linearised: LinearisedFit, evaluated: Evaluated) -> bool:
+        """True for a candidate of these kinds whose gain on a linearised fit chance reaches."""
+        if evaluated.candidate.kind not in self.kinds:
+            return False
+        if not found_again(linearised, evaluated.candidate.effect):
+            return True
+        if self._latest is None or self._latest.linearised is not linearised:
+            self._latest = Chance(linearised, self.library)
+        return self._latest.finds(evaluated.candidate, evaluated.score.gain)

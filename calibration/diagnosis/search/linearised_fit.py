@@ -28,7 +28,7 @@ from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import huber_weights, robust_factor
-from calibration.observation.stops_and_lines import held_out_blocks, lines, stops
+from calibration.observation.stops_and_lines import held_out_blocks, lines, stops, visited
 from kinematics.effects import Effect
 from kinematics.error_model.model import Design, no_errors
 from kinematics.state import State
@@ -212,10 +212,13 @@ class LinearisedFit:
 
     def thinned(self, most: int) -> LinearisedFit:
         """The linearised fit of at most so many of its rows: whole stops, evenly spread."""
-        n = len(self.rows)
-        if n <= most:
+        if len(self.rows) <= most:
             return self
-        kept = whole_stops(stops(self.measurement)[self.rows], most)
+        return self.of_rows(whole_stops(stops(self.measurement)[self.rows], most))
+
+    def of_rows(self, kept: np.ndarray) -> LinearisedFit:
+        """The linearised fit of some of its rows, given by their indices `(k,)` in order."""
+        n = len(self.rows)
         some = self.measurement.rows(self.rows[kept])
         mine = (kept[:, None] * (self.scalars // n) + np.arange(self.scalars // n)).reshape(-1)
         fewer = replace(
@@ -233,12 +236,15 @@ class LinearisedFit:
 
     @cached_property
     def units(self) -> np.ndarray:
-        """Numbers `(n,)` of the units of its rows that keep their structure in surrogates: lines, else stops."""
+        """Numbers `(n,)` of the units of its rows that keep their structure in surrogates: lines, else positions.
+
+        An error that depends on the position recurs in all visits of a position.
+        """
         some = self.measurement.rows(self.rows)
-        stop, line = stops(some), lines(some)
+        position, line = visited(some), lines(some)
         if line.max(initial=-1) + 1 < LEAST_LINES:
-            return stop
-        return np.asarray(np.where(line >= 0, line, line.max() + 1 + stop))
+            return position
+        return np.asarray(np.where(line >= 0, line, line.max() + 1 + position))
 
     def shuffled(self, rng: np.random.Generator) -> LinearisedFit:
         """The linearised fit of residuals of the same size, the sign of each unit of rows drawn at random."""
@@ -473,24 +479,30 @@ class LinearisedFit:
         Only of blocks on which it acts, if these are several: a knock at the end acts on the last blocks alone.
         Outliers count with their weights: a cause that the model lacks makes outliers.
         """
+        return self.gains_of_each([candidate] * len(self.blocks))
+
+    def gains_of_each(self, candidates: Sequence[Projected]) -> Array:
+        """The same, with a candidate for each block."""
+        found = [self._held_out(one, block) for one, block in zip(candidates, self.blocks, strict=True)]
+        gains, signals = np.array([gain for gain, _ in found]), np.array([signal for _, signal in found])
+        acting = signals > SILENT * np.mean(signals)
+        return gains[acting] if np.count_nonzero(acting) > 1 else gains
+
+    def _held_out(self, candidate: Projected, block: HeldBlock) -> tuple[float, float]:
+        """Reduction of the squares of a block's counted residuals by a candidate, and the squares of its signal."""
         columns = candidate.columns
         size = self.rated(candidate.schur, columns.T @ self.residual, candidate.through).size
         # the size stays in this range where the other blocks do not determine it
         softened = max(LIKELY * float(np.sqrt(np.mean(size**2))), 1.0 / GENEROUS) ** -2 * np.eye(len(size))
-        mixed, squares, right = self.design.T @ columns, columns.T @ columns, columns.T @ self.residual
-        gains, signals = [], []
-        for block in self.blocks:
-            own, design = columns[block.rows], self.design[block.rows]
-            others = mixed - design.T @ own
-            step = block.posterior.solve(others)
-            schur = squares - own.T @ own - others.T @ step
-            slope = right - own.T @ self.residual[block.rows] + others.T @ block.moved
-            seen = less_columns(own - design @ step, block.zeros)
-            after = block.held_residual - seen @ np.linalg.solve(schur + softened, slope)
-            gains.append(float(np.sum(block.held_residual[block.counted] ** 2) - np.sum(after[block.counted] ** 2)))
-            signals.append(float(np.sum((seen @ size)[block.counted] ** 2)))
-        acting = np.array(signals) > SILENT * np.mean(signals)
-        return np.array(gains)[acting] if np.count_nonzero(acting) > 1 else np.array(gains)
+        own, design = columns[block.rows], self.design[block.rows]
+        others = self.design.T @ columns - design.T @ own
+        step = block.posterior.solve(others)
+        schur = columns.T @ columns - own.T @ own - others.T @ step
+        slope = columns.T @ self.residual - own.T @ self.residual[block.rows] + others.T @ block.moved
+        seen = less_columns(own - design @ step, block.zeros)
+        after = block.held_residual - seen @ np.linalg.solve(schur + softened, slope)
+        gain = float(np.sum(block.held_residual[block.counted] ** 2) - np.sum(after[block.counted] ** 2))
+        return gain, float(np.sum((seen @ size)[block.counted] ** 2))
 
     def in_lengths(self, residual: Array) -> Array:
         """A white residual `(N,)` as lengths `(n, d)`, mm and rad."""

@@ -112,11 +112,12 @@ def waves(linearised: LinearisedFit, components: tuple[Component, ...] = get_arg
 
     It has the number of harmonics with the lowest delta-BIC.
     """
-    along = partial(_waves_along, linearised, components=components)
+    along = partial(waves_of, linearised, components=components)
     return chain.from_iterable(each(along, moving_axes(linearised.measurement)))
 
 
-def _waves_along(linearised: LinearisedFit, axis: str, components: tuple[Component, ...]) -> list[Candidate]:
+def waves_of(linearised: LinearisedFit, axis: str, components: tuple[Component, ...]) -> list[Candidate]:
+    """The strongest cyclic error of one axis and each of these components."""
     measurement = linearised.measurement
     low, high = moving_axes(measurement)[axis]
     x = linearised.positions(axis)
@@ -195,10 +196,11 @@ def steps(linearised: LinearisedFit, whole: LinearisedFit | None = None) -> Iter
     the sawtooth is refined on `whole`, the fit of all rows.
     """
     linear = [axis for axis in moving_axes(linearised.measurement) if axis[0] not in "ABC"]
-    return chain.from_iterable(each(partial(_steps_along, linearised, whole or linearised), linear))
+    return chain.from_iterable(each(partial(steps_along, linearised, whole=whole), linear))
 
 
-def _steps_along(linearised: LinearisedFit, whole: LinearisedFit, axis: str) -> list[Candidate]:
+def steps_along(linearised: LinearisedFit, axis: str, whole: LinearisedFit | None = None) -> list[Candidate]:
+    """The strongest sawtooth along one axis, in a list; `whole` as in `steps`."""
     measurement = linearised.measurement
     low, high = moving_axes(measurement)[axis]
     x = linearised.positions(axis)
@@ -216,7 +218,7 @@ def _steps_along(linearised: LinearisedFit, whole: LinearisedFit, axis: str) -> 
     _, pitches, offsets = np.array(sorted(shapes, reverse=True)[:BEST]).T
     best = likeliest(sensitivity, axis, pitches, offsets)
     pays = sensitivity.score(sensitivity.sizes(best), 2).delta_bic < 0.0
-    return [Candidate(refined(whole, best) if pays else best, 2, float(len(frequencies) * OFFSETS))]
+    return [Candidate(refined(whole or linearised, best) if pays else best, 2, float(len(frequencies) * OFFSETS))]
 
 
 def finer(linearised: LinearisedFit) -> Iterator[Candidate]:

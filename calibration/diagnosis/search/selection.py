@@ -191,8 +191,8 @@ class Selector:
                 )
                 ahead = [each for each in others if each.score.delta_bic < own.score.delta_bic + BETTER]
                 first, likelier = self._best(without, ahead), next(iter(accepted[-1].siblings), None)
-                if first is None:
-                    first = likelier.evaluated if likelier and likelier.log_odds < 0.0 else None
+                if first is None and likelier and likelier.log_odds < 0.0:
+                    first = None if self.search.by_chance(without, likelier.evaluated) else likelier.evaluated
                 if better is None and first:
                     better = chosen_of(stage.accepted)
                     better[i] = (first.candidate, first.score.size)
