@@ -17,12 +17,14 @@ from calibration.diagnosis.residual.absorber import absorbed, without_support
 from calibration.diagnosis.residual.chance_level import DRAWS, Chance
 from calibration.diagnosis.residual.dependence import Unexplained, of_variables
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
+from calibration.diagnosis.residual.found_again import found_again
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.proposed_shapes import breaks, waves
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model
+from calibration.observation.stops_and_lines import visited
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, CrossAxis, Cyclic, ErrorMotion, StationShift, ThermalDrift, Unnamed
 from kinematics.error_model.model import no_errors
@@ -64,6 +66,23 @@ def test_a_wave_found_in_what_has_no_name_is_not_worth_a_name(seed):
     rest = absorbed(without, remainder.unexplained(without))
     assert found.score.delta_bic > WORTH
     assert rest.score(rest.candidate(found.candidate.effect), found.candidate.shapes).delta_bic > WORTH
+
+
+@pytest.mark.parametrize("seed", quick(range(8), [0, 1]))
+def test_a_period_is_found_again_without_each_block_only_where_it_is_there(seed):
+    """At 60 positions, where one of thousands of periods always suits the noise."""
+    for size, there in ((0.0, False), (12.0, True)):
+        bare = selector(data_with(Cyclic("X", "X", 10.0, (size,), (0.0,)), n=60, seed=seed)).stage([]).linearised
+        assert found_again(bare, strongest_wave(bare).effect) == there
+    assert found_again(bare, Backlash("X", 0.0))
+
+
+def test_visits_of_a_position_are_one_unit_of_surrogates():
+    data = data_with(n=60)
+    position = visited(data.rows(np.concatenate([np.arange(60), np.arange(60)[::-1]])))
+    assert (position[:60] == position[60:][::-1]).all()
+    assert len(np.unique(position)) == 60
+    assert (selector(data).stage([]).linearised.units == position[:60]).all()
 
 
 @pytest.mark.parametrize("seed", quick([3, 4, 5], [3]))

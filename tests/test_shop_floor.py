@@ -405,3 +405,11 @@ def test_a_cause_is_searched_where_the_noise_of_an_axis_hides_it():
     found = exam.answer(exam.Key("random3", "cross", "gantry", 0, 4003), timeout=600)
     assert "failure" not in found, found["failure"]
     assert found["named"] + found["tied"] == 1
+
+
+@pytest.mark.statistical
+def test_few_positions_name_no_period_and_no_basis_of_the_search():
+    """A warped frame at 40 positions, and a machine whose X has finer errors than the search's basis of X."""
+    warped = exam.answer(exam.Key("few", "product", "cframe", 0, 70001), timeout=600)
+    assert not any(found.startswith(("cyclic", "quantised")) for found in warped["found"])
+    assert exam.answer(exam.Key("random3", "none", "gantry", 0, 90001), timeout=600)["found"] == []
