@@ -200,6 +200,14 @@ def test_the_command(ncomp, tmp_path):
     assert "counter-clockwise" in page
 
 
+def test_circles_in_one_direction_are_noted(ncomp, tmp_path):
+    measured, _ = circles_of(Backlash("X", 8.0), step=3.0)
+    one_way = measured.rows(np.flatnonzero(np.char.find(measured.run.astype(str), " ccw") > 0))
+    done = ncomp("ballbar", str(written(one_way, tmp_path / "c.csv")), "-m", "cframe")
+    assert done.status == 0, done.err
+    assert "plane XY was measured in one direction only" in " ".join(done.err.split())
+
+
 def test_the_command_refuses_another_instrument(ncomp):
     Path("part.csv").write_text("# machine: cframe\n# instrument: part\n# u_um: 1\nnominal_x,nominal_y,x,y\n0,0,0,0\n")
     done = ncomp("ballbar", "part.csv", "-m", "cframe")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +43,14 @@ def need_ballbar(measurement: Measurement) -> None:
     """UserError for the measurement of another instrument."""
     if not isinstance(measurement.instrument, Ballbar):
         raise UserError(f"{measurement.source}: circles need the measurement of a ballbar (# instrument: ballbar)")
+
+
+def one_way_planes(circles: Sequence[Circle]) -> list[str]:
+    """Planes whose circles all run in one direction: there steps at reversals look like smooth error motions."""
+    ways: dict[str, set[bool]] = {}
+    for circle in circles:
+        ways.setdefault(circle.plane, set()).add(circle.counter_clockwise)
+    return [plane for plane, found in ways.items() if len(found) == 1]
 
 
 def circles_of(measurement: Measurement) -> list[Circle]:

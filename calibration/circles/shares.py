@@ -169,6 +169,27 @@ class _Selection:
         return cls(measurement, rows, residual, registration, base, transform, u, groups)
 
     def selected(self) -> _Selection:
+        """The better one of two selections by BIC: from nothing, and from all other error motions on.
+
+        Circles in one direction show sums of steps at the reversals that look like smooth error motions.
+        """
+        smooth = self
+        for plane in dict.fromkeys(group.where for group in self.candidates if group.kind == OTHER):
+            waves = [group for group in self.candidates if group.kind == OTHER and group.where == plane]
+            best = max(waves, key=smooth.gain)
+            if smooth.gain(best) >= SIGNIFICANT:
+                smooth = replace(smooth, chosen=(*smooth.chosen, best))
+        starts = (self, smooth) if smooth.chosen else (self,)
+        return min((start._grown() for start in starts), key=lambda selection: selection.score)
+
+    @property
+    def score(self) -> float:
+        """BIC of the selection; residuals below the specified noise do not count."""
+        n, left = len(self.rows), self.left
+        cost = sum(group.columns.shape[1] * np.log(n) + 2.0 * np.log(group.trials) for group in self.chosen)
+        return float(n * np.log(max(float(left @ left), n * self.u_um**2)) + cost)
+
+    def _grown(self) -> _Selection:
         """The selection with all significant causes and no superfluous ones."""
         now = self
         for _ in range(MOST):

@@ -28,7 +28,7 @@ def ballbar(
     The causes are effects of the table of effects, fitted together with centre and radius. U (k = 2) contains the
     uncertainties of the bar; causes that these circles do not distinguish are named as tied.
     """
-    from calibration.circles.circles import circles_of, need_ballbar
+    from calibration.circles.circles import circles_of, need_ballbar, one_way_planes
     from calibration.circles.figures import circular_tests
     from calibration.circles.shares import shares
     from calibration.plausibility.checks import usable
@@ -48,4 +48,10 @@ def ballbar(
         others.write(ballbar_json(tests, found), report, files)
     for text in (*measurement.notes, *(finding.message for finding in findings)):
         say("note", text)
+    for plane in one_way_planes(circles):
+        say(
+            "note",
+            f"plane {plane} was measured in one direction only: there backlash, lateral play and reversal spikes are "
+            "not sure beside other error motions; measure both directions",
+        )
     show(report, *others.files)
