@@ -7,9 +7,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from datetime import date, time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from kinematics.mistaken_files import did_you_mean
 from kinematics.user_error import UserError
+
+if TYPE_CHECKING:
+    from kinematics.error_model.model import ErrorModel
 
 TABLE = "report"
 """Name of the table of the head in machine files, job files and files of `--report-head`."""
@@ -79,6 +83,14 @@ def read_head(path: Path) -> ReportHead:
         return ReportHead.of_table(table)
     except UserError as fault:
         raise UserError(f"report head {path}: {fault}") from None
+
+
+def calibration_text(model: ErrorModel) -> str:
+    """Identifier and date of a calibration; `none` for one without effects."""
+    if not model.effects:
+        return "none"
+    demonstration = ", a demonstration" if model.demonstration else ""
+    return f"{model.id}, made {model.provenance.made_at:%Y-%m-%d}{demonstration}"
 
 
 def _entries(table: Mapping[str, object]) -> Iterator[tuple[str, str]]:

@@ -143,16 +143,17 @@ def coloured_dots(panel: Panel, x: Array, y: Array, values: Array) -> None:
     panel.traces.append(trace | {"hovertemplate": "%{x:.4g}, %{y:.4g}: %{marker.color:.2f}<extra></extra>"})
 
 
-def ranked(rows: Sequence[tuple[str, float, str]], label: str) -> Figure:
-    """A bar to the right below each name, with its share and its colour."""
+def ranked(rows: Sequence[tuple[str, float, str]], label: str, unit: str = "%") -> Figure:
+    """A bar to the right below each name, with its share, or its value in a unit, and its colour."""
+    factor, form = (100.0, "{:.0f} %") if unit == "%" else (1.0, "{:.2f} " + unit)
     panel = Panel(label, axes={"bare": True, "yaxis": {"visible": False, "range": [len(rows) - 0.45, -0.75]}})
     most = max(share for _, share, _ in rows)
-    panel.axes["xaxis"] = {"range": [0.0, 105.0 * most], "ticksuffix": " %"}
+    panel.axes["xaxis"] = {"range": [0.0, 1.05 * factor * most], "ticksuffix": f" {unit}"}
     bar = {"type": "bar", "orientation": "h", "width": 0.42, "hoverinfo": "skip", "showlegend": False}
-    shares, colours = [100.0 * share for _, share, _ in rows], [colour for _, _, colour in rows]
+    shares, colours = [factor * share for _, share, _ in rows], [colour for _, _, colour in rows]
     panel.traces.append(bar | {"y": list(range(len(rows))), "x": shares, "marker": {"color": colours}})
     for number, (name, share, _) in enumerate(rows):
-        text = f"{name}: <b>{share:.0%}</b>"
+        text = f"{name}: <b>{form.format(factor * share)}</b>"
         panel.notes.append({"x": 0, "y": number - 0.5, "text": text, "xanchor": "left", "yanchor": "middle"})
     return Figure([panel], height=70 + 46 * len(rows))
 

@@ -59,7 +59,7 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
   if (kind === "scene") {
     const side = name => merged(axis(palette, {backgroundcolor: palette.card, showbackground: true}, panel[name]), own[`${name}axis`]);
     layout[`scene${n}`] = merged({domain, xaxis: side("x"), yaxis: side("y"), zaxis: side("z"), aspectmode: "data",
-      dragmode: "turntable", camera: {eye: {x: 1.75, y: -1.9, z: 1.05}}}, own.scene);
+      dragmode: "turntable", camera: {center: {x: 0, y: 0, z: -0.12}, eye: {x: 1.55, y: -1.7, z: 0.9}}}, own.scene);
   } else if (kind === "polar") {
     layout[`polar${n}`] = merged({domain, bgcolor: palette.paper, angularaxis: axis(palette), radialaxis: axis(palette)}, own.polar);
   } else {
@@ -135,8 +135,8 @@ async function picture(plot, spec) {
   const solid = is3d(spec), image = document.createElement("img");
   image.className = "printed";
   image.alt = plot.getAttribute("aria-label");
-  image.src = await Plotly.toImage({data, layout, config: {plotGlPixelRatio: 2}},
-    {format: solid ? "png" : "svg", scale: solid ? 2 : 1, width: layout.width, height: layout.height});
+  image.src = await Plotly.toImage({data, layout, config: {plotGlPixelRatio: 1.5}},
+    {format: solid ? "png" : "svg", scale: solid ? 1.5 : 1, width: layout.width, height: layout.height});
   plot.after(image);
   await image.decode();
 }

@@ -196,7 +196,7 @@ def test_the_command(ncomp, tmp_path):
     assert {"value_um", "U_um"} == set(found["tests"][0]["figures"]["G(b)"])
     assert sum(cause["share"] for cause in found["causes"]) == pytest.approx(1.0, abs=0.05)
     page = Path("c.html").read_text()
-    assert len(panels(page)) == 2
+    assert len(panels(page)) == 3
     assert "counter-clockwise" in page
 
 

@@ -120,7 +120,7 @@ def test_the_report_is_one_page_with_its_figures(command, data, tmp_path):
     )
     assert done.status == 0, done.err
     page = (tmp_path / "fit.html").read_text()
-    assert len(figures(page)) == 4
+    assert len(figures(page)) == 5
     assert "src=" not in page.replace("xlink:href", "")  # nothing is loaded from elsewhere
     for part in (
         "Location errors",

@@ -12,12 +12,18 @@ from calibration.circles.candidates import OTHER
 from calibration.circles.figures import CircularTest
 from calibration.circles.shares import Share, Shares
 from calibration.circles.spikes import kept
+from kinematics.effects.workshop import WORKSHOP
 from kinematics.report_head import ReportHead
-from rendering.figures import COLOURS, Figure, Panel, grid
+from rendering.figures import COLOURS, MACHINE, Figure, Panel, grid, ranked
 from rendering.report import Report, Section, Table, facts
 
 NOT_CORRECTED = ("servo-mismatch", "reversal-spike")
 """Causes that depend on the dynamics of the drives: corrected positions do not remove them."""
+EFFECTS_OF = {
+    "squareness": "location", "straightness": "error-motion", "positioning-curve": "error-motion",
+    "scale-mismatch": "scale", "other-error-motions": "error-motion",
+}  # fmt: skip
+"""Kinds of effects by kinds of causes of circles that have another name."""
 TABLES = ("backlash", "lateral-play")
 """Causes that differ by the direction of motion."""
 
@@ -40,7 +46,7 @@ def ballbar_json(tests: Sequence[CircularTest], shares: Shares) -> dict[str, Any
 
 def ballbar_report(tests: Sequence[CircularTest], shares: Shares, lead: str, head: ReportHead) -> Report:
     """The result for people."""
-    sections = [*_polar(tests), *_figures(tests), *_causes(shares)]
+    sections = [*_polar(tests), *_ranking(shares), *_figures(tests), *_causes(shares)]
     return Report("Circular test, ISO 230-4:2005", lead, sections, _verdict(shares), head=head)
 
 
@@ -141,6 +147,20 @@ def _remedy(cause: Share) -> str:
     if cause.kind == OTHER:
         return "program; circles elsewhere and other instruments part them"
     return "bidirectional table, program" if cause.kind in TABLES else "table, program"
+
+
+def _ranking(shares: Shares) -> Iterator[Section]:
+    """Shares of the causes with their usual origin in the workshop and the repair."""
+    if not shares.causes:
+        return
+    ordered = sorted(shares.causes, key=lambda cause: -cause.share)
+    rows = [
+        (cause.name, f"{100.0 * cause.share:.0f} %", *WORKSHOP[EFFECTS_OF.get(cause.kind, cause.kind)])
+        for cause in ordered
+    ]
+    table = Table(("cause", "share", "usual origin", "repair"), rows)
+    drawn = partial(ranked, [(cause.name, cause.share, MACHINE) for cause in ordered], "% of the mean square")
+    yield Section("Share by cause", table=table, figure=drawn, detail=True)
 
 
 def _polar(tests: Sequence[CircularTest]) -> Iterator[Section]:

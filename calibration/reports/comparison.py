@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
 
 from calibration.evaluation.comparison import LEAST, Comparison, Motion
+from kinematics.error_model.model import ErrorModel
+from kinematics.report_head import calibration_text
 from rendering.figures import COLOURS, Figure, Panel, band, grid
 from rendering.report import Report, Section, Table
+from rendering.volume import Field, volume_section
 
 MOTIONS = ("", "convention", "range A", "range B", "RMS B - A", "largest B - A", "at", "U (k=2)", "")
 FIGURES = ("", "", "unit", "A", "B", "B - A", "U (k=2)", "")
@@ -18,7 +21,7 @@ ACROSS = 3
 SIGN = "Actual minus nominal, tool relative to workpiece. Differences are B minus A."
 
 
-def comparison_report(found: Comparison, names: tuple[str, str], command: str) -> Report:
+def comparison_report(found: Comparison, models: Sequence[ErrorModel], names: tuple[str, str], command: str) -> Report:
     """The result for people; `names`: of the two calibrations; `command`: the command that made it."""
     aligned = found.volume.aligned
     verdict = (
@@ -26,8 +29,10 @@ def comparison_report(found: Comparison, names: tuple[str, str], command: str) -
         f"{aligned.largest:.2f} um, after alignment; standard uncertainty {found.volume.u_rms_um:.2f} um RMS."
     )
     lead = f"A: {names[0]} · B: {names[1]}"
-    head = found.machine.report.filled(machine=found.machine.name, command=command)
-    return Report(f"Two calibrations of {found.machine.name}", lead, list(_sections(found)), verdict, head=head)
+    both = "; ".join(f"{letter}: {calibration_text(model)}" for letter, model in zip("AB", models, strict=True))
+    head = found.machine.report.filled(machine=found.machine.name, calibration=both, command=command)
+    maps = volume_section(found.machine, [Field("B minus A", models[1], models[0])])
+    return Report(f"Two calibrations of {found.machine.name}", lead, [*maps, *_sections(found)], verdict, head=head)
 
 
 def _sections(found: Comparison) -> Iterator[Section]:

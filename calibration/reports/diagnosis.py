@@ -16,14 +16,21 @@ from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.reports.causes import text as words
 from calibration.reports.causes.figures import cause_figure
 from calibration.reports.causes.views import views
+from calibration.reports.figures.residuals import (
+    against_noise,
+    before_and_after,
+    by_direction,
+    share_chart,
+    unexplained_shape,
+)
 from calibration.reports.fit import acceptance, between_positions, held_out_json, insignificant
 from calibration.reports.head import measured_head
 from calibration.reports.machine_change import change_sections, change_sentences, machine_change_json
-from calibration.reports.residual_figures import against_noise, before_and_after, share_chart, unexplained_shape
 from calibration.reports.run_zeros import zeros_section
 from calibration.reports.separability import separability_json, separability_section
 from kinematics.effects import CrossAxis
 from rendering.report import Report, Section, Table, facts, shortened
+from rendering.volume import Field, volume_section
 
 if TYPE_CHECKING:
     from calibration.diagnosis.search.start_model import Origin
@@ -201,12 +208,13 @@ def _named(cause: Named) -> str:
 
 
 def _sections(found: Diagnosis) -> Iterator[Section]:
+    yield from _causes(found)
+    yield from _map(found)
     yield facts("Data, model, noise", list(_facts(found)))
     if found.repeats is not None:
         rows = [(c.name, f"{c.noise:.3g}", f"{c.specified:.3g}", c.unit) for c in found.repeats.components]
         table = Table(("standard uncertainty (k=1)", "from repeats", "specified", ""), rows)
         yield Section("Noise of the instrument", table=table, detail=True)
-    yield from _causes(found)
     yield from change_sections(found.machine_change)
     yield from _residuals(found)
     yield from _not_shown(found)
@@ -227,6 +235,16 @@ def _sections(found: Diagnosis) -> Iterator[Section]:
     text = f"NEW.json holds the machine with the causes of the machine (calibration {found.model.id})."
     commands = Table(("task", "command"), _commands(found.measurement.machine.name))
     yield Section("Use of the new calibration", text, commands, detail=True)
+
+
+def _map(found: Diagnosis) -> Iterator[Section]:
+    """The errors of the machine by the new model, those that a correction by the present one leaves, and after."""
+    old, new = (stage.fit.model for stage in (found.before, found.after))
+    fields = [Field("without a correction", new)]
+    if found.causes:
+        fields.append(Field("before, with a correction by the present model", new, old))
+    fields.append(Field("after a correction by the new model, U (k=2)", new, uncertain=True))
+    return volume_section(found.measurement.machine, fields)
 
 
 def _facts(found: Diagnosis) -> Iterator[tuple[str, str]]:
@@ -259,7 +277,10 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
         "Blue: the machine. Orange: the instrument. Overlapping causes explain a common part: the sum of "
         "the bars may differ from 100 %."
     )
-    yield Section("Share by cause", text, figure=partial(share_chart, found))
+    ordered = sorted(found.causes, key=lambda cause: -cause.share)
+    shop = [(words.title(cause), f"{cause.share:.0%}", *words.workshop(cause.effect)) for cause in ordered]
+    table = Table(("cause", "share", "usual origin", "repair"), shop)
+    yield Section("Share by cause", text, table, partial(share_chart, found), detail=True)
     numbered = [(str(number), words.title(cause), cause) for number, cause in enumerate(found.causes, start=1)]
     rows = [
         (
@@ -317,7 +338,9 @@ def _residuals(found: Diagnosis) -> Iterator[Section]:
     before, after = found.by_direction["before"], found.by_direction["after"]
     directions = [(name, f"{before[name]:.2f}", f"{after.get(name, float('nan')):.2f}") for name in before]
     table = Table(("residual RMS, um (rotary axes urad)", "before", "after"), directions)
-    yield Section("By direction, and in the volume", "\n".join(_volume(found)), table)
+    approached = found.measurement.state.approach is not None
+    drawn = partial(by_direction, found) if approached else None
+    yield Section("By direction, and in the volume", "\n".join(_volume(found)), table, drawn)
     yield Section("Residual against noise", figure=partial(against_noise, found))
     if found.tests:
         text = (

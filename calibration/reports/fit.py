@@ -12,37 +12,22 @@ from calibration.fit.acceptance import COVERAGE, MOSTLY, Judged
 from calibration.fit.calibrate import Calibration
 from calibration.fit.cross_validation import CrossValidation
 from calibration.fit.curves.between_positions import BetweenPositions
-from calibration.fit.datum import error_motions
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, Unidentifiable
 from calibration.fit.set_up.run_zeros import run_zeros
-from calibration.observation.equations import covariance
 from calibration.on_the_fly.along_path import OnTheFly
 from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
+from calibration.reports.figures.fit import along_axes, by_direction, distribution, error_motions_figure
 from calibration.reports.head import measured_head
 from calibration.reports.run_zeros import zeros_section
 from kinematics.effects import Effect, ErrorMotion, LocationError
 from kinematics.error_model.model import ErrorModel
-from kinematics.transforms import Array
-from rendering.figures import (
-    COLOURS,
-    Figure,
-    Panel,
-    against_normal,
-    band,
-    bars,
-    clock,
-    dots,
-    grid,
-    level,
-    some,
-)
+from kinematics.machine import Machine
 from rendering.report import Report, Section, Table, facts
+from rendering.volume import Field, volume_section
 
 LISTED = 20
 """Most rows that are listed with the reason for which they were left out; the JSON has all."""
-ACROSS = 3
-"""Error motions side by side."""
 RIGHT_HANDED = "Tool relative to workpiece, right-handed; of a table the line lies at minus the value."
 
 
@@ -206,17 +191,17 @@ def _verdict(fitted: Fit) -> Iterator[str]:
 
 def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
     fitted = found.fit
-    yield error_motion_figures(found.model)
+    yield from calibration_figures(fitted.measurement.machine, found.model)
     yield facts("Data and model", list(_facts(found, taken)))
     yield residuals((found.before_rms_um, found.before_max_um), fitted, found.cross_validation)
     yield from parameters(found.model)
     text = "Residuals in standard uncertainties; the curve is the distribution of noise alone."
-    yield Section("Unexplained residual", text, figure=partial(_distribution, fitted))
+    yield Section("Unexplained residual", text, figure=partial(distribution, fitted))
     text = "A residual of noise alone has no shape. Lines: twice the standard uncertainty of an observation."
-    yield Section("Unexplained residual along time and axes", text, figure=partial(_along_axes, fitted))
+    yield Section("Unexplained residual along time and axes", text, figure=partial(along_axes, fitted))
     if fitted.measurement.state.approach is not None:
         text = "Reversal errors that the model lacks would make the two directions differ."
-        yield Section("Unexplained residual by direction", text, figure=partial(_by_direction, fitted))
+        yield Section("Unexplained residual by direction", text, figure=partial(by_direction, fitted))
     yield from hidden_section(found.identifiability)
     yield from zeros_section(fitted)
     if left_out := list(_left_out(fitted)):
@@ -272,10 +257,17 @@ def identifiability_json(identified: Identifiability) -> dict[str, Any]:
     }
 
 
+def calibration_figures(machine: Machine, model: ErrorModel) -> Iterator[Section]:
+    """The errors of a calibration in the volume and by axis, with their uncertainties."""
+    after = Field("after a correction, U (k=2)", model, uncertain=True)
+    yield from volume_section(machine, [Field("before, without a correction", model), after])
+    yield error_motion_figures(model)
+
+
 def error_motion_figures(model: ErrorModel) -> Section:
     """The error motions of a calibration with their uncertainties."""
     text = "Means and slopes that belong to location errors are removed. Band: U (k=2)."
-    return Section("Error motions", text, figure=partial(_motions, model))
+    return Section("Error motions", text, figure=partial(error_motions_figure, model))
 
 
 def hidden_section(identified: Identifiability) -> Iterator[Section]:
@@ -333,81 +325,3 @@ def _left_out(fitted: Fit) -> Iterator[Sequence[str]]:
             yield f"... and {len(rows) - LISTED} more", reason, ""
     for station in fitted.failed:
         yield f"station {station}", "most of its rows disagree with all others", ""
-
-
-def _motions(model: ErrorModel) -> Figure:
-    """The error motions with their uncertainties."""
-    whole = np.array(model.covariance)
-    panels = [_motion(effect, whole[part, part]) for effect, part in error_motions(model)]
-    return grid(panels, ACROSS, height=220)
-
-
-def _motion(effect: ErrorMotion, own: Array) -> Panel:
-    unit = "deg" if effect.axis[0] in "ABC" else "mm"
-    panel = Panel(f"{effect.axis}, {unit}", f"{effect.name}, {'urad' if effect.angular else 'um'}", effect.name)
-    x = np.linspace(*effect.basis.interval, 120)
-    columns = effect.basis.columns(x)
-    u = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", columns, own, columns), 0.0))
-    band(panel, x, columns @ effect.parameters, 2 * u)
-    return panel
-
-
-def in_uncertainties(fitted: Fit) -> Array:
-    """Residuals of the rows that are kept, in standard uncertainties."""
-    return np.asarray(fitted.white[fitted.kept])
-
-
-def _distribution(fitted: Fit) -> Figure:
-    """Distribution of the residuals in standard uncertainties, and the residuals in the order of acquisition."""
-    white = in_uncertainties(fitted)
-    left, right = Panel(), Panel("row, in the order of acquisition", "residual / standard uncertainty")
-    against_normal(left, white, 5.0)
-    rows = some(np.arange(len(white)))
-    for k in range(white.shape[1]):
-        name = "xyz"[k] if white.shape[1] > 1 else ""
-        dots(right, np.flatnonzero(fitted.kept)[rows], white[rows, k], COLOURS[k], name)
-    return grid([left, right], 2, height=300)
-
-
-def _along_axes(fitted: Fit) -> Figure:
-    """Residuals over the time and over the position of each axis that moves, on one scale."""
-    measurement, kept = fitted.measurement, fitted.kept
-    residual = (fitted.residual * measurement.per_micro)[kept]
-    noise = np.sqrt(np.diagonal(covariance(measurement), axis1=1, axis2=2)) * measurement.per_micro
-    typical = noise[kept].mean(axis=0)
-    rows = some(np.arange(len(residual)))
-    panels = []
-    for label, x in _variables(fitted):
-        panel = Panel(label, "residual, um")
-        for k in range(residual.shape[1]):
-            dots(panel, x[rows], residual[rows, k], COLOURS[k], "xyz"[k] if residual.shape[1] > 1 else "")
-        for sign in (-2.0, 2.0):
-            level(panel, sign * float(typical.max()))
-        panels.append(panel)
-    return grid(panels, 3, same_y=True)
-
-
-def _variables(fitted: Fit) -> Iterator[tuple[str, Array]]:
-    """Time, and the position of each axis that moves, of the rows that are kept, with the labels of their axes."""
-    state, machine = fitted.measurement.state, fitted.measurement.machine
-    if state.time is not None and np.ptp(state.time[fitted.kept]) > 0:
-        unit, label = clock(state.time)
-        yield label, state.time[fitted.kept] / unit
-    positions = state.positions[fitted.kept] / machine.scale
-    for i, axis in enumerate(machine.axes):
-        if np.ptp(positions[:, i]) > 0:
-            yield f"{axis.name}, {axis.unit}", positions[:, i]
-
-
-def _by_direction(fitted: Fit) -> Figure:
-    """RMS of the residuals of the rows with each direction of approach of each axis that moves."""
-    measurement, rows = fitted.measurement, np.flatnonzero(fitted.kept)
-    approach = measurement.state.approach
-    assert approach is not None
-    squares = np.mean((fitted.residual * measurement.per_micro)[rows] ** 2, axis=1)
-    panel = Panel("axis and direction of approach", "residual RMS, um")
-    for sign, name, colour in ((1, "forward", COLOURS[0]), (-1, "backward", COLOURS[1])):
-        sides = {axis.name: approach[rows, i] == sign for i, axis in enumerate(measurement.machine.axes)}
-        known = {axis: side for axis, side in sides.items() if side.any()}
-        bars(panel, list(known), [float(np.sqrt(squares[side].mean())) for side in known.values()], colour, name)
-    return Figure([panel])

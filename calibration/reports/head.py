@@ -5,8 +5,9 @@ from __future__ import annotations
 from calibration.measurement.instruments import kind_of
 from calibration.measurement.measurement import Measurement
 from kinematics.error_model.model import ErrorModel
-from kinematics.report_head import ReportHead
+from kinematics.report_head import ReportHead, calibration_text
 from kinematics.state import REFERENCE
+from kinematics.transforms import Array
 
 
 def measured_head(measurement: Measurement, model: ErrorModel | None, command: str) -> ReportHead:
@@ -21,15 +22,11 @@ def measured_head(measurement: Measurement, model: ErrorModel | None, command: s
     )
 
 
-def calibration_text(model: ErrorModel) -> str:
-    """Identifier and date of a calibration."""
-    return f"{model.id}, made {model.provenance.made_at:%Y-%m-%d}"
-
-
 def _temperatures(measurement: Measurement) -> str:
     """Lowest and highest temperature of each sensor during the measurement."""
-    ranges = [
-        f"{name} {values.min() + REFERENCE:.1f} to {values.max() + REFERENCE:.1f} °C"
-        for name, values in measurement.state.temperatures.items()
-    ]
-    return ", ".join(ranges)
+    return ", ".join(f"{_range(values)} ({name})" for name, values in measurement.state.temperatures.items())
+
+
+def _range(values: Array) -> str:
+    low, high = (f"{value + REFERENCE:.1f}" for value in (values.min(), values.max()))
+    return f"{low} °C" if low == high else f"{low} to {high} °C"

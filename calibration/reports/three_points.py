@@ -15,6 +15,7 @@ from kinematics.report_head import ReportHead
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, Figure, Panel, bars_of_error, grid, level
 from rendering.report import Report, Section, Table, facts
+from rendering.volume import Field, volume_section
 
 
 def three_points_json(found: ThreePoints, checked: Check) -> dict[str, Any]:
@@ -95,6 +96,9 @@ def three_points_report(found: ThreePoints, checked: Check, lead: str, head: Rep
 
 
 def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Section]:
+    before = Field("before, without a correction", found.model)
+    after = Field("after a correction, U (k=2)", found.model, uncertain=True)
+    yield from volume_section(checked.fit.measurement.machine, [before, after])
     points = found.points
     if points.degrees_of_freedom:
         text = (

@@ -10,17 +10,17 @@ import numpy as np
 
 from calibration.fit.together import Part, Together
 from calibration.measurement.instruments import kind_of
+from calibration.reports.figures.fit import in_uncertainties
 from calibration.reports.fit import (
     acceptance,
-    error_motion_figures,
+    calibration_figures,
     held_out_json,
     hidden_section,
     identifiability_json,
-    in_uncertainties,
     parameters,
     parameters_json,
 )
-from calibration.reports.head import calibration_text
+from kinematics.report_head import calibration_text
 from rendering.figures import Figure, Panel, against_normal, grid
 from rendering.report import Report, Section, Table, facts
 
@@ -86,6 +86,7 @@ def _verdict(part: Part) -> str:
 
 def _sections(found: Together) -> Iterator[Section]:
     identified = found.identifiability
+    yield from calibration_figures(found.fit.measurement.machine, found.model)
     sizes = ", ".join(f"{name} {basis.size}" for name, basis in found.bases.items())
     yield facts(
         "Model",
@@ -107,7 +108,6 @@ def _sections(found: Together) -> Iterator[Section]:
     head = ("measurement", "rows", "nominal", "alone", "together", "held out", "by the others", "p")
     yield Section("Measurements", text, Table(head, [_row(part) for part in found.parts]))
     yield from parameters(found.model)
-    yield error_motion_figures(found.model)
     text = "Residuals in standard uncertainties; the curve is the distribution of noise alone."
     yield Section("Unexplained residual", text, figure=partial(_distributions, found))
     yield from hidden_section(identified)

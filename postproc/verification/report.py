@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
+from kinematics.machine import Machine
+from kinematics.report_head import calibration_text
 from postproc.correct.classes import ClassResiduals
 from postproc.evaluation.predicted_errors import Statistic
 from postproc.verification.verify import Verdict
 from postproc.verification.verify_programs import Verification
+from rendering.figures import AFTER, BEFORE, Figure, Panel, bars, grid, ranked
 from rendering.report import Report, Section, Table, facts
 
 LARGEST = 10
@@ -16,9 +20,27 @@ HEAD = ("tool point error, um", "before max", "before RMS", "after max", "after 
 CLASSES = ("classes corrected", "tool point max, um", "RMS, um", "tool axis max, urad", "RMS, urad", "rotary max, urad")
 
 
-def verification_report(done: Verification) -> Report:
-    """The result for people."""
-    return Report("Verification", "", list(_sections(done)))
+def verification_report(done: Verification, programs: str, machine: Machine) -> Report:
+    """The result for people; `programs`: names of both programs."""
+    models = "; ".join(calibration_text(model) for model, _ in done.models.by_key().values())
+    head = machine.report.filled(machine=machine.name, calibration=models)
+    return Report("Verification", programs, list(_sections(done)), _verdict(done.verdict), head=head)
+
+
+def _verdict(verdict: Verdict) -> str:
+    """The result in a sentence."""
+    before, after = verdict.path_before, verdict.path_after
+    where = f"along feed moves, at {before.count} points"
+    if not before.count:
+        before, after = verdict.before, verdict.after
+        where = f"at {before.count} block ends"
+    if not before.count:
+        return "No error is evaluated: no move gives the positions of all axes that position the tool."
+    relative = " relative to the datum" if verdict.relative else ""
+    return (
+        f"Tool point error{relative} {where}: {before.rms:.2f} -> {after.rms:.2f} um RMS, at most "
+        f"{before.largest:.2f} -> {after.largest:.2f} um."
+    )
 
 
 def _sections(done: Verification) -> Iterator[Section]:
@@ -47,12 +69,29 @@ def _of_model(verdict: Verdict, by: str, *, best_fit: bool) -> Iterator[Section]
         before, after = (fit.json() for fit in verdict.best_fit)
         rows.append(("best fit, along", "", f"{before['rms']:.3f}", "", f"{after['rms']:.3f}", str(before["count"])))
     reference = "relative to the datum" if verdict.relative else ""
-    yield Section(" ".join(filter(None, ("Tool point error", reference, by))), table=Table(HEAD, rows))
-    ranked = sorted(verdict.contributions.items(), key=lambda item: -item[1].rms)[:LARGEST]
-    if ranked:
-        parts = [(name, f"{statistic.largest:.2f}", f"{statistic.rms:.2f}") for name, statistic in ranked]
+    title = " ".join(filter(None, ("Tool point error", reference, by)))
+    yield Section(title, table=Table(HEAD, rows), figure=partial(_before_and_after, verdict))
+    ranked_by_rms = sorted(verdict.contributions.items(), key=lambda item: -item[1].rms)[:LARGEST]
+    if ranked_by_rms:
+        parts = [(name, f"{statistic.largest:.2f}", f"{statistic.rms:.2f}") for name, statistic in ranked_by_rms]
         title = " ".join(filter(None, ("Largest contributions before correction", by)))
-        yield Section(title, table=Table(("error motion", "max, um", "RMS, um"), parts))
+        bars = [(name, statistic.rms, BEFORE) for name, statistic in ranked_by_rms]
+        drawn = partial(ranked, bars, "RMS contribution to the tool point error, um", "um")
+        yield Section(title, table=Table(("error motion", "max, um", "RMS, um"), parts), figure=drawn)
+
+
+def _before_and_after(verdict: Verdict) -> Figure:
+    """RMS and largest errors before and after, at block ends and along feed moves, on one scale."""
+    pairs = {
+        "block ends": (verdict.before, verdict.after),
+        "along feed moves": (verdict.path_before, verdict.path_after),
+    }
+    panels = []
+    for name, pair in pairs.items():
+        panels.append(Panel("", "tool point error, um", name))
+        for stage, statistic, colour in zip(("before", "after"), pair, (BEFORE, AFTER), strict=True):
+            bars(panels[-1], ["RMS", "largest"], [statistic.rms, statistic.largest], colour, stage)
+    return grid(panels, 2, same_y=True)
 
 
 def _row(name: str, before: Statistic, after: Statistic) -> tuple[str, ...]:

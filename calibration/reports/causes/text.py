@@ -26,6 +26,7 @@ from kinematics.effects import (
     WorkpieceDriftWithSensor,
 )
 from kinematics.effects.base import HOUR, own_component
+from kinematics.effects.workshop import WORKSHOP, Workshop
 from rendering.report import shortened
 
 if TYPE_CHECKING:
@@ -182,6 +183,11 @@ def held_out(cause: Named) -> str:
 def verdict(cause: Named) -> str:
     """The verdict in one word; a tie in capitals."""
     return cause.verdict.upper() if cause.verdict == "tied" else cause.verdict
+
+
+def workshop(effect: Effect) -> Workshop:
+    """Usual origin of an effect in the workshop, and its repair."""
+    return WORKSHOP[effect.kind]
 
 
 def remedy(effect: Effect) -> str:

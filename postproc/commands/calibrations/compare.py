@@ -66,7 +66,7 @@ def compare(
         letter: {"file": name, "id": model.id, "made_at": model.provenance.made_at.isoformat()}
         for letter, name, model in zip("ab", names, models, strict=True)
     }
-    report = comparison_report(result, names, f"ncomp compare {a} {b}")
+    report = comparison_report(result, models, names, f"ncomp compare {a} {b}")
     with whole_results(*others.files) as files:
         others.write({**sources, **result.json()}, report, files)
     show(report, *others.files)

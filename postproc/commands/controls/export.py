@@ -12,11 +12,10 @@ from postproc.commands.options.declared import REQUIRED, option
 from postproc.commands.options.program import SetUpOptions, moves_of
 from postproc.commands.options.shared import (
     CalibrationName,
-    JsonFile,
     MachineName,
+    ResultOptions,
     check_files,
     whole_results,
-    write_json,
 )
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ def export(
     rest: Path | None = option("File for the calibration less the errors that the tables compensate.", "REST.json"),
     program: str | None = option("Also show the errors along this program; `-` is standard input.", "IN.nc"),
     set_up: SetUpOptions,
-    json: JsonFile,
+    others: ResultOptions,
 ) -> None:
     """Write a calibration as a control's tables or kinematic parameters, with a page on them and the remaining errors.
 
@@ -84,17 +83,18 @@ def export(
     from postproc.tables.format import parse_settings
     from postproc.tables.formats import find_format
     from postproc.tables.probe import probe as probe_files
+    from postproc.tables.report import export_report
     from postproc.tables.sheet import sheet
 
-    check_files((calibration, program, *set_up.tool_table), {"--rest": rest, "--json": json})
+    check_files((calibration, program, *set_up.tool_table), {"--rest": rest, **others.by_option})
     _check_folder(output)
     found = ncomp.load_machine(machine)
-    if probe is not None and (tables.sign, rest, program, json) != (None,) * 4:
-        raise UserError("--probe excludes --sign, --rest, --program and --json: it writes only a probe table")
+    if probe is not None and (tables.sign, rest, program, *others.files) != (None,) * 5:
+        raise UserError("--probe excludes --sign, --rest, --program, --json and --report: it writes only a probe table")
     if is_parameters(tables.format):
         if program is not None:
             raise UserError("--program: errors along a program are shown for tables only")
-        write_parameters(found, calibration, tables, output, tool_mm, probe, rest, json)
+        write_parameters(found, calibration, tables, output, tool_mm, probe, rest, others)
         return
     form = find_format(tables.format)
     chosen = parse_settings(form.settings, tables.settings)
@@ -109,11 +109,12 @@ def export(
     if points is not None:
         errors["program"] = exported.errors_at(points)
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
-    others = whole_results(json, None if rest is None else str(rest))
-    with whole_folder(output, encoded(files)), others as (results, rest_file):
-        write_json(_json(exported, left, errors, list(files)), results)
+    report = export_report(exported, left, errors, str(output), list(files))
+    written = whole_results(*others.files, None if rest is None else str(rest))
+    with whole_folder(output, encoded(files)), written as (results, page, rest_file):
+        others.write(_json(exported, left, errors, list(files)), report, (results, page))
         rest_file.write(encode_model(exported.rest))
-    _show(exported, left, errors, output, to_screen=json != "-")
+    _show(exported, left, errors, output, to_screen="-" not in others.files)
 
 
 def _check_folder(output: Path) -> None:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from kinematics.effects import Effect
     from kinematics.machine import Machine
     from postproc.commands.controls.export import TableOptions
+    from postproc.commands.options.shared import ResultOptions
     from postproc.kinematic_parameters.export import ExportedParameters
     from postproc.tables.not_representable import Unrepresented
 
@@ -32,15 +33,16 @@ def write_parameters(
     tool_mm: float,
     probe: str | None,
     rest: Path | None,
-    json: str | None,
+    others: ResultOptions,
 ) -> None:
     """Write the folder, REST.json and the JSON results, and show the remaining errors."""
     from kinematics.error_model.model import encode_model
     from kinematics.files import whole_folder
     from postproc.commands.controls.control_files import encoded, write_probe
-    from postproc.commands.options.shared import whole_results, write_json
+    from postproc.commands.options.shared import whole_results
     from postproc.kinematic_parameters.formats import FORMATS
     from postproc.kinematic_parameters.probe import probe as probe_files
+    from postproc.kinematic_parameters.report import parameters_report
     from postproc.kinematic_parameters.sheet import sheet
     from postproc.tables.format import parse_settings
 
@@ -51,11 +53,12 @@ def write_parameters(
     exported = ncomp.export_parameters(machine, model=calibration, tool_mm=tool_mm, **vars(options))
     left, volume = exported.left, exported.errors_in_the_volume()
     files = {**exported.files, "sheet.md": sheet(exported, left, volume)}
-    others = whole_results(json, None if rest is None else str(rest))
-    with whole_folder(output, encoded(files)), others as (results, rest_file):
-        write_json(_json(exported, left, volume, list(files)), results)
+    report = parameters_report(exported, left, volume, f"{', '.join(files)} in {output}")
+    written = whole_results(*others.files, None if rest is None else str(rest))
+    with whole_folder(output, encoded(files)), written as (results, page, rest_file):
+        others.write(_json(exported, left, volume, list(files)), report, (results, page))
         rest_file.write(encode_model(exported.rest))
-    _show(exported, left, volume, output, to_screen=json != "-")
+    _show(exported, left, volume, output, to_screen="-" not in others.files)
 
 
 def read_parameters(machine: Machine, options: TableOptions, files: Mapping[str, str]) -> list[Effect]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,11 +10,10 @@ import ncomp
 from postproc.commands.options.declared import argument, option
 from postproc.commands.options.shared import (
     CalibrationName,
-    JsonFile,
     MachineName,
+    ResultOptions,
     check_files,
     whole_results,
-    write_json,
 )
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def predict(
     machine: MachineName,
     calibration: CalibrationName,
     output: str = option("The table with its predictions; `-` is standard output.", "OUT.csv", "-o", default="-"),
-    json: JsonFile,
+    others: ResultOptions,
 ) -> None:
     """Predict the deviation of the tool point, or the target, at each row of a table of states.
 
@@ -44,29 +44,34 @@ def predict(
     measuring instrument are excluded.
     """
     from calibration.fit.prediction import read_points
+    from calibration.reports.figures.prediction import prediction_figure
+    from kinematics.report_head import calibration_text
     from postproc.commands.show.prediction import Summary
     from postproc.commands.show.terminal import say, show
 
-    check_files((points, calibration), {"--output": output, "--json": json})
+    check_files((points, calibration), {"--output": output, **others.by_option})
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
     read = read_points(points, found)
     prediction = ncomp.predict(read, found, model)
     notes = [*read.notes, *prediction.notes]
     summary = Summary()
-    with whole_results(json, output) as (results, file):
+    with whole_results(*others.files, output) as (results, page, file):
         for line in _head(read, model):
             file.write(line)
         for block in prediction.blocks():
             summary.add(block)
             file.write("".join(_lines(read, block)).encode())
         relative = prediction.relative()
-        write_json(summary.json() | {"u_um": relative.json(), "calibration": _identity(model), "notes": notes}, results)
+        head = found.report.filled(machine=found.name, calibration=calibration_text(model))
+        report = summary.report(str(relative), partial(prediction_figure, prediction), head)
+        numbers = summary.json() | {"u_um": relative.json(), "calibration": _identity(model), "notes": notes}
+        others.write(numbers, report, (results, page))
     if model.demonstration:
         say("demonstration calibration", "it describes no real machine")
     for note in notes:
         say("note", note)
-    show(summary.report(str(relative)), json, output)
+    show(report, *others.files, output)
 
 
 def _identity(model: ErrorModel) -> str:

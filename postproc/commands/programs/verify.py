@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import ncomp
 from postproc.commands.options.declared import argument, option
@@ -13,11 +14,10 @@ from postproc.commands.options.program import (
 )
 from postproc.commands.options.shared import (
     CalibrationName,
-    JsonFile,
     MachineName,
+    ResultOptions,
     check_files,
-    result,
-    write_json,
+    whole_results,
 )
 from postproc.text.source import open_source
 
@@ -61,14 +61,14 @@ def verify(
     options: VerificationOptions,
     set_up: DatumOptions,
     at: ConditionsOptions,
-    json: JsonFile,
+    others: ResultOptions,
 ) -> None:
     """Compute the tool point error of a program before and after correction, from the two texts by the exact model."""
     from postproc.commands.show.terminal import say, say_assumed, show
     from postproc.verification.report import verification_report
 
     inputs = (program, corrected, calibration, options.old, options.align, *set_up.tool_table, at.log)
-    check_files(inputs, {"--json": json})
+    check_files(inputs, others.by_option)
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
     setup, conditions = set_up.setup(found), at.conditions()
@@ -80,6 +80,7 @@ def verify(
         say_assumed(assumption)
     for note in done.notes:
         say("note", note)
-    with result(json) as results:
-        write_json(done.json(), results)
-    show(verification_report(done), json)
+    report = verification_report(done, f"{Path(program).name} and {Path(corrected).name}", found)
+    with whole_results(*others.files) as files:
+        others.write(done.json(), report, files)
+    show(report, *others.files)

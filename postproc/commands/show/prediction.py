@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from calibration.fit.prediction import Predicted
+from kinematics.report_head import ReportHead
 from postproc.compensation.significance import COVERAGE
 from postproc.evaluation.predicted_errors import Statistic
+from rendering.figures import Figure
 from rendering.report import Report, Section, Table, facts
 
 
@@ -44,8 +47,8 @@ class Summary:
             "significant_k": COVERAGE,
         }
 
-    def report(self, uncertainty: str) -> Report:
-        """The statistics for people; `uncertainty`: that of the calibration, as text."""
+    def report(self, uncertainty: str, figure: Callable[[], Figure], head: ReportHead) -> Report:
+        """The statistics for people; `uncertainty`: that of the calibration, as text; `figure`: the deviations."""
         share = self.significant / self.count
         rows = [("tool point", f"{self.point.largest:.3f}", f"{self.point.rms:.3f}", "")]
         for xyz, d, u in zip("xyz", self.components, self.uncertainties, strict=True):
@@ -55,5 +58,10 @@ class Summary:
             f"{self.count} points; at {100 * share:.1f} % the deviation is significant: a component exceeds "
             f"{COVERAGE:g} times its standard uncertainty."
         )
-        sections = [Section("Deviation, workpiece frame", table=table), facts("", [("uncertainty", uncertainty)])]
-        return Report("Prediction", "", sections, verdict)
+        text = "Actual minus nominal, tool relative to workpiece. Cones point where the tool is off."
+        sections = [
+            Section("Deviations in the workpiece frame", text, figure=figure),
+            Section("Deviation, workpiece frame", table=table),
+            facts("", [("uncertainty", uncertainty)]),
+        ]
+        return Report("Prediction", "", sections, verdict, head=head)

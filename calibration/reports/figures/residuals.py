@@ -11,7 +11,7 @@ from calibration.diagnosis.residual.unexplained import in_lengths, variables
 from calibration.diagnosis.result import Diagnosis
 from calibration.observation.full_model import moving_axes
 from calibration.reports.causes.text import title
-from calibration.reports.fit import in_uncertainties
+from calibration.reports.figures.fit import in_uncertainties
 from kinematics.state import REFERENCE
 from kinematics.transforms import Array
 from rendering.figures import (
