@@ -143,6 +143,7 @@ def test_one_sphere_hides_more_than_three():
     names = {each.effects for each in three.unidentifiable}
     assert {("E_CZ",), ("E_XX", "E_YY", "E_ZZ")} <= names
     assert three.uncertainty["E_X0C"] < one.uncertainty["E_X0C"]
+    assert one.uncertainty_small["E_X0C"] < 0.5 * one.uncertainty["E_X0C"]
     with_distance = predicted(planned("dmu50", spheres=3, points=16).plan, 1.0, {("s1", "s2"): 0.0005})
     assert ("E_XX", "E_YY", "E_ZZ") not in {each.effects for each in with_distance.unidentifiable}
 
@@ -352,6 +353,8 @@ def test_plan_simulate_and_touches(ncomp):
     simulate = ["simulate", "--machine", "dmu50", "--strategy", "plan.csv", "--instrument", "touch-probe"]
     done = ncomp(*simulate, "--errors", "none", "--location", "40", "-o", "data.csv")
     assert done.status == 0, done.err
+    refused = ncomp(*simulate[:-1], "laser-tracker", "-o", "no.csv")
+    assert "a plan of spheres needs --instrument touch-probe" in refused.err
     data, plan = read_measurement(Path("data.csv"), DMU50), read_plan(Path("plan.csv"), DMU50)
     assert data.state.station.tolist() == plan.state.station.tolist()
     log = log_of_file(plan, data)

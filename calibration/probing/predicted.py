@@ -8,14 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.fit.calibrate import in_datum
-from calibration.fit.fit import fit
+from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Unidentifiable, identifiability
 from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Distance, Measurement, with_moves
 from calibration.measurement.plan import Plan
 from calibration.observation.full_model import moving_axes, parse_basis, with_effects
-from kinematics.effects import LocationError
+from kinematics.effects import ErrorMotion, LocationError
+from kinematics.error_model.model import ErrorModel
 
+SMALL = 0.1
+"""Errors of good linear axes as a share of the typical size, which is 30 um and urad."""
 LINEAR, ROTARY = "legendre:1", "fourier:1"
 """Bases of the prediction: constants and slopes of linear axes, constants and first harmonics of rotary axes."""
 
@@ -26,6 +29,8 @@ class Predicted:
 
     uncertainty: Mapping[str, float]
     """Expanded uncertainties (k = 2) of the location errors, um or urad, by name."""
+    uncertainty_small: Mapping[str, float]
+    """The same where errors of linear axes are within SMALL of the typical size."""
     unidentifiable: tuple[Unidentifiable, ...]
     """Errors that this measurement cannot show, with reason and remedy."""
     parameters: int
@@ -53,9 +58,22 @@ def predicted(plan: Plan, u_um: float, distances_u_mm: Mapping[tuple[str, str], 
     model, prior = with_effects(measured, bases, (), 1.0)
     found = fit(measured, model, prior=prior)
     identified = identifiability(found)
-    uncertainty = {
+    linear = np.concatenate([np.full(len(effect.parameters), effect.axis not in rotary) for effect in _motions(model)])
+    small = fit(measured, model, prior=np.where(linear, SMALL, 1.0) * prior)
+    return Predicted(
+        _location_U(found), _location_U(small), identified.unidentifiable, identified.parameters,
+        identified.rank_registered,
+    )  # fmt: skip
+
+
+def _motions(model: ErrorModel) -> list[ErrorMotion]:
+    return [effect for effect in model.effects if isinstance(effect, ErrorMotion)]
+
+
+def _location_U(found: Fit) -> dict[str, float]:
+    """Expanded uncertainties (k = 2) of location errors by name."""
+    return {
         effect.name: 2.0 * float(effect.uncertainties[0])
         for effect in in_datum(found).effects
         if isinstance(effect, LocationError) and effect.uncertainties
     }
-    return Predicted(uncertainty, identified.unidentifiable, identified.parameters, identified.rank_registered)

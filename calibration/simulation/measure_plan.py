@@ -107,6 +107,8 @@ def measure_plan(
     """
     if isinstance(virtual.instrument, TouchProbe):
         return _probed(plan, model, virtual, virtual.instrument, draws)
+    if plan.spheres:
+        raise UserError(f"--instrument {kind_of(virtual.instrument)}: a plan of spheres needs --instrument touch-probe")
     state, poses, notes = _stationed(plan, virtual, draws[0])
     check_names(model.effects, plan.targets, [] if state.station is None else np.unique(state.station).tolist())
     state = with_temperatures(state, virtual.temperatures) if virtual.temperatures else state

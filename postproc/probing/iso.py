@@ -120,7 +120,7 @@ class Fanuc:
             *found,
             f"#104={touch.row}.",
             f"#105={touch.number}.",
-            "DPRNT[NCOMP*P#104[50]*T#105[20]*X#101[54]*Y#102[54]*Z#103[54]]",
+            "DPRNT[NCOMP*P#104[50]*T#105[20]*X#101[44]*Y#102[44]*Z#103[44]]",
         ]
 
     def end(self) -> list[str]:

@@ -217,6 +217,8 @@ def _of_spheres(machine: Machine, choices: Choices, given: Given, outputs: tuple
         form.write((mask or "").encode())
     for note in found.notes:
         say("note", note)
+    if nc == "-" and mask_of(control, machine):
+        say("note", "the mask of FN 16, ncomp.a, is written beside a program in a file only")
     show(spheres_report(found, predicted), "-")
 
 

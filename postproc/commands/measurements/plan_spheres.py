@@ -162,6 +162,7 @@ def spheres_json(found: ProbePlan, predicted: Predicted) -> dict[str, Any]:
         "parking_position": {a.name: float(p) for a, p in zip(machine.axes, park, strict=True) if not a.rotary},
         "expected_um": found.expected_um,
         "location_errors_U": dict(predicted.uncertainty),
+        "location_errors_U_good_linear_axes": dict(predicted.uncertainty_small),
         "parameters": predicted.parameters,
         "rank": predicted.rank,
         "not_visible": [
@@ -185,14 +186,16 @@ def spheres_report(found: ProbePlan, predicted: Predicted) -> Report:
         text = f"{found.expected_um:.2f} um RMS at other rotary positions, for errors of typical size (30 um, 30 urad)"
         rows.append(("expected error", text))
     uncertainty = [
-        (name, f"{u:.2f}", "um" if name[2] in "XYZ" else "urad") for name, u in predicted.uncertainty.items()
+        (name, f"{u:.2f}", f"{predicted.uncertainty_small[name]:.2f}", "um" if name[2] in "XYZ" else "urad")
+        for name, u in predicted.uncertainty.items()
     ]
     sections = [
         facts("Spheres and moves", rows),
         Section(
             "Location errors",
-            "Expected expanded uncertainty (k = 2), with all error motions of all axes unknown.",
-            Table(("", "U", ""), uncertainty),
+            "Expected expanded uncertainty (k = 2), with all error motions of all axes unknown (30 um and urad), and "
+            "with good linear axes (3 um and urad).",
+            Table(("", "U", "good linear axes", ""), uncertainty),
         ),
         Section(
             "Not visible in this plan",
