@@ -16,7 +16,7 @@ test test-unit test-statistical test-all: export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-unit test-statistical test-all fuzz speed speed-small lint docs wheel lock clean
+.PHONY: help setup demo test test-unit test-statistical test-all fuzz speed speed-small lint docs pages wheel lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 25
@@ -67,6 +67,9 @@ wheel: $(INSTALLED) ## build the wheel, and try it in an empty venv of each Pyth
 	rm -rf dist
 	$(BIN)/python -m hatchling build
 	tests/wheel_in_venvs.sh dist/*.whl
+
+pages: $(INSTALLED) ## renew the pages that docs/make writes: codes, refusals, results, outputs of the tutorial
+	for page in controls refusals results tutorial; do $(BIN)/python docs/make/$$page.py || exit 1; done
 
 lock: $(BIN)/python ## renew requirements.lock from pyproject.toml
 	$(BIN)/pip install --quiet "pip-tools>=7.5"
