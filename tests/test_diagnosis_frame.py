@@ -8,9 +8,10 @@ import pytest
 from support.diagnosis_cases import LEGENDRE, data_with, fitted
 
 from calibration.diagnosis.search.candidates import at_zero
-from calibration.diagnosis.search.linearised_fit import GENEROUS, LIKELY, LinearisedFit, _lines_of, correlation_length
+from calibration.diagnosis.search.linearised_fit import GENEROUS, LIKELY, LinearisedFit
 from calibration.diagnosis.search.proposed_shapes import waves
 from calibration.fit.fit import fit
+from calibration.observation.correlation import correlation_length, lines_of
 from calibration.observation.full_model import priors, rigid_model
 from calibration.observation.normal_equations import residuals
 from calibration.observation.stops_and_lines import held_out_blocks
@@ -217,5 +218,5 @@ def test_an_odd_function_of_single_rows_has_the_length_of_noise():
 def test_lines_along_a_signal_have_no_sign():
     """Residuals that are correlated along a wave count as such, although the wave changes its sign."""
     wave = np.sin(np.arange(60.0))[:, None] * np.array([[3.0, 4.0]])
-    assert np.abs(_lines_of(wave)[1:]) == pytest.approx(np.tile([0.6, 0.8], (59, 1)))
-    assert np.ptp(_lines_of(wave)[1:], axis=0) == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(lines_of(wave)[1:]) == pytest.approx(np.tile([0.6, 0.8], (59, 1)))
+    assert np.ptp(lines_of(wave)[1:], axis=0) == pytest.approx(0.0, abs=1e-12)

@@ -16,8 +16,9 @@ from calibration.diagnosis.next.proposals import follow_up_designs
 from calibration.diagnosis.next.ranking import SURE, Question, Signal
 from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
 from calibration.diagnosis.residual.dependence import Unexplained
+from calibration.diagnosis.search.derivatives import signals
 from calibration.diagnosis.search.evaluation import SEEN
-from calibration.diagnosis.search.linearised_fit import LinearisedFit, signals
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.start_model import base_of
 from calibration.fit.fit import fit
 from calibration.measurement.instruments import Interferometer, Part

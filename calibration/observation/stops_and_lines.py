@@ -58,6 +58,14 @@ def visited(measurement: Measurement) -> np.ndarray:
     return np.asarray(np.unique(np.round(_positions(measurement)), axis=0, return_inverse=True)[1].reshape(-1))
 
 
+def whole_stops(stop: np.ndarray, most: int) -> np.ndarray:
+    """Indices of at most so many rows with these numbers of stops `(n,)`: whole stops, evenly spread."""
+    names, counts = np.unique(stop, return_counts=True)
+    number = max(1, int(most / counts.mean()))
+    chosen = names[np.linspace(0, len(names) - 1, min(number, len(names))).astype(int)]
+    return np.flatnonzero(np.isin(stop, chosen))
+
+
 def lines(measurement: Measurement) -> np.ndarray:
     """Numbers `(n,)` of the lines, from 0 in the order of their first rows; -1 for rows on no line."""
     visit = np.cumsum(_changed(_positions(measurement))) - 1

@@ -20,7 +20,8 @@ import numpy as np
 
 from calibration.diagnosis.next.follow_up import FollowUpDesign
 from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
-from calibration.diagnosis.search.linearised_fit import RIDGE, LinearisedFit, derivatives, signals
+from calibration.diagnosis.search.derivatives import derivatives, signals
+from calibration.diagnosis.search.linearised_fit import RIDGE, LinearisedFit
 from calibration.fit.linear import Posterior, pseudo_inverse
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations

@@ -14,23 +14,21 @@ from functools import cached_property
 from itertools import chain
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from scipy import special
 
 from calibration.cores import each
+from calibration.diagnosis.search.derivatives import derivatives, signals
 from calibration.fit.cross_validation import less_columns, registered
 from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.registration import Registration
-from calibration.observation import equations
+from calibration.observation.correlation import correlation_length, lines_of
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import huber_weights, robust_factor
-from calibration.observation.stops_and_lines import held_out_blocks, lines, stops, visited
+from calibration.observation.stops_and_lines import held_out_blocks, lines, stops, visited, whole_stops
 from kinematics.effects import Effect
-from kinematics.error_model.model import Design, no_errors
 from kinematics.state import State
 from kinematics.transforms import Array
 
@@ -44,8 +42,6 @@ ASTRAY = 300.0
 """Median residual, um, above which a rejected station has failed; below it, the model may be at fault."""
 LOST = 5000.0
 """Residual, um, above which an outlier is excluded: no cause of the library is so large."""
-UNSEEN = 1e-12
-"""Least length of a signal that has a direction."""
 RIDGE = 1e-9
 """Ridge on the diagonal of H; columns of the registration have unit length."""
 GENEROUS = 5.0
@@ -62,8 +58,6 @@ OF_THE_DESIGN = (
     *("information", "posterior", "spanned", "degrees_of_freedom", "state", "units", "spread", "held_out", "_gram"),
 )
 """Cached properties that do not depend on the residual."""
-CHANCE = 2.5
-"""Standard deviations of an autocorrelation up to which it counts as noise."""
 BARELY = 5.0
 """Gain up to which no candidate is named, however the residuals are correlated."""
 TOGETHER = 64
@@ -385,7 +379,7 @@ class LinearisedFit:
         if not score.gain > BARELY or self._correlation_length == 1.0:
             return score
         signal = candidate.columns @ score.size - self.spanned @ (candidate.through @ score.size)
-        lines = _lines_of(signal.reshape(len(self.rows), -1))
+        lines = lines_of(signal.reshape(len(self.rows), -1))
         along = (np.sum(each.reshape(lines.shape) * lines, axis=1) for each in (self.residual, self.residual - signal))
         correlated = min(correlation_length(each[:, None]) for each in along)
         return self._scored(score.squares, score.effective_parameters, trials, score.size, correlated)
@@ -520,82 +514,6 @@ class LinearisedFit:
         return HeldResiduals(
             in_mm, counted.reshape(-1, components)[:, 0] & self.good, len(self.blocks), self.held_out[1]
         )
-
-
-class Derivatives(NamedTuple):
-    """Whitened derivatives at some rows of a measurement."""
-
-    transform: Array
-    """`(n, d, width)`, by the error motions and the shift of the observed point."""
-    own: Array
-    """`(n * d, registration)`"""
-    by_model: Array
-    """`(n * d, parameters)`, in units of their priors."""
-
-
-def _lines_of(signal: Array) -> Array:
-    """Unit vectors `(n, d)` along a signal `(n, d)`, of any sign: each turned to the side of the one before."""
-    lines = signal / np.maximum(np.linalg.norm(signal, axis=1, keepdims=True), UNSEEN)
-    turned = np.sum(lines[1:] * lines[:-1], axis=1) < 0.0
-    return np.asarray(lines * np.cumprod(np.append(1.0, np.where(turned, -1.0, 1.0)))[:, None])
-
-
-def correlation_length(residual: Array) -> float:
-    """Integrated autocorrelation, in rows, of white residuals `(n, d)` in the order of the rows; at least 1.
-
-    Sums of two successive autocorrelations are added up to the first that noise may have (Geyer, Statist. Sci. 7, 1992,
-    section 3.3).
-    """
-    n = len(residual)
-    spectrum = np.sum(np.abs(np.fft.rfft(residual, 2 * n, axis=0)) ** 2, axis=1)
-    covariance = np.fft.irfft(spectrum)[:n]
-    if not covariance[0] > 0.0 or n < 3:
-        return 1.0
-    pairs = covariance[1 : 1 + 2 * ((n - 1) // 2)].reshape(-1, 2).sum(axis=1) / covariance[0]
-    noise = CHANCE * np.sqrt(2.0 / residual.size)
-    return float(1.0 + 2.0 * pairs[: int(np.argmax(np.append(pairs < noise, True)))].sum())
-
-
-def whole_stops(stop: np.ndarray, most: int) -> np.ndarray:
-    """Indices of at most so many rows with these numbers of stops `(n,)`: whole stops, evenly spread."""
-    names, counts = np.unique(stop, return_counts=True)
-    number = max(1, int(most / counts.mean()))
-    chosen = names[np.linspace(0, len(names) - 1, min(number, len(names))).astype(int)]
-    return np.flatnonzero(np.isin(stop, chosen))
-
-
-def derivatives(
-    fit: Fit,
-    measurement: Measurement,
-    rows: np.ndarray,
-    registration: Registration,
-    white: Array,
-    decorrelation: Decorrelation | None = None,
-) -> Derivatives:
-    """White derivatives by registration and model of a fit, at rows of its data or others; `white` `(n, d, d)`."""
-    some = measurement.rows(rows)
-    transform = white @ equations.transform(some, registration)
-    own = white @ equations.registration_design(some, registration)
-    of_model = Design(fit.model, measurement.machine, measurement.state, with_instrument=True).of(rows, transform)
-    n = len(rows) * some.components
-    by_model = of_model.reshape(n, -1)
-    finite = np.isfinite(fit.prior)
-    by_model = by_model * np.where(finite, fit.prior, 1.0) if fit.prior.ndim == 1 else by_model @ fit.prior
-    if decorrelation is not None:
-        own, by_model = decorrelation.apply(own), decorrelation.apply(by_model.reshape(*own.shape[:2], -1))
-    return Derivatives(transform, own.reshape(n, -1), by_model.reshape(n, -1))
-
-
-def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect], transform: Array) -> Array:
-    """Derivatives `(n * d, k)` by the linear parameters of effects, one after the other, in units of typical sizes."""
-    table = [quantity for effect in effects for quantity in effect.parameter_table]
-    linear = np.array([quantity.linear for quantity in table], bool)
-    typical = np.array([quantity.typical for quantity in table])[linear]
-    machine, state = measurement.machine, measurement.state
-    alone = msgspec.structs.replace(no_errors(machine), effects=tuple(effects))
-    made = Design(alone, machine, state, with_instrument=True).of(rows, transform)
-    columns = made.reshape(made.shape[0] * made.shape[1], made.shape[2])[:, linear]
-    return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
 
 
 def _most_rows(fit: Fit) -> int:

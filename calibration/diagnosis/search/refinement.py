@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from calibration.cores import each
-from calibration.diagnosis.search.linearised_fit import signals, whole_stops
+from calibration.diagnosis.search.derivatives import signals
 from calibration.diagnosis.search.nested_bases import refined
 from calibration.fit.fit import DOUBTFUL_P, Fit
 from calibration.fit.linear import NormalBlocks, Part, of_columns
@@ -26,7 +26,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.full_model import distinct_positions
 from calibration.observation.normal_equations import NormalEquations, residuals, whitened, whiteners
-from calibration.observation.stops_and_lines import stops
+from calibration.observation.stops_and_lines import stops, whole_stops
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.error_model.model import Design, ErrorModel
 from kinematics.transforms import Array, read_only

@@ -1,0 +1,63 @@
+"""Whitened derivatives of observations by the registration, the model of a fit, and effects beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from calibration.fit.fit import Fit
+from calibration.measurement.estimated_noise import Decorrelation
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.registration import Registration
+from calibration.observation import equations
+from kinematics.effects import Effect
+from kinematics.error_model.model import Design, no_errors
+from kinematics.transforms import Array
+
+
+class Derivatives(NamedTuple):
+    """Whitened derivatives at some rows of a measurement."""
+
+    transform: Array
+    """`(n, d, width)`, by the error motions and the shift of the observed point."""
+    own: Array
+    """`(n * d, registration)`"""
+    by_model: Array
+    """`(n * d, parameters)`, in units of their priors."""
+
+
+def derivatives(
+    fit: Fit,
+    measurement: Measurement,
+    rows: np.ndarray,
+    registration: Registration,
+    white: Array,
+    decorrelation: Decorrelation | None = None,
+) -> Derivatives:
+    """White derivatives by registration and model of a fit, at rows of its data or others; `white` `(n, d, d)`."""
+    some = measurement.rows(rows)
+    transform = white @ equations.transform(some, registration)
+    own = white @ equations.registration_design(some, registration)
+    of_model = Design(fit.model, measurement.machine, measurement.state, with_instrument=True).of(rows, transform)
+    n = len(rows) * some.components
+    by_model = of_model.reshape(n, -1)
+    finite = np.isfinite(fit.prior)
+    by_model = by_model * np.where(finite, fit.prior, 1.0) if fit.prior.ndim == 1 else by_model @ fit.prior
+    if decorrelation is not None:
+        own, by_model = decorrelation.apply(own), decorrelation.apply(by_model.reshape(*own.shape[:2], -1))
+    return Derivatives(transform, own.reshape(n, -1), by_model.reshape(n, -1))
+
+
+def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect], transform: Array) -> Array:
+    """Derivatives `(n * d, k)` by the linear parameters of effects, one after the other, in units of typical sizes."""
+    table = [quantity for effect in effects for quantity in effect.parameter_table]
+    linear = np.array([quantity.linear for quantity in table], bool)
+    typical = np.array([quantity.typical for quantity in table])[linear]
+    machine, state = measurement.machine, measurement.state
+    alone = msgspec.structs.replace(no_errors(machine), effects=tuple(effects))
+    made = Design(alone, machine, state, with_instrument=True).of(rows, transform)
+    columns = made.reshape(made.shape[0] * made.shape[1], made.shape[2])[:, linear]
+    return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
