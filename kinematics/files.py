@@ -12,6 +12,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+from kinematics.mistaken_files import missing
 from kinematics.user_error import UserError
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ def read_input(path: Path, contents: str) -> bytes:
     try:
         return path.read_bytes()
     except OSError as fault:
-        raise UserError(f"{contents} {path}: {fault.strerror or fault}") from None
+        raise UserError(f"{contents} {path}: {fault.strerror or fault}{missing(path)}") from None
 
 
 def fingerprint(data: bytes) -> str:

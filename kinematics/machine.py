@@ -251,7 +251,7 @@ def make_axis(
     d = tuple(float(v) for v in (direction if direction is not None else ISO_DIRECTION[name[0]]))
     p = tuple(float(v) for v in point)
     if not all(map(math.isfinite, d)) or math.hypot(*d) == 0:
-        raise UserError(f"{where}: direction {list(d)} is no direction")
+        raise UserError(f"{where}: direction {list(d)} is no direction: expected three numbers, not all of them 0")
     if not all(map(math.isfinite, p)):
         raise UserError(f"{where}: point {list(p)} is not finite")
     low, high = (float(v) for v in travel)
@@ -261,6 +261,6 @@ def make_axis(
         raise UserError(f"{where}: resolution {resolution} must be positive")
     home_position = min(max(0.0, low), high) if home is None else float(home)
     if not (low <= home_position <= high and math.isfinite(home_position)):
-        raise UserError(f"{where}: home {home} is outside its travel {list(travel)}")
+        raise UserError(f"{where}: home {home} is outside its travel {list(travel)}: expected a position within it")
     kind: Literal["linear", "rotary"] = "rotary" if name[0] in "ABC" else "linear"
     return Axis(name, kind, side, (d[0], d[1], d[2]), (p[0], p[1], p[2]), (low, high), float(resolution), home_position)

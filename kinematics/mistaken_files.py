@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 HEAD = 4000
 """Bytes by which the kind of a file is known."""
@@ -38,3 +42,34 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     by_small_letters = {each.lower(): each for each in known}
     near = get_close_matches(name.lower(), list(by_small_letters), 1)
     return f" (did you mean {by_small_letters[near[0]]!r}?)" if near else ""
+
+
+def none_of(name: str, known: Iterable[str]) -> str:
+    """Reason for a name that is none of the known ones, with the likeliest of them."""
+    names = list(known)
+    return f"{name!r} is none of {', '.join(names)}{did_you_mean(name, names)}"
+
+
+def missing(path: str | Path) -> str:
+    """Hint, behind a blank, for a file that does not exist: the missing folder, or a file of nearly this name there."""
+    from pathlib import Path
+
+    path = Path(path)
+    try:
+        if path.exists():
+            return ""
+        if not path.parent.is_dir():
+            return f" (the folder {path.parent} does not exist)"
+        return did_you_mean(path.name, (each.name for each in path.parent.iterdir() if not each.name.startswith(".")))
+    except OSError:
+        return ""
+
+
+def number_hint(text: str) -> str:
+    """Hint, with its separator, for a text that should be a number."""
+    text = text.strip()
+    if re.fullmatch(r"[-+]?\d+,\d*", text):
+        return "; write the decimal point as '.'"
+    if re.fullmatch(r"[-+]?[\d.]+\s*[^\d\s.,;].{0,8}", text):
+        return "; write the number without its unit"
+    return "; separate numbers by ','" if ";" in text else ""

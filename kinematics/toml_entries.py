@@ -39,11 +39,22 @@ def read_table(text: str, where: str) -> dict[str, Any]:
         reason = str(fault)
         place = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason)
         if (other := kind_of_file(text.encode())) and not any(kind in other for kind in TOML):
-            raise UserError(f"{where}: this is {other}") from None
+            raise UserError(f"{where}: this is {other}, no {where.split(' ', maxsplit=1)[0]} file") from None
         line = f":{place[2]}" if place else ""
         shown = text.splitlines()[int(place[2]) - 1].strip() if place and text.splitlines()[int(place[2]) - 1 :] else ""
-        reason = f"column {place[3]}: {place[1]}" if place else reason
-        raise UserError(f"{where}{line}: {shown!r}: {reason} (TOML: name = value, texts in quotes)") from None
+        reason = f"column {place[3]}: {place[1]}{_typing_hint(shown)}" if place else reason
+        raise UserError(f"{where}{line}: {shown!r}: {reason}") from None
+
+
+def _typing_hint(line: str) -> str:
+    """Cure of the likely typing mistake in a line, behind a separator."""
+    if re.search(r"=\s*[-+]?\d+,\d", line):
+        return "; write the decimal point as '.'"
+    if re.search(r"=\s*[A-Za-z]", line):
+        return "; write texts in quotes"
+    if line.startswith("[") and "twice" not in line:
+        return "; a table begins with its name in brackets, once in a file"
+    return "; expected name = value"
 
 
 def at_line(text: str, where: str, fault: UserError) -> UserError:
@@ -88,12 +99,26 @@ def refuse_unknown(table: Iterable[str], known: Iterable[str], where: str = "") 
 
 def entry(value: object, kind: type[T], where: str = "") -> T:
     """A value of a table as `kind`; UserError that begins with the path of the wrong entry, `where` or below it."""
-    if isinstance(value, dict) and (known := field_names(kind)):
-        refuse_unknown(value, known, where)
+    _refuse_unknown_below(value, kind, where)
     try:
         return msgspec.convert(value, kind)
     except msgspec.ValidationError as fault:
         raise UserError(_for_people(str(fault), where, kind)) from None
+
+
+def _refuse_unknown_below(value: object, kind: Any, where: str) -> None:
+    """UserError for an unknown key of a table and of the tables in it."""
+    inner = [kind, *get_args(kind)]
+    known = next((each for each in inner if field_names(each)), None)
+    if isinstance(value, dict) and known is not None:
+        refuse_unknown(value, field_names(known), where)
+        hints = get_type_hints(known)
+        for key, below in value.items():
+            _refuse_unknown_below(below, hints[key], f"{where}.{key}" if where else key)
+    elif isinstance(value, list):
+        for index, below in enumerate(value):
+            for each in inner[1:]:
+                _refuse_unknown_below(below, each, f"{where}[{index}]")
 
 
 def field_names(kind: Any) -> list[str]:
@@ -109,12 +134,14 @@ def _for_people(message: str, where: str, kind: Any) -> str:
     path = where + below.rstrip("`").replace("[...]", "")
     path = path.removeprefix(".")
     if missing := re.fullmatch(r"Object missing required field `(\w+)`", reason):
-        return f"{f'{path}.' if path else ''}{missing[1]} is missing"
+        return f"{f'{path}.' if path else ''}{missing[1]} is missing: write {missing[1]} = ... into the file"
     if (wrong := re.fullmatch(r"Invalid enum value (.*)", reason)) and field_names(kind):
         values = get_args(get_type_hints(kind).get(path.rpartition(".")[2]))
         *others, last = (repr(value) for value in values) if values else ("another one",)
         reason = f"Expected {', '.join(others)}{' or ' if others else ''}{last}, not {wrong[1]}"
-    reason = re.sub(r"`array` of length (\d+), got (\d+)", r"a list of \1 entries, not of \2", reason)
+    if length := re.search(r"`array` of length (\d+), got (\d+)", reason):
+        comma = " (write the decimal point as '.')" if int(length[2]) == 2 * int(length[1]) else ""
+        reason = reason.replace(length[0], f"a list of {length[1]} entries, not of {length[2]}{comma}")
     for name, noun in NOUNS.items():
         reason = re.sub(rf"`([^`]*)\b{name}\b([^`]*)`", rf"`\1{noun}\2`", reason)
     reason = reason.replace(", got ", ", not ").replace("`", "").replace(" | ", " or ")

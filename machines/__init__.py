@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from kinematics.machine import EVERY_OTHER, Control, Machine, make_axis, split_chain
-from kinematics.mistaken_files import did_you_mean
+from kinematics.mistaken_files import did_you_mean, missing
 from kinematics.report_head import ReportHead
 from kinematics.toml_entries import at_line, entry, read_table
 from kinematics.touch_off import read_datum
@@ -56,9 +56,9 @@ def load(name_or_path: str) -> Machine:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as fault:
-        raise UserError(f"machine file {path}: {fault.strerror or fault}") from None
+        raise UserError(f"machine file {path}: {fault.strerror or fault}{missing(path)}") from None
     except UnicodeDecodeError:
-        raise UserError(f"machine file {path}: not UTF-8 text") from None
+        raise UserError(f"machine file {path}: not UTF-8 text: save it as UTF-8") from None
     return parse(text, str(path))
 
 
@@ -83,11 +83,15 @@ def _build(entries: _MachineFile) -> Machine:
     chained = {name for name, _ in links}
     for name in entries.axes:
         if name not in chained:
-            raise UserError(f"axes.{name} is not in the chain {entries.chain!r}")
+            raise UserError(
+                f"axes.{name} is not in the chain {entries.chain!r}: write {name} into the chain, or delete the table"
+            )
     axes = []
     for name, side in links:
         if name not in entries.axes:
-            raise UserError(f"axis {name} of the chain {entries.chain!r} has no [axes.{name}] with its travel")
+            raise UserError(
+                f"chain {entries.chain!r}: its axis {name} has no table: write [axes.{name}] with travel = [low, high]"
+            )
         axis = entry(entries.axes[name], _AxisEntry, f"axes.{name}")
         if name[0] in "ABC" and axis.point is None:
             raise UserError(
@@ -129,7 +133,9 @@ def _offset(table: object, where: str, chained: set[str]) -> dict[str, float]:
     values = entry(table, dict[str, Any], where)
     unknown = set(values) - chained
     if unknown:
-        raise UserError(f"{where}: no axis {', '.join(sorted(unknown))} in the chain")
+        raise UserError(
+            f"{where}: no axis {', '.join(sorted(unknown))} in the chain: its axes are {', '.join(sorted(chained))}"
+        )
     return _lengths(values, where)
 
 

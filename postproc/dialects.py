@@ -9,6 +9,7 @@ from pathlib import PurePath
 from typing import Protocol
 
 from kinematics.machine import Machine
+from kinematics.mistaken_files import none_of
 from kinematics.user_error import UserError
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
@@ -168,7 +169,7 @@ def find_dialect(name: str, file: str, head: str) -> Dialect:
     UserError for a name that is not in NAMES.
     """
     if name not in NAMES:
-        raise UserError(f"--dialect {name}: expected one of {', '.join(NAMES)}")
+        raise UserError(f"--dialect {none_of(name, NAMES)}")
     if name != "auto":
         return DIALECTS[name]()
     found = evidence(PurePath(file).suffix.lower(), head)

@@ -59,6 +59,16 @@ def laser(name="gantry", axes="XYZ", runs=3, digits=1e-5, noise=0.3, constant=5.
     return replace(empty, observed=rounded[:, None], axis=np.array(names), run=np.array(run))
 
 
+def test_the_errors_of_a_table_need_targets_on_it():
+    """A tracker on the bed and targets on the tool: the table turns, and nothing that is measured turns with it."""
+    machine = machines.load("dmu50")
+    _, measurement = tracked(machine, 80, THREE, 5, stands_on="bed")
+    found = calibrate(measurement, basis="legendre:1", hold_out=False, force=True)
+    hidden = {name: each.remedy for each in found.identifiability.unidentifiable for name in each.effects}
+    assert {"E_CC", "E_XC", "E_BB"} <= hidden.keys()
+    assert all("targets on the table" in hidden[name] for name in ("E_CC", "E_XC", "E_BB"))
+
+
 def test_a_failed_run_is_left_out_by_name():
     """It holds more than 5 % of the rows: nothing is written without --force."""
     clean = laser(axes="XY")

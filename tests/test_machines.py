@@ -164,7 +164,11 @@ BAD = {
     "small letters": ("w C b", "w c b", "chain 'w c b X Y Z t': 'c' is no axis name"),
     "axis twice": ("w C b", "w C C b", "chain 'w C C b X Y Z t': axis C appears twice"),
     "axis on both sides": ("w C b", "w C X b", "chain 'w C X b X Y Z t': axis X appears twice"),
-    "axis missing": ("w C b", "w C B b", "axis B of the chain 'w C B b X Y Z t' has no [axes.B] with its travel"),
+    "axis missing": (
+        "w C b",
+        "w C B b",
+        "chain 'w C B b X Y Z t': its axis B has no table: write [axes.B] with travel",
+    ),
     "axis not in the chain": ("w C b", "w b", "axes.C is not in the chain 'w b X Y Z t'"),
     "travel reversed": (
         "[0, 100]",
@@ -223,9 +227,17 @@ BAD = {
         '[control]\ntool_change_moves = ["Z", "W"]\n[tools]',
         "control.tool_change_moves: no axis W in the chain",
     ),
-    "not TOML": ("[axes.X]", "[axes.X", "'[axes.X': column 8: Expected ']' at the end of a table declaration (TOML"),
+    "not TOML": (
+        "[axes.X]",
+        "[axes.X",
+        "'[axes.X': column 8: Expected ']' at the end of a table declaration; a table begins",
+    ),
     "a program": (GOOD, "%\nO0001\nG1 X10\n", "this is an NC program"),
-    "axis table twice": ("[axes.Y]", "[axes.X]", "'[axes.X]': column 8: Cannot declare ('axes', 'X') twice (TOML"),
+    "axis table twice": (
+        "[axes.Y]",
+        "[axes.X]",
+        "'[axes.X]': column 8: Cannot declare ('axes', 'X') twice; a table begins",
+    ),
 }
 
 

@@ -470,7 +470,8 @@ def test_refused_for_being_another_machines(tmp_path):
         read_model(file, machines.load("trunnion_bc"))
     assert str(refusal.value) == (
         f"calibration {file} is of machine dmu50 (w C B b X Y Z t), "
-        "not of trunnion_bc (w C B b X Y Z t) with this geometry"
+        "not of trunnion_bc (w C B b X Y Z t) with this geometry: give the machine of the calibration, or a "
+        "calibration of trunnion_bc"
     )
 
 

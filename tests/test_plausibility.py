@@ -53,8 +53,8 @@ OUTSIDE = model_of(load("gantry"), ErrorMotion("X", "X", Legendre((0.0, 150.0), 
 WARM = model_of(load("gantry"), DriftWithSensor(component="X", sensor="spindle", coefficient=2.0, u=(0.01,)))
 RANGE = {"temperatures_degC": {"spindle": (18.0, 28.0)}}
 IMPLAUSIBLE = {
-    "stale": (made(of_x(), 400.0), (), ("400 days old", "valid for 365 days")),
-    "stale by its own": (made(of_x(), 40.0, valid_days=30.0), (), ("40 days old", "valid for 30 days")),
+    "stale": (made(of_x(), 400.0), (), ("13 months old (400 days)", "valid for 365 days")),
+    "stale by its own": (made(of_x(), 40.0, valid_days=30.0), (), ("6 weeks old (40 days)", "valid for 30 days")),
     "future": (made(of_x(), -2.0), (), ("days ahead", "clock")),
     "temperature": (
         made(WARM, 1.0, **RANGE),

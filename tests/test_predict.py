@@ -239,7 +239,8 @@ def test_refused(ncomp, text, arguments, words):
     write_model(model_of(GANTRY, GROWTH), Path("drift.json"))
     Path("p.csv").write_text(text)
     before = sorted(Path().iterdir())
-    done = ncomp("predict", "p.csv", "-m", "gantry", "-c", "cal.json", *arguments)
+    calibration = () if "-c" in arguments else ("-c", "cal.json")
+    done = ncomp("predict", "p.csv", "-m", "gantry", *calibration, *arguments)
     assert (done.status, done.out) == (2, "")
     assert words in done.err
     assert done.err.startswith("ncomp: ")

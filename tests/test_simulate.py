@@ -520,10 +520,10 @@ def test_calibrations_and_tables_as_truth(ncomp):
 
 GRID = ["--strategy", "grid", "--points", "20"]
 BAD = {
-    "unknown strategy": (["--strategy", "spiral"], "unknown strategy 'spiral': known are planes"),
+    "unknown strategy": (["--strategy", "spiral"], "strategy 'spiral' is none of planes"),
     "missing plan": (["--strategy", "no.csv"], "--strategy no.csv: there is no such file"),
     "unknown effect": ([*GRID, "--effect", "magic:x=1"], "no effect 'magic'; there are error-motion, location"),
-    "unknown instrument": ([*GRID, "--instrument", "ruler"], "--instrument ruler: expected one of laser-tracker"),
+    "unknown instrument": ([*GRID, "--instrument", "ruler"], "--instrument 'ruler' is none of laser-tracker"),
     "uncertainty": ([*GRID, "-u", "u_um=1"], "--uncertainty u_um=1: laser-tracker has u_range_um, u_range_um_per_m, u_angle_um, u_angle_um_per_m"),
     "uncertainty that is no number": ([*GRID, "-u", "u_angle_um=big"], "'big' is not 1 numbers"),
     "interferometer on a grid": ([*GRID, "--instrument", "interferometer"], "one axis at a time"),

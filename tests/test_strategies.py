@@ -236,7 +236,7 @@ def test_time():
 @pytest.mark.parametrize(
     ("machine", "strategy", "points", "choices", "words"),
     [
-        ("gantry", "spiral", 10, Choices(), "unknown strategy 'spiral': known are planes, .*axes"),
+        ("gantry", "spiral", 10, Choices(), "strategy 'spiral' is none of planes, .*axes"),
         ("trunnion_ac", "grid", 10, Choices(rotary="simultaneous"), "axis C has no end of travel: .*--range C=0:360"),
         ("gantry", "grid", 0, Choices(), "expected a number from 1"),
         ("gantry", "grid+random", 1, Choices(), "at least one point for each"),
@@ -419,7 +419,7 @@ def test_klartext_command(ncomp):
 
 
 BAD = {
-    "unknown strategy": (["--strategy", "spiral"], "unknown strategy 'spiral'"),
+    "unknown strategy": (["--strategy", "spiral"], "strategy 'spiral' is none of"),
     "no such file": (["--strategy", "no.csv"], "--strategy no.csv: there is no such file"),
     "dialect of no program": (["--strategy", "grid", "--dialect", "fanuc"], "--dialect is an option of the NC program: give --nc too"),
     "rapid of no program": (["--strategy", "grid", "--rapid"], "--rapid is an option of the NC program: give --nc too"),

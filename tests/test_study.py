@@ -495,7 +495,7 @@ def test_examples_can_be_laid_out():
     ("changed", "said"),
     [
         (("gantry", "no_such"), "unknown machine"),
-        (("hexahedron", "octahedron"), "case few: unknown strategy 'octahedron'"),
+        (("hexahedron", "octahedron"), "study study.toml: case few: strategy 'octahedron' is none of"),
         (('name = "more"', 'name = "few"'), "two cases have the name 'few'"),
         (("tracker = [-1500, 1500, 300]", ""), "the position of the laser tracker is missing"),
         (("tracker = [-1500, 1500, 300]", "tracker = [0, 0, 0]"), "move the tracker"),

@@ -21,6 +21,16 @@ WHOLE = 1e-6
 PART = 1e-2
 """Share of a direction below which it is rounding."""
 
+ON_TABLE = (
+    "targets on the table (# table.NAME: x y z) would show it: from the bed, targets on the tool do not move with it"
+)
+UNLIKE_LINES = (
+    "lines that are not alike about the middle would show it (ncomp plan --strategy on-the-fly); another tool vector "
+    "would not"
+)
+INDEPENDENT = "positions in which the axes move independently of each other, over their whole travel, would show it"
+"""Measurements that would determine effects."""
+
 
 @dataclass(frozen=True)
 class Unidentifiable:
@@ -142,12 +152,13 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
     measurement = fit.measurement
     vectors = np.array([target.position for target in measurement.targets.values() if target.carrier == "tool"])
     used = np.unique(measurement.target_number)
+    carried = {axis.name for axis in measurement.machine.axes if axis.side == "workpiece"}
+    unseen = measurement.stands_on == "bed" and len(vectors) == len(measurement.targets)
     spread = np.linalg.matrix_rank(vectors - vectors[:1]) if len(vectors) else 0
+    if unseen and _axes(effects) & carried:
+        return ON_TABLE
     if measurement.across is not None and not any(effect.angular for effect in effects):
-        return (
-            "lines that are not alike about the middle would show it (ncomp plan --strategy on-the-fly); another tool "
-            "vector would not"
-        )
+        return UNLIKE_LINES
     if isinstance(measurement.instrument, TouchProbe | Ballbar):
         of = _remedy_of_probe if isinstance(measurement.instrument, TouchProbe) else _remedy_of_ballbar
         return of(measurement, effects)
@@ -156,9 +167,12 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
     if any(effect.angular for effect in effects) and spread < 2:
         needed = {0: "a second tool vector (two more, not in one line, for all angles)", 1: "a third tool vector"}
         return f"it needs {needed[int(spread)]} off the line of those measured"
-    if len(used) < len(measurement.targets):
-        return "some targets were never measured"
-    return "positions in which the axes move independently of each other, over their whole travel, would show it"
+    return "some targets were never measured" if len(used) < len(measurement.targets) else INDEPENDENT
+
+
+def _axes(effects: Sequence[Effect]) -> set[str]:
+    """Names of the axes of effects."""
+    return {axis for effect in effects if (axis := getattr(effect, "axis", None))}
 
 
 def _remedy_of_ballbar(measurement: Measurement, effects: Sequence[Effect]) -> str:

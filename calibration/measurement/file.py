@@ -56,6 +56,7 @@ from calibration.measurement.text_table import Table, read_table
 from kinematics.effects.base import UM, URAD, own_component
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
+from kinematics.mistaken_files import none_of
 from kinematics.state import REFERENCE
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -171,10 +172,11 @@ def write_measurement(measurement: Measurement, file: BinaryIO) -> None:
 
 def _kind(table: Table) -> str:
     if "instrument" not in table.entries:
-        raise UserError(f"{table.source}: header line '# instrument: {' | '.join(KINDS)}' is missing")
+        plan = ": this is a plan, not its measurement" if "strategy" in table.entries else ""
+        raise UserError(f"{table.source}{plan}: header line '# instrument: {' | '.join(KINDS)}' is missing")
     kind = table.entries["instrument"].value
     if kind not in KINDS:
-        table.header_fault("instrument", f"{kind!r} is none of {', '.join(KINDS)}")
+        table.header_fault("instrument", none_of(kind, KINDS))
     return kind
 
 
@@ -208,7 +210,7 @@ def read_instrument(table: Table) -> Instrument:
         if key in table.entries:
             (values[key],) = table.header_numbers(key, 1)
             if values[key] < 0:
-                table.header_fault(key, f"{values[key]:g} is negative")
+                table.header_fault(key, f"{values[key]:g} is negative: expected 0 or more")
             if values[key] > LARGEST_U:
                 table.header_fault(key, f"{values[key]:g} is more than {LARGEST_U:g}: this is not an uncertainty")
     if "component" not in table.names:

@@ -88,7 +88,11 @@ def check_machine(table: Table, machine: Machine, notes: list[str]) -> None:
     if "machine" not in table.entries:
         notes.append(f"the file names no machine: it is read as data of {machine.name}")
     elif table.entries["machine"].value != machine.name:
-        table.header_fault("machine", f"the file is of {table.entries['machine'].value!r}, not of {machine.name}")
+        table.header_fault(
+            "machine",
+            f"the file is of {table.entries['machine'].value!r}, not of {machine.name}: give its machine, or "
+            "correct the file",
+        )
 
 
 def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[str]) -> None:

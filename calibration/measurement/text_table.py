@@ -15,11 +15,14 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from kinematics.files import fingerprint, read_input
+from kinematics.mistaken_files import number_hint
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 LARGEST = 1e12
 """Largest accepted number, so that the squares of mistyped numbers stay finite."""
+EMPTY = "empty: fill it in, or delete the row"
+NO_NUMBER = f"is no number within ±{LARGEST:g}: correct it, or delete the row"
 
 
 class Entry(NamedTuple):
@@ -70,7 +73,7 @@ class Table:
         for name, column in columns.items():
             empty = np.flatnonzero(column == "")
             if len(empty):
-                self.fault(int(empty[0]), name, "empty")
+                self.fault(int(empty[0]), name, EMPTY)
         return columns
 
     def cells(self, names: Sequence[str]) -> dict[str, np.ndarray]:
@@ -97,7 +100,9 @@ class Table:
         values = [number_of(cell) for cell in cells]
         if len(values) != count or None in values:
             label = "a number" if count == 1 else f"{count} numbers"
-            self.header_fault(key, f"expected {label}, got {self.entries[key].value!r}")
+            self.header_fault(
+                key, f"expected {label}, got {self.entries[key].value!r}{number_hint(self.entries[key].value)}"
+            )
         return tuple(value for value in values if value is not None)
 
     def allow_columns(self, known: Callable[[str], bool], listed: Sequence[str]) -> None:
@@ -127,7 +132,11 @@ class Table:
             for name in names:
                 cell = cells[self.names.index(name)].strip()
                 if number_of(cell) is None:
-                    self.fault(row, name, f"{cell!r} is no number within ±{LARGEST:g}" if cell else "empty")
+                    self.fault(
+                        row,
+                        name,
+                        f"{cell!r} {NO_NUMBER}" if cell else EMPTY,
+                    )
         raise AssertionError("every cell is a number")
 
 
@@ -151,7 +160,7 @@ def parse_table(data: bytes, source: str) -> Table:
     else:
         raise UserError(f"{source}: the line with the names of columns is missing")
     names = tuple(name.strip() for name in next(csv.reader([line])))
-    if all(number_of(name) is not None for name in names):
+    if 2 * sum(number_of(name) is not None for name in names) > len(names):
         raise UserError(f"{source}:{number}: the line with the names of columns above the numbers is missing")
     if len(names) == 1 and (";" in line or "\t" in line):
         raise UserError(f"{source}:{number}: separate cells by commas, and write numbers with a decimal point")
@@ -197,7 +206,9 @@ def _check_row(row: str, where: str, expected: int, delimiter: str) -> None:
         raise UserError(f"{where}: {fault}") from None
     if count != expected:
         hint = " (a decimal comma?)" if count > expected and delimiter == "," else ""
-        raise UserError(f"{where}: {count} cells, but {expected} columns have names{hint}")
+        raise UserError(
+            f"{where}: {count} cells, but {expected} columns have names{hint}: complete the row, or delete it"
+        )
 
 
 def refuse_empty(data: bytes, source: str) -> None:

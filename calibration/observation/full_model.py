@@ -111,7 +111,7 @@ def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> E
     """The model of `axis_effects` of each axis that moves in the data; `bases` by axis. UserError where none moves."""
     effects = [effect for axis in moving_axes(measurement) for effect in axis_effects(measurement, axis, bases[axis])]
     if not effects:
-        raise UserError(f"{measurement.source}: no axis moves in these data")
+        raise UserError(f"{measurement.source}: no axis moves in these data: measure at several positions")
     return msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
 
 

@@ -16,6 +16,7 @@ from calibration.measurement.plan import Choices, MeasuringSequence, Plan
 from calibration.planning import patterns
 from calibration.planning.measuring_sequence import measuring_plan
 from kinematics.machine import Machine
+from kinematics.mistaken_files import none_of
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -51,7 +52,7 @@ def plan(
     parts = [part.strip() for part in strategy.split("+")]
     for part in parts:
         if part not in STRATEGIES:
-            raise UserError(f"unknown strategy {part!r}: known are {', '.join(STRATEGIES)}, joined by + if need be")
+            raise UserError(f"strategy {none_of(part, STRATEGIES)}; several are joined by +")
     if "axes" in parts:
         if len(parts) > 1 or choices.order != "given" or choices.approach != "any":
             raise UserError(

@@ -12,6 +12,7 @@ import msgspec
 from kinematics.effects import EFFECTS, Effect
 from kinematics.files import read_input
 from kinematics.machine import Machine
+from kinematics.mistaken_files import did_you_mean
 from kinematics.user_error import UserError
 
 KINDS = {str(effect.__struct_config__.tag): effect for effect in EFFECTS}
@@ -88,7 +89,10 @@ def _json(text: str | bytes, where: str) -> Any:
 def _effect(content: Any, where: str) -> Effect:
     kind = content.get("kind") if isinstance(content, dict) else None
     if kind not in KINDS:
-        raise UserError(f"{where}: no effect {kind!r}; there are {', '.join(KINDS)} (docs/effects.md)")
+        raise UserError(
+            f"{where}: no effect {kind!r}{did_you_mean(str(kind), KINDS)}; there are {', '.join(KINDS)} "
+            "(docs/effects.md)"
+        )
     # calibration files also contain units; these are checked where calibrations are read
     fields = {name: value for name, value in content.items() if name != "units"}
     try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,6 +11,7 @@ from calibration.design.layout import Weighting
 from calibration.measurement.instruments import Instrument
 from calibration.measurement.tracker_tests import fit_tests, read_tests
 from kinematics.files import read_input
+from kinematics.toml_entries import at_line, entry, read_table
 from kinematics.user_error import UserError
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -125,28 +125,39 @@ def read_study(path: Path) -> StudyEntry:
     """The study in a TOML file; UserError, with file and key, for an entry that cannot be used."""
     where = f"study {path}"
     try:
-        content = tomllib.loads(read_input(path, "study").decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as fault:
+        text = read_input(path, "study").decode()
+    except UnicodeDecodeError as fault:
         raise UserError(f"{where}: {fault}") from None
-    return study_of(content, where)
+    content = read_table(text, where)
+    if "case" not in content:
+        raise UserError(f"{where}: case is missing: write [[case]] with name, strategy and points")
+    try:
+        return _study(content)
+    except UserError as fault:
+        raise at_line(text, where, fault) from None
 
 
 def study_of(content: dict[str, Any], where: str) -> StudyEntry:
     """The study in a table; `where` names it in messages."""
+    try:
+        return _study(content)
+    except UserError as fault:
+        raise UserError(f"{where}: {fault}") from None
+
+
+def _study(content: dict[str, Any]) -> StudyEntry:
+    """The study in a table; messages begin with the path of the wrong entry."""
     content = _with_rows(content)
     common, cases = content.get("common", {}), content.get("case", [])
     if isinstance(common, dict) and isinstance(cases, list):
         content["case"] = [{**common, **case} if isinstance(case, dict) else case for case in cases]
-    try:
-        study = msgspec.convert(content, StudyEntry)
-    except msgspec.ValidationError as fault:
-        raise UserError(f"{where}: {fault}") from None
+    study = entry(content, StudyEntry)
     names = [case.name for case in study.case]
     for name in names:
         if names.count(name) > 1:
-            raise UserError(f"{where}: two cases have the name {name!r}")
+            raise UserError(f"case: two cases have the name {name!r}")
         if not name.strip() or any(letter in name for letter in ',"\r\n'):
-            raise UserError(f"{where}: the name {name!r} of a case must not contain commas, quotes or line breaks")
+            raise UserError(f"case: the name {name!r} of a case must not contain commas, quotes or line breaks")
     return study
 
 

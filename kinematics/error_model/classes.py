@@ -23,6 +23,7 @@ from collections.abc import Iterable
 from kinematics.effects import ControlTable, Effect, LocationError, Racking, Wobble
 from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel
+from kinematics.mistaken_files import none_of
 from kinematics.user_error import UserError
 
 ELEMENTARY = ("L-POS", "L-STR", "L-SQU", "L-ANG", "R-POS", "R-RAX", "R-POR", "R-ANG", "SPEC")
@@ -72,7 +73,7 @@ def parse_classes(text: str) -> frozenset[str]:
     for name in text.split(","):
         key = name.strip().upper()
         if key not in CLASSES:
-            raise UserError(f"--classes {text}: {name.strip()!r} is none of {', '.join(CLASSES)}")
+            raise UserError(f"--classes {text}: {none_of(name.strip(), CLASSES)}")
         chosen |= CLASSES[key]
     return frozenset(chosen)
 

@@ -310,7 +310,8 @@ def read_model(path: Path, machine: Machine) -> ErrorModel:
     if model.machine.chain_hash != machine.chain_hash:
         raise UserError(
             f"calibration {path} is of machine {model.machine.name} ({model.machine.chain}), "
-            f"not of {machine.name} ({machine.chain}) with this geometry"
+            f"not of {machine.name} ({machine.chain}) with this geometry: give the machine of the calibration, or a "
+            f"calibration of {machine.name}"
         )
     return model
 

@@ -123,7 +123,8 @@ def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float
         axis = axis.strip().upper() or ("XYZ"[i] if i < 3 else "")
         if axis not in machine.names:
             raise UserError(
-                f"--work-offset {text}: machine {machine.name} has no axis {axis or 'for the fourth value'}"
+                f"--work-offset {text}: machine {machine.name} has no axis {axis or 'for the fourth value'}: expected "
+                "G54=x,y,z with '.' as the decimal point, and other axes by name, C=90"
             )
         if axis in offsets:
             raise UserError(f"--work-offset {text}: {axis} is given twice")
@@ -151,6 +152,8 @@ def parse_tool_length(text: str) -> tuple[str, float]:
     if not name or not value.strip():
         raise UserError(f"--tool-length {text}: expected T1=mm, or NAME=mm for a tool that has a name")
     number = name.removeprefix("T")
+    if number.startswith("-"):
+        raise UserError(f"--tool-length {text}: the number of a tool is not negative")
     return tool_key(number) if is_number(number) else name, given_number(value, f"--tool-length {text}")
 
 

@@ -12,8 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from kinematics.durations import age_in_words
 from kinematics.error_model.model import ROUNDING, ErrorModel
 from kinematics.machine import Machine
+from kinematics.mistaken_files import did_you_mean
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions
@@ -51,7 +53,9 @@ def parse_accepted(text: str | None, allowed: Iterable[str] = REASONS) -> frozen
     names = [name.strip().lower() for name in (text or "").split(",")] if text is not None else []
     for name in names:
         if name not in allowed:
-            raise UserError(f"--accept {text}: {name!r} is unknown; expected {', '.join(allowed)}")
+            raise UserError(
+                f"--accept {text}: {name!r} is unknown{did_you_mean(name, allowed)}; expected {', '.join(allowed)}"
+            )
     return frozenset(names)
 
 
@@ -74,7 +78,9 @@ class Plausibility:
         age = model.age_days(now)
         made = f"calibration {model.id} is dated {model.provenance.made_at.isoformat(' ', 'minutes')}"
         if age > model.valid_days:
-            self.meet("stale", f"{made}: it is {age:.0f} days old and valid for {model.valid_days:g} days")
+            self.meet(
+                "stale", f"{made}: it is {age_in_words(age)} ({age:.0f} days), and valid for {model.valid_days:g} days"
+            )
         if model.provenance.made_at - now > CLOCKS and not model.demonstration:
             self.meet("future", f"{made}, {-age:.3g} days ahead of this computer's clock")
         for sensor, (low, high) in sorted(model.temperatures.items()):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinematics.durations import age_in_words
 from postproc.control.tool_table import shown_tool
 from postproc.correct.result import CorrectionResult
 from postproc.evaluation.predicted_errors import Statistic
@@ -93,7 +94,7 @@ def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterat
 def _set_up(result: CorrectionResult) -> Iterator[tuple[str, str]]:
     """Program, set-up and numbers of moves."""
     program, machine, calibration = result.program, result.machine, result.calibration
-    age = f", {calibration['age_days']:.0f} days old" if calibration["id"] != "none" else ""
+    age = f", {age_in_words(calibration['age_days'])}" if calibration["id"] != "none" else ""
     yield "program", f"{program['name']}  ({program['dialect']}, {result.blocks} blocks)"
     yield "machine", f"{machine['name']}  {machine['chain']}"
     yield "calibration", f"{calibration['id']}{age}"

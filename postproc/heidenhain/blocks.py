@@ -18,6 +18,7 @@ from postproc.text.block import Block, Refusal, Word
 from postproc.text.block_values import check_order
 from postproc.text.expressions import Ambiguous
 from postproc.text.statements import Code
+from postproc.text.typing_mistakes import not_understood
 
 _VALUE = r"([+-]?)[ \t]*(\d+(?:[.,]\d*)?|[.,]\d+)"
 _PARTS = re.compile(rf"(I?[XYZABCUVW]|[FSM])[ \t]*({_VALUE})|F[ \t]*MAX|R[0LR]?|F(?![UZ])|M(?!B)", re.IGNORECASE)
@@ -131,8 +132,7 @@ def _number(text: str) -> float | None:
 
 def _explain(text: str, fault: UnexpectedInput) -> str:
     if isinstance(fault, UnexpectedToken) and fault.token.type == "$END":
-        return "the block is not complete"
+        return "the block is not complete: complete it"
     position = fault.pos_in_stream or 0
-    rest = text[position:].strip()
     where = f"line {fault.line} of the block, column" if fault.line > 1 else "column"
-    return f"{where} {fault.column}: {rest[:20]!r} is not understood"
+    return f"{where} {fault.column}: {not_understood(text, position, bare=True)}"

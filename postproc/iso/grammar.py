@@ -14,6 +14,7 @@ from postproc.text.block import Block, Refusal, Word
 from postproc.text.block_values import check_order
 from postproc.text.expressions import Ambiguous
 from postproc.text.statements import Code, Step
+from postproc.text.typing_mistakes import not_understood
 
 NO_NUMBER = -1.0
 """Number of a program that has a name: no call finds it."""
@@ -89,4 +90,4 @@ def _explain(text: str, fault: UnexpectedInput) -> str:
             f"column {column}: controls differ in parentheses that do not match or that are nested: write the comment "
             "in one pair"
         )
-    return f"column {column}: {rest[:20]!r} is not understood"
+    return f"column {column}: {not_understood(text, max(column - 1, 0))}"

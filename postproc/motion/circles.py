@@ -31,7 +31,10 @@ def radius_fault(start: Point, end: Point, centre: Point) -> str | None:
         return "the arc has the radius 0: write a centre away from its ends"
     difference = abs(first - last)
     if difference > max(RADIUS_TOLERANCE_MM, RADIUS_TOLERANCE_RATIO * first):
-        return f"the arc is no circle: its radius is {first:.4f} mm at its start and {last:.4f} mm at its end"
+        return (
+            f"the arc is no circle: its radius is {first:.4f} mm at its start and {last:.4f} mm at its end: correct "
+            "its end or its centre"
+        )
     return None
 
 

@@ -260,7 +260,9 @@ class Recorder:
     def axis(self, block: Block, name: str) -> int:
         """Column of an axis that a block names; Refusal if the machine has no such axis."""
         if name not in self.machine.names:
-            raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {name}")
+            raise block.refuse(
+                f"machine {self.machine.name} ({self.machine.chain}) has no axis {name}: check --machine, or the block"
+            )
         return self.machine.index(name)
 
     def target(self, block: Block, words: Iterable[tuple[AxisWord, float]]) -> list[float]:

@@ -21,6 +21,7 @@ from postproc.text.block_values import check_order
 from postproc.text.expressions import Ambiguous
 from postproc.text.plain_lines import read_plain
 from postproc.text.statements import Code, Label, Return, Step, When
+from postproc.text.typing_mistakes import not_understood
 
 _WORD = r"[A-Za-z][ \t]*[+-]?(?:\d+(?:\.\d*)?|\.\d+)"
 _PLAIN = re.compile(rf"([ \t]*(?:[Nn]\d+)?(?:[ \t]*{_WORD})*)[ \t]*(?:;[^\r\n]*)?[\r\n]*")
@@ -156,4 +157,4 @@ _WORDS: dict[str, Callable[[Any], Word]] = {
 def _explain(text: str, fault: UnexpectedInput) -> str:
     column = fault.column if fault.column > 0 else len(text.rstrip())
     rest = text[column - 1 :].strip()
-    return f"column {column}: {rest[:20]!r} is not understood" if rest else "the block is not complete"
+    return f"column {column}: {not_understood(text, column - 1)}" if rest else "the block is not complete: complete it"

@@ -44,7 +44,10 @@ class DatumTransformations:
         turned = {axis: value for axis, value in words.items() if axis not in "XYZ"}
         for axis in turned:
             if axis not in self.machine.names:
-                raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {axis}")
+                raise block.refuse(
+                    f"machine {self.machine.name} ({self.machine.chain}) has no axis {axis}: "
+                    "check --machine, or the block"
+                )
         if turned and kind != "TRANS":
             raise block.refuse(f"{name} has a rotary axis: write TRANS or ATRANS, which alone shift rotary axes")
         inner = self._inner(block, content, kind, {a: v for a, v in words.items() if a in "XYZ"}, unit, plane)

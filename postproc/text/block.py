@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
 from kinematics.user_error import UserError
 from postproc.text.expressions import Expression, Formula
 from postproc.text.statements import Code
+
+_DIALECT = re.compile("is not (understood|known|complete)|controls differ")
+"""Reasons that a wrong dialect can have."""
 
 
 class Refusal(UserError):
@@ -22,7 +26,8 @@ class Refusal(UserError):
     def located(self, file: str, read_as: str = "") -> UserError:
         """The message a user sees; `read_as`: the dialect, and why."""
         shown = self.text if len(self.text) <= 80 else self.text[:77] + "..."
-        behind = f" ({read_as})" if read_as else ""
+        guessed = "because no line" in read_as  # of interest where the dialect can be the cause
+        behind = f" ({read_as})" if read_as and (not guessed or _DIALECT.search(self.reason)) else ""
         return UserError(f"{file}:{self.line}: {shown!r}: {self.reason}{behind}")
 
 

@@ -161,7 +161,7 @@ def by_levels(parts: list[Any], levels: Mapping[str, float], above: float = -mat
 def known_value(value: Value | NotKnown | None, shown: str) -> Value:
     """The value that a variable holds; NotKnown, with its name, where the program has set none that is known."""
     if value is None:
-        raise NotKnown(f"{shown} is not set by the program")
+        raise NotKnown(f"{shown} is not set by the program: set it before this block")
     if isinstance(value, NotKnown):
         raise NotKnown(f"{shown} is not known: {value}")
     return value

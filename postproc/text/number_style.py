@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from kinematics.mistaken_files import number_hint
 from kinematics.user_error import UserError
 
 Value = TypeVar("Value")
@@ -67,7 +68,7 @@ def given_number(text: str, where: str) -> float:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise UserError(f"{where}: {text.strip()!r} is no number")
+        raise UserError(f"{where}: {text.strip()!r} is no number{number_hint(text)}")
     return number
 
 

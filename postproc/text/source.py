@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from kinematics.mistaken_files import PROGRAM, kind_of_file
+from kinematics.mistaken_files import PROGRAM, kind_of_file, missing
 from kinematics.user_error import UserError
 
 ENCODING = "latin-1"
@@ -53,7 +53,7 @@ class Source:
         try:
             stream = Path(self.name).open("rb")  # noqa: SIM115
         except OSError as fault:
-            raise UserError(f"program {self.name}: {fault.strerror or fault}") from None
+            raise UserError(f"program {self.name}: {fault.strerror or fault}{missing(self.name)}") from None
         self.check_unchanged(stream)
         return stream
 
@@ -154,7 +154,7 @@ def open_source(path: str) -> Source:
                 data = None if stream.seekable() else head + stream.read()
                 source = Source(path, head.decode(ENCODING), data, state=_state(stream))
         except OSError as fault:
-            raise UserError(f"program {path}: {fault.strerror or fault}") from None
+            raise UserError(f"program {path}: {fault.strerror or fault}{missing(path)}") from None
     _check(source)
     return source
 
@@ -194,10 +194,10 @@ def _check(source: Source) -> None:
     if not head.strip(b"\0 \t\r\n"):
         if len(head) == HEAD_SIZE:
             raise UserError(f"program {source.name} begins with {HEAD_SIZE} blank or NUL characters: no NC text")
-        raise UserError(f"program {source.name} is empty")
+        raise UserError(f"program {source.name} is empty: write it again from the CAM")
     kind = kind_of_file(head)
     if kind not in ("", PROGRAM):
-        raise UserError(f"program {source.name}: this is {kind}, no NC program")
+        raise UserError(f"program {source.name}: this is {kind}, no NC program: give the file that the CAM has posted")
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise UserError(f"program {source.name} is UTF-16 text; save it as plain text (ASCII or UTF-8)")
     body = head.strip(b"\0")

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
+from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.predicted_error import in_a_program, model_notes
 from postproc.compensation.used_datums import UsedDatums
@@ -90,6 +91,12 @@ def verify_programs(
     two programs with different moves, and for a mark of another set-up that is not accepted.
     """
     accepted = parse_accepted(accept, PARTS)
+    original, corrected = (mark_in_program(source) for source in programs)
+    if corrected is None and original is not None:
+        raise UserError(
+            f"{programs[1].name} has no mark of ncomp, and {programs[0].name} has one: give the original program first, "
+            "then the corrected one"
+        )
     notes = model_notes(models.evaluated, conditions)
     languages = [find_dialect(dialect, source.name, source.text_head) for source in programs]
     interpreters = [language.interpreter(machine, setup, Notes()) for language in languages]
@@ -109,7 +116,7 @@ def verify_programs(
         different = fault
     states = [interpreter.control_state for interpreter in interpreters]
     here = mark_of(models.calibration, states[0])
-    notes += _mark_notes(programs[1].name, mark_in_program(programs[1]), here, models.earlier, accepted)
+    notes += _mark_notes(programs[1].name, corrected, here, models.earlier, accepted)
     if different is not None:
         raise different
     datums.predict(machine, models.evaluated.part(in_a_program), conditions)

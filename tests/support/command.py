@@ -3,7 +3,7 @@
 import io
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 from unittest import mock
 
@@ -45,6 +45,19 @@ def refusal(*arguments: object) -> str:
     done = run_command(*arguments)
     assert done.status == 2, done.shown
     return done.err
+
+
+def instead(line: Sequence[object], *arguments: object) -> tuple[object, ...]:
+    """A command line with these options in place of its own of the same names; all have a value."""
+    given = set(arguments[::2])
+    kept, words = list[object](), list(line)
+    while words:
+        word = words.pop(0)
+        if word in given:
+            words.pop(0)
+        else:
+            kept.append(word)
+    return (*kept, *arguments)
 
 
 def _run(entry: Callable[[], object], arguments: tuple[object, ...], stdin: bytes = b"") -> Done:

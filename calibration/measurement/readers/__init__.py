@@ -31,7 +31,7 @@ from calibration.measurement.readers.text import given_entries, old_text
 from calibration.measurement.text_table import Table, parse_table, refuse_empty
 from kinematics.files import read_input
 from kinematics.machine import Machine
-from kinematics.mistaken_files import kind_of_file
+from kinematics.mistaken_files import kind_of_file, none_of
 from kinematics.user_error import UserError
 
 
@@ -95,7 +95,7 @@ def table_in(
     """The table of the contract's columns from a file, and notes; arguments as in `read_any`."""
     data, given = read_input(path, "measurement file"), dict(header or {})
     if format not in FORMATS:
-        raise UserError(f"format {format!r} is none of {', '.join(FORMATS)}")
+        raise UserError(f"format {none_of(format, FORMATS)}")
     refuse_empty(data, str(path))
     if columns is not None and format == "auto":
         format = "delimited"
@@ -174,5 +174,6 @@ def _recognised(data: bytes, path: Path) -> str:
     protocol = protocols.refused(head, str(path))
     if protocol and kind != "an NC program":
         raise UserError(protocol)
-    known = f"the format of the file is unknown; known formats are {KNOWN}"
-    raise UserError(f"{path}: this is {kind}, no measurement; {known}" if kind else f"{path}: {known}")
+    if kind:
+        raise UserError(f"{path}: this is {kind}, no measurement: give the data of an instrument")
+    raise UserError(f"{path}: the format of the file is unknown; known formats are {KNOWN}")

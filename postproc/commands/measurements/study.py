@@ -65,7 +65,10 @@ def study(
     number = number_of_workers(workers, dask, "--workers")
     defined = read_study(definition)
     with console.status("laying out the cases"):
-        cases = read_cases(defined, definition.parent)
+        try:
+            cases = read_cases(defined, definition.parent)
+        except UserError as fault:
+            raise UserError(f"study {definition}: {fault}") from None
     if program is not None:
         machine = cases[0].plan.machine
         moves = moves_of(program, machine, set_up.setup(machine), set_up.dialect)

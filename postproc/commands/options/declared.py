@@ -9,6 +9,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
+from kinematics.mistaken_files import did_you_mean
 from kinematics.user_error import UserError
 
 REQUIRED = MISSING
@@ -91,7 +92,10 @@ class Declared:
             given = tuple(given or ())
         elif self.choices and given is not None and given not in self.choices:
             *others, last = self.choices
-            raise UserError(f"{self.names[0]} {given}: expected {', '.join(others)} or {last}")
+            raise UserError(
+                f"{self.names[0]} {given}: expected {', '.join(others)} or {last}"
+                f"{did_you_mean(str(given), self.choices)}"
+            )
         for number in given if isinstance(given, tuple) else (given,):
             if isinstance(number, float) and not math.isfinite(number):
                 raise UserError(f"{self.names[0]} {number}: expected a finite number")

@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
+from kinematics.mistaken_files import missing
 from kinematics.report_head import ReportHead, read_head
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, option
@@ -115,7 +116,11 @@ def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str |
         path = Path(output)
         where = "-" if str(output) == "-" else path.resolve()
         if where in seen:
-            both = "cannot both go to standard output; name a file for one" if where == "-" else f"both name {output}"
+            both = (
+                "cannot both go to standard output; name a file for one"
+                if where == "-"
+                else f"both name {output}; name two files"
+            )
             raise UserError(f"{seen[where]} and {name} {both}")
         seen[where] = name
         if where == "-":
@@ -125,8 +130,9 @@ def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str |
         if path.is_dir():
             raise UserError(f"cannot write {output}: Is a directory")
         if not path.parent.is_dir():
-            why = "Not a directory" if path.parent.exists() else "No such file or directory"
-            raise UserError(f"cannot write {output}: {why}")
+            if path.parent.exists():
+                raise UserError(f"cannot write {output}: Not a directory")
+            raise UserError(f"cannot write {output}: No such file or directory{missing(path)}: make the folder")
 
 
 class _Spool:

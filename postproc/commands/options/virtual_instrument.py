@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from kinematics.mistaken_files import none_of
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import numbers, option
 from postproc.text.number_style import given_once
@@ -46,7 +47,7 @@ class TrackerOptions:
         from calibration.simulation.measure_plan import SPECIFICATIONS
 
         if kind not in SPECIFICATIONS:
-            raise UserError(f"--instrument {kind}: expected one of {', '.join(SPECIFICATIONS)}")
+            raise UserError(f"--instrument {none_of(kind, SPECIFICATIONS)}")
         components = {"components": 2 if planar else 3} if kind == "part" else {}
         if not self.uncertainty:
             return msgspec.structs.replace(SPECIFICATIONS[kind], **components)

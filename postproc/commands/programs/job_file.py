@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
 import ncomp
+from kinematics.error_model.classes import parse_classes
 from kinematics.files import read_input
+from kinematics.mistaken_files import missing, none_of
 from kinematics.report_head import TABLE, ReportHead
 from kinematics.toml_entries import at_line, entry, read_table
+from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
 from postproc.commands.options.program import ConditionsOptions, DatumOptions
 from postproc.commands.options.shared import ResultOptions
 from postproc.commands.programs.folder import FolderProgram, programs_of
 from postproc.commands.programs.request import CorrectionOptions, Request
+from postproc.control.setup import parse_tool_length
+from postproc.correct.plausibility import parse_accepted
+from postproc.dialects import NAMES
 
+T = TypeVar("T")
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 
 
@@ -102,6 +109,12 @@ class _Reader:
         conditions = entry(content.conditions, _Conditions, "conditions")
         results = entry(content.results, _Results, "results")
         ReportHead.of_table(content.report)
+        if correction.accept:
+            _within("correction.accept", parse_accepted, ",".join(correction.accept))
+        if correction.classes:
+            _within("correction.classes", parse_classes, correction.classes)
+        if content.dialect not in NAMES:
+            raise UserError(f"dialect: {none_of(content.dialect, NAMES)}")
         options = {name: getattr(correction, name) for name in ("classes", "tolerance_um", "max_correction_um")}
         request = Request(
             machine=self._machine,
@@ -131,7 +144,7 @@ class _Reader:
     def _file(self, name: str, where: str) -> Path:
         path = self._here(name)
         if not path.is_file():
-            raise UserError(f"{where}: {path}: No such file")
+            raise UserError(f"{where}: {path}: No such file{missing(path)}")
         return path
 
     def _output(self, name: str | None) -> str | None:
@@ -143,10 +156,7 @@ class _Reader:
         name = self._content.machine
         path = self._here(name)
         given = str(path) if path.is_file() or path.suffix.lower() == ".toml" else name
-        try:
-            ncomp.load_machine(given)
-        except UserError as fault:
-            raise UserError(f"machine: {fault}") from None
+        _within("machine", ncomp.load_machine, given)
         return given
 
     def _calibration(self) -> str | None:
@@ -159,8 +169,8 @@ class _Reader:
         for name, values in content.work_offsets.items():
             where, given = f"work_offsets.{name}", dict(values)
             if (datum := given.pop("datum", None)) is not None:
+                read_datum(str(datum), machine.names, f"{where}.datum")
                 datums.append(f"{name}={datum}")
-                self._try(where, ncomp.set_up, machine, datum=datums[-1:])
             for axis, value in given.items():
                 if axis not in machine.names:
                     raise UserError(f"{where}.{axis}: machine {machine.name} ({machine.chain}) has no axis {axis}")
@@ -169,12 +179,11 @@ class _Reader:
             if not given:
                 raise UserError(f"{where}: expected the offset of each axis, {{ X = -30, Y = -20, Z = 150 }}")
             offsets.append(f"{name}={','.join(f'{axis}={value!r}' for axis, value in given.items())}")
-            self._try(where, ncomp.set_up, machine, work_offset=offsets[-1:])
         tools = list[str]()
         for name, length in content.tools.items():
             number = entry(length, float, f"tools.{name}")
             tools.append(f"T{name}={number!r}" if name.isdigit() else f"{name}={number!r}")
-            self._try(f"tools.{name}", ncomp.set_up, machine, tool_length=tools[-1:])
+            _within(f"tools.{name}", parse_tool_length, tools[-1])
         return DatumOptions(
             dialect=content.dialect,
             work_offset=tuple(offsets),
@@ -183,14 +192,6 @@ class _Reader:
             tool_table=tuple(self._file(name, "tool_tables") for name in content.tool_tables),
             set_up_zero=content.set_up_zero,
         )
-
-    @staticmethod
-    def _try(where: str, function: Any, *arguments: Any, **options: Any) -> None:
-        """Refuse an entry that the option of the command line would refuse."""
-        try:
-            function(*arguments, **options)
-        except UserError as fault:
-            raise UserError(f"{where}: {fault}") from None
 
     def _programs(self) -> Iterator[FolderProgram]:
         """The programs with their outputs, those of folders too."""
@@ -201,13 +202,12 @@ class _Reader:
             where, path = f'programs."{name}"', self._here(name)
             output = self._here(entry(target, str, where))
             if path.is_dir():
-                self._try(where, programs_of, path, output, ())
-                found = programs_of(path, output, ())
+                found = _within(where, programs_of, path, output, ())
             elif path.is_file():
                 output = output / path.name if output.is_dir() else output
                 found = [FolderProgram(name, path, output, path.stat().st_size)]
             else:
-                raise UserError(f"{where}: {path}: No such file or folder")
+                raise UserError(f"{where}: {path}: No such file or folder{missing(path)}")
             for each in found:
                 if each.target.resolve() == each.path.resolve():
                     raise UserError(f"{where}: the output is the program itself: name another file")
@@ -215,6 +215,14 @@ class _Reader:
                     raise UserError(f"{where}: {other} has the same output {each.target}")
                 targets[each.target.resolve()] = each.name
                 yield each
+
+
+def _within(where: str, function: Callable[..., T], *arguments: Any) -> T:
+    """The result of a function; its refusal begins with the entry that it is about."""
+    try:
+        return function(*arguments)
+    except UserError as fault:
+        raise UserError(f"{where}: {fault}") from None
 
 
 def _numbers(value: object, name: str) -> Iterator[tuple[str, float]]:

@@ -18,8 +18,10 @@ def machines(
     name: str | None = argument("Name of a machine, or path of its .toml file.", "NAME", default=None),
 ) -> None:
     """List the shipped machines, or show one machine and check its file."""
+    import numpy as np
+
     import machines as shipped
-    from postproc.commands.show.terminal import output, show
+    from postproc.commands.show.terminal import output, say, show
 
     if name is None:
         for each in shipped.names():
@@ -29,6 +31,8 @@ def machines(
     machine = ncomp.load_machine(name)
     path = shipped.default_calibration(machine)
     show(_report(machine, "none of its own" if path is None else path.name))
+    if int(np.linalg.matrix_rank([axis.unit_direction for axis in machine.axes if not axis.rotary])) < 3:
+        say("note", "the linear axes do not span space: programs for this machine are refused")
 
 
 def _report(machine: Machine, calibration: str) -> Report:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from kinematics.mistaken_files import none_of
 from kinematics.user_error import UserError
 from postproc.tables.format import Format
 from postproc.tables.formats import etalon, fanuc, firmware, heidenhain, isg, iso_csv, linuxcnc, mitsubishi, siemens
@@ -30,5 +31,5 @@ FORMATS: dict[str, Format] = {
 def find_format(name: str) -> Format:
     """The format of that name; UserError names those there are."""
     if name not in FORMATS:
-        raise UserError(f"--format {name}: expected one of {', '.join(FORMATS)}")
+        raise UserError(f"--format {none_of(name, FORMATS)}")
     return FORMATS[name]

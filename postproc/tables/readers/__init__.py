@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from kinematics.effects import Effect
+from kinematics.mistaken_files import none_of
 from kinematics.user_error import UserError
 from postproc.tables.readers import etalon, fanuc, firmware, heidenhain, isg, iso_csv, linuxcnc, mitsubishi, siemens
 from postproc.tables.readers.source import Source
@@ -33,7 +34,7 @@ READERS: dict[str, Callable[[Source], list[Effect]]] = {
 def read_tables(format: str, source: Source) -> list[Effect]:
     """The errors that tables correct; UserError for an unknown format, or files without any table."""
     if format not in READERS:
-        raise UserError(f"--format {format}: expected one of {', '.join(READERS)}")
+        raise UserError(f"--format {none_of(format, READERS)}")
     found = READERS[format](source)
     if not found:
         raise UserError(f"no table of format {format} in {', '.join(source.files) or 'no file'}")

@@ -1,0 +1,35 @@
+"""Mistakes in job files."""
+
+from __future__ import annotations
+
+from tests.mistakes.mistake import Mistake, change
+
+
+def entry(made: str, old: str, new: str, line: int | None, cause: str, cure: str) -> Mistake:
+    """A mistake in a line of the job file; None for an entry that is nowhere."""
+    place = "job file job.toml: " if line is None else f"job file job.toml:{line}: "
+    return Mistake(made, "job.toml", place, cause, cure, (change("job.toml", old, new),))
+
+
+MISTAKES = (
+    entry("entry misspelled", "machine =", "machne =", 1, "machne is not known", "did you mean 'machine'?"),
+    entry("table misspelled", "[tools]", "[tool]", 7, "tool is not known", "did you mean 'tools'?"),
+    entry("machine misspelled", '"gantry"', '"gantri"', 1, "unknown machine 'gantri'", "did you mean 'gantry'?"),
+    entry("text without quotes", '"gantry"', "gantry", 1, "Invalid value", "write texts in quotes"),
+    entry("decimal comma", "tolerance_um = 1.0", "tolerance_um = 1,0", 11, "'tolerance_um = 1,0': column", "decimal point as '.'"),
+    entry("path of another computer", '"in.nc"', '"C:/jobs/in.nc"', 14, "No such file", "the folder C:/jobs does not exist"),
+    entry("program misspelled", '"in.nc"', '"inn.nc"', 14, "No such file", "did you mean 'in.nc'?"),
+    entry("calibration misspelled", '"cal.json"', '"call.json"', 2, "calibration: call.json: No such file", "did you mean 'cal.json'?"),
+    entry("axis that is not there", "Y = 20", "B = 20", 5, "has no axis B", "machine gantry (w b X Y Z t)"),
+    entry("offset in quotes", "Y = 20", 'Y = "20"', 5, "not '20'", "work_offsets.G54.Y: expected a number"),
+    entry("datum misspelled", '"probed"', '"probbed"', 5, "work_offsets.G54.datum", "expected probed, true, or probed@"),
+    entry("negative tool", "1 = 80.0", "-1 = 80.0", 8, "tools.-1", "the number of a tool is not negative"),
+    entry("output onto the input", '"out/out.nc"', '"in.nc"', 14, "the output is the program itself", "name another file"),
+    entry("programs forgotten", '[programs]\n"in.nc" = "out/out.nc"\n', "", None, "programs is missing", "write programs"),
+    entry("acceptance misspelled", "tolerance_um = 1.0", 'accept = ["stal"]', 11, "'stal' is unknown", "did you mean 'stale'?"),
+    entry("class misspelled", "tolerance_um = 1.0", 'classes = "L-VOLL"', 11, "'L-VOLL' is none of", "did you mean 'L-VOL'?"),
+    entry("dialect misspelled", "calibration =", 'dialect = "heidenhein"\ncalibration =', 2, "'heidenhein' is none of", "did you mean 'heidenhain'?"),
+    entry("negative tolerance", "tolerance_um = 1.0", "tolerance_um = -1.0", 11, "correction.tolerance_um", "expected a number >= 0"),
+    Mistake("job file misspelled", "jb.toml", "job file jb.toml", "No such file", "did you mean 'job.toml'?"),
+    Mistake("machine file in place of the job file", "mill.toml", "job file mill.toml", "this is a machine file", "(--machine)"),
+)  # fmt: skip

@@ -1,0 +1,109 @@
+"""Mistakes in measured data and in studies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+from tests.mistakes.mistake import Mistake, change
+
+HEAD = 9
+"""Lines of the measurement file up to the names of its columns."""
+Change = tuple[str, Callable[[str], str]]
+
+
+def data(made: str, place: str, cause: str, cure: str, *files: Change) -> Mistake:
+    """A mistake in the measurement file."""
+    return Mistake(made, "fit data.csv --machine gantry -o new.json", place, cause, cure, files)
+
+
+def column(name: str, value: Callable[[float], float]) -> Change:
+    """The measurement file with other numbers in a column."""
+
+    def changed(text: str) -> str:
+        lines = text.splitlines()
+        at = lines[HEAD - 1].split(",").index(name)
+        rows = [line.split(",") for line in lines[HEAD:]]
+        for row in rows:
+            row[at] = repr(value(float(row[at])))
+        return "\n".join([*lines[:HEAD], *(",".join(row) for row in rows)]) + "\n"
+
+    return "data.csv", changed
+
+
+def cell(row: int, name: str, text: str) -> Change:
+    """The measurement file with another text in one cell; rows count from 1."""
+
+    def changed(content: str) -> str:
+        lines = content.splitlines()
+        cells = lines[HEAD - 1 + row].split(",")
+        cells[lines[HEAD - 1].split(",").index(name)] = text
+        lines[HEAD - 1 + row] = ",".join(cells)
+        return "\n".join(lines) + "\n"
+
+    return "data.csv", changed
+
+
+def _cut(lines: int) -> Change:
+    return "data.csv", lambda text: "\n".join(text.splitlines()[:lines]) + "\n"
+
+
+def _by_semicolons(text: str) -> str:
+    lines = text.splitlines()
+    return "\n".join(line if line.startswith("#") else line.replace(",", ";").replace(".", ",") for line in lines)
+
+
+def _shifted(text: str) -> str:
+    """The points of each row in the row before it."""
+    lines = text.splitlines()
+    rows = [line.split(",") for line in lines[HEAD:]]
+    mixed = [[*row[:7], *below[7:]] for row, below in pairwise(rows)]
+    return "\n".join([*lines[:HEAD], *(",".join(row) for row in mixed)]) + "\n"
+
+
+STUDY = 'machine = "gantry"\ndraws = 20\n\n[[case]]\nname = "a"\nstrategy = "grid"\npoints = 60\n'
+
+
+def study(made: str, old: str, new: str, line: int | None, cause: str, cure: str) -> Mistake:
+    """A mistake in a study."""
+    place = "study s.toml: " if line is None else f"study s.toml:{line}: "
+    assert old in STUDY
+    return Mistake(made, "study s.toml -o results.csv", place, cause, cure, (("s.toml", STUDY.replace(old, new)),))
+
+
+MISTAKES = (
+    data("instrument misspelled", "data.csv:2 instrument", "'laser-traker' is none of", "did you mean 'laser-tracker'?", change("data.csv", "laser-tracker", "laser-traker")),
+    data("data of another machine", "data.csv:1 machine", "the file is of 'cframe', not of gantry", "give its machine", change("data.csv", "machine: gantry", "machine: cframe")),
+    data("uncertainties forgotten", "data.csv", "the standard uncertainty (k=1) of the laser-tracker is missing", "header line '# u_", change("data.csv", "# u_angle_um: 10.0\n", ""), change("data.csv", "# u_angle_um_per_m: 2.5\n", "")),
+    data("negative uncertainty", "data.csv:5 u_angle_um", "-10 is negative", "expected 0 or more", change("data.csv", "u_angle_um: 10.0", "u_angle_um: -10.0")),
+    data("uncertainty with a comma", "data.csv:5 u_angle_um", "got '10,0'", "decimal point as '.'", change("data.csv", "u_angle_um: 10.0", "u_angle_um: 10,0")),
+    data("target not described", "data.csv:8 column target", "the position of no target", "# target.<name>: x y z", change("data.csv", "# target.1: 0.0 0.0 0.0\n", "")),
+    data("column misspelled", "data.csv:9 column time", "not known", "did you mean time_s?", change("data.csv", "time_s,X,Y,Z", "time,X,Y,Z")),
+    data("column of an axis misspelled", "data.csv:9 column Q", "not known", "known are x, y, z, X, Y, Z", change("data.csv", "time_s,X,Y,Z", "time_s,X,Y,Q")),
+    data("semicolons and decimal commas", "data.csv:9", "separate cells by commas", "numbers with a decimal point", ("data.csv", _by_semicolons)),
+    data("names of columns forgotten", "data.csv:9", "the line with the names of columns", "above the numbers is missing", change("data.csv", "time_s,X,Y,Z,target,station,run,x,y,z\n", "")),
+    data("reading lost", "data.csv:11 column x", "empty", "fill it in, or delete the row", cell(2, "x", "")),
+    data("word in place of a reading", "data.csv:11 column x", "'beam lost' is no number", "correct it, or delete the row", cell(2, "x", "beam lost")),
+    data("last line cut off", "data.csv:129", "8 cells, but 10 columns", "or delete it", ("data.csv", lambda text: text[:-25])),
+    data("cell too many", "data.csv:11", "11 cells, but 10 columns have names", "a decimal comma?", cell(2, "x", "1255.2,7")),
+    data("readings in metres", "data.csv", "the points differ from the commanded positions", "m, mm or um mixed up", *(column(name, lambda value: value / 1000.0) for name in "xyz")),
+    data("y and z exchanged", "data.csv", "the points differ from the commanded positions by", "or with columns Y and Z exchanged", change("data.csv", "run,x,y,z", "run,x,z,y")),
+    data("readings of the next row", "data.csv", "no exchange of columns, targets, signs or units explains this", "are these points of this machine and of these positions?", ("data.csv", _shifted)),
+    data("ten points only", "data.csv", "are too few for", "measure about", _cut(20)),
+    data("one point only", "data.csv", "no axis moves in these data", "measure at several positions", _cut(10)),
+    data("header only", "data.csv", "there are no rows", "below the names of columns", _cut(9)),
+    Mistake("output onto the data", "fit data.csv --machine gantry -o data.csv", "data.csv", "is an input and would be overwritten", "name another file"),
+    Mistake("plan in place of the data", "fit plan.csv --machine gantry -o new.json", "plan.csv", "this is a plan, not its measurement", "header line '# instrument:"),
+    Mistake("calibration in place of the data", "fit cal.json --machine gantry -o new.json", "cal.json", "this is a calibration of ncomp", "give the data of an instrument"),
+    Mistake("program in place of the data", "fit in.nc --machine gantry -o new.json", "in.nc", "this is an NC program, no measurement", "give the data of an instrument"),
+    Mistake("data misspelled", "fit dta.csv --machine gantry -o new.json", "measurement file dta.csv", "No such file", "did you mean 'data.csv'?"),
+    Mistake("ISO 230-2 of tracker data", "iso230 data.csv --machine gantry", "data.csv", "ISO 230-2 needs", "data of an interferometer"),
+    Mistake("circles of tracker data", "ballbar data.csv --machine gantry", "data.csv", "circles need the measurement of a ballbar", "# instrument: ballbar"),
+    Mistake("present calibration misspelled", "diagnose data.csv --machine gantry -c ca.json -o new.json", "calibration ca.json", "No such file", "did you mean 'cal.json'?"),
+    Mistake("measurement in place of a calibration", "compare cal.json data.csv", "calibration data.csv", "this is a measurement file", "ncomp fit and ncomp diagnose read it"),
+    Mistake("points without axis positions", "predict p.csv --machine gantry -c cal.json -o out.csv", "p.csv:1", "no column has commanded positions of an axis (X, Y, Z)", "--plan PLAN.csv", (("p.csv", "x,y,z\n1,2,3\n"),)),
+    study("entry misspelled", "draws =", "drws =", 2, "drws is not known", "did you mean 'draws'?"),
+    study("entry of a case misspelled", "points =", "point =", 7, "case[0].point is not known", "did you mean 'points'?"),
+    study("strategy misspelled", '"grid"', '"gird"', None, "'gird' is none of", "did you mean 'grid'?"),
+    study("no case", '[[case]]\nname = "a"\nstrategy = "grid"\npoints = 60\n', "", None, "case is missing", "write [[case]] with name, strategy and points"),
+)  # fmt: skip

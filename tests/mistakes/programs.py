@@ -1,0 +1,52 @@
+"""Mistakes in NC programs and in the choice of the file."""
+
+from __future__ import annotations
+
+from tests.mistakes.mistake import PROGRAM, Mistake, program
+
+TAIL = "--machine gantry -c cal.json --set-up-zero -o out.nc"
+KLARTEXT = "0 BEGIN PGM P MM\n1 TOOL CALL 1 Z S1000\n2 L X+10 Y+10 R0 FMAX\n3 END PGM P MM\n"
+
+
+def line(made: str, block: str, cause: str, cure: str, place: str = "in.nc:9: ") -> Mistake:
+    """A mistake in the ninth line of the program."""
+    return Mistake(made, f"in.nc {TAIL}", place, cause, cure, (program(block),))
+
+
+def file(made: str, name: str, content: str | bytes, cause: str, cure: str, place: str = "") -> Mistake:
+    """A file that is no program, or another one."""
+    return Mistake(made, f"{name} {TAIL}", place or f"program {name}", cause, cure, ((name, content),))
+
+
+MISTAKES = (
+    line("two decimal points", "N70 X200.0.5 Y150.", ".5: the number has no address", "write the address"),
+    line("letter O for a zero", "N70 X2OO. Y150.", "column 8: 'O. Y150.' is not understood", "digit 0 in place of"),
+    line("decimal comma", "N70 X200,5 Y150.", "column 9: ',5 Y150.' is not understood", "write the decimal point as '.'"),
+    line("comment that is not closed", "N70 X200. (finish Y150.", "parentheses that do not match", "in one pair"),
+    line("variable that nobody sets", "N70 X#101 Y150.", "#101 is not set by the program", "set it before this block"),
+    line("X twice", "N70 X200. X210.", "the block has two X words", "write one of them"),
+    line("X without a number", "N70 X Y150.", "'Y150.' is not understood", "X has no value"),
+    line("bracket that is not closed", "N70 X[100+5 Y150.", "'Y150.' is not understood", "close the bracket with ]"),
+    line("radius that is too small", "N70 G2 X400. Y150. R10.", "no circle of this radius", "write a larger radius"),
+    line("centre that does not fit", "N70 G2 X150. Y150. I5. J0.", "the arc is no circle", "correct its end or its centre"),
+    line("probing in the program", "N70 G31 Z5. F50", "G31 is a probing move", "into a program of its own"),
+    line("G code that does not exist", "N70 G999 X200.", "G999 is not known", "take it out, or write its moves"),
+    line("axis of another machine", "N70 X200. C45.", "machine gantry (w b X Y Z t) has no axis C", "check --machine"),
+    line("inches on a millimetre set-up", "N70 G20 X200. Y150.", "X would go to 5080.0000 mm", "--no-travel-check lets it pass"),
+    line("subprogram in another file", "N70 M98 P9001", "the file has no subprogram O9001", "write it into the file"),
+    line("jump to nowhere", "N70 GOTO 999", "no block with the label 999", "write it or correct the jump"),
+    line("loop without its end", "N70 WHILE [#1 LT 5] DO1", "the end of this loop", "is missing: write it"),
+    line("scale without a decimal point", "N70 G51 X0 Y0 Z0 P2", "the unit of a scale", "write the decimal point"),
+    line("arc in polar coordinates", "N70 G16 X200. Y30.", "an arc in polar coordinates", "write G15 before it", "in.nc:10: "),
+    line("Siemens word in a Fanuc program", "N70 X=R1 Y150.", "is not understood", "read as Siemens because of line 9", "in.nc:2: "),
+    file("letter O for R0 in Klartext", "part.h", KLARTEXT.replace("R0", "RO"), "'O FMAX' is not understood", "digit 0 in place", "part.h:3: "),
+    file("label that is not there", "part.h", KLARTEXT.replace("2 L X+10", "2 CALL LBL 5\n3 L X+10"), "no subprogram LBL 5", "write it into the file", "part.h:3: "),
+    file("cycle of the machine's maker", "part.mpf", "N10 G17 G90 G54\nN20 CYCLE9999(1,2)\n", "CYCLE9999 is not known", "write the moves of this cycle", "part.mpf:2: "),
+    file("empty file from a failed post", "in.nc", "", "is empty", "write it again from the CAM"),
+    file("drawing in place of the program", "in.nc", "%PDF-1.7\n", "this is a PDF document", "the file that the CAM has posted"),
+    file("spreadsheet in place of the program", "in.nc", b"PK\x03\x04" + bytes(60), "a spreadsheet", "the file that the CAM has posted"),
+    file("saved as Unicode", "in.nc", PROGRAM.encode("utf-16"), "is UTF-16 text", "save it as plain text"),
+    Mistake("measurement in place of the program", f"data.csv {TAIL}", "program data.csv", "this is a measurement file", "ncomp fit and ncomp diagnose read it"),
+    Mistake("calibration in place of the program", f"cal.json {TAIL}", "program cal.json", "this is a calibration of ncomp", "(--calibration)"),
+    Mistake("corrected once more", f"done.nc {TAIL}", "done.nc:3", "already corrected by ncomp", "--force corrects it again"),
+)  # fmt: skip
