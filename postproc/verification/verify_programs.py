@@ -94,7 +94,7 @@ def verify_programs(
     original, corrected = (mark_in_program(source) for source in programs)
     if corrected is None and original is not None:
         raise UserError(
-            f"{programs[1].name} has no mark of ncomp, and {programs[0].name} has one: give the original program first, "
+            f"{programs[1].name} has no mark of ncomp, and {programs[0].name} has one: give the original first, "
             "then the corrected one"
         )
     notes = model_notes(models.evaluated, conditions)
