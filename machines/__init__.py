@@ -1,4 +1,4 @@
-"""The machines: TOML definitions beside this module, found by name; a user's own, by path."""
+"""The machines: TOML definitions beside this module and in the user's folders, found by name; others by path."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from kinematics.report_head import ReportHead
 from kinematics.toml_entries import at_line, entry, read_table
 from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
+from machines.places import folders, own
 
+__all__ = ["default_calibration", "folders", "load", "names", "own", "parse"]
 FOLDER = Path(__file__).parent
 
 
@@ -44,15 +46,15 @@ def names() -> list[str]:
 
 
 def load(name_or_path: str) -> Machine:
-    """The machine of a shipped name or of a TOML file; UserError with the entry and the reason."""
+    """The machine of a name or of a TOML file; UserError with the entry and the reason.
+
+    A shipped name means the shipped machine; other names are those of the files in the user's folders.
+    """
     path = Path(name_or_path)
     if name_or_path in names():
         path = FOLDER / f"{name_or_path}.toml"
     elif path.suffix.lower() != ".toml" and not path.is_file():
-        meant, shipped = did_you_mean(name_or_path, names()), ", ".join(names())
-        raise UserError(
-            f"unknown machine {name_or_path!r}{meant}: shipped are {shipped}; or give the path of a .toml file"
-        )
+        path = _own_file(name_or_path)
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as fault:
@@ -60,6 +62,18 @@ def load(name_or_path: str) -> Machine:
     except UnicodeDecodeError:
         raise UserError(f"machine file {path}: not UTF-8 text: save it as UTF-8") from None
     return parse(text, str(path))
+
+
+def _own_file(name: str) -> Path:
+    """The file of a user's own machine; UserError for a name of none."""
+    files = {path.stem: path for path in own()}
+    if name in files:
+        return files[name]
+    meant = did_you_mean(name, [*names(), *files])
+    yours = f"; yours are {', '.join(files)}" if files else ""
+    raise UserError(
+        f"unknown machine {name!r}{meant}: shipped are {', '.join(names())}{yours}; or give the path of a .toml file"
+    )
 
 
 def parse(text: str, source: str) -> Machine:
@@ -73,9 +87,12 @@ def parse(text: str, source: str) -> Machine:
 
 
 def default_calibration(machine: Machine) -> Path | None:
-    """The shipped calibration of a shipped machine, None where there is none."""
+    """The calibration of a machine: shipped, or in `calibrations` of a user's folder; None where there is none."""
     path = FOLDER / "calibrations" / f"{machine.name}.json"
-    return path if path.is_file() else None
+    if path.is_file():
+        return path
+    places = (folder / "calibrations" / path.name for folder in folders())
+    return next((place for place in places if place.is_file()), None)
 
 
 def _build(entries: _MachineFile) -> Machine:

@@ -26,6 +26,9 @@ OBJECTS = 50_000
 def command_line() -> None:
     """Run the command of the process' arguments: without Typer where they are plainly right, which takes less time."""
     words = sys.argv[1:]
+    if words in (["--version", "--json"], ["--version", "--json", "-"]):
+        _print_versions()
+        return
     if words and words[0] not in COMMANDS:
         _refuse_misspelled(words[0])
     name, others = named(words)
@@ -38,6 +41,15 @@ def command_line() -> None:
     from postproc.commands.tree import run_by_typer
 
     run_by_typer(words)
+
+
+def _print_versions() -> None:
+    """The versions of ncomp, Python and the libraries as JSON."""
+    import json
+
+    from kinematics.installed import versions
+
+    print(json.dumps(versions(), indent=2))
 
 
 def _refuse_misspelled(word: str) -> None:

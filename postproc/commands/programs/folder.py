@@ -14,6 +14,7 @@ from pathlib import Path, PurePath
 from typing import Any, BinaryIO, Literal
 
 from kinematics.files import read_input, whole_file, write_whole, writing
+from kinematics.mistaken_files import missing
 from kinematics.user_error import UserError
 from kinematics.workers import Team
 from ncomp import Corrected
@@ -72,20 +73,30 @@ def programs_of(folder: Path, output: Path, patterns: Sequence[str]) -> list[Fol
     patterns: of names, or of paths from any folder (`roughing/*.nc`); none: the usual suffixes. UserError for a folder
     that cannot be read or has no program.
     """
-    if not folder.is_dir():
-        why = "it is a file: 'ncomp correct' corrects one program" if folder.exists() else "No such file or directory"
-        raise UserError(f"folder {folder}: {why}")
-    if folder.resolve() == output.resolve():
-        raise UserError(f"the output folder {output} is the input: name another one")
-    found = [
-        FolderProgram(name.as_posix(), path, output / name, path.stat().st_size)
-        for path in sorted(_files(folder, output.resolve()))
-        if _wanted(name := path.relative_to(folder), patterns)
-    ]
+    check_folders(folder, output)
+    found = present_programs(folder, output, patterns)
     if not found:
         expected = " or ".join(patterns) if patterns else f"a name that ends in {', '.join(SUFFIXES)}"
         raise UserError(f"folder {folder} has no program: expected {expected}; --glob PATTERN chooses others")
     return found
+
+
+def check_folders(folder: Path, output: Path) -> None:
+    """UserError for a folder of programs that cannot be read, and for an output folder that is the same."""
+    if not folder.is_dir():
+        why = "it is a file: 'ncomp correct' corrects one program" if folder.exists() else "No such file or directory"
+        raise UserError(f"folder {folder}: {why}{missing(folder)}")
+    if folder.resolve() == output.resolve():
+        raise UserError(f"the output folder {output} is the input: name another one")
+
+
+def present_programs(folder: Path, output: Path, patterns: Sequence[str]) -> list[FolderProgram]:
+    """The programs that are in a folder now, as `programs_of`; none where there is none."""
+    return [
+        FolderProgram(name.as_posix(), path, output / name, path.stat().st_size)
+        for path in sorted(_files(folder, output.resolve()))
+        if _wanted(name := path.relative_to(folder), patterns)
+    ]
 
 
 def _files(folder: Path, output: Path) -> Iterator[Path]:

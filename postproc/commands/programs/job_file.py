@@ -76,8 +76,11 @@ class Job:
     programs: list[FolderProgram]
 
 
-def read_job(path: Path) -> Job:
-    """The job in a file; UserError with the line of an entry that cannot be used."""
+def read_job(path: Path, *, there: bool = True) -> Job:
+    """The job in a file; UserError with the line of an entry that cannot be used.
+
+    there: its calibration, tables and programs must exist.
+    """
     where = f"job file {path}"
     try:
         text = read_input(path, "job file").decode()
@@ -87,7 +90,7 @@ def read_job(path: Path) -> Job:
     if {"chain", "axes"} & table.keys():
         raise UserError(f"{where}: this is a machine file (--machine)")
     try:
-        return _Reader(path, table).job()
+        return _Reader(path, table, there).job()
     except UserError as fault:
         raise at_line(text, where, fault) from None
 
@@ -95,8 +98,8 @@ def read_job(path: Path) -> Job:
 class _Reader:
     """The entries of a job file as options."""
 
-    def __init__(self, path: Path, table: dict[str, Any]) -> None:
-        self._path = path
+    def __init__(self, path: Path, table: dict[str, Any], there: bool) -> None:
+        self._path, self._there = path, there
         self._content = entry(table, _Content)
         for name, number in _numbers(table, ""):
             if not math.isfinite(number):
@@ -143,7 +146,7 @@ class _Reader:
 
     def _file(self, name: str, where: str) -> Path:
         path = self._here(name)
-        if not path.is_file():
+        if self._there and not path.is_file():
             raise UserError(f"{where}: {path}: No such file{missing(path)}")
         return path
 
@@ -206,6 +209,8 @@ class _Reader:
             elif path.is_file():
                 output = output / path.name if output.is_dir() else output
                 found = [FolderProgram(name, path, output, path.stat().st_size)]
+            elif not self._there:
+                found = [FolderProgram(name, path, output, 0)]
             else:
                 raise UserError(f"{where}: {path}: No such file or folder{missing(path)}")
             for each in found:

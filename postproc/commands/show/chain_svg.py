@@ -1,0 +1,141 @@
+"""The chain of a machine as an SVG: its links, its axes in space, and a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from html import escape
+
+import numpy as np
+
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+from postproc.commands.show.chain import Shape, moved, shapes
+
+WIDTH, SCENE = 900, 520
+"""Sizes, px."""
+MARGIN, ROW = 70, 22
+AZIMUTH, ELEVATION = np.radians(-60.0), np.radians(25.0)
+"""Direction to the viewer."""
+COLOURS = {"X": "#3b7dd8", "Y": "#d9700a", "Z": "#4e9a06", "A": "#1d4f9c", "B": "#a1440d", "C": "#2f6b3c"}
+OTHER = "#8b5fbf"
+STYLE = (
+    "svg{background:#fff;font:13px sans-serif;fill:#222}.link{fill:#f3f4f6;stroke:#888}.head{font-size:20px}"
+    ".part{fill:none;stroke:#888;stroke-width:2}.small{font-size:12px;fill:#555}"
+)
+HEAD = ("axis", "for a positive command", "direction of the tool", "point, mm", "travel", "home")
+COLUMNS = (20, 70, 330, 480, 650, 800)
+
+
+def chain_svg(machine: Machine) -> bytes:
+    """The drawing of a machine."""
+    height = 110 + SCENE + ROW * (len(machine.axes) + 4)
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{height}" viewBox="0 0 {WIDTH} {height}">',
+        f"<style>{STYLE}</style>",
+        _text(20, 32, machine.name, "head"),
+        _text(20, 54, machine.description, "small"),
+        *_links(machine),
+        *_scene(list(shapes(machine))),
+        *_table(machine, 110 + SCENE),
+        "</svg>\n",
+    ]
+    return "\n".join(parts).encode()
+
+
+def _text(x: float, y: float, text: str, kind: str = "", anchor: str = "start") -> str:
+    named = f' class="{kind}"' if kind else ""
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{named}>{escape(text)}</text>'
+
+
+def _colour(name: str) -> str:
+    return COLOURS.get(name[:1], OTHER)
+
+
+def _links(machine: Machine) -> Iterator[str]:
+    """The chain as boxes, from the workpiece to the tool."""
+    names = {"w": "workpiece", "b": "bed", "t": "tool"}
+    x = 20.0
+    for link in machine.chain.split():
+        label = names.get(link, link)
+        width = 26.0 + 8.0 * len(label)
+        colour = "#888" if link in names else _colour(link)
+        yield f'<rect class="link" x="{x}" y="68" width="{width}" height="28" rx="5" style="stroke:{colour}"/>'
+        yield _text(x + width / 2, 87, label, "", "middle")
+        x += width + 12
+        if link != "t":
+            yield f'<path d="M{x - 12} 82h12" class="part"/>'
+
+
+def _scene(found: Sequence[Shape]) -> Iterator[str]:
+    """The lines in space, seen from the front on the right."""
+    flat = [_projected(shape.points) for shape in found]
+    every = np.concatenate(flat)
+    low, high = every.min(axis=0), every.max(axis=0)
+    scale = float(np.min([WIDTH - 2 * MARGIN, SCENE - MARGIN] / np.maximum(high - low, 1e-9)))
+    middle = (low + high) / 2.0
+    labels = list[Array]()
+    for shape, points in zip(found, flat, strict=True):
+        at = (points - middle) * [scale, -scale] + [WIDTH / 2, 110 + SCENE / 2]
+        yield from _drawn(shape, at)
+        if shape.label:
+            where = at[-1] + [8.0, 16.0 if shape.kind == "pivot" else -6.0]
+            while any(np.all(np.abs(where - other) < [90.0, 14.0]) for other in labels):
+                where += [0.0, 15.0]
+            labels.append(where)
+            yield _text(
+                float(where[0]), float(where[1]), shape.label, "" if shape.kind in ("axis", "turn") else "small"
+            )
+
+
+def _projected(points: Array) -> Array:
+    right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
+    up = np.array([-np.cos(AZIMUTH) * np.sin(ELEVATION), -np.sin(AZIMUTH) * np.sin(ELEVATION), np.cos(ELEVATION)])
+    return np.asarray(points @ np.column_stack([right, up]))
+
+
+def _drawn(shape: Shape, at: Array) -> Iterator[str]:
+    """A shape at its points on the page."""
+    colour = _colour(shape.axis)
+    x, y = at[-1]
+    if shape.kind == "pivot":
+        yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" style="fill:{colour}"/>'
+        return
+    path = "M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in at)
+    dashes = {"line": ";stroke-dasharray:8 4", "opposite": ";stroke-dasharray:2 3"}.get(shape.kind, "")
+    width = 2.5 if shape.kind in ("axis", "turn") else 1.2
+    style = "" if shape.kind == "part" else f' style="fill:none;stroke:{colour};stroke-width:{width}{dashes}"'
+    yield f'<path class="part" d="{path}"{style}/>'
+    if shape.kind in ("axis", "turn", "opposite"):
+        yield _arrow(at[-2], at[-1], colour)
+
+
+def _arrow(before: Array, tip: Array, colour: str) -> str:
+    """The head of an arrow."""
+    along = (tip - before) / max(float(np.linalg.norm(tip - before)), 1e-9)
+    across = np.array([-along[1], along[0]])
+    corners = (tip + 3 * along, tip - 10 * along + 5 * across, tip - 10 * along - 5 * across)
+    return f'<polygon points="{" ".join(f"{u:.1f},{v:.1f}" for u, v in corners)}" style="fill:{colour}"/>'
+
+
+def _table(machine: Machine, top: float) -> Iterator[str]:
+    """One row for each axis."""
+    yield _text(20, top, "Arrows: the tool relative to the workpiece for a positive command (ISO 841).", "small")
+    rows = [HEAD, *axis_rows(machine)]
+    for number, row in enumerate(rows, start=1):
+        for x, cell in zip(COLUMNS, row, strict=True):
+            yield _text(x, top + ROW * number + 6, cell, "small" if number == 1 else "")
+
+
+def axis_rows(machine: Machine) -> list[tuple[str, ...]]:
+    """Cells of HEAD for each axis."""
+    return [
+        (
+            axis.name,
+            moved(axis),
+            f"({', '.join(f'{v:g}' for v in axis.direction)})",
+            f"({', '.join(f'{v:g}' for v in axis.point)})",
+            f"{axis.travel[0]:g}..{axis.travel[1]:g} {axis.unit}",
+            f"{axis.home:g}",
+        )
+        for axis in machine.axes
+    ]

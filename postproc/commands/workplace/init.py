@@ -1,0 +1,173 @@
+"""`ncomp init`: a machine file and a job file from questions."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import ncomp
+from kinematics.user_error import UserError
+from postproc.commands.options.declared import argument, option
+from postproc.commands.options.shared import check_files
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+    from postproc.commands.workplace.answers import Answers
+
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp init mill`  asks, and writes mill/NAME.toml, mill/NAME.svg and mill/job.toml\n\n"
+    "`ncomp init mill --name hall3 --chain 'w b X Y Z t' --travel X=0:800 --travel Y=0:500 --travel Z=-400:0 "
+    "--work-offset G54=100,80,-300 --tool-length T1=95 --program part.nc`  without questions\n\n"
+    "`ncomp init job --machine dmu50 --work-offset G54=-30,-20,150 --tool-length T1=80 --program part.nc`  only the job"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewMachine:
+    """Answers about the machine."""
+
+    name: str | None = option("Name of the machine, which is also that of its file.", "NAME")
+    description: str | None = option("Description of the machine.", "TEXT")
+    chain: str | None = option("Chain from the workpiece w over the bed b to the tool t.", "'w C B b X Y Z t'")
+    travel: tuple[str, ...] = option("Travel of an axis, mm or degrees.", "X=low:high")
+    point: tuple[str, ...] = option("Point on the line of a rotary axis, mm, machine frame.", "C=x,y,z")
+    direction: tuple[str, ...] = option("Direction of an axis that differs from that of its letter.", "B=x,y,z")
+    home: tuple[str, ...] = option("Reference position of an axis; of Z the upper end of its travel.", "Z=mm")
+    family: Literal["any", "fanuc", "linuxcnc"] | None = option("Control, where controls read ISO code differently.")
+
+
+def init(
+    *,
+    folder: Path = argument("Folder of the files; it is made if it does not exist.", "FOLDER"),
+    machine: str | None = option("Machine that exists already: no machine file is written.", "NAME|FILE.toml", "-m"),
+    new: NewMachine,
+    calibration: str | None = option("Calibration of the job, relative to the folder.", "CAL.json|none", "-c"),
+    work_offset: tuple[str, ...] = option("Work offset, mm, of the job.", "G54=x,y,z"),
+    tool_length: tuple[str, ...] = option("Length of a tool, mm, of the job.", "T1=mm"),
+    program: tuple[str, ...] = option("Program of the job, relative to the folder.", "IN.nc"),
+    force: bool = option("Replace files that exist.", default=False),
+) -> None:
+    """Make a machine file and a job file: asks for what the options leave open, checks the answers, draws the chain."""
+    from kinematics.files import write_whole, writing
+    from postproc.commands.programs.job_file import read_job
+    from postproc.commands.show.chain_svg import chain_svg
+    from postproc.commands.show.terminal import say
+    from postproc.commands.workplace.answers import Answers
+
+    answers = Answers()
+    files: dict[str, bytes] = {}
+    if machine is None:
+        name, text = _machine(new, answers)
+        found, machine = _parsed(text, f"{name}.toml"), f"{name}.toml"
+        files |= {machine: text.encode(), f"{name}.svg": chain_svg(found)}
+    else:
+        found = ncomp.load_machine(machine)
+        machine = str(Path(machine).resolve()) if Path(machine).is_file() else machine
+    files["job.toml"] = _job(found, machine, calibration, work_offset, tool_length, program, answers).encode()
+    if not force and (there := next((name for name in files if (folder / name).exists()), None)):
+        raise UserError(f"{folder / there} exists: name another folder, or replace it by --force")
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    for name, data in files.items():
+        check_files((), {"FOLDER": folder / name})
+        write_whole(folder / name, data)
+        say("written", str(folder / name))
+    read_job(folder / "job.toml", there=False)
+    say("next", f"ncomp {folder / 'job.toml'}")
+
+
+def _machine(new: NewMachine, answers: Answers) -> tuple[str, str]:
+    """Name and text of the machine file."""
+    from postproc.commands.show.terminal import console
+    from postproc.commands.workplace.new_machine import (
+        CHAINS,
+        FAMILIES,
+        GivenAxes,
+        machine_text,
+        read_chain,
+        read_name,
+    )
+
+    name = answers.one(new.name, "--name", "Name of the machine", read_name, None)
+    description = answers.one(new.description, "--description", "Description", str, "")
+    if answers.asks and new.chain is None:
+        for number, (chain, kind) in CHAINS.items():
+            console.print(f"  {number}  {chain:<18} {kind}")
+    chain = answers.one(new.chain, "--chain", "Chain, or its number", read_chain, None)
+    family = answers.one(new.family, "--family", f"Control: {', '.join(FAMILIES)}", _family, "any")
+    axes = GivenAxes(new.travel, new.point, new.direction, new.home)
+    return name, machine_text(name, description, chain, family, axes, answers)
+
+
+def _family(text: str) -> str:
+    from kinematics.mistaken_files import none_of
+    from postproc.commands.workplace.new_machine import FAMILIES
+
+    if text not in FAMILIES:
+        raise UserError(none_of(text, FAMILIES))
+    return text
+
+
+def _parsed(text: str, name: str) -> Machine:
+    import machines
+
+    return machines.parse(text, name)
+
+
+def _job(
+    found: Machine,
+    machine: str,
+    calibration: str | None,
+    work_offset: tuple[str, ...],
+    tool_length: tuple[str, ...],
+    program: tuple[str, ...],
+    answers: Answers,
+) -> str:
+    """The text of the job file."""
+    from machines import default_calibration
+    from postproc.commands.workplace.new_machine import number
+    from postproc.control.setup import parse_tool_length, parse_work_offset
+
+    own = "" if default_calibration(found) else "none"
+    calibration = answers.one(calibration, "--calibration", "Calibration: CAL.json, or none", str, own)
+    if not work_offset and answers.asks and answers.yes("Is the work offset of the part known?", default=True):
+        work_offset = (answers.one(None, "", "Work offset, mm (G54=x,y,z)", lambda t: _checked_offset(t, found), None),)
+    offsets = dict(parse_work_offset(each, found) for each in work_offset)
+    if not tool_length and answers.asks and answers.yes("Is the length of the first tool known?", default=True):
+        tool_length = (answers.one(None, "", "Tool length, mm (T1=mm)", _checked_tool, None),)
+    tools = dict(map(parse_tool_length, tool_length))
+    programs = program or (answers.one(None, "--program", "Program to correct", str, "part.nc"),)
+    lines = [f"machine = {json.dumps(machine)}"]
+    lines += [f"calibration = {json.dumps(calibration)}"] if calibration else []
+    lines += ["", "[work_offsets]"]
+    for name, values in offsets.items():
+        lines.append(f"{_key(name)} = {{ {', '.join(f'{axis} = {number(value)}' for axis, value in values.items())} }}")
+    lines += ["", "[tools]", *(f"{_key(name)} = {number(length)}" for name, length in tools.items()), "", "[programs]"]
+    return (
+        "\n".join(
+            [*lines, *(f"{json.dumps(each)} = {json.dumps(f'corrected/{Path(each).name}')}" for each in programs)]
+        )
+        + "\n"
+    )
+
+
+def _key(name: str) -> str:
+    """A name as a key of TOML."""
+    return name if name.replace("_", "").replace("-", "").isalnum() else json.dumps(name)
+
+
+def _checked_offset(text: str, found: Machine) -> str:
+    from postproc.control.setup import parse_work_offset
+
+    parse_work_offset(text, found)
+    return text
+
+
+def _checked_tool(text: str) -> str:
+    from postproc.control.setup import parse_tool_length
+
+    parse_tool_length(text)
+    return text
