@@ -36,7 +36,8 @@ def test_commands_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     (tmp_path / "FreeCAD").mkdir()
     for each in BY_PAGE[page]:
         prepare(each.words, tmp_path)
-        done = run_command(*(word.replace(SCHEDULER, "local") for word in each.words))
+        ends = ["--idle", "0"] if each.words[0] == "watch" else []
+        done = run_command(*(word.replace(SCHEDULER, "local") for word in each.words), *ends)
         assert done.status == 0, f"{each.where}: {each.text}\n{done.err}"
 
 

@@ -26,6 +26,7 @@ def watch(
     settle: float = option(
         "Time, s, for which a file must not change before it counts as complete.", "s", default=2.0, min=0.1, max=600.0
     ),
+    idle: float | None = option("Time, s, without work after which the command ends; default: never.", "s", min=0.0),
     set_up: DatumOptions,
     no_travel_check: NoTravelCheck,
     correction: CorrectionOptions,
@@ -48,4 +49,4 @@ def watch(
         correction=correction,
         at=at,
     )
-    Watch(folder, output, glob, request, settle).run()
+    Watch(folder, output, glob, request, settle).run(idle)

@@ -38,19 +38,25 @@ class Watch:
         found, model, self._correction = request.prepared()
         self._title = f"machine {found.name}, calibration {model.id}"
         self._done: dict[Path, Fingerprint] = {}
-        self._seen: dict[Path, tuple[Fingerprint, float]] = {}
+        self._seen: dict[Path, tuple[Fingerprint | None, float]] = {}
         self._counts: Counter[str] = Counter()
         self._lost = ""
+        self._worked = time.monotonic()
 
-    def run(self) -> None:
-        """Watch until the process is told to end."""
+    def run(self, idle: float | None) -> None:
+        """Watch until the process is told to end, or for a time, s, without work."""
         self._say(f"watching {self._folder}, {self._title}; Ctrl-C ends")
         try:
             while True:
                 for program in self._complete():
                     self._correct(program)
+                pending = any(self._done.get(path) != state for path, (state, _) in self._seen.items())
+                if idle is not None and not pending and time.monotonic() - self._worked >= idle:
+                    break
                 time.sleep(self._settle / LOOKS)
         except (KeyboardInterrupt, SystemExit):
+            pass
+        finally:
             ends = ", ".join(f"{number} {state}" for state, number in sorted(self._counts.items()))
             self._say(f"ended: {ends or 'no program'}")
 
@@ -64,20 +70,18 @@ class Watch:
                 self._say(f"{fault}: waiting until it is there")
             self._lost = str(fault)
             return
+        self._seen = {each.path: self._seen.get(each.path, (None, 0.0)) for each in programs}
         for program in programs:
             try:
                 state = program.path.stat()
-                now: Fingerprint = (state.st_mtime_ns, state.st_size)
-                current = program.target.exists() and program.target.stat().st_mtime_ns > state.st_mtime_ns
             except OSError:
                 continue
-            if self._done.get(program.path) == now or (program.path not in self._done and current):
-                self._done[program.path] = now
-                continue
-            before, since = self._seen.get(program.path, (None, 0.0))
+            now: Fingerprint = (state.st_mtime_ns, state.st_size)
+            before, since = self._seen[program.path]
             if before != now:
                 self._seen[program.path] = now, time.monotonic()
-            elif time.monotonic() - since >= self._settle:
+                self._worked = time.monotonic()
+            elif self._done.get(program.path) != now and time.monotonic() - since >= self._settle:
                 self._done[program.path] = now
                 yield program
 
@@ -91,6 +95,7 @@ class Watch:
         except UserError as fault:
             outcome = Outcome("refused", str(fault))
         self._counts[outcome.state] += 1
+        self._worked = time.monotonic()
         if outcome.state in REFUSED:
             self._say(f"{outcome.state}: {outcome.reason}{self._put_aside(program)}")
             return
