@@ -25,7 +25,7 @@ OBJECTS = 50_000
 
 def command_line() -> None:
     """Run the command of the process' arguments: without Typer where they are plainly right, which takes less time."""
-    words = sys.argv[1:]
+    words = _without_levels(sys.argv[1:])
     if words in (["--version", "--json"], ["--version", "--json", "-"]):
         _print_versions()
         return
@@ -41,6 +41,19 @@ def command_line() -> None:
     from postproc.commands.tree import run_by_typer
 
     run_by_typer(words)
+
+
+def _without_levels(words: list[str]) -> list[str]:
+    """The words without --quiet and --verbose, which every command has, and which act from here on."""
+    given = {"--quiet", "--verbose"} & set(words)
+    if not given:
+        return words
+    from postproc.commands.show.terminal import LEVEL
+
+    if len(given) == 2:
+        raise UserError("--quiet and --verbose exclude each other: give one of them")
+    LEVEL.quiet, LEVEL.verbose = "--quiet" in given, "--verbose" in given
+    return [word for word in words if word not in given]
 
 
 def _print_versions() -> None:

@@ -64,7 +64,8 @@ app = typer.Typer(
 
     **ncomp IN.nc --machine M -o OUT.nc** corrects a program for the measured errors of machine M
     (the same as *ncomp correct IN.nc ...*; see *ncomp correct --help*). **ncomp JOB.toml** does the same
-    for the programs of a job file.
+    for the programs of a job file. Every command takes **--quiet**, which shows the verdict only, and **--verbose**,
+    which shows details, and the steps with their times.
     """,
 )
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from unittest import mock
 
 from postproc import cli
+from postproc.commands.show.terminal import LEVEL
 
 
 class Done(NamedTuple):
@@ -66,6 +67,7 @@ def _run(entry: Callable[[], object], arguments: tuple[object, ...], stdin: byte
     given = io.TextIOWrapper(io.BytesIO(stdin))
     status, handlers = 0, {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     with mock.patch.multiple(sys, argv=["ncomp", *map(str, arguments)], stdin=given, stdout=out, stderr=err):
+        LEVEL.quiet = LEVEL.verbose = False
         try:
             entry()
         except SystemExit as end:

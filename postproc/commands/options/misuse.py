@@ -14,6 +14,8 @@ DASHES = re.compile("^[-\u2010-\u2015\u2212]+")
 """Hyphen, and the dashes that text programs put in its place."""
 NUMBER_FORMS = {int: "a whole number", float: "a number"}
 HELP = ("--help", "-h")
+EVERYWHERE = ("--quiet", "--verbose", "--help")
+"""Options of every command."""
 
 
 class Misuse:
@@ -23,7 +25,7 @@ class Misuse:
         self.command, self.declared, self.words = command, declared, words
         self.options = {name: each for each in declared for name in each.names}
         self.refusals = {f"--no{each.names[0][1:]}" for each in declared if each.names and each.field.default is True}
-        self.names = [*self.options, *sorted(self.refusals)]
+        self.names = [*self.options, *sorted(self.refusals), *EVERYWHERE]
 
     def refuse_doubtful(self) -> None:
         """UserError for a line that Typer accepts and that is doubtful.

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
 import rendering.terminal
@@ -15,6 +18,17 @@ from rendering.report import Report
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+
+@dataclass
+class Level:
+    """How much a command shows; one for the whole process, because the command line sets it."""
+
+    quiet: bool = False
+    verbose: bool = False
+
+
+LEVEL = Level()
 
 
 class Screen:
@@ -46,8 +60,38 @@ class Screen:
         self.to.print(text, style=style)
 
     def status(self, text: str) -> AbstractContextManager[Any]:
-        """Show on a terminal what the command is doing; `update` of the result changes the text."""
-        return self.to.status(text)
+        """Show on a terminal the step of the command and its time; `update` of the result changes the text.
+
+        --verbose shows the steps as lines, also in a pipe.
+        """
+        if LEVEL.verbose or LEVEL.quiet or not self.is_terminal:
+            return nullcontext(Steps(self, text, shown=LEVEL.verbose))
+        return _running(self.rich, text)
+
+
+class Steps:
+    """The steps of a command as lines with the time, s, since its begin."""
+
+    def __init__(self, screen: Screen, text: str, *, shown: bool) -> None:
+        self._screen, self._shown, self._last, self._start = screen, shown, "", time.perf_counter()
+        self.update(text)
+
+    def update(self, text: str) -> None:
+        """The next step."""
+        if self._shown and text != self._last:
+            self._screen.print(f"{time.perf_counter() - self._start:7.1f} s  {text}")
+        self._last = text
+
+
+@contextmanager
+def _running(console: Console, text: str) -> Iterator[Any]:
+    """A line of a terminal with the present step, and the time since the begin."""
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as shown:
+        task = shown.add_task(text, total=None)
+        yield SimpleNamespace(update=lambda step: shown.update(task, description=step))
 
 
 console = Screen("stderr")
@@ -62,7 +106,7 @@ LONG = 1_000_000
 @contextmanager
 def progress_of(total: int, label: str, long: int = LONG) -> Iterator[Callable[[int], None]]:
     """A function to call with each amount done of a total; a bar on a terminal from `long` on, nothing in a pipe."""
-    if total < long or not console.is_terminal:
+    if total < long or not console.is_terminal or LEVEL.quiet:
         yield lambda _: None
         return
     from rich.progress import Progress
@@ -74,6 +118,10 @@ def progress_of(total: int, label: str, long: int = LONG) -> Iterator[Callable[[
 
 def show(report: Report, *targets: str | Path | None) -> None:
     """Show a report: on standard output, or on standard error where one of these targets is standard output (`-`)."""
+    if LEVEL.quiet:
+        report = replace(report, before=(), sections=())
+    elif LEVEL.verbose:
+        report = replace(report, sections=[replace(each, detail=False) for each in report.sections])
     rendering.terminal.show(report, (console if "-" in targets else output).to)
 
 
@@ -84,7 +132,9 @@ def say_assumed(sentence: str) -> None:
 
 
 def say(label: str, text: str) -> None:
-    """Show one line that a person must notice."""
+    """Show one line that a person should notice; not with --quiet."""
+    if LEVEL.quiet:
+        return
     if not console.is_terminal:
         console.print(f"{label}: {text}")
         return
