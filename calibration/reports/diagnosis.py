@@ -6,7 +6,8 @@ import inspect
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from shlex import quote
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from calibration.diagnosis.improvement import Figures
 from calibration.diagnosis.residual.whiteness import Test, combined
@@ -171,8 +172,17 @@ def _tests_json(tests: Sequence[Test]) -> list[dict[str, Any]]:
     return [{"what": test.name, "p_value": test.p_value, "statistic": test.statistic} for test in tests]
 
 
-def diagnosis_report(found: Diagnosis, command: str) -> Report:
-    """The diagnosis for people; `command`: the command that made it."""
+class Files(NamedTuple):
+    """Names for the commands of a report: machine or its file, file of the new calibration, and of the present one."""
+
+    machine: str
+    new: str
+    present: str | None = None
+
+
+def diagnosis_report(found: Diagnosis, command: str, files: Files | None = None) -> Report:
+    """The diagnosis for people; `command`: the command that made it; files: those of the commands in the report."""
+    files = files or Files(found.measurement.machine.name, "NEW.json", "OLD.json")
     title = f"Diagnosis of {found.measurement.machine.name}"
     lead = f"{found.measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
     verdict = [
@@ -184,7 +194,7 @@ def diagnosis_report(found: Diagnosis, command: str) -> Report:
     ]
     refusal, design = "\n".join(acceptance(found.acceptance)), [separability_section(found.design)]
     head = measured_head(found.measurement, found.model, command)
-    return Report(title, lead, list(_sections(found)), "\n".join(verdict), refusal, design, head)
+    return Report(title, lead, list(_sections(found, files)), "\n".join(verdict), refusal, design, head)
 
 
 def _verdict(found: Diagnosis) -> str:
@@ -207,7 +217,7 @@ def _named(cause: Named) -> str:
     return f"{words.title(cause)}{size}, {words.verdict(cause)}{tie}"
 
 
-def _sections(found: Diagnosis) -> Iterator[Section]:
+def _sections(found: Diagnosis, files: Files) -> Iterator[Section]:
     yield from _causes(found)
     yield from _map(found)
     yield facts("Data, model, noise", list(_facts(found)))
@@ -232,8 +242,8 @@ def _sections(found: Diagnosis) -> Iterator[Section]:
     if rows:
         head = ("measurement", "minutes", "information, noise variances per minute", "instruction and expected result")
         yield Section("Proposed measurements", table=Table(head, rows), detail=True)
-    text = f"NEW.json holds the machine with the causes of the machine (calibration {found.model.id})."
-    commands = Table(("task", "command"), _commands(found.measurement.machine.name))
+    text = f"{files.new} holds the machine with the causes of the machine (calibration {found.model.id})."
+    commands = Table(("task", "command"), _commands(files))
     yield Section("Use of the new calibration", text, commands, detail=True)
 
 
@@ -444,15 +454,17 @@ def _notes(found: Diagnosis) -> Iterator[str]:
             yield f"{cause.effect.name}: {words.remedy(cause.effect)}"
 
 
-def _commands(machine: str) -> list[Sequence[str]]:
+def _commands(files: Files) -> list[Sequence[str]]:
     """Tasks and their commands."""
-    new, old = (f"--machine {machine} --calibration {name}.json" for name in ("NEW", "OLD"))
-    left = f"ncomp PART.nc {old} -o PART_OLD.nc\nncomp verify PART.nc PART_OLD.nc {new}"
+    new = f"--machine {quote(files.machine)} --calibration {quote(files.new)}"
+    tasks: list[Sequence[str]] = [("correct a program", f"ncomp PART.nc {new} -o PART_NEW.nc")]
+    verify = f"ncomp verify PART.nc PART_NEW.nc {new}"
+    if files.present is None:
+        return [*tasks, ("evaluate the part's error before and after", verify)]
+    old = f"--machine {quote(files.machine)} --calibration {quote(files.present)}"
+    left = f"ncomp PART.nc {old} -o PART_OLD.nc\nncomp verify PART.nc PART_OLD.nc {new} --accept calibration"
     return [
-        ("correct a program", f"ncomp PART.nc {new} -o PART_NEW.nc"),
-        (
-            "evaluate the part's error by this and the present model",
-            f"ncomp verify PART.nc PART_NEW.nc {new} --old OLD.json",
-        ),
-        ("evaluate the part's error after a correction by the present model, OLD.json", left),
+        *tasks,
+        ("evaluate the part's error by this and the present model", f"{verify} --old {quote(files.present)}"),
+        ("evaluate the part's error after a correction by the present model", left),
     ]

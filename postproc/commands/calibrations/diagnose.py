@@ -47,7 +47,7 @@ def diagnose(
     the measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
     """
     from calibration.fit.beyond_measured import calibration_file
-    from calibration.reports.diagnosis import diagnosis_json, diagnosis_report
+    from calibration.reports.diagnosis import Files, diagnosis_json, diagnosis_report
     from postproc.commands.show.terminal import console, show
 
     check_files((*data, form.plan, calibration), {"--output": output, **others.by_option})
@@ -60,7 +60,8 @@ def diagnose(
         )
     against = "" if calibration is None else f" --calibration {calibration}"
     command = f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
-    report = diagnosis_report(found, command)
+    files = Files(machine, str(output), None if calibration is None else str(calibration))
+    report = diagnosis_report(found, command, files)
     with whole_results(*others.files, str(output) if found.accepted else None) as (results, page, file):
         if found.accepted:
             file.write(calibration_file(found.model, found_machine))

@@ -79,7 +79,7 @@ def correct(
     if in_place:
         raise UserError(f"--in-place replaces one program, and {len(programs)} are given: give -o FOLDER instead")
     command = f"ncomp {' '.join(programs)} --machine {machine} -o {output}"
-    correct_several(listed_programs(programs, output), request, others, jobs=jobs, dask=None, command=command)
+    correct_several(listed_programs(programs, output, machine), request, others, jobs=jobs, dask=None, command=command)
 
 
 def correct_one(

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from shlex import quote
 
 from kinematics.user_error import UserError
 from postproc.commands.options.shared import ResultOptions, check_files, number_of_workers, whole_results
@@ -13,7 +14,7 @@ from postproc.commands.programs.folder import FolderProgram, check_targets, corr
 from postproc.commands.programs.request import Request
 
 
-def listed_programs(inputs: Sequence[str], output: str | None) -> list[FolderProgram]:
+def listed_programs(inputs: Sequence[str], output: str | None, machine: str) -> list[FolderProgram]:
     """Programs that are given by name, each with its output of the same name in the folder `output`."""
     if output in (None, "-"):
         raise UserError(f"{len(inputs)} programs are given: name a folder for their outputs, -o FOLDER")
@@ -25,7 +26,8 @@ def listed_programs(inputs: Sequence[str], output: str | None) -> list[FolderPro
     for name in inputs:
         path = Path(name)
         if path.is_dir():
-            raise UserError(f"{name} is a folder: 'ncomp batch {name} {output}' corrects its programs")
+            hint = f"ncomp batch {quote(name)} {quote(str(output))} --machine {quote(machine)}"
+            raise UserError(f"{name} is a folder: '{hint}' corrects its programs")
         if not path.is_file():
             raise UserError(f"program {name}: No such file")
         target = folder / path.name
