@@ -87,7 +87,7 @@ BAD_OPTIONS = {
     "binary calibration": (["in.nc", "--machine", "gantry", "-c", "binary.json"], "calibration binary.json"),
     "later calibration": (["in.nc", "--machine", "gantry", "-c", "later.json"], "later.json: version 2"),
     "calibration off by mm": (["in.nc", "--machine", "gantry", "-c", "huge.json", *TRUE], "check calibration, machine and set-up"),
-    "unknown dialect": (["in.nc", *GANTRY, "--dialect", "pascal"], "--dialect pascal: expected one of auto, iso"),
+    "unknown dialect": (["in.nc", *GANTRY, "--dialect", "pascal"], "--dialect .pascal. is none of auto, iso"),
     "work offset of too few values": (["in.nc", *GANTRY, "--work-offset", "G54=1"], "G54=1: expected G54=x,y,z, got 1 of 3"),
     "time before zero": (["in.nc", *GANTRY, "--elapsed", "-5"], "--elapsed -5: expected a time in s"),
     "bad work offset": (["in.nc", *GANTRY, "--work-offset", "G54=1,x"], "--work-offset G54=1,x: 'x' is no number"),
@@ -490,7 +490,7 @@ def test_as_a_process(tmp_path):
     )
     assert (refused.returncode, refused.stdout) == (2, b"")
     assert refused.stderr.decode().startswith(
-        "ncomp: <stdin>:1: 'G31': G31 is a probing move, and its end position is not known from the program ("
+        "ncomp: <stdin>:1: 'G31': G31 is a probing move, and its end position is not known from the program: "
     )
     long = PROGRAM.replace("M30", f"G1 X100.0 ({'a' * 90})\nX200.0\n" * 1_500 + "M30").encode()  # a pipe holds less
     (tmp_path / "long.nc").write_bytes(long)

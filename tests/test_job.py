@@ -87,7 +87,7 @@ WRONG = {
     "axis": (("Y = 20.5", "B = 20.5"), "job.toml:5: work_offsets.G54.B: machine gantry (w b X Y Z t) has no axis B"),
     "offset": (("Y = 20.5", 'Y = "20.5"'), "job.toml:5: work_offsets.G54.Y: expected a number, not '20.5'"),
     "endless": (("Y = 20.5", "Y = inf"), "job.toml:5: work_offsets.G54.Y: inf is not finite"),
-    "datum": (('"probed@X11', '"proved@X11'), "job.toml:5: work_offsets.G54: --datum G54=proved@X11"),
+    "datum": (('"probed@X11', '"proved@X11'), "job.toml:5: work_offsets.G54.datum: expected probed"),
     "tool": (("1 = 80.0", '1 = "80"'), "job.toml:8: tools.1: expected a number, not a text in quotes"),
     "negative": (("elapsed_s = 60", "elapsed_s = -1"), "job.toml:11: conditions.elapsed_s: expected a number >= 0"),
     "comma": (("tolerance_um = 0.5", "tolerance_um = 0,5"), "job.toml:14: 'tolerance_um = 0,5': column 17:"),

@@ -353,11 +353,17 @@ def test_formats_are_recognised(write):
     assert ("auto", "ncomp", *foreign, "delimited") == FORMATS
 
 
-@pytest.mark.parametrize("text", ["1 2 3\n4 5 6\n", "a,b\n1,2\n", b"\x89PNG\r\n\x1a\n\0\0", "G0 X1\n"])
-def test_other_files(write, text):
-    with pytest.raises(
-        UserError, match=r"the format of the file is unknown; known formats are ncomp \(measurement file.*delimited"
-    ):
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1 2 3\n4 5 6\n", r"the format of the file is unknown; known formats are ncomp \(measurement file.*delimited"),
+        ("a,b\n1,2\n", r"the format of the file is unknown; known formats are ncomp \(measurement file.*delimited"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "this is a picture, no measurement: give the data of an instrument"),
+        ("G0 X1\n", "this is an NC program, no measurement: give the data of an instrument"),
+    ],
+)
+def test_other_files(write, text, message):
+    with pytest.raises(UserError, match=message):
         read_any(write(text), GANTRY)
 
 

@@ -12,7 +12,7 @@ JOB_FILE = "job"
 COMMANDS = {
     MAIN_JOB: "programs.correct",
     "batch": "programs.batch",
-    JOB_FILE: "programs.job",
+    JOB_FILE: "workplace.job",
     "watch": "programs.watch",
     "verify": "programs.verify",
     "check": "programs.check",

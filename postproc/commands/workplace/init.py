@@ -52,10 +52,10 @@ def init(
 ) -> None:
     """Make a machine file and a job file: asks for what the options leave open, checks the answers, draws the chain."""
     from kinematics.files import write_whole, writing
-    from postproc.commands.programs.job_file import read_job
     from postproc.commands.show.chain_svg import chain_svg
     from postproc.commands.show.terminal import say
     from postproc.commands.workplace.answers import Answers
+    from postproc.commands.workplace.job_file import read_job
 
     answers = Answers()
     files: dict[str, bytes] = {}

@@ -28,8 +28,8 @@ def job(
     """
     from postproc.commands.programs.correct import correct_one
     from postproc.commands.programs.folder import folders_for
-    from postproc.commands.programs.job_file import read_job
     from postproc.commands.programs.several import correct_several
+    from postproc.commands.workplace.job_file import read_job
 
     found = read_job(file)
     if len(found.programs) == 1 and dask is None:
