@@ -14,11 +14,10 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from grammars import block_parser
 from postproc.heidenhain.statements import formula_of, setting, statement
-from postproc.text.block import Block, Refusal, Word
+from postproc.text.block import Block, Refusal, Word, not_understood
 from postproc.text.block_values import check_order
 from postproc.text.expressions import Ambiguous
 from postproc.text.statements import Code
-from postproc.text.typing_mistakes import not_understood
 
 _VALUE = r"([+-]?)[ \t]*(\d+(?:[.,]\d*)?|[.,]\d+)"
 _PARTS = re.compile(rf"(I?[XYZABCUVW]|[FSM])[ \t]*({_VALUE})|F[ \t]*MAX|R[0LR]?|F(?![UZ])|M(?!B)", re.IGNORECASE)

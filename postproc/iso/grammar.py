@@ -10,11 +10,10 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput
 from grammars import block_parser
 from postproc.iso.blocks import PARTS
 from postproc.iso.statements import computed_word, returned, statement
-from postproc.text.block import Block, Refusal, Word
+from postproc.text.block import Block, Refusal, Word, not_understood
 from postproc.text.block_values import check_order
 from postproc.text.expressions import Ambiguous
 from postproc.text.statements import Code, Step
-from postproc.text.typing_mistakes import not_understood
 
 NO_NUMBER = -1.0
 """Number of a program that has a name: no call finds it."""

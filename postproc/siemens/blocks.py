@@ -16,12 +16,11 @@ from lark.exceptions import UnexpectedInput
 
 from grammars import block_parser
 from postproc.siemens.statements import arguments, number_of, statement, structure, valued
-from postproc.text.block import Block, Refusal, Word
+from postproc.text.block import Block, Refusal, Word, not_understood
 from postproc.text.block_values import check_order
 from postproc.text.expressions import Ambiguous
 from postproc.text.plain_lines import read_plain
 from postproc.text.statements import Code, Label, Return, Step, When
-from postproc.text.typing_mistakes import not_understood
 
 _WORD = r"[A-Za-z][ \t]*[+-]?(?:\d+(?:\.\d*)?|\.\d+)"
 _PLAIN = re.compile(rf"([ \t]*(?:[Nn]\d+)?(?:[ \t]*{_WORD})*)[ \t]*(?:;[^\r\n]*)?[\r\n]*")

@@ -14,6 +14,8 @@ DASHES = re.compile("^[-\u2010-\u2015\u2212]+")
 """Hyphen, and the dashes that text programs put in its place."""
 NUMBER_FORMS = {int: "a whole number", float: "a number"}
 HELP = ("--help", "-h")
+ONCE = ("correct", "batch", "watch", "verify", "check", "export", "job")
+"""Commands that refuse an option that is given twice, because their outputs go to machines; else the last one counts."""
 EVERYWHERE = ("--quiet", "--verbose", "--help")
 """Options of every command."""
 
@@ -85,7 +87,7 @@ class Misuse:
             if equals and all_mistakes:
                 self._refuse(f"{name} takes no value, and {text!r} is given")
             return
-        if each.name in given and each.item is None:
+        if each.name in given and each.item is None and self.command in ONCE:
             self._refuse(f"{name} is given twice: give it once")
         given.add(each.name)
         value = text if equals else next(rest, None)
