@@ -15,7 +15,7 @@ DASHES = re.compile("^[-\u2010-\u2015\u2212]+")
 NUMBER_FORMS = {int: "a whole number", float: "a number"}
 HELP = ("--help", "-h")
 ONCE = ("correct", "batch", "watch", "verify", "check", "export", "job")
-"""Commands that refuse an option that is given twice, because their outputs go to machines; else the last one counts."""
+"""Commands that refuse an option that is given twice: their outputs go to machines. Of others the last one counts."""
 EVERYWHERE = ("--quiet", "--verbose", "--help")
 """Options of every command."""
 
