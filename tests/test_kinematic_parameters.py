@@ -18,7 +18,7 @@ from kinematics.error_model.model import no_errors, read_model, write_model
 from kinematics.forward import forward, tool_point
 from kinematics.state import State
 from kinematics.user_error import UserError
-from postproc.commands.controls.export import format_names
+from postproc.commands.controls.export import check_format, format_names
 from postproc.kinematic_parameters.as_errors import errors_of_lines
 from postproc.kinematic_parameters.export import export_parameters, fitted_volume
 from postproc.kinematic_parameters.formats import FORMATS
@@ -146,6 +146,8 @@ def read_back(found, file):
 def test_every_format_has_a_case_and_is_offered():
     assert {form for form, _ in CASES} == set(FORMATS)
     assert set(FORMATS) <= set(format_names())
+    with pytest.raises(UserError, match=r"--format linuxcnc-kins: expected one of linuxcnc, .*linuxcnc-kinematics"):
+        check_format("linuxcnc-kins")
 
 
 @every_case

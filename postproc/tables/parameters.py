@@ -43,23 +43,25 @@ CONTROL_PARAMETERS: Mapping[str, Mapping[str, str]] = {
     "linuxcnc": {
         "backlash": "[JOINT_n] BACKLASH [manual]; ignored where the joint has a COMP_FILE",
         "growth": "no parameter: external offset by a HAL component [common]",
-        "rotary": "x-offset, y-offset, z-offset and *-rot-point pins of xyzac/xyzbc-trt-kins [manual]",
+        "rotary": "x-offset, y-offset, z-offset and *-rot-point pins of xyzac/xyzbc-trt-kins [manual]: "
+        "--format linuxcnc-kinematics writes them",
     },
     "siemens": {
         "backlash": "MD32450 $MA_BACKLASH [common]; only where no table holds both directions",
         "growth": "MD32750 TEMP_COMP_TYPE, SD43900 ... SD43920 temperature compensation [common]",
         "rotary": "TRAORI: MD24500, MD24550, MD24558, MD24560 offsets, MD24570/24572 axis vectors; "
-        "swivel data $TC_CARR1..20, fine offsets $TC_CARR41..60 [manual]",
+        "swivel data $TC_CARR1..20, fine offsets $TC_CARR41..60 [manual]: --format siemens-trafo5, siemens-tcarr",
     },
     "heidenhain": {
         "backlash": "MP_backLash; MP750.x on older controls [manual]; only where no table has a BACKLASH column",
         "growth": "no public description found",
-        "rotary": "COORD of the Trans rows before the MachAxis row in the kinematics description [manual]",
+        "rotary": "COORD of the Trans rows before the MachAxis row in the kinematics description [manual]: "
+        "--format heidenhain-transformations",
     },
     "fanuc": {
         "backlash": "1851 backlash, 1852 in rapid traverse, detection units [common]; 0 with bidirectional tables",
         "growth": "thermal growth compensation along the tool: an option [common]",
-        "rotary": "19700 ... 19755 offsets of the five-axis kinematics [common]",
+        "rotary": "19700 ... 19714 offsets of the five-axis kinematics [manual]: --format fanuc-kinematics",
     },
     "isg": {
         "backlash": "lr_param.backlash [common]; included in tables with bilateral 1 [manual]",

@@ -42,6 +42,12 @@ def format_names() -> list[str]:
     return [*FORMATS, *PARAMETERS]
 
 
+def check_format(name: str) -> None:
+    """UserError that lists all formats for one that is none of them."""
+    if name not in format_names():
+        raise UserError(f"--format {name}: expected one of {', '.join(format_names())}")
+
+
 @dataclass(frozen=True, kw_only=True)
 class TableOptions:
     """Format and conventions of compensation tables."""
@@ -88,6 +94,7 @@ def export(
 
     check_files((calibration, program, *set_up.tool_table), {"--rest": rest, **others.by_option})
     _check_folder(output)
+    check_format(tables.format)
     found = ncomp.load_machine(machine)
     if probe is not None and (tables.sign, rest, program, *others.files) != (None,) * 5:
         raise UserError("--probe excludes --sign, --rest, --program, --json and --report: it writes only a probe table")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.controls.export import TableOptions
+from postproc.commands.controls.export import TableOptions, check_format
 from postproc.commands.options.declared import REQUIRED, argument, option
 from postproc.commands.options.shared import MachineName, check_files
 
@@ -56,6 +56,7 @@ def import_tables(
     if less_tables_from is not None and with_tables_to is not None:
         raise UserError("--less-tables-from and --with-tables-to exclude each other: give one of them")
     check_files((*files, less_tables_from, with_tables_to), {"--output": output})
+    check_format(tables.format)
     found = ncomp.load_machine(machine)
     texts, prints = _texts(files)
     if is_parameters(tables.format):
