@@ -39,6 +39,7 @@ from kinematics.deviation import exact_deviation
 from kinematics.effects import LocationError
 from kinematics.inverse import linear_positions
 from kinematics.state import State
+from kinematics.user_error import UserError
 
 LOCATION_UM = 50.0
 POSES = 200
@@ -71,11 +72,15 @@ def other_poses(plan, rng):
 
 
 def examined(plan, seed, linear):
-    """Location errors within U, error at other poses before and after, components within U, findings of one draw."""
+    """Location errors within U, error at other poses before and after, components within U; None for a refusal."""
     machine, draws = plan.machine, streams(seed, 4)
     model = true_model(machine, draws[0], linear)
     measured = measure_plan(plan, model, VirtualInstrument(TouchProbe(u_um=1.0)), draws[1:]).measurement
-    found = calibrate(measured, hold_out=False, force=True)
+    try:
+        found = calibrate(measured, hold_out=False, force=True)
+    except UserError as refusal:
+        print(f"  draw {seed}: {refusal}")
+        return None
     true = in_datum(model, found.fit)
     got = {e.name: e for e in fitted_in_datum(found.fit).effects if isinstance(e, LocationError)}
     inside = [abs(e.value - true[name]) <= 2.0 * e.uncertainties[0] for name, e in got.items()]
@@ -112,7 +117,8 @@ def main():
         machine, start = machines.load(name), time.perf_counter()
         spheres = {f"s{k + 1}": tuple((AROUND[k] + MIDDLE[name]).tolist()) for k in range(given.spheres)}
         plan = probe_plan(machine, ProbeRequest(Probe(TIP), Artefact(spheres), given.design, given.points)).plan
-        results = [examined(plan, seed, given.linear) for seed in range(given.draws)]
+        drawn = [examined(plan, seed, given.linear) for seed in range(given.draws)]
+        results = [each for each in drawn if each is not None]
         before, after = (np.array([each[key] for each in results]) for key in ("before", "after"))
         inside = np.concatenate([each["inside"] for each in results])
         covered = np.concatenate([each["covered"].ravel() for each in results])
@@ -121,7 +127,7 @@ def main():
             f"{name:13s} {len(plan):6d}   {inside.mean():6.1%} of {inside.size:4d}   {before.mean():6.1f}"
             f"   {after.mean():6.2f}   {np.sqrt(np.mean(after**2) / np.mean(before**2)):8.1%}"
             f" ({(after / before).max():6.1%})   {np.mean(after <= before):9.0%}   {covered.mean():6.1%}  {chi2:5.2f}"
-            f"   {time.perf_counter() - start:.0f} s",
+            f"   {len(drawn) - len(results)} refused, {time.perf_counter() - start:.0f} s",
             flush=True,
         )
         print("              not visible:", "; ".join(dict.fromkeys(h for each in results for h in each["hidden"])))

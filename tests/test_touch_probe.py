@@ -16,7 +16,7 @@ from calibration.diagnosis.repeatability import repeats
 from calibration.fit.calibrate import calibrate
 from calibration.fit.calibrate import in_datum as fitted_in_datum
 from calibration.measurement.balls.touch_probe import TIP as PROBE
-from calibration.measurement.file import read_measurement
+from calibration.measurement.file import read_measurement, write_measurement
 from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Distance, Target
@@ -271,6 +271,38 @@ def test_a_wrong_length_shows_beside_another_probe():
     (finding,) = calibrate(of_two_tips(-230.05), basis="legendre:1", hold_out=False).findings
     assert "target long.csv:probe: its position on the tool differs by" in finding.message
     assert "0.05" in finding.message
+
+
+def of_turned_spindle(runout=0.015):
+    """Two files, the second with the spindle turned by 180 degrees; the tip is `runout`, mm, off its axis in x."""
+    one, model = probed("dmu50", 24, tip=(runout, 0.0, -150.0))
+    other, _ = probed("dmu50", 24, effects=model.effects, tip=(-runout, 0.0, -150.0))
+    stated = (Target((0.0, 0.0, -150.0)), Target((0.0, 0.0, -150.0), spindle_deg=180.0))
+    files = [replace(m, targets={PROBE: tip}) for m, tip in zip((one, other), stated, strict=True)]
+    return joined([replace(m, source=name) for m, name in zip(files, ("0.csv", "180.csv"), strict=True)])
+
+
+def test_a_turned_spindle_shows_the_runout_of_the_tip():
+    """Half of the difference for each: the location errors do not take up the rest."""
+    found = calibrate(of_turned_spindle(), basis="legendre:1", hold_out=False)
+    assert [each.name for each in found.targets] == ["0.csv:probe", "180.csv:probe"]
+    for each, sign in zip(found.targets, (1.0, -1.0), strict=True):
+        np.testing.assert_allclose(each.offset, (sign * 0.015, 0.0, 0.0), atol=3e-4)
+    assert [f.message.partition(" +-")[0] for f in found.findings] == [
+        "target 0.csv:probe: runout of the tip from its stated position (0.015, 0.000, 0.000) mm",
+        "target 180.csv:probe: runout of the tip from its stated position (-0.015, -0.000, -0.000) mm",
+    ]
+    assert not calibrate(of_turned_spindle(0.0), basis="legendre:1", hold_out=False).findings
+
+
+def test_the_angle_of_the_spindle_is_read_as_written(tmp_path):
+    one, _ = probed("dmu50", 4)
+    tip = Target((-0.015, 0.002, -150.0), spindle_deg=180.0)
+    with (tmp_path / "data.csv").open("wb") as file:
+        write_measurement(replace(one, targets={PROBE: tip}), file)
+    text = (tmp_path / "data.csv").read_text()
+    assert "# probe: 0.015 -0.002 -150.0\n# spindle_deg: 180.0\n" in text
+    assert read_measurement(tmp_path / "data.csv", DMU50).targets == {PROBE: tip}
 
 
 def test_repeats_show_the_noise():

@@ -27,6 +27,7 @@ from calibration.measurement.balls.ballbar import header_lines as bar_lines
 from calibration.measurement.balls.touch_probe import (
     READINGS,
     SPHERE,
+    SPINDLE,
     TIP,
     TOUCH_PROBE,
     is_sphere_key,
@@ -88,7 +89,7 @@ KEYS = {
     "laser-tracker": ["stands_on"],
     "interferometer": [],
     "part": ["part_offset"],
-    TOUCH_PROBE: [TIP],
+    TOUCH_PROBE: [TIP, SPINDLE],
     BALLBAR: [CENTRE, LENGTH, LENGTH_U],
 }
 CHUNK = 50_000
@@ -287,7 +288,7 @@ def header_lines(measurement: Measurement) -> Iterator[str]:
     if kind == "part":
         yield f"part_offset: {_numbers(measurement.part_zero)}"
     if kind == TOUCH_PROBE:
-        yield from probe_lines(measurement.targets[TIP].position, measurement.spheres, measurement.distances)
+        yield from probe_lines(measurement.targets[TIP], measurement.spheres, measurement.distances)
         return
     if isinstance(instrument, Ballbar):
         yield from bar_lines(measurement, instrument)

@@ -28,6 +28,8 @@ class Target:
     carrier: Carrier = "tool"
     free: bool = False
     """True for a target on the tool whose position the registration also estimates."""
+    spindle_deg: float = 0.0
+    """Angle by which the spindle was turned about +z when a touch probe measured, degrees; `position` is turned too."""
 
     @property
     def known(self) -> bool:

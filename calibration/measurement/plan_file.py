@@ -54,7 +54,7 @@ def plan_id(plan: Plan) -> int:
 
 
 def _sphere_lines(plan: Plan) -> list[str]:
-    return [f"instrument: {TOUCH_PROBE}", *header_lines(plan.targets[TIP].position, plan.spheres, ())]
+    return [f"instrument: {TOUCH_PROBE}", *header_lines(plan.targets[TIP], plan.spheres, ())]
 
 
 def _target_lines(plan: Plan) -> list[str]:

@@ -80,11 +80,15 @@ class TargetPosition:
     """Reduction of chi2 by this offset."""
     at_once: bool
     """True where all its rows are in sequence, so that the instrument may have moved instead."""
+    runout: bool = False
+    """True for the tip of a touch probe that was measured with the spindle turned by 180 degrees as well."""
 
     @property
     def text(self) -> str:
         """The result in one sentence, without a full stop."""
         size, u = _vector(self.offset), f"{COVERAGE * float(self.u.max()):.2g} mm (k=2)"
+        if self.runout:
+            return f"target {self.name}: runout of the tip from its stated position {size} +- {u}; the fit uses it"
         if not self.stated:
             return f"target {self.name}: its position on the tool is not stated, and fitted: {size} +- {u}"
         which = f"; or that of {' or '.join(self.others)} by the opposite: these data do not show which" * bool(
@@ -149,7 +153,23 @@ def target_positions(measurement: Measurement) -> list[TargetPosition]:
                 at_once,
             )
         )
-    return result
+    return _of_turned_spindle(measurement, on_tool, result)
+
+
+def _of_turned_spindle(
+    measurement: Measurement, on_tool: Sequence[str], found: list[TargetPosition]
+) -> list[TargetPosition]:
+    """The positions; of one tip with the spindle at 0 and at 180 degrees, half of the difference for each.
+
+    A runout turns with the spindle: what both have in common belongs to the machine.
+    """
+    tips = [measurement.targets[name] for name in on_tool]
+    if len(tips) != 2 or len(found) != 1 or abs(tips[0].spindle_deg - tips[1].spindle_deg) % 360.0 != 180.0:
+        return found
+    (each,) = found
+    mine = replace(each, offset=each.offset / 2.0, u=each.u / 2.0, others=(), runout=True)
+    other = replace(mine, name=next(name for name in on_tool if name != each.name), offset=-mine.offset)
+    return sorted([mine, other], key=lambda one: on_tool.index(one.name))
 
 
 def at_positions(measurement: Measurement, found: Sequence[TargetPosition]) -> Measurement:

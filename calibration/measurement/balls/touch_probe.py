@@ -23,6 +23,8 @@ TOUCH_PROBE = "touch-probe"
 """Kind of the instrument in a header."""
 TIP, SPHERE, DISTANCE = "probe", "sphere", "distance"
 """Header keys: of the tip, and the first parts of those of spheres and of distances. The tip is the target `probe`."""
+SPINDLE = "spindle_deg"
+"""Header key of the angle by which the spindle was turned: another file, with the tip on the other side."""
 PLAN_ID = "plan_id"
 """Header key of a plan of spheres, whose positions are not measured."""
 READINGS = ("dx", "dy", "dz")
@@ -63,7 +65,8 @@ def read_tip(table: Table) -> tuple[dict[str, Target], np.ndarray]:
         if key.partition(".")[0] in ("target", "table", "bed"):
             table.header_fault(key, f"a touch probe has one target, its tip (# {TIP}: x y z); remove this line")
     x, y, z = table.header_numbers(TIP, 3)
-    return {TIP: Target((x, y, z))}, np.full(len(table), TIP)
+    turned = table.header_numbers(SPINDLE, 1)[0] if SPINDLE in table.entries else 0.0
+    return {TIP: Target(_turned((x, y, z), turned), spindle_deg=turned)}, np.full(len(table), TIP)
 
 
 def read_spheres(table: Table) -> dict[str, Vector]:
@@ -133,15 +136,26 @@ def readings(machine: Machine, positions: Array, observed: Array) -> dict[str, A
     return {name: own[:, k] + 0.0 for k, name in enumerate(READINGS)}
 
 
-def header_lines(tip: Vector, spheres: Mapping[str, Vector], distances: tuple[Distance, ...]) -> Iterator[str]:
+def header_lines(tip: Target, spheres: Mapping[str, Vector], distances: tuple[Distance, ...]) -> Iterator[str]:
     """Header lines of the tip, the spheres and the distances, without `# `."""
-    yield f"{TIP}: {_numbers(*tip)}"
+    yield f"{TIP}: {_numbers(*_turned(tip.position, -tip.spindle_deg))}"
+    if tip.spindle_deg:
+        yield f"{SPINDLE}: {tip.spindle_deg!r}"
     for name, centre in spheres.items():
         if not NAME.fullmatch(name):
             raise UserError(f"sphere {name!r}: its name must not contain blanks, commas, colons or dots")
         yield f"{SPHERE}.{name}: {_numbers(*centre)}"
     for each in distances:
         yield f"{DISTANCE}.{each.one}.{each.other}: {_numbers(each.length, each.u)}"
+
+
+def _turned(tip: Vector, degrees: float) -> Vector:
+    """The tip of a spindle that has turned about +z; digits beyond a picometre are rounding."""
+    if not degrees:
+        return tip
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    x, y = np.round([c * tip[0] - s * tip[1], s * tip[0] + c * tip[1]], 9).tolist()
+    return x + 0.0, y + 0.0, tip[2]
 
 
 def _numbers(*values: float) -> str:
