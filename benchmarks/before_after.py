@@ -3,7 +3,7 @@
 BEFORE is another checkout of the repository (`git worktree add ../before COMMIT`); this one is the state after. Both
 work on the same inputs, which this one makes. Each command runs as a process of its own, once in each checkout a
 round; the table has medians, and the median of the ratios within a round. `same` compares the outputs, without lines
-that hold a time, a version or a calibration's name.
+that hold a time, a version or a calibration's name. `benchmarks/speed.py --before BEFORE` writes the table to its page.
 """
 
 from __future__ import annotations
@@ -14,9 +14,12 @@ import re
 import statistics
 import sys
 import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
+from diagnosis_time import sheet
 from processes import Spent, spent
 from speed_inputs import CLOTHINGS, FIVE_AXES, path
 
@@ -31,7 +34,7 @@ SIMULATED = (
 )
 COMMANDS = {
     "correct": "correct in.nc --machine dmu50 --set-up-zero -o {out}.nc",
-    "verify": "verify in.nc corrected.nc --machine dmu50 --set-up-zero --json {out}.json",
+    "verify": "verify long.nc corrected.nc --machine dmu50 --set-up-zero --json {out}.json",
     "predict": "predict points.csv --machine dmu50 -o {out}.csv",
     "export": "export --machine dmu50 --format siemens-eec -o {out}",
     "fit": "fit data.csv --machine gantry -o {out}.json",
@@ -39,6 +42,7 @@ COMMANDS = {
         "plan --machine gantry --strategy on-the-fly --target t=0,0,-100 --length-m 21 --feed 2500 -o {out}.csv"
     ),
     "diagnose": "diagnose few.csv --machine gantry -o {out}.json --json {out}.results",
+    "diagnose, a cause without a name": "diagnose unnamed.csv --machine gantry -o {out}.json --json {out}.results",
 }
 
 
@@ -48,14 +52,48 @@ def ncomp(checkout: Path, words: str, folder: Path) -> Spent:
     return spent((*NCOMP, *words.split()), os.environ | {"PYTHONPATH": str(checkout)}, folder, accepted)
 
 
-def prepare(folder: Path, blocks: int, points: int, rows: int, few: int) -> None:
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of the inputs."""
+
+    blocks: int = 20_000
+    """Blocks of the program of `correct`."""
+    long: int = 200_000
+    """Blocks of each program of `verify`."""
+    points: int = 100_000
+    """Rows of `predict`."""
+    rows: int = 3_000
+    """Rows of `fit`."""
+    few: int = 300
+    """Rows of `diagnose`."""
+
+
+def prepare(folder: Path, sizes: Sizes) -> None:
     """The inputs of the commands."""
-    CLOTHINGS[FIVE_AXES].write(folder / "in.nc", blocks)
-    ncomp(HERE, "correct in.nc --machine dmu50 --set-up-zero -o corrected.nc", folder)
-    states = path(np.arange(points))
+    CLOTHINGS[FIVE_AXES].write(folder / "in.nc", sizes.blocks)
+    CLOTHINGS[FIVE_AXES].write(folder / "long.nc", sizes.long)
+    ncomp(HERE, "correct long.nc --machine dmu50 --set-up-zero -o corrected.nc", folder)
+    states = path(np.arange(sizes.points))
     np.savetxt(folder / "points.csv", states, "%.4f", delimiter=",", header="X,Y,Z,B,C", comments="")
-    for name, number in (("data.csv", rows), ("few.csv", few)):
+    for name, number in (("data.csv", sizes.rows), ("few.csv", sizes.few)):
         ncomp(HERE, f"{SIMULATED} --points {number // 6}+{number // 6} -o {name}", folder)
+    (folder / "unnamed.csv").write_text(sheet("gantry", sizes.few, "without a name"))
+
+
+Pairs = dict[str, list[tuple[Spent, Spent]]]
+
+
+def measured(before: Path, names: Sequence[str], rounds: int, sizes: Sizes) -> tuple[Pairs, dict[str, bool]]:
+    """Time and memory of the commands in both checkouts, by round; and whether their outputs are the same."""
+    times: Pairs = {name: [] for name in names}
+    with tempfile.TemporaryDirectory(prefix="ncomp-before-after-") as made:
+        folder = Path(made)
+        prepare(folder, sizes)
+        for number in range(rounds):
+            for name in names:
+                print(f"round {number + 1}: {name}", file=sys.stderr, flush=True)
+                times[name].append((run(before, name, folder, "before"), run(HERE, name, folder, "after")))
+        return times, {name: outputs(folder, name, "before") == outputs(folder, name, "after") for name in names}
 
 
 def main() -> None:
@@ -64,30 +102,25 @@ def main() -> None:
     parser.add_argument("before", type=Path)
     parser.add_argument("--only", nargs="+", default=list(COMMANDS), choices=list(COMMANDS), metavar="NAME")
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--blocks", type=int, default=20_000, help="blocks of the program")
-    parser.add_argument("--rows", type=int, default=10_000, help="rows of fit")
-    parser.add_argument("--points", type=int, default=100_000, help="rows of predict")
-    parser.add_argument("--few", type=int, default=300, help="rows of diagnose")
+    for each in fields(Sizes):
+        parser.add_argument(f"--{each.name}", type=int, default=each.default)
     given = parser.parse_args()
-    times: dict[str, list[tuple[Spent, Spent]]] = {name: [] for name in given.only}
-    with tempfile.TemporaryDirectory(prefix="ncomp-before-after-") as made:
-        folder = Path(made)
-        prepare(folder, given.blocks, given.points, given.rows, given.few)
-        for number in range(given.rounds):
-            for name in given.only:
-                print(f"round {number + 1}: {name}", file=sys.stderr, flush=True)
-                times[name].append((run(given.before, name, folder, "before"), run(HERE, name, folder, "after")))
-        same = {name: outputs(folder, name, "before") == outputs(folder, name, "after") for name in given.only}
+    sizes = Sizes(**{each.name: getattr(given, each.name) for each in fields(Sizes)})
+    times, same = measured(given.before, given.only, given.rounds, sizes)
     print(f"medians of {given.rounds} rounds, processor seconds; load {os.getloadavg()[0]:.1f} at the end")
-    print(f"{'':18}{'before':>9}{'after':>9}{'ratio':>8}{'elapsed':>10}{'':>9}{'MB':>8}{'':>6}  same")
+    print(f"{'':34}{'before':>9}{'after':>9}{'ratio':>8}{'elapsed':>10}{'':>9}{'MB':>8}{'':>6}  same")
     for name, pairs in times.items():
         before, after = ([pair[k] for pair in pairs] for k in (0, 1))
-        ratio = statistics.median(a.processor / b.processor for a, b in pairs)
-        print(f"{name:18}{median(before, 1):9.2f}{median(after, 1):9.2f}{ratio:8.2f}", end="")
+        print(f"{name:34}{median(before, 1):9.2f}{median(after, 1):9.2f}{ratio(pairs):8.2f}", end="")
         print(
             f"{median(before, 0):10.2f}{median(after, 0):9.2f}{median(before, 2):8.0f}{median(after, 2):6.0f}", end=""
         )
         print(f"  {'yes' if same[name] else 'no'}")
+
+
+def ratio(pairs: Sequence[tuple[Spent, Spent]]) -> float:
+    """Median of the ratios of processor time before to after."""
+    return statistics.median(before.processor / after.processor for before, after in pairs)
 
 
 def run(checkout: Path, name: str, folder: Path, stage: str) -> Spent:

@@ -1,64 +1,85 @@
-"""Share of the moves of NC programs that are read in bulk: `python benchmarks/plain_share.py FOLDER [MACHINE]`.
+"""Share of the lines of NC programs that are corrected in bulk: `python benchmarks/plain_share.py FOLDER [MACHINE]`.
 
-For each program the number of its lines with coordinates, and how many of them are in runs of plain lines; a line that
-its dialect does not know counts too.
+A line is corrected in bulk if it is read, moved and written in columns, together with the lines around it. Every other
+line is read and written by itself: comments, M functions, cycles, and lines whose meaning needs more than their words.
+All lines of a program count, those without coordinates too. A program that is refused has no such line.
 """
 
 from __future__ import annotations
 
+import io
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from unittest.mock import patch
 
 import machines
+import ncomp
+from kinematics.error_model.model import ErrorModel
+from kinematics.machine import Machine
 from kinematics.user_error import UserError
+from machines import default_calibration
+from postproc.control.setup import make_setup
+from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
-from postproc.program_lines import read_blocks
-from postproc.text.block import Refusal
-from postproc.text.blocks import PlainRun
+from postproc.execution import Part, StreamedProgram
+from postproc.text.block import Block
 from postproc.text.source import open_source
+from postproc.write.plain_rows import PlainText
 
-AXES = "XYZABCUVW"
-CENTRES = frozenset("IJKR")
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from support.programs import random_model
+
+WITH_A, FOR_A = "trunnion_ac", ("five_axis_ac",)
+"""Machine for the real programs with an axis A, and their folders."""
+LONG = 100
+"""Lines of a program that has a row of its own in the table."""
 
 
-def moves(path: Path, axes: str) -> tuple[int, int, int]:
-    """Lines in runs, other lines with coordinates, and lines of arcs among the latter, up to the first unknown line."""
+def machine_of(path: Path) -> str:
+    """The shipped machine for a real program."""
+    return WITH_A if path.parent.name in FOR_A else "dmu50"
+
+
+def errors_of(machine: Machine) -> ErrorModel:
+    """The calibration of a shipped machine; random errors for a machine without one."""
+    return ncomp.load_calibration(machine) if default_calibration(machine) else random_model(machine, 1, 30.0)
+
+
+def lines_in_bulk(path: Path, machine: Machine, model: ErrorModel) -> tuple[int, int]:
+    """Number of lines that are corrected in bulk, and of all lines; UserError for a program that is refused."""
+    found = 0
+
+    class Counted(StreamedProgram):
+        def finished(self, part: Part, texts: list[str | PlainText]) -> tuple[Sequence[Block], list[str | PlainText]]:
+            nonlocal found
+            found += sum(text.lines for text in texts if isinstance(text, PlainText))
+            return super().finished(part, texts)
+
     source = open_source(str(path))
     dialect = find_dialect("auto", source.name, source.text_head)
-    runs = others = arcs = 0
-    try:
-        for item in read_blocks(source, dialect, axes):
-            if isinstance(item, PlainRun):
-                runs += len(item)
-                continue
-            addresses = {word.address.removeprefix("I") or "I" for word in item.words}
-            if item.kind in ("words", "line") and addresses & set(AXES):
-                others += 1
-                arcs += not CENTRES.isdisjoint(addresses)
-    except Refusal:
-        pass
-    return runs, others, arcs
+    job = Job(source, dialect, machine, model, make_setup(machine, zero=True), travel_check=False)
+    with patch("postproc.correct.pipeline.StreamedProgram", Counted):
+        Pipeline(job).run(io.BytesIO(), lambda _: None)
+    return found, len(path.read_bytes().splitlines())
 
 
 def main(folder: Path, name: str) -> None:
     """Count and print."""
-    axes = "".join(machines.load(name).names) if name else AXES
-    total = [0, 0, 0]
-    for path in sorted(folder.rglob("*.*")):
+    bulk = lines = refused = 0
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        machine = machines.load(name or machine_of(path))
         try:
-            found = moves(path, axes)
+            own, of = lines_in_bulk(path, machine, errors_of(machine))
         except UserError:
+            refused += 1
             continue
-        total = [a + b for a, b in zip(total, found, strict=True)]
-        if sum(found) >= 100:
-            print(f"{path.name:32} {_text(found)}")
-    print(f"{'all':32} {_text(total)}")
-
-
-def _text(found: list[int] | tuple[int, int, int]) -> str:
-    runs, others, arcs = found
-    share = f"{runs / (runs + others):6.1%}" if runs + others else "     -"
-    return f"{runs:7} of {runs + others:7} moves in bulk ({share}); {arcs:5} of the others are arcs"
+        bulk, lines = bulk + own, lines + of
+        if of >= LONG:
+            print(f"{path.name:32}{own:7} of {of:7} lines in bulk ({own / of:6.1%})")
+    print(f"{'all that are corrected':32}{bulk:7} of {lines:7} lines in bulk ({bulk / max(lines, 1):6.1%})")
+    print(f"{refused} files are refused")
 
 
 if __name__ == "__main__":

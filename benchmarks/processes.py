@@ -33,7 +33,7 @@ def spent(
     accepted: Sequence[int] = (0,),
 ) -> Spent:  # fmt: skip
     """Run a command. Failed for an exit status that is not accepted."""
-    start, largest, alone = time.perf_counter(), 0.0, True
+    start, largest, own, alone = time.perf_counter(), 0.0, 0.0, True
     with subprocess.Popen(
         [str(word) for word in words], env=environment, cwd=folder, stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
@@ -48,13 +48,14 @@ def spent(
                 break
             family = _family(process.pid)
             alone = alone and len(family) == 1
-            largest = max(largest, sum(map(_share_mb, family)))
+            largest = max(largest, sum(_memory_mb(each, "smaps_rollup", "Pss:") for each in family))
+            own = max(own, _memory_mb(process.pid, "status", "VmHWM:"))
             time.sleep(SAMPLED_S)
         process.returncode = os.waitstatus_to_exitcode(status)
     elapsed = time.perf_counter() - start
     if process.returncode not in accepted:
         raise Failed(f"{' '.join(map(str, words))}: status {process.returncode}: {said.decode(errors='replace')}")
-    return Spent(elapsed, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024 if alone else largest)
+    return Spent(elapsed, usage.ru_utime + usage.ru_stime, own if alone else largest)
 
 
 def _family(process: int) -> list[int]:
@@ -67,9 +68,10 @@ def _family(process: int) -> list[int]:
     return found
 
 
-def _share_mb(process: int) -> float:
+def _memory_mb(process: int, file: str, name: str) -> float:
+    """A figure that the system has of a process; 0 for one that has ended."""
     with suppress(OSError):
-        for line in Path(f"/proc/{process}/smaps_rollup").read_text().splitlines():
-            if line.startswith("Pss:"):
+        for line in Path(f"/proc/{process}/{file}").read_text().splitlines():
+            if line.startswith(name):
                 return int(line.split()[1]) / 1024
     return 0.0

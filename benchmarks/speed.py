@@ -7,6 +7,8 @@ Tables show medians of several rounds, and medians of the ratios within a round:
 
     --lines 10000000 --rounds 1        the largest size
     --lines 5000 --rounds 1            a small version, for CI
+    --before CHECKOUT                  another checkout (`git worktree add ../before COMMIT`), for comparisons with it
+    --only real commands               some tables; a page keeps the others as they are
     --pygcode FOLDER                   where `pip install --target FOLDER pygcode` has put it; needed for nothing else
 """
 
@@ -15,30 +17,28 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+import re
 import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import before_after
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-
+from plain_share import WITH_A, errors_of, lines_in_bulk, machine_of
 from processes import Failed, Spent, spent
 from speed_inputs import CLOTHINGS, FIVE_AXES, Clothing
-from support.programs import random_model
 
 import machines
 from kinematics.error_model.model import write_model
+from kinematics.user_error import UserError
 
 ROOT = Path(__file__).parents[1]
 REAL = ROOT.parent / "shared" / "data" / "nc"
-WITH_A, FOR_A = "trunnion_ac", ("five_axis_ac",)
-"""Machine for the real programs with an axis A, and their folders."""
 LARGEST_REAL = 5
 GROWTH = (1_000, 10_000, 100_000)
 FIRST = FIVE_AXES
@@ -81,7 +81,7 @@ class Bench:
     rounds: int
     pygcode: str
 
-    def correct(self, program: Path, machine: str = "dmu50", *options: str) -> Spent:
+    def correct(self, program: Path, machine: str = "dmu50", *options: str, checkout: Path = ROOT) -> Spent:
         """The correction of a program by the calibration of the machine."""
         words = (
             *NCOMP,
@@ -93,7 +93,7 @@ class Bench:
             self.folder / f"out{program.suffix}",
             *options,
         )
-        return spent(words, os.environ | {"PYTHONPATH": str(ROOT)})
+        return spent(words, os.environ | {"PYTHONPATH": str(checkout)}, self.folder)
 
     def interpret(self, program: Path) -> Spent | None:
         """Reading by LinuxCNC's interpreter; None where it is not installed or refuses the program."""
@@ -130,22 +130,45 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--pygcode", default="", metavar="FOLDER")
     parser.add_argument("--real", type=Path, default=REAL, metavar="FOLDER", help="real programs")
+    parser.add_argument("--before", type=Path, metavar="CHECKOUT", help="another checkout, to compare with")
+    parser.add_argument("--only", nargs="+", choices=TABLES, default=TABLES, metavar="NAME", help=" ".join(TABLES))
     parser.add_argument("--page", type=Path, metavar="FILE.md", help="page to write, docs/speed.md")
     given = parser.parse_args()
+    before, lines = given.before and given.before.resolve(), given.lines
+    sections = {}
     with tempfile.TemporaryDirectory(prefix="ncomp-speed-") as folder:
         bench = Bench(Path(folder), given.rounds, given.pygcode)
         bench.correct(bench.written(CLOTHINGS[FIRST], 10))  # writes Python's compiled files
-        tables = {
-            f"{given.lines:,} moves": clothings(bench, given.lines),
-            "From short to long": growth(bench, [n for n in GROWTH if n < given.lines] + [given.lines]),
-            "Other readers": readers(bench),
+        makers: dict[str, tuple[str, Callable[[], Table]]] = {
+            "forms": (f"{lines:,} moves", lambda: clothings(bench, lines)),
+            "growth": ("From short to long", lambda: growth(bench, [n for n in GROWTH if n < lines] + [lines])),
+            "readers": ("Other readers", lambda: readers(bench)),
         }
         if given.real.is_dir():
-            tables["Real programs"] = real_programs(bench, given.real)
-    text = "\n\n".join(f"## {title}\n\n{as_markdown(table)}" for title, table in tables.items())
-    print(f"{conditions(given.rounds)}\n\n{text}")
+            makers["real"] = "Real programs", lambda: real_programs(bench, given.real.resolve(), before)
+        if before:
+            makers["commands"] = "Commands, before and after", lambda: commands(before, given.rounds)
+        for name in (name for name in makers if name in given.only):
+            title, make = makers[name]
+            sections[title] = f"{as_markdown(make())}\n\n{conditions(given.rounds)}"
+            print(f"## {title}\n\n{sections[title]}\n", flush=True)
     if given.page is not None:
-        given.page.write_text(f"{INTRODUCTION}\n{conditions(given.rounds)}\n\n{text}\n")
+        given.page.write_text(page(sections, given.page))
+
+
+TABLES = ("forms", "growth", "readers", "real", "commands")
+"""Names of the tables, in the order of the page."""
+
+
+def page(sections: dict[str, str], path: Path) -> str:
+    """The page with these sections, by title, and with those of the present page that are not measured again."""
+    present = re.split(r"^## (.*)\n", path.read_text(), flags=re.MULTILINE)[1:] if path.is_file() else []
+    kept = {title: text.strip() for title, text in zip(present[::2], present[1::2], strict=True)}
+    if any(title.endswith(" moves") for title in sections):
+        kept = {title: text for title, text in kept.items() if not title.endswith(" moves")}
+    order = ("moves", "short", "Other", "Real", "Commands")
+    titles = sorted(kept | sections, key=lambda title: next(i for i, word in enumerate(order) if word in title))
+    return "\n\n".join([INTRODUCTION.rstrip(), *(f"## {t}\n\n{(kept | sections)[t]}" for t in titles)]) + "\n"
 
 
 def clothings(bench: Bench, lines: int) -> Table:
@@ -189,24 +212,66 @@ def readers(bench: Bench) -> Table:
     return (f"reader of {READ:,} lines", "us a line"), rows
 
 
-def real_programs(bench: Bench, folder: Path) -> Table:
-    """The largest real programs that ncomp corrects; those for a machine with A on a virtual one."""
+def real_programs(bench: Bench, folder: Path, before: Path | None) -> Table:
+    """The largest real programs that ncomp corrects, those for a machine with A on a virtual one; and all together."""
     options = ("--no-travel-check", "--accept", "outside,worse")
     calibration = bench.folder / "virtual.json"
-    write_model(random_model(machines.load(WITH_A), 1, 30.0), calibration)
-    lines = {path: path.read_bytes().count(b"\n") for path in folder.rglob("*") if path.is_file()}
+    write_model(errors_of(machines.load(WITH_A)), calibration)
+    paths = [path for path in folder.rglob("*") if path.is_file()]
+    bulk = {path: found for path in paths if (found := share_in_bulk(path)) is not None}
     rows: list[Sequence[str]] = []
-    for path in sorted(lines, key=lambda path: -lines[path]):
-        note(path.name)
-        virtual = (WITH_A, "--calibration", str(calibration)) if path.parent.name in FOR_A else ("dmu50",)
-        try:
-            pairs = [(bench.correct(path, *virtual, *options), bench.interpret(path)) for _ in range(bench.rounds)]
-        except Failed:
-            continue
-        rows.append((path.name, f"{lines[path]:,}", *figures(pairs, lines[path])))
-        if len(rows) == LARGEST_REAL:
-            break
-    return ("program", "lines", *HEAD[1:]), rows
+    for path in sorted(bulk, key=lambda path: -bulk[path][1])[:LARGEST_REAL]:
+        name, (fast, lines) = machine_of(path), bulk[path]
+        words = (name, *(("--calibration", str(calibration)) if name == WITH_A else ()), *options)
+        done: list[tuple[Spent, Spent | None]] = []
+        old: list[tuple[Spent, Spent]] = []
+        for number in range(bench.rounds):
+            note(f"round {number + 1}: {path.name}")
+            if before:
+                earlier = bench.correct(path, *words, checkout=before)
+            done.append((bench.correct(path, *words), bench.interpret(path)))
+            if before:
+                old.append((earlier, done[-1][0]))
+        compared = (
+            (f"{before_after.median([b for b, _ in old], 1):.2f}", f"{before_after.ratio(old):.1f}") if old else ()
+        )
+        own = figures(done, lines)
+        rows.append((path.name, f"{lines:,}", f"{fast / lines:.1%}", *own, *(compared or ("", ""))))
+    fast, lines = np.sum(list(bulk.values()), axis=0).tolist()
+    empty = [""] * (len(HEAD) + 1)
+    rows.append((f"all {len(bulk)} that are corrected", f"{lines:,}", f"{fast / lines:.1%}", *empty))
+    return ("program", "lines", "in bulk", *HEAD[1:], "processor before, s", "before / now"), rows
+
+
+def share_in_bulk(path: Path) -> tuple[int, int] | None:
+    """Lines that are corrected in bulk, and all lines; None for a program that is refused."""
+    machine = machines.load(machine_of(path))
+    try:
+        return lines_in_bulk(path, machine, errors_of(machine))
+    except UserError:
+        return None
+
+
+def commands(before: Path, rounds: int) -> Table:
+    """Commands of another checkout and of this one."""
+    sizes = before_after.Sizes()
+    times, same = before_after.measured(before, list(before_after.COMMANDS), rounds, sizes)
+    rows = []
+    for name, pairs in times.items():
+        earlier, now = ([pair[k] for pair in pairs] for k in (0, 1))
+        shown = [f"{before_after.median(each, column):.{digits}f}" for column, digits in ((1, 2), (0, 1), (2, 0))
+                 for each in (earlier, now)]  # fmt: skip
+        rows.append((name, *shown[:2], f"{before_after.ratio(pairs):.1f}", *shown[2:], "yes" if same[name] else "no"))
+    head = (
+        "processor before, s",
+        "now, s",
+        "before / now",
+        "elapsed before, s",
+        "now, s",
+        "memory before, MB",
+        "now, MB",
+    )
+    return ("command", *head, "same output"), rows
 
 
 HEAD = ("form", "ncomp, s", "processor, s", "us a line", "memory, MB", "rs274 -g, s", "times as fast as rs274")
@@ -254,6 +319,12 @@ Programs of one smooth path, in the clothings that CAM systems post, are correct
 its demonstration calibration: read, corrected, checked and written, with the start of the process. For long programs
 two further processes read ahead and evaluate the corrections. In turn with it LinuxCNC's interpreter, in C++, only
 reads the same moves (`rs274 -g`). Ratios are those within a round. Memory is that of all processes together.
+
+Lines in bulk are read, moved and written in columns, together with the lines around them. The others are read one by
+one: comments, cycles, M functions, increments (G91), tool vectors (LN, A3 B3 C3), and moves that are split. All lines
+of a program count (`benchmarks/plain_share.py`). Before: another checkout, run in turn with this one
+(`--before CHECKOUT`, also `benchmarks/before_after.py`); `verify` reads two programs of 200,000 blocks, `fit` 3,000
+rows, `diagnose` 300.
 """
 
 if __name__ == "__main__":

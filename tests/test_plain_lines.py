@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from support import every_road
 from support.iso_lines import blocks
+from support.no_process import Here
 from support.plain_programs import (
     arc_programs,
     klartext_lines,
@@ -315,3 +317,16 @@ def test_chunks_of_any_size_give_the_same_arcs(text, size):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("postproc.execution.CHUNK", size)
         assert outcome(text, DMU50, model) == whole
+
+
+@pytest.mark.parametrize(("programs", "lines"), [(3, 20), pytest.param(14, 60, marks=pytest.mark.statistical)])
+def test_real_programs_are_the_same_on_every_road(nc_data, programs, lines, tmp_path):
+    """Line by line, in pieces of 1 line, 7 lines, 4 KiB and 1 MiB, with one and two processes: text, JSON, refusal.
+
+    The longest programs; `benchmarks/same_bytes.py` runs all, and whole.
+    """
+    longest = sorted((path for path in nc_data.rglob("*") if path.is_file()), key=lambda path: -path.stat().st_size)
+    for path in first_lines(longest[:programs], lines, tmp_path):
+        machine = machine_for(path)
+        _, differences = every_road.differing(path, machine, random_model(machine, 5), Here)
+        assert not differences
