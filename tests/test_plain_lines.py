@@ -104,6 +104,24 @@ def test_arcs_in_bulk_give_the_same_program(text, seed, piece):
     assert outcome(text, DMU50, model, piece=piece, **options) == single
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(
+    "arcs",
+    [
+        "G2Y0.000Z7.874X0.000J-0.001\nG2Y-0.857Z12.290X0.000J-11.811\nG2Y-0.857Z12.290X0.000J-0.001\n"
+        "G1Y-0.857\nG2Y-0.857Z12.290X0.064J-0.001\nG2Y-0.856Z12.290X0.064J0.001\nG1Y-0.856",
+        "G2Y-0.003Z7.939X-0.000J-0.787\nG2Y1.310Z8.111X0.000J0.712K-0.336\nG2Y1.280Z8.053X0.037J0.685K-0.388\n"
+        "G2Y4.448Z11.246X0.053J-6.646K9.764\nG2Y4.448Z11.246X0.147J-0.001\nG1Y4.333Z11.288\n"
+        "G2Y4.333Z11.288X0.211J0.001\nG2Y4.334Z11.288X0.290J0.001\nG1Y4.287",
+    ],
+)
+def test_helices_of_hardly_any_radius_are_corrected(arcs, seed):
+    text = f"G19 G20 G90 G54 G94\nG0 X0.0000 Y0.0000 Z7.8740\n{arcs}\n"
+    options = {"tolerance_um": 1.0 if seed else 1e3}
+    single = outcome(text, DMU50, model_of_errors(seed), plain=False, **options)
+    assert outcome(text, DMU50, model_of_errors(seed), piece=1, **options) == single
+
+
 @drawn(10, 1500, text=arc_programs(siemens=True), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_siemens_arcs_in_bulk_give_the_same_program(text, seed, piece):
     check_lines(text.encode(), SIEMENS)

@@ -57,7 +57,8 @@ def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts
     that the middle is corrected; on short arcs less, because the shift would be large without an improvement. Along
     its chord it is shifted by the mean of the shifts if the two radii then differ no more than before, up to CLOSE;
     otherwise such that their difference is unchanged. On nearly full circles, whose ends are close together, that
-    shift would be large too, and the radii may differ.
+    shift would be large too, and the radii may differ; also where it would exceed the radius, because the ends lie in
+    nearly one direction from the centre.
     """
     start, end = ends
     first, last = math.dist(start, centre), math.dist(end, centre)
@@ -73,7 +74,9 @@ def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts
     n = (u[0] - v[0], u[1] - v[1])
     excess = across * (n[0] * w[0] + n[1] * w[1]) - out[0] + out[2]
     square = n[0] ** 2 + n[1] ** 2
-    along = excess / (max(square, 1.0) if abs(turned) > math.pi else square) if abs(excess) > CLOSE else 0.0
+    if abs(turned) > math.pi:
+        square = max(square, 1.0)
+    along = excess / square if CLOSE < abs(excess) < math.sqrt(square) * min(first, last) else 0.0
     return centre[0] + mean[0] + across * w[0] - along * n[0], centre[1] + mean[1] + across * w[1] - along * n[1]
 
 
