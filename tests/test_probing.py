@@ -132,6 +132,8 @@ def test_grids_have_no_seam_and_circles_come_back():
     angles = grid(ranges, 30)
     assert angles[:, 0].max() < 360.0
     assert set(angles[:, 1]) >= {-110.0, 110.0}
+    assert len(grid({0: (40.0, 50.0), 1: (0.0, 360.0)}, 12)) == 12
+    assert len(grid({0: (10.0, 10.0), 1: (0.0, 360.0)}, 12)) == 12
     each = circles(machines.load("head_head"), ranges, 24)
     assert np.array_equal(each[:6], each[6:12][::-1])
 

@@ -61,10 +61,17 @@ def candidates(ranges: Mapping[int, tuple[float, float]], number: int, seed: int
 def grid(ranges: Mapping[int, tuple[float, float]], number: int) -> Array:
     """Angles `(number or so, rotary axes)`, degrees: every combination, with counts in proportion to the ranges."""
     spans = np.array([high - low for low, high in ranges.values()])
-    moving = spans > 0.0
-    scale = (number / np.prod(spans[moving])) ** (1.0 / max(moving.sum(), 1))
-    counts = np.where(moving, np.maximum(np.round(spans * scale), 2), 1).astype(int)
-    return np.array(list(itertools.product(*(_spread(r, n) for r, n in zip(ranges.values(), counts, strict=True)))))
+    counts, left, free = np.ones(len(spans)), float(number), spans > 0.0
+    while free.any():
+        each = spans * (left / np.prod(spans[free])) ** (1.0 / free.sum())
+        # two angles for the ends of a small range, and the others share the rest
+        small = free & (each < 2.0)
+        now = small if small.any() else free
+        counts[now] = np.maximum(np.round(each[now]), 2.0)
+        left /= float(np.prod(counts[now]))
+        free &= ~now
+    angles = [_spread(ends, int(n)) for ends, n in zip(ranges.values(), counts.tolist(), strict=True)]
+    return np.array(list(itertools.product(*angles)))
 
 
 def circles(machine: Machine, ranges: Mapping[int, tuple[float, float]], number: int) -> Array:
