@@ -92,10 +92,19 @@ def test_a_picture_of_the_chain(command):
     assert "the workpiece turns against the arrow" in texts
 
 
+def test_a_page_that_turns(command):
+    assert command("machines", "head_head", "--draw", "head.html").status == 0
+    page = Path("head.html").read_text()
+    assert '"scatter3d"' in page
+    assert '"cone"' in page
+    assert "the tool turns along the arrow" in page
+    assert "http://" not in re.sub(r"http://www\.w3\.org\S*", "", page[: page.index("<script")])
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("machines", "dmu50", "--draw", "a.pdf"), "--draw a.pdf: expected a name that ends in .svg"),
+        (("machines", "dmu50", "--draw", "a.pdf"), "--draw a.pdf: expected a name that ends in .svg or .html"),
         (("machines", "--draw", "a.svg"), "name the machine to draw"),
         (("machines", "dmu50", "--draw", "no/a.svg"), "the folder no does not exist"),
     ],

@@ -47,7 +47,8 @@ def _text(x: float, y: float, text: str, kind: str = "", anchor: str = "start") 
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{named}>{escape(text)}</text>'
 
 
-def _colour(name: str) -> str:
+def colour_of(name: str) -> str:
+    """Colour of an axis."""
     return COLOURS.get(name[:1], OTHER)
 
 
@@ -58,7 +59,7 @@ def _links(machine: Machine) -> Iterator[str]:
     for link in machine.chain.split():
         label = names.get(link, link)
         width = 26.0 + 8.0 * len(label)
-        colour = "#888" if link in names else _colour(link)
+        colour = "#888" if link in names else colour_of(link)
         yield f'<rect class="link" x="{x}" y="68" width="{width}" height="28" rx="5" style="stroke:{colour}"/>'
         yield _text(x + width / 2, 87, label, "", "middle")
         x += width + 12
@@ -95,7 +96,7 @@ def _projected(points: Array) -> Array:
 
 def _drawn(shape: Shape, at: Array) -> Iterator[str]:
     """A shape at its points on the page."""
-    colour = _colour(shape.axis)
+    colour = colour_of(shape.axis)
     x, y = at[-1]
     if shape.kind == "pivot":
         yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" style="fill:{colour}"/>'

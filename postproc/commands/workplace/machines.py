@@ -74,12 +74,20 @@ def _list() -> None:
 def _draw(machine: Machine, target: Path) -> None:
     """Write the drawing of a machine in the form that its name asks for."""
     from kinematics.files import write_whole
-    from postproc.commands.show.chain_svg import chain_svg
 
     check_files((), {"--draw": target})
-    if target.suffix.lower() != ".svg":
-        raise UserError(f"--draw {target}: expected a name that ends in .svg")
-    write_whole(target, chain_svg(machine))
+    form = target.suffix.lower()
+    if form == ".svg":
+        from postproc.commands.show.chain_svg import chain_svg
+
+        write_whole(target, chain_svg(machine))
+    elif form in (".html", ".htm"):
+        from postproc.commands.show.chain_page import chain_report
+        from rendering.page import page
+
+        write_whole(target, page(chain_report(machine)))
+    else:
+        raise UserError(f"--draw {target}: expected a name that ends in .svg or .html")
 
 
 def _report(machine: Machine, calibration: str) -> Report:

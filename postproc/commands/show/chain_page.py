@@ -1,0 +1,68 @@
+"""The chain of a machine as a page: its axes in a figure that turns in space, and their table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from kinematics.machine import Machine
+from postproc.commands.show.chain import Shape, shapes
+from postproc.commands.show.chain_svg import HEAD, axis_rows, colour_of
+from rendering.report import Report, Section, Table
+
+if TYPE_CHECKING:
+    from rendering.figures import Figure
+
+SIGNS = "Arrows: the tool relative to the workpiece for a positive command (ISO 841). Lengths in mm, machine frame."
+DASHES = {"line": "dash", "opposite": "dot"}
+
+
+def chain_report(machine: Machine) -> Report:
+    """The page of a machine."""
+    sections = [
+        Section("Axes in space", SIGNS, figure=lambda: _figure(machine)),
+        Section("Axes", table=Table(HEAD, axis_rows(machine))),
+    ]
+    lead = f"{machine.description} · {machine.chain} (ISO 10791-6, workpiece to tool)"
+    return Report(f"Machine {machine.name}", lead, sections, head=machine.report)
+
+
+def _figure(machine: Machine) -> Figure:
+    from rendering.figures import Figure, Panel
+
+    panel = Panel("x, mm", "y, mm", z="z, mm", kind="scene", traces=[])
+    for shape in shapes(machine):
+        panel.traces += list(_traces(shape))
+    return Figure([panel], height=620)
+
+
+def _traces(shape: Shape) -> list[dict[str, Any]]:
+    """A shape as a line, with its label and the head of its arrow at the last point."""
+    colour = colour_of(shape.axis) if shape.axis else "#8a8f98"
+    x, y, z = shape.points.T
+    trace = {"type": "scatter3d", "x": x, "y": y, "z": z, "showlegend": False, "hoverinfo": "text", "name": shape.label}
+    text = [*[""] * (len(x) - 1), shape.label]
+    hover = [shape.label or shape.axis] * len(x)
+    if shape.kind == "pivot":
+        marker = {"color": colour, "size": 6}
+        return [trace | {"mode": "markers+text", "marker": marker, "text": text, "hovertext": hover}]
+    line = {
+        "color": colour,
+        "width": 6 if shape.kind in ("axis", "turn") else 3,
+        "dash": DASHES.get(shape.kind, "solid"),
+    }
+    found = [trace | {"mode": "lines+text", "line": line, "text": text, "hovertext": hover}]
+    if shape.kind in ("axis", "turn", "opposite"):
+        found.append(_cone(shape, colour))
+    return found
+
+
+def _cone(shape: Shape, colour: str) -> dict[str, Any]:
+    """The head of an arrow at the last point."""
+    import numpy as np
+
+    tip, along = shape.points[-1], shape.points[-1] - shape.points[-2]
+    size = 0.12 * float(np.linalg.norm(np.ptp(shape.points, axis=0)))
+    u, v, w = (along / max(float(np.linalg.norm(along)), 1e-9)).tolist()
+    place = {name: [value] for name, value in zip("xyzuvw", (*tip.tolist(), u, v, w), strict=True)}
+    scale = {"colorscale": [[0, colour], [1, colour]], "showscale": False, "sizemode": "absolute", "sizeref": size}
+    return {"type": "cone", "anchor": "tip", "hoverinfo": "skip", "showlegend": False} | place | scale
