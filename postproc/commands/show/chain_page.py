@@ -23,7 +23,7 @@ def chain_report(machine: Machine) -> Report:
         Section("Axes", table=Table(HEAD, axis_rows(machine))),
     ]
     lead = f"{machine.description} · {machine.chain} (ISO 10791-6, workpiece to tool)"
-    return Report(f"Machine {machine.name}", lead, sections, head=machine.report)
+    return Report(f"Machine {machine.name}", lead, sections, head=machine.report.filled(machine=machine.name))
 
 
 def _figure(machine: Machine) -> Figure:
@@ -44,7 +44,8 @@ def _traces(shape: Shape) -> list[dict[str, Any]]:
     hover = [shape.label or shape.axis] * len(x)
     if shape.kind == "pivot":
         marker = {"color": colour, "size": 6}
-        return [trace | {"mode": "markers+text", "marker": marker, "text": text, "hovertext": hover}]
+        form = {"mode": "markers+text", "marker": marker, "textposition": "bottom right"}
+        return [trace | form | {"text": text, "hovertext": hover}]
     line = {
         "color": colour,
         "width": 6 if shape.kind in ("axis", "turn") else 3,
