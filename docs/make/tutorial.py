@@ -112,6 +112,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         PAGE.write_text(renewed(PAGE.read_text(), folder))
+        if asked.pictures:
+            run(f"ncomp machines trunnion_ac --draw {ROOT / 'docs' / 'pictures' / 'machine.svg'}", folder)
         for name, height in PICTURES.items() if asked.pictures else ():
             picture = ROOT / "docs" / "pictures" / f"{name}.png"
             photograph(folder / FOLDER / f"{name}.html", picture, height)
