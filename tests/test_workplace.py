@@ -230,3 +230,24 @@ def test_versions(command):
     found = json.loads(command("--version", "--json").out)
     assert found["ncomp"] == command("--version").out.decode().split()[1]
     assert found["numpy"] == np.__version__
+
+
+# ---- more and less
+
+
+def test_quiet_and_verbose(command):
+    options = ("--machine", "gantry", "--strategy", "grid", "--points", "64", "--seed", "1", "-o", "data.csv")
+    assert "note:" in command("simulate", *options).shown
+    assert "note:" not in command("simulate", *options, "--quiet").shown
+    fit = ("fit", "data.csv", "--machine", "gantry", "--basis", "legendre:1", "--force", "-o", "cal.json")
+    usual, quiet = command(*fit), command(*fit, "--quiet")
+    assert (usual.status, quiet.status) == (0, 0)
+    assert 0 < len(quiet.out) < len(usual.out) / 3
+    assert quiet.err == ""
+    steps = re.findall(r"^ *\d+\.\d s  (.*)$", command("--verbose", *fit).err, re.MULTILINE)
+    assert steps[0] == "reading"
+    assert re.fullmatch(r"held-out residuals: (\d+) of \1 blocks", steps[-1])
+    both = command(*fit, "--quiet", "--verbose")
+    assert both.status == 2
+    assert "--quiet and --verbose exclude each other" in both.err
+    assert command("fit", "--help", "--quiet").status == 0

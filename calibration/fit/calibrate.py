@@ -124,7 +124,9 @@ def calibrate(
     refuse_few([found], identified)
     progress("held-out residuals")
     start, _ = with_effects(measurement, choice.bases, effects, choice.prior_scale)
-    held_out = cross_validate(measurement, start, prior, found.kept, variance, found) if hold_out else None
+    held_out = None
+    if hold_out:
+        held_out = cross_validate(measurement, start, prior, found.kept, variance, found, progress)
     too_many = disagreement(found)
     findings += [*zero_findings(run_zeros(found)), *distance_findings(found)]
     if too_many:

@@ -126,14 +126,16 @@ def cross_validate(
     kept: np.ndarray,
     variance: Variance = "sheet",
     near: Fit | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> CrossValidation | None:
     """Residuals of each block under a fit of the others; None when there are too few rows for blocks.
 
-    kept: mask `(n,)` of the rows to be used, outliers left out. near: a fit of the same model to all of them.
+    kept: mask `(n,)` of the rows to be used, outliers left out. near: a fit of the same model to all of them. progress
+    gets the present block and the number of blocks.
     """
     good = measurement.rows(np.flatnonzero(kept))
     refit = _refit(good, model, prior, variance, near)
-    return predicted_by_others(good, *held_out_blocks(good), refit, uncorrected(model))
+    return predicted_by_others(good, *held_out_blocks(good), refit, uncorrected(model), progress)
 
 
 def _is_linear(model: ErrorModel) -> bool:
@@ -225,7 +227,12 @@ class LeavingOut:
 
 
 def predicted_by_others(
-    good: Measurement, labels: np.ndarray, name: str, refit: Refit, other: ErrorModel | None = None
+    good: Measurement,
+    labels: np.ndarray,
+    name: str,
+    refit: Refit,
+    other: ErrorModel | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> CrossValidation | None:
     """Residuals of each block of rows under `refit`, and under another model, of the other rows.
 
@@ -236,7 +243,9 @@ def predicted_by_others(
     unexplained = np.full((2, len(good), good.components), np.nan)
     other = no_errors(good.machine) if other is None else other
     refits = refit, _refit(good, other, priors(other))
-    for label in np.unique(labels[labels >= 0]):
+    blocks = np.unique(labels[labels >= 0])
+    for number, label in enumerate(blocks, start=1):
+        progress(f"held-out residuals: {number} of {len(blocks)} blocks")
         others = labels != label
         predicted = ~others & registered(good, others)
         if not predicted.any():
