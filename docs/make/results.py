@@ -220,6 +220,7 @@ MEANINGS = {
     "figures": "the figures of the standard",
     "file": "name of the file",
     "files": "names of the written files",
+    "finer": "axes with a finer basis than that of the automatic search",
     "first": "first position",
     "last": "last position",
     "forced": "reasons that an option overrode",
