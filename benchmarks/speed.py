@@ -232,15 +232,16 @@ def real_programs(bench: Bench, folder: Path, before: Path | None) -> Table:
             done.append((bench.correct(path, *words), bench.interpret(path)))
             if before:
                 old.append((earlier, done[-1][0]))
-        compared = (
-            (f"{before_after.median([b for b, _ in old], 1):.2f}", f"{before_after.ratio(old):.1f}") if old else ()
-        )
-        own = figures(done, lines)
-        rows.append((path.name, f"{lines:,}", f"{fast / lines:.1%}", *own, *(compared or ("", ""))))
+        now, others = [own for own, _ in done], [other for _, other in done if other is not None]
+        shown = [f"{before_after.median(now, 1):.2f}", "", ""]
+        if old:
+            shown[1:] = [f"{before_after.median([each for each, _ in old], 1):.2f}", f"{before_after.ratio(old):.1f}"]
+        shown += [f"{max(own.peak_mb for own in now):.0f}", f"{before_after.median(others, 1):.2f}" if others else ""]
+        rows.append((path.name, f"{lines:,}", f"{fast / lines:.1%}", *shown))
     fast, lines = np.sum(list(bulk.values()), axis=0).tolist()
-    empty = [""] * (len(HEAD) + 1)
-    rows.append((f"all {len(bulk)} that are corrected", f"{lines:,}", f"{fast / lines:.1%}", *empty))
-    return ("program", "lines", "in bulk", *HEAD[1:], "processor before, s", "before / now"), rows
+    rows.append((f"all {len(bulk)} that are corrected", f"{lines:,}", f"{fast / lines:.1%}", *[""] * 5))
+    head = ("processor, s", "before, s", "before / now", "memory, MB", "rs274 -g, processor, s")
+    return ("program", "lines", "in bulk", *head), rows
 
 
 def share_in_bulk(path: Path) -> tuple[int, int] | None:
@@ -256,7 +257,7 @@ def commands(before: Path, rounds: int) -> Table:
     """Commands of another checkout and of this one."""
     sizes = before_after.Sizes()
     times, same = before_after.measured(before, list(before_after.COMMANDS), rounds, sizes)
-    rows = []
+    rows: list[Sequence[str]] = []
     for name, pairs in times.items():
         earlier, now = ([pair[k] for pair in pairs] for k in (0, 1))
         shown = [f"{before_after.median(each, column):.{digits}f}" for column, digits in ((1, 2), (0, 1), (2, 0))
