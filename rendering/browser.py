@@ -28,7 +28,7 @@ CURE = (
     "install one (Debian: apt-get install chromium; Windows and macOS: Chrome or Edge) and put it on the PATH, or open "
     "the page in any browser and print it from there"
 )
-PATIENCE = 120.0
+PATIENCE = 300.0
 """Time, s, in which all figures of a page are drawn."""
 WAIT = """new Promise(resolve => {
   const root = document.documentElement;

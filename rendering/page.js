@@ -116,6 +116,7 @@ function arranged(spec, width, palette) {
 }
 
 const CONFIG = {displaylogo: false, responsive: false, displayModeBar: "hover", showTips: false,
+  plotGlPixelRatio: window.devicePixelRatio || 1,
   modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]]};
 const CONFIG_3D = {...CONFIG, modeBarButtons: [["toImage", "orbitRotation", "tableRotation", "resetCameraDefault3d"]]};
 const is3d = spec => spec.panels.some(panel => panel.kind === "scene");

@@ -2,13 +2,15 @@
 
 import base64
 import re
+import shlex
+import shutil
 from pathlib import Path
 
 import pytest
 from clients.chromium import DESKTOP, PHONE
 from pypdf import PdfReader
 from support.command import succeed
-from support.pages import figures
+from support.pages import figures, panels
 
 BOX = Path(__file__).parents[1] / "examples" / "box.nc"
 A4 = (595, 842)
@@ -35,10 +37,10 @@ def correction(folder):
     return page
 
 
-def check_screens(chromium, page):
+def check_screens(chromium, page, screens=((PHONE, False), (DESKTOP, True))):
     """All figures drawn without an error, nothing loaded, nothing wider than a phone, light and dark."""
     count = len(figures(page))
-    for width, night in ((PHONE, False), (DESKTOP, True)):
+    for width, night in screens:
         chromium.open(page, width, dark=night)
         shown = chromium.run("document.querySelectorAll('details').forEach(d => d.open = true);" + DRAWN)
         assert len(shown) == count
@@ -93,15 +95,19 @@ def test_a_path_turns_and_answers_the_pointer(chromium, correction):
     assert any(re.search(r"\d", text) for text in texts)
 
 
-def test_lists_open_and_the_theme_changes_by_clicks(chromium, correction):
-    chromium.open(correction)
-    summary = chromium.driver.find_element("xpath", "//summary[contains(., 'Conventions')]")
-    text = chromium.driver.find_element("xpath", "//details[contains(., 'Conventions')]/p")
+def test_lists_open_and_the_theme_changes_by_clicks(chromium, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    simulated, evaluated = KINDS["ballbar"]
+    succeed(*shlex.split(simulated))
+    succeed(*shlex.split(evaluated), "--report", "ballbar.html")
+    chromium.open(folder / "ballbar.html")
+    summary = chromium.driver.find_element("xpath", "//summary[contains(., 'Detection limits')]")
+    text = chromium.driver.find_element("xpath", "//details[contains(., 'Detection limits')]/p")
     assert not text.is_displayed()
     summary.click()
     assert text.is_displayed()
     colour = "return getComputedStyle(document.documentElement).backgroundColor"
-    figure = "return document.querySelectorAll('.plot')[1]._fullLayout.paper_bgcolor"
+    figure = "return document.querySelectorAll('.plot')[0]._fullLayout.paper_bgcolor"
     light = chromium.run(colour), chromium.run(figure)
     chromium.driver.find_element("id", "theme").click()
     assert all(a != b for a, b in zip(light, (chromium.run(colour), chromium.run(figure)), strict=True))
@@ -133,6 +139,55 @@ def test_a_picture_of_the_path_is_not_blank(chromium, correction):
         "for (let k = 0; k < d.length; k += 4) s.add(d[k] >> 4 << 8 | d[k + 1] >> 4 << 4 | d[k + 2] >> 4); return s.size"
     )
     assert colours > 20
+
+
+KINDS = {
+    "iso230": (
+        "simulate --machine cframe --strategy axes --runs 2 --instrument interferometer -o laser.csv",
+        "iso230 laser.csv --machine cframe",
+    ),
+    "ballbar": (
+        "simulate --machine cframe --instrument ballbar --centre 300,225,150 --target t1=0,0,-120 --bar 150:0.5 "
+        "--feed 1000 --errors none --effect backlash:axis=X,width=8 -o circles.csv",
+        "ballbar circles.csv --machine cframe",
+    ),
+    "fit": (
+        "simulate --machine cframe --strategy random --points 90 --tracker=-1500,1500,300 --target t1=0,0,-120 "
+        "--target t2=90,40,-180 --target t3=-60,80,-100 -u u_range_um=1 -u u_angle_um=3 -o data.csv",
+        "fit data.csv --machine cframe --basis b-spline:4 -o cal.json",
+    ),
+    "compare": ("fit data.csv --machine cframe --basis b-spline:3 -o other.json", "compare cal.json other.json"),
+    "predict": ("predict data.csv --machine cframe -c cal.json -o predicted.csv",),
+    "export": ("export --machine cframe -c cal.json --format linuxcnc -o tables",),
+    "verify": (
+        "box.nc --machine dmu50 --set-up-zero -o corrected.nc",
+        "verify box.nc corrected.nc --machine dmu50 --set-up-zero",
+    ),
+    "continuous": (
+        "simulate-continuous --machine cframe --axis X --start-mm 0 --end-mm 450 --feed 5000 --rate 500 --spacing 45 "
+        "--both --effect backlash:axis=X,width=8 -o run.csv --quasistatic targets.csv",
+        "continuous run.csv targets.csv -o table.csv",
+    ),
+}
+"""Commands up to each kind of page; the last one writes it."""
+
+
+@pytest.mark.statistical
+def test_every_kind_of_page(chromium, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(BOX, tmp_path)
+    for kind, commands in KINDS.items():
+        *before, last = (shlex.split(each) for each in commands)
+        for each in before:
+            succeed(*each)
+        succeed(*last, "--report", f"{kind}.html")
+        page = tmp_path / f"{kind}.html"
+        assert figures(page), kind
+        scenes = [panel for panel in panels(page) if panel.get("kind") == "scene"]
+        if not scenes:
+            check_screens(chromium, page)
+        elif kind == "fit":  # 3-D figures take long without a graphics card
+            check_screens(chromium, page, ((PHONE, False),))
 
 
 def test_a_page_without_figures_prints_too(chromium, tmp_path):  # noqa: ARG001
