@@ -116,7 +116,7 @@ def test_export_of_the_calibration_with_tables_active_is_of_the_whole_machine(co
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--format", "heidenhein"), "--format 'heidenhein' is none of linuxcnc"),
+        (("--format", "heidenhein"), "--format heidenhein: expected one of linuxcnc"),
         (("--format", "linuxcnc", "--set", "points=1"), "--set: Expected `int` >= 2"),
         (("--format", "linuxcnc", "--sign", "error"), "known to mean the correction"),
         (("--format", "linuxcnc", "--sign", "up"), "--sign up: expected error or correction"),

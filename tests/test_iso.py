@@ -20,7 +20,7 @@ from postproc.iso.lines import read_block
 from postproc.motion.moves import Kind, Known
 from postproc.text.block import Refusal
 from postproc.text.notes import Notes
-from postproc.verification.verify import CHUNK
+from postproc.text.source import CHUNK
 
 RAPID, LINE, ARC, MACHINE = Kind.RAPID, Kind.LINE, Kind.ARC, Kind.MACHINE
 ROOT = math.sqrt(0.5)

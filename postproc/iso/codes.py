@@ -99,8 +99,7 @@ REFUSED_G = {
     **dict.fromkeys((12.0, 13.0, 150.0), "mills a pocket by a cycle of the control, which is not corrected"),
     **dict.fromkeys(
         (31.0, 37.0, 38.2, 38.3, 38.4, 38.5),
-        "is a probing move, and its end position is not known from the program: "
-        "take the probing into a program of its own",
+        "is a probing move, and its end position is not known from the program: probe in a program of its own",
     ),
     **dict.fromkeys((32.0, 33.0, 33.1), "cuts a thread, which is not corrected"),
     76.0: 'is threading on LinuxCNC and fine boring on FANUC: write family = "fanuc" in the machine file',

@@ -58,7 +58,7 @@ MISTAKES = (
     option("folder into itself", f"batch empty empty {HEAD[6:]}", "the output folder empty", "is the input", "name another one"),
     option("several programs without a folder", f"in.nc done.nc {HEAD[6:]}", "2 programs", "are given", "name a folder for their outputs"),
     option("format of tables forgotten", f"export {HEAD[6:]} -o tables", "--format FORMAT", "is missing", "format of the tables"),
-    option("format of tables misspelled", f"export {HEAD[6:]} --format linuxnc -o tables", "--format 'linuxnc'", "is none of", "did you mean 'linuxcnc'?"),
+    option("format of tables misspelled", f"export {HEAD[6:]} --format linuxnc -o tables", "--format linuxnc", "expected one of", "did you mean 'linuxcnc'?"),
     option("strategy misspelled", "plan --machine gantry --strategy plans -o new.csv", "strategy 'plans'", "is none of", "did you mean 'planes'?"),
     option("effect misspelled", "fit data.csv --machine gantry --effect backlas:axis=X -o new.json", "--effect backlas:axis=X", "no effect 'backlas'", "did you mean 'backlash'?"),
     option("basis misspelled", "fit data.csv --machine gantry --basis legend:5 -o new.json", "basis 'legend:5'", "is none of", "legendre:N"),

@@ -29,7 +29,7 @@ MISTAKES = (
     line("bracket that is not closed", "N70 X[100+5 Y150.", "'Y150.' is not understood", "close the bracket with ]"),
     line("radius that is too small", "N70 G2 X400. Y150. R10.", "no circle of this radius", "write a larger radius"),
     line("centre that does not fit", "N70 G2 X150. Y150. I5. J0.", "the arc is no circle", "correct its end or its centre"),
-    line("probing in the program", "N70 G31 Z5. F50", "G31 is a probing move", "into a program of its own"),
+    line("probing in the program", "N70 G31 Z5. F50", "G31 is a probing move", "probe in a program of its own"),
     line("G code that does not exist", "N70 G999 X200.", "G999 is not known", "take it out, or write its moves"),
     line("axis of another machine", "N70 X200. C45.", "machine gantry (w b X Y Z t) has no axis C", "check --machine"),
     line("inches on a millimetre set-up", "N70 G20 X200. Y150.", "X would go to 5080.0000 mm", "--no-travel-check lets it pass"),

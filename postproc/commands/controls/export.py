@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import ncomp
+from kinematics.mistaken_files import did_you_mean
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, option
 from postproc.commands.options.program import SetUpOptions, moves_of
@@ -45,7 +46,9 @@ def format_names() -> list[str]:
 def check_format(name: str) -> None:
     """UserError that lists all formats for one that is none of them."""
     if name not in format_names():
-        raise UserError(f"--format {name}: expected one of {', '.join(format_names())}")
+        raise UserError(
+            f"--format {name}: expected one of {', '.join(format_names())}{did_you_mean(name, format_names())}"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
