@@ -160,8 +160,8 @@ KINDS = {
     "predict": ("predict data.csv --machine cframe -c cal.json -o predicted.csv",),
     "export": ("export --machine cframe -c cal.json --format linuxcnc -o tables",),
     "verify": (
-        "box.nc --machine dmu50 --set-up-zero -o corrected.nc",
-        "verify box.nc corrected.nc --machine dmu50 --set-up-zero",
+        "box.nc --machine dmu50 --work-offset G54=-30,-20,150 --tool-length T1=80 -o corrected.nc",
+        "verify box.nc corrected.nc --machine dmu50 --work-offset G54=-30,-20,150 --tool-length T1=80",
     ),
     "continuous": (
         "simulate-continuous --machine cframe --axis X --start-mm 0 --end-mm 450 --feed 5000 --rate 500 --spacing 45 "
