@@ -133,7 +133,8 @@ def test_reading(file, tmp_path):
     assert read_input(file, "program") == b"old"
     with pytest.raises(UserError) as refusal:
         read_input(tmp_path / "none.nc", "program")
-    assert str(refusal.value) == f"program {tmp_path / 'none.nc'}: No such file or directory"
+    near = f" (did you mean '{file.name}'?)"
+    assert str(refusal.value) == f"program {tmp_path / 'none.nc'}: No such file or directory{near}"
     with pytest.raises(UserError, match=r"^program .*: Is a directory$"):
         read_input(tmp_path, "program")
 

@@ -43,13 +43,14 @@ def match(nominal: Motions, commanded: Motions) -> Matched:
     return Matched(nominal, matched, commanded)
 
 
-def in_step(nominal: Iterable[Motions], commanded: Iterable[Motions], size: int = CHUNK) -> Iterator[Matched]:
-    """The moves of the chunks of two programs, `size` moves of the original at a time, at least once.
+def in_step(nominal: Iterable[Motions], commanded: Iterable[Motions], size: int = 0) -> Iterator[Matched]:
+    """The moves of the chunks of two programs, `size` (0: CHUNK) moves of the original at a time, at least once.
 
     Backlash take-ups and segments stay with their move. Both programs are read to their ends in any case, the first
     one first: a refusal of a line comes before DifferentMoves.
     """
     original, corrected = _Moves(iter(nominal), corrected=False), _Moves(iter(commanded), corrected=True)
+    size = size or CHUNK
     try:
         more = True
         while more:
