@@ -70,9 +70,9 @@ def test_a_wave_found_in_what_has_no_name_is_not_worth_a_name(seed):
 
 @pytest.mark.parametrize("seed", quick(range(8), [0, 1]))
 def test_a_period_is_found_again_without_each_block_only_where_it_is_there(seed):
-    """At 60 positions, where one of thousands of periods always suits the noise."""
-    for size, there in ((0.0, False), (12.0, True)):
-        bare = selector(data_with(Cyclic("X", "X", 10.0, (size,), (0.0,)), n=60, seed=seed)).stage([]).linearised
+    """At 60 positions one of thousands of periods always suits the noise; at 120 a wave of 12 um is clear."""
+    for size, n, there in ((0.0, 60, False), (12.0, 120, True)):
+        bare = selector(data_with(Cyclic("X", "X", 10.0, (size,), (0.0,)), n=n, seed=seed)).stage([]).linearised
         assert found_again(bare, strongest_wave(bare).effect) == there
     assert found_again(bare, Backlash("X", 0.0))
 
