@@ -24,7 +24,8 @@ for version in 3.11 3.12 3.13; do
         ncomp --version
         setup=(--machine dmu50 --work-offset G54=-30,-20,150 --tool-length T1=80)
         ncomp "$root/examples/box.nc" "${setup[@]}" -o "box$version.nc" --report page.html 2>log || { cat log; exit 1; }
-        python -m ncomp verify "$root/examples/box.nc" "box$version.nc" "${setup[@]}" | head -6
+        python -m ncomp verify "$root/examples/box.nc" "box$version.nc" "${setup[@]}" >log
+        head -6 log # a pipe that is closed early would end the script
         ncomp simulate --machine gantry --strategy grid --points 125 --seed 1 -o data.csv
         ncomp fit data.csv --machine gantry -o "cal$version.json" --basis legendre:3 >log || { cat log; exit 1; }
         ls "$folder/$version/lib/python$version/site-packages" |
