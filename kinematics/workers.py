@@ -36,6 +36,7 @@ RETRIES = 10
 CONNECT_S = 20
 GRACE_S = 5.0
 """Time, s, after which a worker that was told to end is ended in the midst of its work."""
+STOPS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 LARGEST_TASK = "2 GiB"
 """Size of a task for Dask without a warning: programs travel in their tasks."""
 Task = tuple[Any, ...]
@@ -132,8 +133,9 @@ class Processes(ProcessPoolExecutor):
         super().__init__(number, multiprocessing.get_context("spawn"), _prepare, (self._heard,))
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """The task, to be done by a worker."""
-        return super().submit(_do, fn, *args, **kwargs)
+        """The task, to be done by a worker, which is started if none is free."""
+        with stops_wait():
+            return super().submit(_do, fn, *args, **kwargs)
 
     def abandon(self) -> None:
         """End the workers in the midst of their tasks."""
@@ -144,6 +146,28 @@ class Processes(ProcessPoolExecutor):
         super().shutdown(wait, cancel_futures=cancel_futures)
         self._held.close()
         self._heard.close()
+
+
+@contextmanager
+def stops_wait() -> Iterator[None]:
+    """Signals that end this process are handled behind the block.
+
+    For the start of a process: one that this process starts only half would complain of it on the terminal.
+    """
+    if threading.current_thread() is not threading.main_thread():  # handlers are called in the main thread
+        yield
+        return
+    arrived: list[int] = []
+    handlers = {stop: handler for stop in STOPS if callable(handler := signal.getsignal(stop))}
+    for stop in handlers:
+        signal.signal(stop, lambda number, _: arrived.append(number))
+    try:
+        yield
+    finally:
+        for stop, handler in handlers.items():
+            signal.signal(stop, handler)
+        for number in arrived:
+            signal.raise_signal(number)
 
 
 def _prepare(heard: Connection) -> None:

@@ -22,6 +22,8 @@ from typing import Any
 
 import numpy as np
 
+from kinematics.workers import stops_wait
+
 BUFFERS = 5
 """Protocol of pickle that leaves the memory of columns where it is."""
 SIZE = struct.Struct("<Q")
@@ -41,7 +43,8 @@ class SecondProcess:
         context = multiprocessing.get_context("spawn")
         self._socket, other = socket.socketpair()
         self._process = context.Process(target=_serve, args=(other, work), daemon=True)
-        self._process.start()
+        with stops_wait():
+            self._process.start()
         other.close()
         self._tasks: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._sender = threading.Thread(target=self._send_all, daemon=True)

@@ -28,6 +28,7 @@ RUN = "from postproc.cli import run; run()"
 HEAD = "G21 G90 G17 G54 G94\nG0 X100. Y100. Z100.\n"
 LONG = HEAD + "G1 X200. F500\nX100.\nY300.\nX150.\nY100.\n" * 200_000 + "M30\n"
 MOVES = "G1 X30. Y30. Z41. B5. C9. F100\nX20.\nX40. C30.\nG2 X45. I2.5 J0.\nG1 X30. Y31.\n"
+ROOT = Path(__file__).parents[1]
 PATIENCE_S = 300.0
 """Time after which a process hangs, also on a computer with much other work."""
 NEEDS_PROC = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found in /proc")
@@ -157,6 +158,26 @@ def test_a_process_that_is_killed_is_lost(total):
         total.give(3)
 
 
+STOPPED_AT_THE_START = """
+import multiprocessing.util, signal, sys
+from postproc.second_process import SecondProcess
+spawn = multiprocessing.util.spawnv_passfds
+def spawn_and_stop(*words):
+    process = spawn(*words)
+    if "spawn_main" in str(words):  # not the one that keeps account of resources
+        signal.raise_signal(signal.SIGTERM)
+    return process
+multiprocessing.util.spawnv_passfds = spawn_and_stop
+signal.signal(signal.SIGTERM, lambda number, _: sys.exit(3))
+SecondProcess(len)
+"""
+
+
+def test_a_stop_while_the_process_starts_ends_both_without_a_traceback():
+    ended = subprocess.run([sys.executable, "-c", STOPPED_AT_THE_START], capture_output=True, check=False, cwd=ROOT)
+    assert (ended.returncode, ended.stderr) == (3, b"")
+
+
 # ---- killed
 
 
@@ -185,7 +206,7 @@ def _started(tmp_path, monkeypatch):
     write_model(model_of(GANTRY, LocationError("C", "Y", 100.0)), tmp_path / "cal.json")
     (tmp_path / "in.nc").write_text(LONG)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
     words = [sys.executable, "-c", RUN, "in.nc", "-m", "gantry", "-c", "cal.json", "--set-up-zero", "-o", "out.nc",
              "--jobs", "2", "--json", "out.json"]  # fmt: skip
     with subprocess.Popen(words, stderr=subprocess.PIPE) as process:
