@@ -277,12 +277,13 @@ def verify(
     classes: bool = False,
     tolerance_um: float = 1.0,
     accept: str | None = None,
+    traced: bool = False,
 ) -> Verification:
     """Tool point error, um, of a program before and after correction, by the exact model, from the two texts alone.
 
     old: an earlier calibration, whose errors are computed as well; align: a calibration that is taken for the true
     errors, aligned at its own datum; classes: also the errors that each ISO/TR 16907 class would leave; accept: parts
-    of the mark that may differ (`calibration,set-up,datum`).
+    of the mark that may differ (`calibration,set-up,datum`); traced: keep feed moves, for the figure of a page.
 
     UserError where the second program makes other moves than the first, or was corrected for another set-up. The
     example is that of this module.
@@ -307,6 +308,7 @@ def verify(
         classes=classes,
         tolerance_um=tolerance_um,
         accept=accept,
+        traced=traced,
     )
 
 

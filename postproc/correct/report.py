@@ -153,13 +153,10 @@ def _error_rows(result: CorrectionResult, trace: Trace | None) -> list[tuple[str
 
 def _figures(trace: Trace, error: str) -> Iterator[Section]:
     """Figures along the program, and of the tool path; `error`: name of the error in the figures."""
-    from postproc.correct.report_figures import correction_figure, error_figure, path_figure
+    from postproc.correct.report_figures import correction_figure, error_figure, path_sections
 
-    bins, paths = trace.bins, trace.paths
-    if len(paths.points):
-        some = f" One feed move in {paths.stride} is drawn." if paths.stride > 1 else ""
-        text = f"Nominal path of feed moves in the workpiece frame; colour: {error}, on one scale.{some}"
-        yield Section("Errors on the part", text, figure=partial(path_figure, paths))
+    bins = trace.bins
+    yield from path_sections(trace.paths, error)
     if not bins.moves:
         return
     joined = f" Each step is {bins.width} moves: the line is the RMS, the area the largest." if bins.width > 1 else ""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import partial
+
 import numpy as np
 
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from postproc.evaluation.trace import SEGMENTS, Bins, DrawnPaths
 from rendering.figures import AFTER, BEFORE, Figure, Panel, area, colour_axis, grid, line, steps
+from rendering.report import Section
 
 DRAWN = 12_000
 """Most points of a 3-D path."""
@@ -49,7 +53,15 @@ def correction_figure(bins: Bins, machine: Machine) -> Figure:
     return grid(panels, 1, height=190, same_x=True)
 
 
-def path_figure(paths: DrawnPaths) -> Figure:
+def path_sections(paths: DrawnPaths, error: str) -> Iterator[Section]:
+    """The tool path in 3-D, unless it has no feed move; `error`: name of the error."""
+    if len(paths.points):
+        some = f" One feed move in {paths.stride} is drawn." if paths.stride > 1 else ""
+        text = f"Nominal path of feed moves in the workpiece frame; colour: {error}, on one scale.{some}"
+        yield Section("Errors on the part", text, figure=partial(_path_figure, paths))
+
+
+def _path_figure(paths: DrawnPaths) -> Figure:
     """Tool paths in 3-D before and after correction, coloured by the error on one scale."""
     most = float(np.nanmax(paths.errors, initial=0.0))
     return Figure(

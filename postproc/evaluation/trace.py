@@ -125,7 +125,28 @@ class DrawnPaths:
         self.seen = end
         return rows[first :: self.stride]
 
-    def add(self, points: Array, errors: Array) -> None:
+    def add_moves(
+        self, model: ErrorModel, motions: Motions, commanded: Motions, both: tuple[MachineStates, MachineStates]
+    ) -> None:
+        """Add some feed moves of a chunk, as programmed and as written, by the states that follow both texts."""
+        rows = self.rows(np.flatnonzero(motions.evaluated_paths))
+        if not len(rows):
+            return
+        points = np.repeat(rows, SEGMENTS + 1)
+        shares = np.tile(np.linspace(0.0, 1.0, SEGMENTS + 1), len(rows))
+        frames, tool, machine = motions.bare.take(points), motions.tool[points], motions.machine
+        nominal, written = (frames.in_machine(positions_along(text, points, shares)) for text in (motions, commanded))
+        shift = both[0].datum_shifts(motions)[points]
+        errors = [
+            pose_errors(machine, model, actual, nominal, tool, states.last_states(points), shift).point_um
+            for actual, states in zip((nominal, written), both, strict=True)
+        ]
+        self._add(
+            tool_point(machine, nominal, tool).reshape(len(rows), -1, 3),
+            np.stack(errors, axis=1).reshape(len(rows), -1, 2),
+        )
+
+    def _add(self, points: Array, errors: Array) -> None:
         """Add points and errors of the rows that `rows` has returned."""
         self.points = np.concatenate([self.points, points])
         self.errors = np.concatenate([self.errors, errors])
@@ -156,20 +177,7 @@ class Trace:
 
     def add_paths(self, motions: Motions, commanded: Motions, both: tuple[MachineStates, MachineStates]) -> None:
         """Add some feed moves of a chunk, as programmed and as written, by the states that follow both texts."""
-        rows = self.paths.rows(np.flatnonzero(motions.evaluated_paths))
-        if not len(rows):
-            return
-        points = np.repeat(rows, SEGMENTS + 1)
-        shares = np.tile(np.linspace(0.0, 1.0, SEGMENTS + 1), len(rows))
-        frames, tool = motions.bare.take(points), motions.tool[points]
-        nominal, written = (frames.in_machine(positions_along(text, points, shares)) for text in (motions, commanded))
-        shift = both[0].datum_shifts(motions)[points]
-        errors = [
-            pose_errors(self.machine, self._model, actual, nominal, tool, states.last_states(points), shift).point_um
-            for actual, states in zip((nominal, written), both, strict=True)
-        ]
-        tips = tool_point(self.machine, nominal, tool)
-        self.paths.add(tips.reshape(len(rows), -1, 3), np.stack(errors, axis=1).reshape(len(rows), -1, 2))
+        self.paths.add_moves(self._model, motions, commanded, both)
 
 
 def _worst(known: list[MoveEnd], motions: Motions, lines: np.ndarray, errors: Array, which: int) -> list[MoveEnd]:

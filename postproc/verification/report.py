@@ -8,6 +8,7 @@ from functools import partial
 from kinematics.machine import Machine
 from kinematics.report_head import calibration_text
 from postproc.correct.classes import ClassResiduals
+from postproc.correct.report_figures import path_sections
 from postproc.evaluation.predicted_errors import Statistic
 from postproc.verification.verify import Verdict
 from postproc.verification.verify_programs import Verification
@@ -36,14 +37,19 @@ def _verdict(verdict: Verdict) -> str:
         where = f"at {before.count} block ends"
     if not before.count:
         return "No error is evaluated: no move gives the positions of all axes that position the tool."
-    relative = " relative to the datum" if verdict.relative else ""
     return (
-        f"Tool point error{relative} {where}: {before.rms:.2f} -> {after.rms:.2f} um RMS, at most "
+        f"Tool point error{_relative(verdict)} {where}: {before.rms:.2f} -> {after.rms:.2f} um RMS, at most "
         f"{before.largest:.2f} -> {after.largest:.2f} um."
     )
 
 
+def _relative(verdict: Verdict) -> str:
+    return " relative to the datum" if verdict.relative else ""
+
+
 def _sections(done: Verification) -> Iterator[Section]:
+    if done.paths is not None:
+        yield from path_sections(done.paths, f"tool point error{_relative(done.verdict)}")
     yield facts("Datums", done.datums.facts(done.setup.obtained))
     models = done.models.by_key()
     for key, (model, option) in models.items():
@@ -68,8 +74,7 @@ def _of_model(verdict: Verdict, by: str, *, best_fit: bool) -> Iterator[Section]
     if best_fit:
         before, after = (fit.json() for fit in verdict.best_fit)
         rows.append(("best fit, along", "", f"{before['rms']:.3f}", "", f"{after['rms']:.3f}", str(before["count"])))
-    reference = "relative to the datum" if verdict.relative else ""
-    title = " ".join(filter(None, ("Tool point error", reference, by)))
+    title = " ".join(filter(None, (f"Tool point error{_relative(verdict)}", by)))
     yield Section(title, table=Table(HEAD, rows), figure=partial(_before_and_after, verdict))
     ranked_by_rms = sorted(verdict.contributions.items(), key=lambda item: -item[1].rms)[:LARGEST]
     if ranked_by_rms:

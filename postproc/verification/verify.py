@@ -21,6 +21,7 @@ from postproc.compensation.predicted_error import MachineStates, directions_at, 
 from postproc.control.setup import Setup
 from postproc.dialects import Dialect, Interpreter
 from postproc.evaluation.predicted_errors import Statistic
+from postproc.evaluation.trace import DrawnPaths
 from postproc.execution import execution
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.motions import Motions
@@ -125,11 +126,21 @@ class Verifier:
     a travel below half of the tolerance is no reversal.
     """
 
-    def __init__(self, machine: Machine, model: ErrorModel, conditions: Conditions, tolerance_um: float) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        model: ErrorModel,
+        conditions: Conditions,
+        tolerance_um: float,
+        *,
+        traced: bool = False,
+    ) -> None:
+        """`traced`: keep feed moves for a figure of the tool path."""
         self._model, self._conditions = model.part(in_a_program), conditions
         before = MachineStates(self._model, machine, conditions, tolerance_um)
         after = MachineStates(self._model, machine, conditions, tolerance_um, written=True)
         self._tracked = before, after
+        self.paths = DrawnPaths() if traced else None
         self._contributions = Contributions(machine, self._model, conditions)
         self._verdict = Verdict(0, Statistic(), Statistic(), Statistic(), Statistic(), {})
 
@@ -156,6 +167,8 @@ class Verifier:
                 )
                 self._add(found, after, at_end=i < 0)
         self._contributions.add(nominal, self._tracked[0].approach)
+        if self.paths is not None:
+            self.paths.add_moves(self._model, nominal, moves.commanded, self._tracked)
 
     def _add(self, found: PoseErrors, after: int, *, at_end: bool) -> None:
         """Add errors before (0) or after correction (1), at the ends of moves or between them."""

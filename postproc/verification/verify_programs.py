@@ -16,6 +16,7 @@ from postproc.correct.classes import ClassResiduals, ClassTable
 from postproc.correct.mark import PARTS, Mark, check_mark, mark_in_program, mark_of
 from postproc.correct.plausibility import parse_accepted
 from postproc.dialects import find_dialect
+from postproc.evaluation.trace import DrawnPaths
 from postproc.text.notes import Notes
 from postproc.text.source import Source
 from postproc.verification.in_step import DifferentMoves, in_step
@@ -60,6 +61,8 @@ class Verification:
     assumptions: tuple[str, ...]
     """Assumed parts of the set-up, as sentences."""
     notes: list[str]
+    paths: DrawnPaths | None = None
+    """Feed moves with their errors by the first model, for a figure; None unless `traced` was set."""
 
     @property
     def verdict(self) -> Verdict:
@@ -84,11 +87,13 @@ def verify_programs(
     classes: bool,
     tolerance_um: float,
     accept: str | None,
+    traced: bool = False,
 ) -> Verification:
     """Verify the second program as a correction of the first, both run with the same set-up.
 
-    accept: parts of the mark that may differ, separated by commas. UserError for a program that is not understood, for
-    two programs with different moves, and for a mark of another set-up that is not accepted.
+    accept: parts of the mark that may differ, separated by commas; traced: keep moves for a figure. UserError for a
+    program that is not understood, for two programs with different moves, and for a mark of another set-up that is not
+    accepted.
     """
     accepted = parse_accepted(accept, PARTS)
     original, corrected = (mark_in_program(source) for source in programs)
@@ -101,7 +106,10 @@ def verify_programs(
     languages = [find_dialect(dialect, source.name, source.text_head) for source in programs]
     interpreters = [language.interpreter(machine, setup, Notes()) for language in languages]
     nominal, commanded = map(run_motions, programs, languages, interpreters)
-    verifiers = {key: Verifier(machine, model, conditions, tolerance_um) for key, (model, _) in models.by_key().items()}
+    verifiers = {
+        key: Verifier(machine, model, conditions, tolerance_um, traced=traced and not key)
+        for key, (model, _) in models.by_key().items()
+    }
     datums = UsedDatums(setup)
     table = ClassTable(machine, models.evaluated, conditions) if classes else None
     different = None
@@ -128,6 +136,7 @@ def verify_programs(
         [] if table is None else table.rows,
         tuple(dict.fromkeys(state.assumption() for state in states)),
         [*notes, *datums.notes()],
+        verifiers[""].paths,
     )
 
 

@@ -74,7 +74,14 @@ def verify(
     setup, conditions = set_up.setup(found), at.conditions()
     programs = open_source(program), open_source(corrected)
     done = ncomp.verify(
-        *programs, found, model, dialect=set_up.dialect, setup=setup, conditions=conditions, **vars(options)
+        *programs,
+        found,
+        model,
+        dialect=set_up.dialect,
+        setup=setup,
+        conditions=conditions,
+        traced=others.report is not None,
+        **vars(options),
     )
     for assumption in done.assumptions:
         say_assumed(assumption)
