@@ -24,7 +24,8 @@ from postproc.evaluation.guard import Guard, WorseMove
 from postproc.second_process import LostProcess, SecondProcess
 
 GANTRY, DMU50 = load("gantry"), load("dmu50")
-RUN = "from postproc.cli import run; run()"
+RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from postproc.cli import run; run()"
+"""The command; a shell's background processes ignore SIGINT, and so do those that they start."""
 HEAD = "G21 G90 G17 G54 G94\nG0 X100. Y100. Z100.\n"
 LONG = HEAD + "G1 X200. F500\nX100.\nY300.\nX150.\nY100.\n" * 200_000 + "M30\n"
 MOVES = "G1 X30. Y30. Z41. B5. C9. F100\nX20.\nX40. C30.\nG2 X45. I2.5 J0.\nG1 X30. Y31.\n"

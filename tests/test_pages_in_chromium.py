@@ -40,6 +40,7 @@ def correction(folder):
 def check_screens(chromium, page, screens=((PHONE, False), (DESKTOP, True))):
     """All figures drawn without an error, nothing loaded, nothing wider than a phone, light and dark."""
     count = len(figures(page))
+    chromium.requests()  # those of pages of other tests
     for width, night in screens:
         chromium.open(page, width, dark=night)
         shown = chromium.run("document.querySelectorAll('details').forEach(d => d.open = true);" + DRAWN)
