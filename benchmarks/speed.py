@@ -40,7 +40,7 @@ from kinematics.user_error import UserError
 ROOT = Path(__file__).parents[1]
 REAL = ROOT.parent / "shared" / "data" / "nc"
 LARGEST_REAL = 5
-GROWTH = (1_000, 10_000, 100_000)
+GROWTH = (1_000, 10_000, 100_000, 1_000_000)
 FIRST = FIVE_AXES
 """The form of growing programs, and of those that other readers read."""
 READ = 10_000
