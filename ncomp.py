@@ -28,6 +28,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
+from kinematics.progress import Progress, silent
 from kinematics.user_error import UserError
 
 if TYPE_CHECKING:
@@ -278,12 +279,14 @@ def verify(
     tolerance_um: float = 1.0,
     accept: str | None = None,
     traced: bool = False,
+    progress: Callable[[int], None] = lambda _: None,
 ) -> Verification:
     """Tool point error, um, of a program before and after correction, by the exact model, from the two texts alone.
 
     old: an earlier calibration, whose errors are computed as well; align: a calibration that is taken for the true
     errors, aligned at its own datum; classes: also the errors that each ISO/TR 16907 class would leave; accept: parts
-    of the mark that may differ (`calibration,set-up,datum`); traced: keep feed moves, for the figure of a page.
+    of the mark that may differ (`calibration,set-up,datum`); traced: keep feed moves, for the figure of a page;
+    progress: called with the numbers of characters that were evaluated, of both programs.
 
     UserError where the second program makes other moves than the first, or was corrected for another set-up. The
     example is that of this module.
@@ -309,6 +312,7 @@ def verify(
         tolerance_um=tolerance_um,
         accept=accept,
         traced=traced,
+        progress=progress,
     )
 
 
@@ -348,7 +352,7 @@ def fit(
     hold_out: bool = True,
     valid_days: float | None = None,
     force: bool = False,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> Calibration:
     """Fit the errors of a machine to measured points, with uncertainties; `model` of the result is the calibration.
 
@@ -394,7 +398,7 @@ def fit_together(
     hold_out: bool = True,
     valid_days: float | None = None,
     force: bool = False,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> Together:
     """Fit the errors of a machine to measurements by several instruments, each with its own registration.
 
@@ -428,7 +432,7 @@ def diagnose(
     noise: Literal["sheet", "estimate"] = "sheet",
     unexplained: Literal["report", "add"] = "report",
     force: bool = False,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> Diagnosis:
     """Find the causes of the errors that a model of the machine lacks; `model` of the result has them added.
 

@@ -12,14 +12,27 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Results of `work` for the items, in their order, with one thread for each core. `work` must not call `each`."""
+def each(
+    work: Callable[[Item], Result], items: Iterable[Item], done: Callable[[float], None] = lambda _: None
+) -> list[Result]:
+    """Results of `work` for the items, in their order, with one thread for each core. `work` must not call `each`.
+
+    done: called with the share of the results that are there.
+    """
     waiting = list(items)
     threads = min(_cores(), len(waiting))
     if threads < 2:
-        return [work(item) for item in waiting]
+        return _collected(map(work, waiting), len(waiting), done)
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(work, waiting))
+        return _collected(pool.map(work, waiting), len(waiting), done)
+
+
+def _collected(results: Iterable[Result], number: int, done: Callable[[float], None]) -> list[Result]:
+    found = []
+    for result in results:
+        found.append(result)
+        done(len(found) / number)
+    return found
 
 
 @cache

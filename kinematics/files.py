@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import errno
 import hashlib
 import io
 import os
@@ -15,8 +16,23 @@ from typing import TYPE_CHECKING, BinaryIO
 from kinematics.mistaken_files import missing
 from kinematics.user_error import UserError
 
+CURES = {
+    errno.EISDIR: "give the name of a file",
+    errno.ENOSPC: "make room on the disk, or name a file on another one",
+    errno.EACCES: "change its permissions, or name another file",
+    errno.EROFS: "name a file on a disk that can be written",
+}
+"""Cures of system errors."""
+
 if TYPE_CHECKING:
     from typing_extensions import Buffer
+
+
+def reason_of(fault: OSError) -> str:
+    """The reason of a system error, with its cure where there is one."""
+    reason = fault.strerror or str(fault)
+    cure = CURES.get(fault.errno or 0)
+    return f"{reason}: {cure}" if cure else reason
 
 
 @contextmanager
@@ -27,7 +43,7 @@ def writing(output: str | Path) -> Iterator[None]:
     except BrokenPipeError:
         raise
     except OSError as fault:
-        raise UserError(f"cannot write {output}: {fault.strerror or fault}") from None
+        raise UserError(f"cannot write {output}: {reason_of(fault)}") from None
 
 
 class _NamedFile(io.FileIO):
@@ -142,7 +158,7 @@ def read_input(path: Path, contents: str) -> bytes:
     try:
         return path.read_bytes()
     except OSError as fault:
-        raise UserError(f"{contents} {path}: {fault.strerror or fault}{missing(path)}") from None
+        raise UserError(f"{contents} {path}: {reason_of(fault)}{missing(path)}") from None
 
 
 def fingerprint(data: bytes) -> str:

@@ -14,6 +14,11 @@ HEAD = 4000
 KINDS = (
     (rb"PK\x03\x04", "a ZIP archive or a spreadsheet"),
     (rb"%PDF-", "a PDF document"),
+    (rb"MZ[^\n]{0,80}\0|\x7fELF", "a program of a computer"),
+    (rb"\x1f\x8b|BZh|7z\xbc\xaf|Rar!", "a packed archive"),
+    (rb"ISO-10303-21", "a STEP model"),
+    (rb"0\s*\n\s*SECTION", "a DXF drawing"),
+    (rb"solid [^\n]*\n\s*facet", "an STL model"),
     (rb"\x89PNG|\xff\xd8\xff|GIF8", "a picture"),
     (rb"(?i)<(!doctype\s+)?html", "a web page"),
     (rb'\{[^\0]*?"ncomp_calibration"', "a calibration of ncomp (--calibration)"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import tomllib
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from datetime import date, time
@@ -70,19 +70,18 @@ GIVEN = [field.name for field in fields(ReportHead) if field.name not in ("made"
 def read_head(path: Path) -> ReportHead:
     """The head in the table `[report]` of a TOML file, which may be a job or machine file."""
     from kinematics.files import read_input
+    from kinematics.toml_entries import at_line, read_table, utf8_text
 
-    text = read_input(path, "report head")
-    try:
-        entries = tomllib.loads(text.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as fault:
-        raise UserError(f"report head {path}: {fault}") from None
+    where = f"report head {path}"
+    text = utf8_text(read_input(path, "report head"), where)
+    entries = read_table(text, where)
     table = entries.get(TABLE)
     if not isinstance(table, dict):
         raise UserError(f"report head {path}: the file has no table [{TABLE}]; write [{TABLE}] above its entries")
     try:
         return ReportHead.of_table(table)
     except UserError as fault:
-        raise UserError(f"report head {path}: {fault}") from None
+        raise at_line(text, where, fault) from None
 
 
 def calibration_text(model: ErrorModel) -> str:
@@ -100,4 +99,6 @@ def _entries(table: Mapping[str, object]) -> Iterator[tuple[str, str]]:
         if isinstance(value, bool) or not isinstance(value, (str, int, float, date, time)):
             raise UserError(f"{TABLE}.{name}: expected a text, a number or a date")
         number = isinstance(value, (int, float))
+        if isinstance(value, float) and not math.isfinite(value):
+            raise UserError(f"{TABLE}.{name}: {value} is not finite: write a number, or delete the entry")
         yield name, f"{value} {UNITS[name]}" if number and name in UNITS else str(value).strip()

@@ -24,11 +24,19 @@ NOUNS = {
     "null": "nothing",
 }
 """Types of msgspec's messages, for people."""
-TOML = ("machine file", "job file", "study")
+TOML = ("machine file", "job file", "study", "report head")
 """Kinds of files in TOML."""
 _KEY = r"\"[^\"]*\"|'[^']*'|[\w-]+"
 _HEADER = re.compile(rf"\s*\[{{1,2}}\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*\]{{1,2}}")
 _ENTRY = re.compile(rf"\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*=")
+
+
+def utf8_text(data: bytes, where: str) -> str:
+    """The text of a file; UserError for another encoding. `where` names the file."""
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        raise UserError(f"{where}: not UTF-8 text: save it as UTF-8") from None
 
 
 def read_table(text: str, where: str) -> dict[str, Any]:
@@ -39,7 +47,7 @@ def read_table(text: str, where: str) -> dict[str, Any]:
         reason = str(fault)
         place = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason)
         if (other := kind_of_file(text.encode())) and not any(kind in other for kind in TOML):
-            raise UserError(f"{where}: this is {other}, no {where.split(' ', maxsplit=1)[0]} file") from None
+            raise UserError(f"{where}: this is {other}, no {where.split(' ', maxsplit=1)[0]} file: give one") from None
         line = f":{place[2]}" if place else ""
         shown = text.splitlines()[int(place[2]) - 1].strip() if place and text.splitlines()[int(place[2]) - 1 :] else ""
         reason = f"column {place[3]}: {place[1]}{_typing_hint(shown)}" if place else reason

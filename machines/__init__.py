@@ -16,8 +16,10 @@ from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
 from machines.places import folders, own
 
-__all__ = ["default_calibration", "folders", "load", "names", "own", "parse"]
+__all__ = ["default_calibration", "folders", "load", "names", "own", "parse", "path_of"]
 FOLDER = Path(__file__).parent
+UNUSABLE = frozenset('/\\:*?"<>|\n\r\t\0')
+"""Characters that no name of a file may have: the calibration of a machine has its name."""
 
 
 class _AxisEntry(msgspec.Struct, forbid_unknown_fields=True):
@@ -50,11 +52,7 @@ def load(name_or_path: str) -> Machine:
 
     A shipped name means the shipped machine; other names are those of the files in the user's folders.
     """
-    path = Path(name_or_path)
-    if name_or_path in names():
-        path = FOLDER / f"{name_or_path}.toml"
-    elif path.suffix.lower() != ".toml" and not path.is_file():
-        path = _own_file(name_or_path)
+    path = path_of(name_or_path)
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as fault:
@@ -62,6 +60,14 @@ def load(name_or_path: str) -> Machine:
     except UnicodeDecodeError:
         raise UserError(f"machine file {path}: not UTF-8 text: save it as UTF-8") from None
     return parse(text, str(path))
+
+
+def path_of(name_or_path: str) -> Path:
+    """The file of a machine; UserError for a name of none."""
+    path = Path(name_or_path)
+    if name_or_path in names():
+        return FOLDER / f"{name_or_path}.toml"
+    return path if path.suffix.lower() == ".toml" or path.is_file() else _own_file(name_or_path)
 
 
 def _own_file(name: str) -> Path:
@@ -96,6 +102,8 @@ def default_calibration(machine: Machine) -> Path | None:
 
 
 def _build(entries: _MachineFile) -> Machine:
+    if not entries.name.strip() or not UNUSABLE.isdisjoint(entries.name):
+        raise UserError(f"name: {entries.name!r} cannot be the name of a file: write letters, digits, blanks, - and _")
     links = split_chain(entries.chain)
     chained = {name for name, _ in links}
     for name in entries.axes:

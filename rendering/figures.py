@@ -14,6 +14,8 @@ COLOURS = ("#3b7dd8", "#d9700a", "#4e9a06")
 """Of x, y, z; of A and B; of forward and backward."""
 INK, GREY, RED = "@ink", "@grey", "#d4372c"
 """Text and thin lines in the colours of the page, which is light or dark."""
+SIZES = "@sizes"
+"""Colours of sizes from zero to the largest, by the page."""
 MACHINE, INSTRUMENT, UNEXPLAINED = COLOURS[0], COLOURS[1], "#8a8f98"
 BEFORE, AFTER = COLOURS[:2]
 MANY = 4000
@@ -88,7 +90,7 @@ def colour_axis(least: float, most: float, title: str, *, signed: bool = False) 
     return {
         "cmin": least,
         "cmax": most,
-        "colorscale": "RdBu" if signed else "Viridis",
+        "colorscale": "RdBu" if signed else SIZES,
         "reversescale": signed,
         "title": title,
     }
@@ -165,14 +167,22 @@ def extent(panel: Panel, x: float, low: float, high: float, label: str, colour: 
     panel.notes.append({"x": x, "y": high, "yanchor": "bottom", "text": label})
 
 
-def level(panel: Panel, y: float, label: str = "", colour: str = GREY, *, dash: str = "solid", at: float = 1.0) -> None:
-    """A line from left to right, with a label at a share of its length."""
+def level(
+    panel: Panel,
+    y: float,
+    label: str = "",
+    colour: str = GREY,
+    *,
+    dash: str = "solid",
+    at: float = 1.0,
+    below: bool = False,
+) -> None:
+    """A line from left to right, with a label at a share of its length, above it or below it."""
     form = {"color": colour, "width": 1, "dash": dash}
     panel.shapes.append({"type": "line", "xref": "domain", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": form})
     if label:
-        panel.notes.append(
-            {"xref": "domain", "x": at, "xanchor": ENDS.get(at, "center"), "y": y, "yanchor": "bottom", "text": label}
-        )
+        note = {"xref": "domain", "x": at, "xanchor": ENDS.get(at, "center"), "y": y, "text": label}
+        panel.notes.append(note | {"yanchor": "top" if below else "bottom"})
 
 
 def steps(x: Array, y: Array) -> tuple[Array, Array]:

@@ -3,8 +3,12 @@
 // each figure for the printer. `document.documentElement.dataset.ready` becomes `drawn`, then `printable`.
 (() => {
 const root = document.documentElement;
-const LIGHT = {ink: "#1d2127", grey: "#8a8f98", paper: "#ffffff", card: "#f5f7fa", grid: "#e3e6eb"};
-const DARK = {ink: "#e6e8ec", grey: "#8a919e", paper: "#14171c", card: "#1e232b", grid: "#2d333d"};
+const scale = colours => colours.map((colour, i) => [i / (colours.length - 1), colour]);
+const LIGHT = {ink: "#1d2127", grey: "#8a8f98", paper: "#ffffff", card: "#f5f7fa", grid: "#e3e6eb",
+  sizes: scale(["#1f4fa8", "#5b3fb0", "#a32f9c", "#d8495f", "#f08a1d"])};
+const DARK = {ink: "#e6e8ec", grey: "#8a919e", paper: "#14171c", card: "#1e232b", grid: "#2d333d",
+  sizes: scale(["#6d8fe0", "#9f7fe6", "#dc72c4", "#f58a7a", "#ffd24d"])};
+// `sizes`: colours from zero to the largest value, all of them visible on the paper.
 const LEAST = {xy: 250, polar: 340, scene: 360};  // px, least width of a panel
 const PRINTED = 1000;                             // px, width of a figure for the printer
 const GAP = {left: 62, right: 16, top: 12, bottom: 46, title: 22, scale: 58};
@@ -38,32 +42,50 @@ function legend(panels, width) {
   return {shown: true, height: 10 + 20 * Math.ceil(names.size / inRow)};
 }
 
+// Lines of at most so many px.
+function wrapped(text, width, size) {
+  const most = Math.max(8, Math.floor(width / (size * 0.58))), lines = [""];
+  for (const word of String(text || "").split(" ")) {
+    const longer = lines.at(-1) ? `${lines.at(-1)} ${word}` : word;
+    if (longer.length <= most || !lines.at(-1)) lines[lines.length - 1] = longer; else lines.push(word);
+  }
+  return lines.join("<br>");
+}
+
+// Height of the lines below the first one, px.
+const more = text => 16 * (text.split("<br>").length - 1);
+
 function axis(palette, own, title) {
   const plain = {gridcolor: palette.grid, zerolinecolor: palette.grey, linecolor: palette.grey, zerolinewidth: 1,
-    title: {text: title || "", standoff: 6}, automargin: false};
+    title: {text: title || "", standoff: 6}, automargin: false, exponentformat: "power", minexponent: 5};
   return merged(plain, own);
 }
 
 // Panel `i` in its cell (px: x0, x1 from the left, y0, y1 from the top) of a figure of this size.
 function place(layout, panel, i, cell, size, palette, spec, across) {
-  const kind = panel.kind, own = panel.axes || {}, top = cell.y0 + (panel.title ? GAP.title : 0);
-  if (panel.title) layout.annotations.push({text: `<b>${panel.title}</b>`, showarrow: false, xref: "paper", yref: "paper",
+  const kind = panel.kind, own = panel.axes || {}, title = wrapped(panel.title, cell.x1 - cell.x0 - 8, FONT * 1.08);
+  const label = wrapped(panel.x, cell.x1 - cell.x0 - 20, FONT + 2);
+  const top = cell.y0 + (panel.title ? GAP.title + more(title) : 0);
+  if (panel.title) layout.annotations.push({text: `<b>${title}</b>`, align: "left", showarrow: false, xref: "paper", yref: "paper",
     x: (cell.x0 + (kind === "xy" ? GAP.left : 8)) / size.width, y: 1 - cell.y0 / size.height, xanchor: "left",
     yanchor: "top", font: {size: FONT}});
   const n = i ? i + 1 : "", bare = own.bare;
   const box = kind === "xy"
-    ? {x: [cell.x0 + (bare ? 6 : GAP.left), cell.x1 - GAP.right], y: [cell.y1 - GAP.bottom, top + GAP.top]}
+    ? {x: [cell.x0 + (bare ? 6 : GAP.left), cell.x1 - GAP.right], y: [cell.y1 - GAP.bottom - more(label), top + GAP.top]}
     : {x: [cell.x0 + 6, cell.x1 - 6], y: [cell.y1 - (kind === "polar" ? 26 : 4), top + (kind === "polar" ? 22 : 4)]};
   const domain = {x: box.x.map(x => Math.min(Math.max(x / size.width, 0), 1)),
     y: box.y.map(y => Math.min(Math.max(1 - y / size.height, 0), 1))};
   if (kind === "scene") {
-    const side = name => merged(axis(palette, {backgroundcolor: palette.card, showbackground: true}, panel[name]), own[`${name}axis`]);
+    const plain = {backgroundcolor: palette.card, showbackground: true, nticks: 6};
+    const side = name => merged(axis(palette, plain, panel[name]), own[`${name}axis`]);
+    const away = cell.x1 - cell.x0 < 420 ? 1.3 : 1;  // the labels of a narrow scene need more room
     layout[`scene${n}`] = merged({domain, xaxis: side("x"), yaxis: side("y"), zaxis: side("z"), aspectmode: "data",
-      dragmode: "turntable", camera: {center: {x: 0, y: 0, z: -0.12}, eye: {x: 1.55, y: -1.7, z: 0.9}}}, own.scene);
+      dragmode: "turntable", camera: {center: {x: 0, y: 0, z: -0.12}, eye: {x: 1.55 * away, y: -1.7 * away, z: 0.9 * away}}}, own.scene);
   } else if (kind === "polar") {
     layout[`polar${n}`] = merged({domain, bgcolor: palette.paper, angularaxis: axis(palette), radialaxis: axis(palette)}, own.polar);
   } else {
-    const x = axis(palette, own.xaxis, panel.x), y = axis(palette, own.yaxis, panel.y);
+    const x = axis(palette, own.xaxis, label);
+    const y = axis(palette, own.yaxis, wrapped(panel.y, cell.y1 - top - 30, FONT + 2));
     if (spec.sameX && i) x.matches = "x";
     if (spec.sameY && i) y.matches = "y";
     layout[`xaxis${n}`] = {...x, domain: domain.x, anchor: `y${n}`};

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -14,16 +15,22 @@ from rendering.si import si, si_labels
 
 FOLDED = 20
 """Most rows of a table that is not folded."""
+WORD = 16
+"""Length of a word, in characters, from which it may be broken."""
 HERE = Path(__file__).parent
 
 
-def page(report: Report) -> bytes:
-    """The whole page, with the verdict at its top."""
+def page(report: Report, done: Callable[[float], None] = lambda _: None) -> bytes:
+    """The whole page, with the verdict at its top; done: called with the share of its figures that are drawn."""
     from jinja2 import Environment, FileSystemLoader
 
     environment = Environment(loader=FileSystemLoader(HERE), autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.filters["si"] = si
-    figures = [section.figure().spec() for section in (*report.before, *report.sections) if section.figure]
+    environment.tests["unbroken"] = _unbroken
+    figures, drawn = [], [each.figure for each in (*report.before, *report.sections) if each.figure]
+    for number, figure in enumerate(drawn):
+        done(number / len(drawn))
+        figures.append(figure().spec())
     return (
         environment.get_template("page.html")
         .render(
@@ -42,6 +49,11 @@ def as_script(value: object) -> str:
     """JSON that can stand inside an element of HTML."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("</", "<\\/").replace("<!--", "<\\u0021--")
+
+
+def _unbroken(text: str) -> bool:
+    """True for a cell with a word that may be wider than a column of a phone: a name of a file."""
+    return max(map(len, text.split()), default=0) > WORD
 
 
 def _folded(section: Section) -> bool:

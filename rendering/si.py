@@ -14,7 +14,11 @@ SYMBOLS = [
         (r"chi2/dof", "χ²/dof"), (r"dBIC", "ΔBIC"),
     )
 ]  # fmt: skip
-AFTER_NUMBER = ((re.compile(r"(?<=\d) deg\b(?!C)"), "°"), (re.compile(r"(?<=[,(] )deg\b(?!C)"), "°"))
+AFTER_NUMBER = (
+    (re.compile(r"(?<=\d)%"), "\N{NO-BREAK SPACE}%"),
+    (re.compile(r"(?<=\d) deg\b(?!C)"), "°"),
+    (re.compile(r"(?<=[,(] )deg\b(?!C)"), "°"),
+)
 SIGNS = ((" -> ", " → "), (" +- ", " ± "), (" >= ", " ≥ "), (" <= ", " ≤ "))
 
 

@@ -28,11 +28,11 @@ CELLS = 15
 K = 2.0
 """Coverage factor of uncertainties."""
 TEXT = (
-    "Tool point in the workpiece frame, tool {tool:g} mm, rotary axes at home, mean of both directions of approach, "
-    "without effects of time, temperature or feed; errors relative to the centre of the volume, as after a touch-off "
-    "there, actual minus nominal. Cones point where the tool is off and grow with the "
-    "error; the slices go through the centre. All maps have one colour scale, and turn with the pointer. RMS and "
-    "largest values are of {count} positions on a grid."
+    "The maps show the tool point in the workpiece frame with a tool of {tool:g} mm, rotary axes at home, and the mean "
+    "of both directions of approach. They leave out effects of time, temperature and feed. Errors are actual minus "
+    "nominal, relative to the centre of the volume, as after a touch-off there. A cone points to the side to which the "
+    "tool deviates, and grows with the error; the slices go through the centre. All maps have one colour scale, and "
+    "turn with the pointer. RMS and largest values are those of {count} positions on a grid."
 )
 
 

@@ -55,6 +55,21 @@ def test_every_line_that_is_refused(command, tmp_path):
     assert b"refused      line 2: 'G31 F10 X5.': G31 is a probing move" in done.out
 
 
+def test_the_travel_needs_the_set_up(command, tmp_path):
+    (tmp_path / "mill.toml").write_text(
+        'name = "mill"\nchain = "w X Y b Z t"\n[axes.X]\ntravel = [0, 500]\n[axes.Y]\ntravel = [0, 400]\n'
+        "[axes.Z]\ntravel = [-300, 0]\n"
+    )
+    (tmp_path / "a.nc").write_text("G21 G90 G54\nT1 M6\nG0 X10. Y10. Z100.\nX20.\nG55 X900.\nG54 X5.\n")
+    options = ("check", "a.nc", "--machine", "mill.toml", "--json", "-", "--work-offset", "G55=0,0,-300")
+    found = json.loads(command(*options).out)
+    assert [each["line"] for each in found["refused"]] == [3, 5]  # work offset, tool, and nothing that follows
+    assert all("is not given" in each["reason"] for each in found["refused"])
+    assert any("the travel is not checked before" in note and "line 3" in note for note in found["notes"])
+    found = json.loads(command(*options, "--tool-length", "T1=50", "--work-offset", "G54=0,0,-300").out)
+    assert [(each["line"], each["reason"][:17]) for each in found["refused"]] == [(5, "X would go to 900")]
+
+
 def test_json_alone_on_standard_output(command, tmp_path):
     (tmp_path / "a.h").write_text("BEGIN PGM A MM\nQ1 = 5\nL X+Q1 Y+0 Z+5 FMAX\nEND PGM A MM\n")
     done = command("check", "a.h", "--machine", "gantry", "--json", "-")

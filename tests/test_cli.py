@@ -60,7 +60,7 @@ BAD_FILE_WORDS = {
     "missing.nc": "No such file",
     "empty.nc": "is empty",
     "blank.nc": "is empty",
-    "binary.nc": "is a binary file",
+    "binary.nc": "this is a program of a computer",
     "image.nc": "this is a picture, no NC program",
     "nul.nc": "is a binary file",
     "utf16.nc": "UTF-16",

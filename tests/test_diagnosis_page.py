@@ -143,7 +143,7 @@ def test_a_page_says_what_is_missing_and_shows_it(several):
     assert len(figures(page)) >= len(several.causes) + 3
     assert not LINK.search(text_of(page))
     for cause in several.causes:
-        assert f"{cause.share:.0%}" in page
+        assert f"{100 * cause.share:.0f}\N{NO-BREAK SPACE}%" in page
         assert f"{cause.delta_bic:.0f}" in page
         for quantity in cause.effect.parameter_table:
             assert re.search(rf" {si(quantity.unit)}(\n|<)", page)
@@ -156,7 +156,7 @@ def test_a_page_says_what_is_missing_and_shows_it(several):
         "ncomp verify",
         "direction of X",
         "not noise",
-        "k = 2",
+        "k=2",
         "ncomp diagnose data.csv",
     ):
         assert said in page
@@ -198,7 +198,7 @@ def test_the_design_stands_before_the_result_and_a_refusal_before_all(several):
     report = diagnosis_report(replace(several, acceptance=refused), "ncomp diagnose")
     out = io.StringIO()
     show(report, Console(file=out, highlight=False, markup=False, soft_wrap=True))
-    design, missing = "What this design can show", "Missing in the"
+    design, missing = "Causes that this design can show", "Missing in the"
     for said, then in (
         (out.getvalue(), (design, missing, "chi2/dof")),
         (page_of(report).decode(), (missing, design, "χ²/dof")),

@@ -54,7 +54,7 @@ def test_export_writes_tables_sheet_rest_and_json(command, calibration, tmp_path
         line.endswith("| yes: do not enter it as well |") for line in sheet.splitlines() if "| backlash of" in line
     ] == [True, True]
     assert [table["name"] for table in told["tables"]][:2] == ["X(X) forward", "X(X) backward"]
-    assert f"| with these tables | {told['errors']['volume']['tool_point_um']['after_tables']['rms']:.3f} |" in sheet
+    assert f"| with these tables | {told['errors']['volume']['tool_point_um']['after_tables']['rms']:.2f} |" in sheet
 
 
 def test_a_program_corrected_with_the_rest_does_what_is_left(command, calibration, tmp_path):

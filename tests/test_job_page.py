@@ -114,7 +114,7 @@ def _numbers_agree(page, results):
 
 def _same(cells, numbers):
     largest, rms, count = cells
-    assert (float(largest), float(rms)) == pytest.approx((numbers["max"], numbers["rms"]), abs=6e-4)
+    assert (float(largest), float(rms)) == pytest.approx((numbers["max"], numbers["rms"]), abs=6e-3)
     assert int(count) == numbers["count"]
 
 
@@ -123,13 +123,13 @@ def test_largest_errors_are_those_of_the_run():
     page, results = Path("out.html").read_text(), json.loads(Path("out.json").read_text())
     _numbers_agree(page, results)
     lines = Path("in.nc").read_text().splitlines()
-    for column, what in ((-2, "before"), (-1, "after")):
+    for column, what in ((0, "before"), (1, "after")):
         rows = table(page, f"Largest errors {what}")
         sizes = [float(cells[column]) for cells in rows.values()]
         assert sizes == sorted(sizes, reverse=True)
-        assert sizes[0] == pytest.approx(results["predicted_error_um"][what]["max"], abs=6e-4)
+        assert sizes[0] == pytest.approx(results["predicted_error_um"][what]["max"], abs=6e-3)
         for line, cells in rows.items():
-            for axis, value in zip([axis.name for axis in load("gantry").axes], cells, strict=False):
+            for axis, value in zip([axis.name for axis in load("gantry").axes], cells[2:], strict=False):
                 assert float(re.search(rf"{axis}([-\d.]+)", lines[int(line) - 1])[1]) == float(value)
 
 
@@ -143,8 +143,8 @@ def test_long_programs_are_drawn_in_steps(ncomp, monkeypatch):
     monkeypatch.setattr(trace, "PATHS", 20)
     assert ncomp("in.nc", *GANTRY, "-o", "out.nc", "--json", "out.json", "--report", "out.html").status == 0
     page = Path("out.html").read_text()
-    assert "Each step is 16 moves" in page
-    assert "One feed move in" in page
+    assert "Each step joins 16 moves" in page
+    assert "One feed move of" in page
     _numbers_agree(page, json.loads(Path("out.json").read_text()))
 
 
@@ -164,7 +164,7 @@ def test_a_program_that_says_too_little_is_not_judged(ncomp, tmp_path):
     assert done.status == 0
     page = done.out.decode()
     assert "No error is evaluated" in page
-    assert table(page, "Corrections")["correction X"] == ["10.000", "10.000", "1"]
+    assert table(page, "Corrections")["correction X"] == ["10.00", "10.00", "1"]
     assert len(texts(page)) == 1
 
 
@@ -173,7 +173,7 @@ def test_what_stays_whole_is_named_by_reason(ncomp):
     ncomp("in.nc", *GANTRY, "-o", "out.nc", "--json", "out.json", "--report", "out.html")
     (whole,) = json.loads(Path("out.json").read_text())["not_split"]
     (row,) = table(Path("out.html").read_text(), "Moves that were not split").items()
-    assert row == (whole["reason"], [f"{whole['strays_up_to_um']:.3f}", "3"])
+    assert row == (whole["reason"], [f"{whole['strays_up_to_um']:.2f}", "3"])
     assert "M function" in whole["reason"]
 
 

@@ -334,7 +334,7 @@ def test_the_commands(command, tmp_path):
     sheet = (tmp_path / "out" / "sheet.md").read_text()
     assert "Programs of axis positions do not change" in sheet
     assert (
-        f"| with these parameters, work offset touched off again | {stages['after_parameters_and_datum_shift']['rms']:.3f}"
+        f"| with these parameters, work offset touched off again | {stages['after_parameters_and_datum_shift']['rms']:.2f}"
         in sheet
     )
     rest = read_model(tmp_path / "rest.json", machine)

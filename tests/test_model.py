@@ -28,6 +28,7 @@ from kinematics.effects import (
     ThermalDrift,
     Wobble,
 )
+from kinematics.error_model.decoding_faults import CURE
 from kinematics.error_model.model import ErrorModel, decode_model, encode_model, no_errors, read_model, write_model
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
@@ -337,41 +338,47 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
         lambda data: data.pop("ncomp_calibration"),
         "no ncomp calibration (it has no 'ncomp_calibration')",
     ),
-    "newer version": (lambda data: data.update(ncomp_calibration=2), "version 2 is not one this ncomp reads (1)"),
+    "newer version": (
+        lambda data: data.update(ncomp_calibration=2),
+        "version 2 is not one this ncomp reads (1): use a newer ncomp",
+    ),
     "version in words": (
         lambda data: data.update(ncomp_calibration="one"),
-        "version one is not one this ncomp reads (1)",
+        "version one is not one this ncomp reads (1): use a newer ncomp",
     ),
-    "no version": (lambda data: data.update(ncomp_calibration=0), "version 0 is not one this ncomp reads (1)"),
+    "no version": (
+        lambda data: data.update(ncomp_calibration=0),
+        "version 0 is not one this ncomp reads (1): use a newer ncomp",
+    ),
     "time without zone": (
         lambda data: data["provenance"].update(made_at="2026-01-01T00:00:00"),
-        "Expected `datetime` with a timezone component - at `$.provenance.made_at`; expected e.g. 2026-01-31T12:00:00Z",
+        "provenance.made_at: Expected datetime with a timezone component; expected e.g. 2026-01-31T12:00:00Z; " + CURE,
     ),
-    "member missing": (lambda data: data.pop("effects"), "Object missing required field `effects`"),
-    "unknown member": (lambda data: data.update(comment="x"), "Object contains unknown field `comment`"),
+    "member missing": (lambda data: data.pop("effects"), "the entry is missing: effects; " + CURE),
+    "unknown member": (lambda data: data.update(comment="x"), "the calibration has no entry comment; " + CURE),
     "unknown kind": (
         lambda data: data["effects"][1].update(kind="gremlins"),
-        "Invalid value 'gremlins' - at `$.effects[1].kind`",
+        "effects[1].kind: Invalid value 'gremlins'; " + CURE,
     ),
     "unknown direction": (
         lambda data: data["effects"][3].update(component="D"),
-        "Invalid enum value 'D' - at `$.effects[3].component`",
+        "effects[3].component: Invalid enum value 'D'; " + CURE,
     ),
     "number of parameters": (
         lambda data: data["effects"][0]["parameters"].append(1.0),
-        "E_XX: its basis takes 3 parameters with as many u, got 4 and 3 - at `$.effects[0]`",
+        "effects[0]: E_XX: its basis takes 3 parameters with as many u, got 4 and 3; " + CURE,
     ),
     "number of u": (
         lambda data: data["effects"][1]["u"].pop(),
-        "E_CY: its basis takes 3 parameters with as many u, got 3 and 2 - at `$.effects[1]`",
+        "effects[1]: E_CY: its basis takes 3 parameters with as many u, got 3 and 2; " + CURE,
     ),
     "parameter no number": (
         lambda data: data["effects"][0]["parameters"].__setitem__(2, "3 um"),
-        "Expected `float`, got `str` - at `$.effects[0].parameters[2]`",
+        "effects[0].parameters[2]: expected a number, not a text in quotes; " + CURE,
     ),
     "bad basis": (
         lambda data: data["effects"][1]["basis"].update(interval=[1, -1]),
-        "interval [1.0, -1.0] must go from a lower to a higher position - at `$.effects[1].basis`",
+        "effects[1].basis: interval [1.0, -1.0] must go from a lower to a higher position; " + CURE,
     ),
     "another unit": (
         lambda data: data["effects"][3].update(units={"value": "arcsec"}),
@@ -379,11 +386,11 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     ),
     "effects no list": (
         lambda data: data.update(effects={"kind": "location"}),
-        "Expected `array`, got `object` - at `$.effects`",
+        "effects: expected a list in [ ], not a table; " + CURE,
     ),
     "effect no object": (
         lambda data: data["effects"].__setitem__(2, "backlash"),
-        "Expected `object`, got `str` - at `$.effects[2]`",
+        "effects[2]: expected a table, not a text in quotes; " + CURE,
     ),
     "no such axis": (
         lambda data: data["effects"][3].update(axis="A"),
@@ -395,11 +402,11 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     ),
     "negative u": (
         lambda data: data["effects"][0]["u"].__setitem__(2, -0.1),
-        "E_XX has a negative standard uncertainty u",
+        "E_XX has a negative standard uncertainty u: " + CURE,
     ),
     "negative u of a location": (
         lambda data: data["effects"][4].update(u=[-1]),
-        "E_X0B has a negative standard uncertainty u",
+        "E_X0B has a negative standard uncertainty u: " + CURE,
     ),
     "covariance too small": (
         lambda data: data.update(covariance=np.eye(11).tolist()),
@@ -448,12 +455,12 @@ def test_refused(change, message, tmp_path):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"", "Input data was truncated"),
+        (b"", "the file is incomplete; "),
         (b"G1 X10", "this is an NC program, no calibration"),
-        (b'{"ncomp_calibration": 1, "effects": [', "Input data was truncated"),
+        (b'{"ncomp_calibration": 1, "effects": [', "the file is incomplete; "),
         (changed(lambda data: data["effects"][3].update(note="Fr")).replace(b"Fr", b"Fr\xe4"), "not UTF-8 text"),
         (b'{"\xff": 1}', "not UTF-8 text"),
-        (b"[1, 2]", "Expected `object`, got `array`"),
+        (b"[1, 2]", "expected a table, not a list in [ ]; "),
     ],
 )
 def test_refused_for_not_being_json(data, message):

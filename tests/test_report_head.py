@@ -52,7 +52,7 @@ def test_entries_of_a_file_come_first(ncomp):
         ('[report]\ncommand = "x"\n', "report.command is not known"),
         ('operator = "x"\n', "the file has no table [report]"),
         ("report = 1\n", "the file has no table [report]"),
-        ("[report\n", "report head head.toml: "),
+        ("[report\n", "report head head.toml:1: "),
         (None, "report head head.toml: No such file or directory"),
     ],
 )

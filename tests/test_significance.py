@@ -54,4 +54,4 @@ def test_the_summary_says_it(command, tmp_path, u, share):
     done = command("in.nc", "-m", "gantry", "-c", "cal.json", "-o", "out.nc", "--json", "-", "--set-up-zero", *options)
     assert done.status == 0, done.err
     assert json.loads(done.out)["predicted_error_um"]["significant_share_of_improvement"] == share
-    assert (f"{share:.0%}" in done.err) if share is not None else ("significant" not in done.err)
+    assert (f"{100 * share:.0f} %" in done.err) if share is not None else ("significant" not in done.err)

@@ -525,7 +525,7 @@ BAD = {
     "unknown effect": ([*GRID, "--effect", "magic:x=1"], "no effect 'magic'; there are error-motion, location"),
     "unknown instrument": ([*GRID, "--instrument", "ruler"], "--instrument 'ruler' is none of laser-tracker"),
     "uncertainty": ([*GRID, "-u", "u_um=1"], "--uncertainty u_um=1: laser-tracker has u_range_um, u_range_um_per_m, u_angle_um, u_angle_um_per_m"),
-    "uncertainty that is no number": ([*GRID, "-u", "u_angle_um=big"], "'big' is not 1 numbers"),
+    "uncertainty that is no number": ([*GRID, "-u", "u_angle_um=big"], "'big' is not a number"),
     "interferometer on a grid": ([*GRID, "--instrument", "interferometer"], "one axis at a time"),
     "tracker of a part": ([*GRID, "--instrument", "part", "--tracker", "1,2,3"], "--tracker is no option of"),
     "tracker": ([*GRID, "--tracker", "1,2"], "'1,2' is not 3 numbers"),

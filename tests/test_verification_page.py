@@ -39,7 +39,7 @@ def test_the_path_of_both_texts_is_drawn_as_the_correction_draws_it(command, fol
     assert ours_colours["cmax"] == pytest.approx(np.nanmax(ours["before"][3]), rel=1e-3)
     text = text_of(page)
     assert "Errors on the part" in text
-    assert "relative to the datum, on one scale" in text
+    assert "relative to the datum, on one scale." in text
 
 
 def test_the_path_is_drawn_by_the_true_model(command, folder):

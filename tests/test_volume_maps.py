@@ -56,7 +56,7 @@ def test_effects_of_time_are_left_out():
     effects = (Backlash("X", 20.0), ThermalDrift(component="Z", rate=50.0))
     model = msgspec.structs.replace(no_errors(machine), effects=effects)
     section, panels = drawn(machine, Field("before", model))
-    assert "without effects of time" in section.text
+    assert "leave out effects of time" in section.text
     assert all(surface["surfacecolor"].max() == 0.0 for surface in panels[0])
 
 

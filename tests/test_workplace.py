@@ -133,6 +133,7 @@ def test_init_writes_files_that_work_as_printed(command):
     assert printed
     assert command(*printed[1].split()).status == 0
     assert Path("made/corrected/part.nc").read_bytes() == Path("made/part.nc").read_bytes()
+    assert "# G54 = " not in Path("made/job.toml").read_text()
     again = command(*NEW)
     assert again.status == 2
     assert "exists: name another folder, or replace it by --force" in again.err
@@ -145,6 +146,14 @@ def test_init_with_a_machine_that_is_there(command):
     )
     assert [path.name for path in Path("job").iterdir()] == ["job.toml"]
     assert "calibration" not in Path("job/job.toml").read_text()  # the machine has one of its own
+
+
+def test_init_shows_the_form_of_a_set_up_that_is_not_known(command):
+    assert command("init", "job", "-m", "gantry").status == 0
+    text = Path("job/job.toml").read_text()
+    Path("job/job.toml").write_text(text.replace("# G54", "G54").replace("# 1 =", "1 ="))
+    Path("job/part.nc").write_text("G21 G90 G54\nT1 M6\nG0 X10. Y10. Z500.\nM30\n")
+    assert command("job/job.toml").status == 0
 
 
 @pytest.mark.parametrize(
@@ -175,8 +184,8 @@ def test_init_asks_on_a_terminal(tmp_path):
     leader, follower = pty.openpty()
     process = subprocess.Popen([*RUN, "init", "made"], cwd=tmp_path, stdin=follower, stdout=follower, stderr=follower)
     os.close(follower)
-    answers = ["gantry", "hall3", "Mill in hall 3", "9", "3", "okuma", "fanuc", "0:360", "1,2", "0,0,150", "-110:110",
-               "0,0,150", "-250:250", "-225:225", "0:400", "", "y", "G54=1,2,3", "n", "part.nc"]  # fmt: skip
+    answers = ["gantry", "hall3", "Mill in hall 3", "9", "3", "okuma", "fanuc", "0:360", "1,2", "0,0,150", "-110..110",
+               "0,0,150", "-250:250", "-225:225", "0:400", "", "1,2,3", "G54=1,2,3", "", "part.nc"]  # fmt: skip
     shown = b""
     os.set_blocking(leader, False)
     end = time.monotonic() + 60
@@ -197,6 +206,15 @@ def test_init_asks_on_a_terminal(tmp_path):
     assert mill.axes[1].point == (0.0, 0.0, 150.0)
     assert b"is a shipped machine" in shown
     assert "G54 = { X = 1, Y = 2, Z = 3 }" in (tmp_path / "made/job.toml").read_text()
+
+
+def test_a_machine_has_its_file_and_its_drawing_is_named(command):
+    done = command("machines", "cframe", "--draw", "cframe.svg")
+    file = re.search(r"^file +(.*)$", done.out.decode(), re.MULTILINE)
+    assert machines.load(file[1]).name == "cframe"
+    assert "written: cframe.svg" in done.err
+    Path("own.toml").write_text(Path(file[1]).read_text())
+    assert "\nfile " not in command("machines", "own.toml").out.decode()
 
 
 # ---- doctor
@@ -246,7 +264,7 @@ def test_quiet_and_verbose(command):
     assert quiet.err == ""
     steps = re.findall(r"^ *\d+\.\d s  (.*)$", command("--verbose", *fit).err, re.MULTILINE)
     assert steps[0] == "reading"
-    assert re.fullmatch(r"held-out residuals: (\d+) of \1 blocks", steps[-1])
+    assert re.fullmatch(r"3 of 3: held-out residuals: (\d+) of \1 blocks", steps[-1])
     both = command(*fit, "--quiet", "--verbose")
     assert both.status == 2
     assert "--quiet and --verbose exclude each other" in both.err

@@ -13,6 +13,7 @@ from typing import Literal
 
 from calibration.diagnosis.residual.whiteness import SIZE, Test
 from calibration.diagnosis.verdict import Verdict
+from kinematics.number_text import probability, rounded
 
 Condition = Literal["depends", "not noise", "too large", "untested", "noise"]
 FAR = 4.0
@@ -181,15 +182,15 @@ class Conclusion:
         if self.degrees_of_freedom < FEW:
             yield f"Too few data for reliable verdicts: {self._freedom}."
         elif self.specified and self.chi2_reduced < 1 / FAR:
-            yield f"chi2/dof {self.chi2_reduced:.2g}: the specified noise is too large; {ESTIMATE}."
+            yield f"chi2/dof {rounded(self.chi2_reduced)}: the specified noise is too large; {ESTIMATE}."
         elif self.specified and self.chi2_reduced > FAR:
             pattern = self.condition in ("depends", "not noise")
             other = "the model is incomplete" if pattern else "the machine does not repeat"
-            yield f"chi2/dof {self.chi2_reduced:.2g}: {other}, or the specified noise is too small; {ESTIMATE}."
+            yield f"chi2/dof {rounded(self.chi2_reduced)}: {other}, or the specified noise is too small; {ESTIMATE}."
 
     @property
     def _failing(self) -> str:
-        listed = [f"{test.name}: p = {test.p_value:.1g}" for test in self.significant[:LISTED]]
+        listed = [f"{test.name}: {probability(test.p_value)}" for test in self.significant[:LISTED]]
         return "; ".join(listed)
 
     @property

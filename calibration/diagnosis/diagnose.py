@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Literal, NamedTuple
@@ -48,6 +48,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding
 from kinematics.error_model.model import ErrorModel
+from kinematics.progress import Progress, numbered, silent
 
 GATE = 0.2
 """Chance that causes are searched for although the residuals are pure noise."""
@@ -85,6 +86,10 @@ class _Completed(NamedTuple):
     """Result of the request to add unnamed effects; empty without one, or with nothing to add."""
 
 
+STEPS = 4
+"""Steps of a diagnosis: the present model, the causes, the tests of the residual, the conclusions."""
+
+
 def diagnose(
     measurement: Measurement,
     calibration: ErrorModel | None = None,
@@ -92,7 +97,7 @@ def diagnose(
     variance: Variance = "sheet",
     left_over: LeftOver = "report",
     force: bool = False,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> Diagnosis:
     """Diagnosis of the present calibration, or without one of a model of all error motions, against the data.
 
@@ -101,16 +106,18 @@ def diagnose(
 
     UserError when the data are not plausible or cannot be fitted.
     """
-    start = prepared(measurement, calibration, variance, progress)
+    steps = [numbered(progress, number, STEPS) for number in range(1, STEPS + 1)]
+    start = prepared(measurement, calibration, variance, steps[0], steps[1])
     bare = start.selector.bare
-    searched = _searched(start.selector, bare, progress)
-    completed = _completed(searched, left_over, progress)
+    searched = _searched(start.selector, bare, steps[2])
+    completed = _completed(searched, left_over, steps[3])
     # without a cause, before and after are one
     after = searched.before if completed.stage is bare else completed.selector.cautious(completed.stage)
+    steps[3]("conclusions and proposed measurements")
     return _concluded(start, searched, completed._replace(stage=after), calibration, force=force)
 
 
-def _searched(first: Selector, bare: Stage, progress: Callable[[str], None]) -> _Searched:
+def _searched(first: Selector, bare: Stage, progress: Progress) -> _Searched:
     """The causes of the residuals of the present model, of which `bare` is the fit."""
     tests = unexplained_residual.tests(bare.linearised)
     found = without = _Found(first, bare, ())
@@ -123,7 +130,7 @@ def _searched(first: Selector, bare: Stage, progress: Callable[[str], None]) -> 
     return _Searched(before, tests, *_without_impostors(found, without, before))
 
 
-def _completed(searched: _Searched, left_over: LeftOver, progress: Callable[[str], None]) -> _Completed:
+def _completed(searched: _Searched, left_over: LeftOver, progress: Progress) -> _Completed:
     """The fit with the causes, and with unnamed effects where these are requested and predict better."""
     (selector, stage, _), tests = searched.found, searched.tests_after
     if searched.dependence is None or left_over != "add":

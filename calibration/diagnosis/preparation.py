@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -26,6 +25,7 @@ from calibration.observation.full_model import is_log, moving_axes
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
 from kinematics.error_model.model import ErrorModel
+from kinematics.progress import Progress
 
 QUIET = 1e-2
 """Least ratio of the repeats' variance to the specified variance: rounded readings repeat exactly."""
@@ -50,10 +50,12 @@ def prepared(
     measurement: Measurement,
     calibration: ErrorModel | None,
     variance: Variance,
-    progress: Callable[[str], None],
+    progress: Progress,
+    searching: Progress,
 ) -> Start:
     """The start of the search, without a calibration beside a model of all error motions.
 
+    progress, searching: for the start, and for the search itself.
     UserError where the data are not plausible, cannot be fitted, or do not determine the model.
     """
     progress("checking the data")
@@ -71,7 +73,7 @@ def prepared(
     search = Search(proposed_shapes.proposals)
     if not log:
         search = Search(proposed_shapes.dominant, by_chance=ByChance(candidates, PERIODIC))
-    selector = Selector(measurement, base, candidates, variance, progress, search)
+    selector = Selector(measurement, base, candidates, variance, searching, search)
     noise = repeats(measurement, selector.bare.fit.kept)
     if variance == "sheet" and noise is not None and _contradicted(noise):
         selector = replace(selector, measurement=_as_noisy_as(measurement, noise), bare_stages={}, recent={})

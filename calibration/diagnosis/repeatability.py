@@ -24,6 +24,7 @@ from calibration.observation.outliers import first_registration
 from calibration.plausibility.repeated_positions import position_numbers
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
+from kinematics.number_text import probability
 from kinematics.transforms import Array
 
 CLOSE_S = 120.0
@@ -68,7 +69,8 @@ class Repeats:
         """The result in one sentence."""
         noise = ", ".join(f"{c.name} {c.noise:.3g} {c.unit} (specified {c.specified:.3g})" for c in self.components)
         when = "far apart in time, with all drifts in them" if self.apart else "soon after one another"
-        return f"from {self.states} positions measured again, {when}: {noise}; specification p = {self.p_value:.2g}"
+        p = probability(self.p_value, 2)
+        return f"from {self.states} positions measured again, {when}: {noise}; specification {p}"
 
 
 def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:

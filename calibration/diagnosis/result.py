@@ -35,6 +35,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.plausibility.checks import Finding
 from kinematics.effects import Effect, Unnamed
 from kinematics.error_model.model import ErrorModel
+from kinematics.number_text import probability
 
 LEFT = 0.01
 """Chance that residuals of pure noise are found to depend on something."""
@@ -164,7 +165,7 @@ class Diagnosis:
             bool(self.tests_after),
             ""
             if left is None
-            else f"{self.unexplained_um:.2f} um depend on {', '.join(left.variables)} (p = {left.p_value:.2g})",
+            else f"{self.unexplained_um:.2f} um depend on {', '.join(left.variables)} ({probability(left.p_value, 2)})",
             self.with_unnamed,
             self.acceptance.objection,
             fit.failed,

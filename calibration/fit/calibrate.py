@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -39,6 +39,7 @@ from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, Provenance
+from kinematics.progress import Progress, numbered, silent
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
 
@@ -99,7 +100,7 @@ def calibrate(
     hold_out: bool = True,
     valid_days: float | None = None,
     force: bool = False,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> Calibration:
     """Error motions of every axis that moves, and additional `effects`, from measured points.
 
@@ -114,19 +115,21 @@ def calibrate(
     positions = target_positions(measurement)
     findings += target_findings(measurement, positions)
     measurement = at_positions(measurement, positions)
-    wanted = Wanted(basis, margin, tuple(effects), prior_scale, variance, progress)
+    steps = 3 if hold_out else 2
+    wanted = Wanted(basis, margin, tuple(effects), prior_scale, variance, numbered(progress, 1, steps))
     choice, found = with_bases_and_noise(measurement, wanted)
     measurement, prior = found.measurement, found.prior
     variance = variance if measurement.noise is None else "sheet"
     before = nominal_residuals(found)
-    progress("identifiability")
+    numbered(progress, 2, steps)("identifiability")
     identified = identifiability(found)
     refuse_few([found], identified)
-    progress("held-out residuals")
     start, _ = with_effects(measurement, choice.bases, effects, choice.prior_scale)
     held_out = None
     if hold_out:
-        held_out = cross_validate(measurement, start, prior, found.kept, variance, found, progress)
+        last = numbered(progress, steps, steps)
+        last("held-out residuals")
+        held_out = cross_validate(measurement, start, prior, found.kept, variance, found, last)
     too_many = disagreement(found)
     findings += [*zero_findings(run_zeros(found)), *distance_findings(found)]
     if too_many:

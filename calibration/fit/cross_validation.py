@@ -32,6 +32,7 @@ from calibration.observation.normal_equations import (
 from calibration.observation.outliers import Variance, refuse_lines
 from calibration.observation.stops_and_lines import held_out_blocks, lines
 from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.progress import Progress, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -126,7 +127,7 @@ def cross_validate(
     kept: np.ndarray,
     variance: Variance = "sheet",
     near: Fit | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> CrossValidation | None:
     """Residuals of each block under a fit of the others; None when there are too few rows for blocks.
 
@@ -232,7 +233,7 @@ def predicted_by_others(
     name: str,
     refit: Refit,
     other: ErrorModel | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> CrossValidation | None:
     """Residuals of each block of rows under `refit`, and under another model, of the other rows.
 
@@ -245,7 +246,7 @@ def predicted_by_others(
     refits = refit, _refit(good, other, priors(other))
     blocks = np.unique(labels[labels >= 0])
     for number, label in enumerate(blocks, start=1):
-        progress(f"held-out residuals: {number} of {len(blocks)} blocks")
+        progress(f"held-out residuals: {number} of {len(blocks)} blocks", (number - 1) / len(blocks))
         others = labels != label
         predicted = ~others & registered(good, others)
         if not predicted.any():

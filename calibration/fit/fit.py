@@ -8,7 +8,6 @@ instead, whose finite uncertainties of such parameters have no meaning.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -35,6 +34,7 @@ from calibration.observation.outliers import (
 )
 from calibration.observation.stops_and_lines import stops
 from kinematics.error_model.model import ErrorModel
+from kinematics.progress import Progress, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -55,7 +55,6 @@ AHEAD = 1.9
 cannot rise by it."""
 DOUBTFUL_P = 1e-3
 """p of chi2 below which the uncertainties of the instrument specification are widened to the residuals (Birge)."""
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -187,7 +186,7 @@ def fit(
     prior: Array | None = None,
     variance: Variance = "sheet",
     near: Fit | None = None,
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
 ) -> Fit:
     """Fit all parameters of `model`, starting from their present values, and the registration.
 

@@ -28,7 +28,7 @@ from calibration.fit.bases.search import AUTO
 from calibration.fit.calibrate import in_datum, provenance
 from calibration.fit.cross_validation import CrossValidation, cross_validate
 from calibration.fit.datum import error_motions
-from calibration.fit.fit import Fit, Progress, fit
+from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.linear import Posterior, pseudo_inverse
 from calibration.fit.problem import FIXED, Problem
@@ -45,6 +45,7 @@ from kinematics.basis import Basis, BSpline, Fourier, Harmonics
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import TURN, Machine
+from kinematics.progress import Progress, numbered, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -125,7 +126,7 @@ def calibrate_together(
     hold_out: bool = True,
     valid_days: float | None = None,
     force: bool = False,
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
 ) -> Together:
     """Error motions of every axis that moves in one of the measurements, and additional `effects`, from all of them.
 
@@ -137,11 +138,14 @@ def calibrate_together(
     """
     machine = _machine(measurements)
     alone, starts, scales, findings = list[Fit](), list[ErrorModel](), list[float](), list[Finding]()
-    for measurement in measurements:
+    steps = len(measurements) + 2
+    for number, measurement in enumerate(measurements, start=1):
         name, found = measurement.source, usable(measurement)
         positions = target_positions(measurement)
         found += target_findings(measurement, positions)
-        wanted = Wanted(basis, 0, tuple(effects), prior_scale, variance, progress)
+        alone_of = numbered(progress, number, steps)
+        alone_of(f"fitting {name} alone")
+        wanted = Wanted(basis, 0, tuple(effects), prior_scale, variance, alone_of)
         choice, own = with_bases_and_noise(at_positions(measurement, positions), wanted)
         alone.append(own)
         starts.append(with_effects(own.measurement, choice.bases, effects, choice.prior_scale)[0])
@@ -152,13 +156,15 @@ def calibrate_together(
     prior = priors(model)
     for _, part in error_motions(model):
         prior[part] *= max(scales)
-    progress("fitting all measurements together")
+    numbered(progress, steps - 1, steps)("fitting all measurements together")
     joint = _Joint.fitted([_Share.of(own, model, prior) for own in alone], model, prior)
     whole = joint.whole
     identified = identifiability(whole)
     refuse_few(alone, identified)
-    progress("predicting each measurement by the others")
-    parts = tuple(joint.part(k, hold_out=hold_out) for k in range(len(alone)))
+    parts = []
+    for k in range(len(alone)):
+        numbered(progress, steps, steps)("predicting each measurement by the others", k / len(alone))
+        parts.append(joint.part(k, hold_out=hold_out))
     objections = [
         f"{part.alone.measurement.source}: {reason}"
         for part in parts
@@ -168,7 +174,7 @@ def calibrate_together(
     source = f"fit of {observations} observations by {len(parts)} instruments"
     made = provenance([own.measurement for own in alone], source, valid_days)
     written = msgspec.structs.replace(in_datum(whole), provenance=made)
-    result = Together(parts, whole, written, identified, tuple(findings), "; ".join(objections), force)
+    result = Together(tuple(parts), whole, written, identified, tuple(findings), "; ".join(objections), force)
     if not result.accepted:
         raise TogetherNotAccepted(result)
     return result

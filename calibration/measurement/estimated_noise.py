@@ -16,6 +16,8 @@ import numpy as np
 
 from kinematics.transforms import Array
 
+NEGLIGIBLE = 0.1
+"""Factor on the specified noise below which its value is not shown."""
 LEAST = 1e-6
 """Least share of a row's variance that is its own, and not its stop's."""
 
@@ -52,15 +54,16 @@ class EstimatedNoise:
         parts = []
         scatter = self.instrument_factor if self.factor_of_visits is None else self.factor_of_visits
         if scatter != 1.0:
-            parts.append(f"The instrument scatters {scatter**0.5:.2g} times as much as specified.")
-        for axis, size in self.non_repeatability.items():
-            parts.append(f"{axis} repeats to {_with_unit(axis, size)} (standard deviation from stop to stop).")
+            times = f"{scatter**0.5:.2g}" if scatter**0.5 > NEGLIGIBLE else f"less than {NEGLIGIBLE:g}"
+            parts.append(f"The instrument scatters {times} times as much as specified.")
         if self.non_repeatability:
-            parts.append("No table cures that.")
-        for axis, size in self.misfit.items():
+            sizes = [f"{axis} repeats to {_with_unit(axis, size)}" for axis, size in self.non_repeatability.items()]
+            parts.append(f"{', '.join(sizes)} (standard deviation from stop to stop). No table cures that.")
+        if self.misfit:
+            sizes = [f"{axis} of {_with_unit(axis, size)}" for axis, size in self.misfit.items()]
             parts.append(
-                f"The model lacks errors of {axis} of {_with_unit(axis, size)} (standard deviation from position to "
-                "position), the same at each visit: the uncertainty contains them."
+                f"The model lacks errors of {', '.join(sizes)} (standard deviation from position to position), the "
+                "same at each visit: the uncertainty contains them."
             )
         if self.instrument_factor > scatter:
             parts.append(

@@ -88,7 +88,7 @@ def _check_alike(measurements: Sequence[Measurement]) -> None:
                 raise UserError(f"{first.source} and {m.source} differ in {quantity}: they cannot be combined")
         for other in measurements[:number]:
             if m.fingerprint and m.fingerprint == other.fingerprint:
-                raise UserError(f"{other.source} and {m.source} contain the same data")
+                raise UserError(f"{other.source} and {m.source} contain the same data: give each measurement once")
 
 
 def _names(measurements: Sequence[Measurement]) -> list[str]:

@@ -166,7 +166,8 @@ def parse_table(data: bytes, source: str) -> Table:
         raise UserError(f"{source}:{number}: separate cells by commas, and write numbers with a decimal point")
     for name in names:
         if not name or names.count(name) > 1:
-            raise UserError(f"{source}:{number} column {name}: {'twice' if name else 'without a name'}")
+            reason = "twice: delete or rename one of them" if name else "without a name: name it, or delete it"
+            raise UserError(f"{source}:{number} column {name}: {reason}")
     table = Table(source, fingerprint(data), entries, tuple(remarks), names, number, (), np.empty(0, int))
     return body(replace(table, above=lines[:number]), lines)
 
@@ -214,7 +215,7 @@ def _check_row(row: str, where: str, expected: int, delimiter: str) -> None:
 def refuse_empty(data: bytes, source: str) -> None:
     """UserError for a file with nothing but blanks."""
     if not data.removeprefix(codecs.BOM_UTF8).strip():
-        raise UserError(f"{source} is empty")
+        raise UserError(f"{source} is empty: export it again from the instrument")
 
 
 def text_lines(data: bytes, source: str) -> list[str]:
@@ -242,6 +243,6 @@ def _take_header(text: str, line: int, entries: dict[str, Entry], remarks: list[
     if not colon:
         remarks.append(Entry(text, line))
     elif key in entries:
-        raise UserError(f"{source}:{line} {key}: given before, in line {entries[key].line}")
+        raise UserError(f"{source}:{line} {key}: given before, in line {entries[key].line}: delete one of them")
     else:
         entries[key] = Entry(value, line)

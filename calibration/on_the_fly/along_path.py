@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ from calibration.on_the_fly.nominal_path import NominalPath, TargetPath, target_
 from calibration.on_the_fly.path_cells import Cells, cell_numbers, reduced
 from calibration.on_the_fly.readings import Readings
 from calibration.on_the_fly.reduction import Reduction
+from kinematics.progress import Progress, silent
 from kinematics.state import State
 from kinematics.transforms import Array, Pose, turn
 from kinematics.user_error import UserError
@@ -43,7 +44,7 @@ def on_path(
     *,
     cell_mm: float | None = None,
     corner_mm: float = CORNER_MM,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> OnTheFly:
     """The readings as a measurement: one row per cell of the path, which counts only across the path.
 
@@ -56,21 +57,21 @@ def on_path(
     passes = list(readings.passes())
     length = sum(paths[str(readings.target[rows.start])].length for rows in passes)
     cell = cell_mm if cell_mm is not None else max(CELL_MM, round(length / MOST, 1))
-    progress("rough alignment")
     poses: dict[str, Pose] = {}
     roughly: list[Pass] = []
-    for rows in passes:
+    for number, rows in enumerate(passes):
+        progress("rough alignment", number / len(passes))
         target, station = paths[str(readings.target[rows.start])], str(readings.station[rows.start])
         found = rough(target, readings.points[rows], readings.where(rows))
         roughly.append(Pass(target, readings.points[rows], found.distances, 1.5 * target.length / SAMPLES))
         poses.setdefault(station, found.pose)
-    progress("fine alignment")
-    for station, roughly_posed in poses.items():
+    for number, (station, roughly_posed) in enumerate(poses.items()):
+        progress("fine alignment", number / len(poses))
         own = [each for each, rows in zip(roughly, passes, strict=True) if readings.station[rows.start] == station]
         poses[station] = aligned_pose(roughly_posed, own, f"{readings.source}, station {station}")
-    progress("reduction")
     parts, feeds, lost, correlated = [], [], np.zeros(3, int), 1.0
-    for each, rows in zip(roughly, passes, strict=True):
+    for number, (each, rows) in enumerate(zip(roughly, passes, strict=True)):
+        progress("reduction", number / len(passes))
         part, left_out, cells = _reduced_pass(
             readings, rows, each, poses[str(readings.station[rows.start])], cell, corner_mm
         )

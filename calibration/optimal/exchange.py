@@ -8,6 +8,7 @@ exchange is an improvement.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,10 +85,16 @@ class Selection:
         self._updates = 0
 
 
-def filled(selection: Selection, number: int, allowed: np.ndarray) -> None:
-    """Choose the most useful of the allowed candidates, a mask, one by one until `number` are chosen."""
+def filled(
+    selection: Selection, number: int, allowed: np.ndarray, done: Callable[[float], None] = lambda _: None
+) -> None:
+    """Choose the most useful of the allowed candidates, a mask, one by one until `number` are chosen.
+
+    done: called with the share of those chosen.
+    """
     improvements = np.where(allowed & ~selection.chosen, np.inf, -np.inf)
-    while np.count_nonzero(selection.chosen) < number:
+    while (chosen := np.count_nonzero(selection.chosen)) < number:
+        done(chosen / number)
         order = np.argsort(-improvements)
         start = 0
         while True:

@@ -8,8 +8,9 @@ the smaller).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from kinematics.basis import Legendre
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, Vector
+from kinematics.progress import Progress, numbered, silent
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -97,21 +99,20 @@ class _Field:
         return Selection(self.rows, self.prior, self.evaluated + np.diag(weights), np.zeros(len(self.rows), bool))
 
 
-def optimised(
-    machine: Machine, instrument: Instrument, request: Request, progress: Callable[[str], None] = lambda _: None
-) -> Optimised:
+def optimised(machine: Machine, instrument: Instrument, request: Request, progress: Progress = silent) -> Optimised:
     """The best plan that is found; UserError where no target is visible, or where no plan shows a required effect."""
     if not isinstance(instrument, LaserTracker):
         raise UserError("an optimised plan needs a laser tracker")
     if (request.points is None) == (request.minutes is None):
         raise UserError("an optimised plan needs either a number of points or a number of minutes")
     candidates = positions(machine, request.choices, request.candidates)
-    tracker = _tracker(machine, instrument, request, candidates, progress)
-    progress("positions")
+    tracker = _tracker(machine, instrument, request, candidates, numbered(progress, 1, 2))
+    choosing = numbered(progress, 2, 2)
+    choosing("equations of all positions")
     found = _field_from(machine, instrument, request, candidates, tracker)
     number = _number(machine, request, found)
     _refuse_hidden(found)
-    chosen = _chosen(found, number, request)
+    chosen = _chosen(found, number, request, choosing)
     plan, visible = _plan_and_visible(machine, instrument, request, found, chosen, tracker)
     evaluated = found.evaluated
     spread = np.linalg.inv(found.prior + _information(found.rows[chosen]))
@@ -119,7 +120,7 @@ def optimised(
 
 
 def _tracker(
-    machine: Machine, instrument: LaserTracker, request: Request, candidates: Array, progress: Callable[[str], None]
+    machine: Machine, instrument: LaserTracker, request: Request, candidates: Array, progress: Progress
 ) -> Vector:
     """The tracker position from which a smaller plan of the same kind is best."""
     first = next(iter(request.choices.targets.values()))
@@ -130,7 +131,7 @@ def _tracker(
     number = request.points or int((request.minutes or 0.0) * 60.0 / (timing.dwell_s or timing.point_s))
     some, values = candidates[::IN_LITTLE], []
     for k, tracker in enumerate(trackers, start=1):
-        progress(f"position {k} of {len(trackers)} of the tracker")
+        progress(f"position {k} of {len(trackers)} of the tracker", (k - 1) / len(trackers))
         try:
             found = _field_from(machine, instrument, request, some, tracker)
         except UserError:
@@ -266,12 +267,13 @@ def _refuse_hidden(found: _Field) -> None:
                 )
 
 
-def _chosen(found: _Field, number: int, request: Request) -> np.ndarray:
+def _chosen(found: _Field, number: int, request: Request, progress: Progress) -> np.ndarray:
     """Numbers of the best candidates; the weight of required effects grows until the candidates show them."""
     weight = WEIGHT
     for _ in range(TIMES):
         selection = found.selection(weight if request.visible else 0.0)
-        filled(selection, number, found.allowed)
+        filled(selection, number, found.allowed, partial(progress, "choosing positions"))
+        progress("exchanging positions")
         exchanged(selection, found.allowed, EXCHANGES)
         if all(selection.spread[k, k] <= VISIBLE**2 for k in found.other_effects.values()):
             break

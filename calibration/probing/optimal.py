@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -33,11 +33,12 @@ FREE = 1e-5
 
 
 def most_informative(
-    bodies: Bodies, poses: Sequence[list[Reached]], number: int, u_um: float
+    bodies: Bodies, poses: Sequence[list[Reached]], number: int, u_um: float, done: Callable[[float], None]
 ) -> tuple[list[int], float]:
     """Numbers of the poses that show most, and the RMS error, um, that they leave for errors of typical size.
 
-    A pose is measured as a whole, with all spheres that are within reach in it.
+    A pose is measured as a whole, with all spheres that are within reach in it. done: called with the share of those
+    chosen.
     """
     rows = [(k, reached) for k, own in enumerate(poses) for reached in own]
     columns = Columns(_set_up(bodies, [reached for _, reached in rows], u_um), [_volume(bodies, poses)], ())
@@ -49,7 +50,7 @@ def most_informative(
         by_pose[k, first : first + size] = equations
     selection = Selection(by_pose, prior, evaluated, np.zeros(len(poses), bool))
     allowed = np.ones(len(poses), bool)
-    filled(selection, min(number, len(poses)), allowed)
+    filled(selection, min(number, len(poses)), allowed, done)
     if number < len(poses):
         exchanged(selection, allowed, EXCHANGES)
     some = by_pose[selection.chosen].reshape(-1, by_pose.shape[2])

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from calibration.probing.paths import TOUCH, Moves, Reached, Ways, centre_point,
 from calibration.probing.touches import Approach
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, Vector
+from kinematics.progress import Progress, silent
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -76,17 +78,19 @@ class ProbePlan:
     notes: tuple[str, ...]
 
 
-def probe_plan(machine: Machine, request: ProbeRequest, progress: Callable[[str], None] = lambda _: None) -> ProbePlan:
+def probe_plan(machine: Machine, request: ProbeRequest, progress: Progress = silent) -> ProbePlan:
     """The plan of a request; UserError where the machine does not reach the spheres."""
     _check(machine, request)
     bodies = Bodies(machine, request.probe, request.artefact)
     ranges = rotary_ranges(machine, request.ranges)
-    progress("positions within reach")
     angles = _angles(machine, request, ranges)
     positions = laid(machine, ranges, angles)
     ways = Ways(bodies, request.approach, positions, request.seed)
     spheres = range(len(bodies.names))
-    reach = {k: [r for s in spheres if (r := ways.reached(positions[k], s))] for k in range(len(positions))}
+    reach = {}
+    for k in range(len(positions)):
+        progress("positions within reach", k / len(positions))
+        reach[k] = [r for s in spheres if (r := ways.reached(positions[k], s))]
     within = [k for k, found in reach.items() if found]
     if len(within) < FEWEST:
         raise UserError(
@@ -95,8 +99,8 @@ def probe_plan(machine: Machine, request: ProbeRequest, progress: Callable[[str]
         )
     expected, notes = None, []
     if request.design == "optimised":
-        progress("rotary positions that show most")
-        order, expected = most_informative(bodies, [reach[k] for k in within], request.points, request.u_um)
+        done = partial(progress, "rotary positions that show most")
+        order, expected = most_informative(bodies, [reach[k] for k in within], request.points, request.u_um, done)
         chosen = [within[k] for k in order]
         chosen = [chosen[k] for k in toured(machine, positions[chosen])]
     else:

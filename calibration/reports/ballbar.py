@@ -12,6 +12,7 @@ from calibration.circles.candidates import OTHER
 from calibration.circles.figures import CircularTest
 from calibration.circles.shares import Share, Shares
 from calibration.circles.spikes import kept
+from calibration.reports.causes.text import with_uncertainty
 from kinematics.effects.workshop import WORKSHOP
 from kinematics.report_head import ReportHead
 from rendering.figures import COLOURS, MACHINE, Figure, Panel, grid, ranked
@@ -67,8 +68,8 @@ def _figures(tests: Sequence[CircularTest]) -> Iterator[Section]:
     ]
     yield Section(
         "Circular deviation",
-        "About the least-squares circle. U (k = 2) contains the uncertainties of the readings and of the bar's length; "
-        "a range is the difference of two readings. Fmax, Fmin and D need a calibrated length.",
+        "Deviations are about the least-squares circle. U (k = 2) contains the uncertainties of the readings and of "
+        "the bar's length; a range is the difference of two readings. Fmax, Fmin and D need a calibrated length.",
         Table(("plane", "feed, mm/min", "", "", "value, um", "U, um"), rows),
     )
 
@@ -83,9 +84,9 @@ def _causes(shares: Shares) -> Iterator[Section]:
     yield Section(
         "Shares of the causes",
         "Errors are actual minus nominal (ISO 841, ISO 230-1). The range is that of the signal on the circles without "
-        "shift and radius; the share is of the mean square. TIED: these circles do not distinguish the causes.\n"
-        "Drive settings: servo mismatch and reversal spikes depend on the feed and on friction; a correction of "
-        "positions, in a table or in a program, does not remove them, and ncomp leaves them out.",
+        "shift and radius; the share is of the mean square. TIED means that these circles do not distinguish the "
+        "causes.\nDrive settings: servo mismatch and reversal spikes depend on the feed and on friction; a correction "
+        "of positions, in a table or in a program, does not remove them, and ncomp leaves them out.",
         Table(("cause", "size and U (k=2)", "range, um", "share", "verdict", "remedy"), rows),
     )
     yield from _by_feed(shares)
@@ -100,8 +101,8 @@ def _causes(shares: Shares) -> Iterator[Section]:
     yield facts("Set-up", set_up)
     yield Section(
         "Detection limits",
-        "Smallest size of each other cause that these circles would show beside the found ones (odds of 400 to 1), for "
-        "the period or the decay that is seen best, and for the one that is seen worst.",
+        "The table has the smallest size of each other cause that these circles would show beside the found ones (odds "
+        "of 400 to 1), for the period or the decay that is seen best, and for the one that is seen worst.",
         Table(
             ("cause", "best", "worst", ""),
             [(each.name, f"{each.smallest:.2g}", f"{each.largest:.2g}", each.unit) for each in shares.limits],
@@ -127,7 +128,7 @@ def _by_feed(shares: Shares) -> Iterator[Section]:
     if rows:
         yield Section(
             "Reversal spikes by feed",
-            "Decay of the spike at each feed, with U (k = 2): the way since the reversal, and the time on this circle.",
+            "The spike decays over this way since the reversal, and over this time on the circle, with U (k = 2).",
             Table(("cause", "feed, mm/min", "way, mm", "time, ms", "conclusion"), rows),
         )
 
@@ -137,8 +138,8 @@ def _size(cause: Share, name: str, value: float) -> str:
     side, _, rest = unit.partition("_")
     label = f"{parameter} {'+' if side == 'plus' else '-'}" if side in ("plus", "minus") else parameter
     unit = (rest if side in ("plus", "minus") else unit).replace("_per_", "/")
-    u = f" +- {cause.U[name]:.2g}" if name in cause.U else ""
-    return f"{label} {value:z.2f}{u} {unit}"
+    size = with_uncertainty(value, cause.U[name] / 2.0) if name in cause.U else f"{value:z.2f}"
+    return f"{label} {size} {unit}"
 
 
 def _remedy(cause: Share) -> str:
@@ -164,7 +165,7 @@ def _ranking(shares: Shares) -> Iterator[Section]:
 
 
 def _polar(tests: Sequence[CircularTest]) -> Iterator[Section]:
-    text = "Deviations of both directions about the least-squares circle, um, enlarged, all to one scale."
+    text = "The curves are the enlarged deviations of both directions about the least-squares circle, um, on one scale."
     yield Section("Circles", text, figure=partial(_circles, tests))
 
 

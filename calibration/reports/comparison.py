@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from calibration.evaluation.comparison import LEAST, Comparison, Motion
+from calibration.evaluation.comparison import Figure as Compared
 from kinematics.error_model.model import ErrorModel
 from kinematics.report_head import calibration_text
 from rendering.figures import COLOURS, Figure, Panel, band, grid
@@ -26,7 +27,8 @@ def comparison_report(found: Comparison, models: Sequence[ErrorModel], names: tu
     aligned = found.volume.aligned
     verdict = (
         f"Over the common volume of both calibrations the tool point differs by {aligned.rms:.2f} um RMS, at most "
-        f"{aligned.largest:.2f} um, after alignment; standard uncertainty {found.volume.u_rms_um:.2f} um RMS."
+        f"{aligned.largest:.2f} um, after alignment; standard uncertainty {found.volume.u_rms_um:.2f} um RMS.\n"
+        f"{_significant(found)}"
     )
     lead = f"A: {names[0]} · B: {names[1]}"
     both = "; ".join(f"{letter}: {calibration_text(model)}" for letter, model in zip("AB", models, strict=True))
@@ -35,20 +37,35 @@ def comparison_report(found: Comparison, models: Sequence[ErrorModel], names: tu
     return Report(f"Two calibrations of {found.machine.name}", lead, [*maps, *_sections(found)], verdict, head=head)
 
 
+def _significant(found: Comparison) -> str:
+    """The error motions and other figures whose difference exceeds its uncertainty, in a sentence."""
+    names = [motion.name for motion in found.motions if motion.significant]
+    names += [figure.name for figure in found.figures if _differs(figure)]
+    count = len(found.motions) + len(found.figures)
+    if not names:
+        return f"None of {count} compared errors differs significantly (k=2)."
+    return f"{len(names)} of {count} compared errors differ significantly (k=2): {', '.join(names)}."
+
+
+def _differs(figure: Compared) -> bool:
+    return abs(figure.b - figure.a) > max(figure.U, LEAST)
+
+
 def _sections(found: Comparison) -> Iterator[Section]:
-    reference = ", ".join(f"{axis} {at:g}" for axis, at in found.reference.items())
+    unit = _units(found)
+    reference = ", ".join(f"{axis} {at:.5g} {unit[axis]}" for axis, at in found.reference.items())
     text = (
         f"{SIGN}\nReference position: {reference}. Straightness from the {found.straightness} line; its slope belongs "
         "to the squareness. Both calibrations are transformed into the frame of ncomp fit."
     )
     for axis in dict.fromkeys(motion.axis for motion in found.motions):
         own = [motion for motion in found.motions if motion.axis == axis]
-        yield Section(f"Axis {axis}", "Band: U (k=2).", figure=partial(_curves, own))
+        yield Section(f"Axis {axis}", "The band is U (k=2).", figure=partial(_curves, own))
     yield Section("Error motions, ISO 230-1", text, Table(MOTIONS, list(map(_motion_row, found.motions))))
     if found.figures:
         rows = [
             (f.name, f.title, f.unit, f"{f.a:.2f}", f"{f.b:.2f}", f"{f.b - f.a:+.2f}", f"{f.U:.2f}",
-             "significant" if abs(f.b - f.a) > max(f.U, LEAST) else "")
+             "significant" if _differs(f) else "")
             for f in found.figures
         ]  # fmt: skip
         yield Section("Squareness, location errors, reversal", "Angles right-handed.", Table(FIGURES, rows))
@@ -77,9 +94,15 @@ def _motion_row(motion: Motion) -> tuple[str, ...]:
     )
 
 
+def _units(found: Comparison) -> dict[str, str]:
+    """Unit of the position of each axis."""
+    return {axis.name: axis.unit for axis in found.machine.axes}
+
+
 def _volume(found: Comparison) -> Section:
     volume = found.volume
-    bounds = "; ".join(f"{axis} {low:g} to {high:g}" for axis, (low, high) in volume.bounds.items())
+    unit = _units(found)
+    bounds = "; ".join(f"{axis} {low:.4g} to {high:.4g} {unit[axis]}" for axis, (low, high) in volume.bounds.items())
     rows = [
         (title, f"{error.rms:.2f}", f"{error.p95:.2f}", f"{error.largest:.2f}")
         for title, error in (("as they are", volume.difference), ("aligned", volume.aligned))

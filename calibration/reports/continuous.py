@@ -153,13 +153,14 @@ def continuous_report(found: Estimate, data: Data, command: str) -> Report:
 
 
 def _sections(found: Estimate, data: Data) -> Iterator[Section]:
-    yield Section("Error", f"{SIGN} Band: U (k=2).", figure=partial(_errors, found))
+    yield Section("Error", f"{SIGN} The band is U (k=2).", figure=partial(_errors, found))
     yield facts("Data", list(_facts(found, data)))
     if found.both:
-        yield Section("Reversal", "Forward minus backward. Band: U (k=2).", figure=partial(_reversal_figure, found))
+        text = "The curve is forward minus backward. The band is U (k=2)."
+        yield Section("Reversal", text, figure=partial(_reversal_figure, found))
     text = (
-        "Quasi-static readings inside the segment, less the estimate and the drift of their run. Lines: twice the "
-        "standard uncertainty u of a reading."
+        "The points are quasi-static readings inside the segment, less the estimate and the drift of their run. The "
+        "lines are at twice the standard uncertainty u of a reading."
     )
     yield Section("Readings against the estimate", text, figure=partial(_residuals, found))
     yield _runs(found)
@@ -174,7 +175,7 @@ def _sections(found: Estimate, data: Data) -> Iterator[Section]:
         yield Section("Cyclic errors", text, Table(head, waves))
     if jumps := [row for sign, each in found.by_direction.items() for row in _jumps(DIRECTION_NAMES[sign], each)]:
         table = Table(("direction", "position, mm", "size, um", "u (k=1)"), jumps)
-        yield Section("Jumps", f"Steps of a compensation table, or a fault. {HINT}", table)
+        yield Section("Jumps", f"These are steps of a compensation table, or a fault. {HINT}", table)
     if found.fused.drift:
         yield _drift(found)
     if data.notes or found.notes:
@@ -188,7 +189,7 @@ def _facts(found: Estimate, data: Data) -> Iterator[tuple[str, str]]:
     yield (
         "targets",
         f"{len(found.fused.inside)} of {len(found.quasi)} readings from {low:.3f} to {high:.3f} mm, standard "
-        f"uncertainty of one {spread.noise:.3g} um ({specified}, {spread.free} degrees of freedom)",
+        f"uncertainty of one {spread.noise:.2g} um ({specified}, {spread.free} degrees of freedom)",
     )
     for sign, each in found.by_direction.items():
         kind = "cubic spline" if each.shape.order == 2 else "random walk"
@@ -209,14 +210,14 @@ def _runs(found: Estimate) -> Section:
             f"{course.feed:.6g}",
             f"{course.x.min():.3f} to {course.x.max():.3f}",
             str(len(course.raw_x)),
-            f"{noise.total:.3g}",
+            f"{noise.total:.2g}",
             "\n".join(f"{f:.3g} Hz, {a:.2g} um" for f, a in [*each.found.bound_to_time, *noise.vibrations]),
         )
         for sign, each in found.by_direction.items()
         for course, noise in zip(each.courses, each.noises, strict=True)
     ]
     head = ("run", "direction", "feed, mm/min", "segment, mm", "samples", "noise, um", "vibrations")
-    text = "Samples at constant velocity. Vibrations depend on time: the table does not contain them."
+    text = "Only samples at constant velocity count. Vibrations depend on time: the table does not contain them."
     return Section("Continuous runs", text, Table(head, rows))
 
 
@@ -259,7 +260,7 @@ def _drift(found: Estimate) -> Section:
         for drift in found.fused.drift
     ]
     head = ("run", "offset, um", "u (k=1)", "slope, um/m", "u (k=1)")
-    return Section("Drift of the quasi-static runs", "Against their mean.", Table(head, rows))
+    return Section("Drift of the quasi-static runs", "Drifts are relative to their mean.", Table(head, rows))
 
 
 def _errors(found: Estimate) -> Figure:

@@ -30,6 +30,7 @@ from calibration.reports.machine_change import change_sections, change_sentences
 from calibration.reports.run_zeros import zeros_section
 from calibration.reports.separability import separability_json, separability_section
 from kinematics.effects import CrossAxis
+from kinematics.number_text import probability, rounded
 from rendering.report import Report, Section, Table, facts, shortened
 from rendering.volume import Field, volume_section
 
@@ -46,17 +47,17 @@ LISTED = 8
 SIMILAR = 3
 """Most similar causes that are listed for one cause."""
 SIGNS = (
-    "Errors are actual minus nominal, tool relative to workpiece (ISO 841, ISO 230-1), in um and urad; of the "
-    "instrument observed minus true; a correction has the opposite sign. U is the expanded uncertainty, k = 2."
+    "Errors are actual minus nominal, tool relative to workpiece (ISO 841, ISO 230-1), in um and urad. Errors of the "
+    "instrument are observed minus true. A correction has the opposite sign. U is the expanded uncertainty (k=2)."
 )
 LEGEND = (
-    "dBIC below -10: odds above 150 to 1. Held out: change of the RMS of residuals of held-out rows by the cause. "
-    "TIED: these data do not distinguish it from the similar causes marked so."
+    "A dBIC below -10 means odds above 150 to 1. Held out is the change of the RMS of held-out residuals by the cause. "
+    "TIED means that these data do not distinguish the cause from the similar causes that are marked so."
 )
 READINGS = "residuals plus the fitted cause"
 HOW_DRAWN = {
-    "dots": f"Small dots: {READINGS}, single rows; large dots: their means; black, or a line: the fitted cause.",
-    "map": f"Left: {READINGS}, means of rows; cells with uncertain means are blank. Right: the fitted cause.",
+    "dots": f"Small dots are single rows ({READINGS}), large dots their means; black or a line is the fitted cause.",
+    "map": f"The left map has means of rows ({READINGS}), without uncertain ones; the right map is the fitted cause.",
 }
 OBSERVED = "Residuals are observed minus expected, in x, y, z of the part that carries the instrument."
 
@@ -275,9 +276,9 @@ def _facts(found: Diagnosis) -> Iterator[tuple[str, str]]:
     noise = found.after.fit.measurement.noise
     if noise is not None:
         yield "estimated", noise.text
-    significant = [f"{test.name} p = {test.p_value:.1g}" for test in found.tests if test.p_value < 1e-3]
+    significant = [f"{test.name} {probability(test.p_value)}" for test in found.tests if test.p_value < 1e-3]
     yield from between_positions(found.between_positions)
-    yield "residual", "; ".join([f"chi2/dof {fit.chi2_reduced:.3g}", *shortened(significant, LISTED, "tests")])
+    yield "residual", "; ".join([f"chi2/dof {rounded(fit.chi2_reduced, 3)}", *shortened(significant, LISTED, "tests")])
 
 
 def _causes(found: Diagnosis) -> Iterator[Section]:
@@ -341,8 +342,8 @@ def _residuals(found: Diagnosis) -> Iterator[Section]:
     rows.append(("noise alone", f"{found.noise_um:.2f}", "", "1", ""))
     table = Table(("residual, um", "RMS", "max", "chi2/dof", "held out, RMS"), rows)
     text = (
-        f"{OBSERVED} Max: the largest length. Before and after are of the same rows. Held out: {found.held_out_name}, "
-        "each predicted by a fit of all others."
+        f"{OBSERVED} Max is the largest length. Before and after are of the same rows. Held-out residuals are those of "
+        f"{found.held_out_name}, each predicted by a fit of all others."
     )
     yield Section("Residual before and after", text, table, partial(before_and_after, found))
     before, after = found.by_direction["before"], found.by_direction["after"]
@@ -354,8 +355,9 @@ def _residuals(found: Diagnosis) -> Iterator[Section]:
     yield Section("Residual against noise", figure=partial(against_noise, found))
     if found.tests:
         text = (
-            f"Probability of so large a value under pure noise. Marked: the tests together leave a probability below "
-            f"{LEFT:.0%}. Along: correlation of adjacent rows. The others: different means, or a slope."
+            "Each p is the probability of so large a value under pure noise. A test is marked where all tests together "
+            f"leave a probability below {100 * LEFT:.0f} %. The tests along a variable use the correlation of adjacent "
+            "rows, the others different means, or a slope."
         )
         yield Section("Tests of the residual", text, _tests(found), detail=True)
     yield _unexplained(found)
@@ -392,11 +394,11 @@ def _unexplained(found: Diagnosis) -> Section:
     if left is None:
         return Section("Unexplained", found.conclusion.unexplained)
     text = (
-        f"{found.unexplained_um:.2f} um RMS depend on {', '.join(left.variables)} (p = {left.p_value:.2g}), and no "
-        "cause of the library explains them."
-        "\nEach variable alone: squared distance correlation (without bias, about 0 where independent), and p-value "
-        "among residuals permuted in blocks, as it is and adjusted by Benjamini and Hochberg. Variables that act only "
-        f"jointly are not found.\nFigure: the smooth shape over these variables, um. {OBSERVED}"
+        f"{found.unexplained_um:.2f} um RMS depend on {', '.join(left.variables)} ({probability(left.p_value, 2)}), "
+        "and no cause of the library explains them.\nThe table tests each variable alone: its squared distance "
+        "correlation (without bias, about 0 where independent), and the p-value among residuals permuted in blocks, as "
+        "it is and adjusted by Benjamini and Hochberg. Variables that act only jointly are not found.\nThe figure is "
+        f"the smooth shape over these variables, um. {OBSERVED}"
     )
     rows = [(o.variable, f"{o.correlation:.3f}", f"{o.p_value:.2g}", f"{o.adjusted:.2g}") for o in found.one_by_one]
     alone = Table(("variable", "distance correlation, squared", "p", "adjusted p"), rows)
@@ -411,7 +413,10 @@ def _not_shown(found: Diagnosis) -> Iterator[Section]:
     for motion in found.identifiability.unidentifiable if found.identifiability else ():
         by_remedy.setdefault(motion.remedy, []).append(" + ".join(motion.effects))
     if by_remedy:
-        text = "NOT VISIBLE in these data. In brackets: share of its signal that model and registration cannot imitate."
+        text = (
+            "These data do not show the following causes (NOT VISIBLE). The number in brackets is the share of the "
+            "signal that model and registration cannot imitate."
+        )
         hidden = [(", ".join(names), remedy) for remedy, names in by_remedy.items()]
         yield Section("Unidentifiable causes", text, Table(("cause", "measurement that would show it"), hidden))
     lacking: dict[str, list[str]] = {}
@@ -423,7 +428,7 @@ def _not_shown(found: Diagnosis) -> Iterator[Section]:
     smallest: dict[tuple[str, str], list[str]] = {}
     for name, size, unit in sorted(found.smallest):
         kind, _, where = name.partition(" ")
-        smallest.setdefault((kind, unit), []).append(f"{where} {size:.2g}".strip())
+        smallest.setdefault((kind, unit), []).append(f"{where} {rounded(size)}".strip())
     if smallest:
         sizes = [(kind, ", ".join(sizes), unit) for (kind, unit), sizes in smallest.items()]
         table = Table(("cause", "smallest size that these data show", ""), sizes)

@@ -23,6 +23,7 @@ from calibration.reports.run_zeros import zeros_section
 from kinematics.effects import Effect, ErrorMotion, LocationError
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
+from kinematics.number_text import probability, rounded
 from rendering.report import Report, Section, Table, facts
 from rendering.volume import Field, volume_section
 
@@ -102,13 +103,16 @@ def fit_report(found: Calibration, taken: OnTheFly | None, command: str) -> Repo
     """The result for people; `taken`: data taken on the fly; `command`: the command that made it."""
     measurement = found.fit.measurement
     lead = f"{measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
-    residual = (
-        f"Residual {found.before_rms_um:.2f} -> {found.fit.rms_um:.2f} um RMS{_held_out(found.cross_validation)}."
-    )
+    residual = residual_sentence(found.before_rms_um, found.fit, found.cross_validation)
     verdict = [*acceptance(found), *insignificant(found.significant_share), residual, *_verdict(found.fit)]
     title = f"Calibration of {measurement.machine.name}"
     head = measured_head(measurement, found.model, command)
     return Report(title, lead, list(_sections(found, taken)), "\n".join(verdict), head=head)
+
+
+def residual_sentence(before_um: float, after: Fit, held: CrossValidation | None) -> str:
+    """RMS residuals of the nominal machine, of the model and of the held-out rows, in a sentence."""
+    return f"Residual {before_um:.2f} -> {after.rms_um:.2f} um RMS{_held_out(held)}."
 
 
 def between_positions(found: Iterable[BetweenPositions]) -> Iterator[tuple[str, str]]:
@@ -167,11 +171,11 @@ def location_errors(model: ErrorModel) -> list[LocationError]:
 def _verdict(fitted: Fit) -> Iterator[str]:
     noise = fitted.measurement.noise
     by = "by the instrument specification" if noise is None else "by the noise of the fit"
-    text = f"chi2/dof {fitted.chi2 / fitted.degrees_of_freedom:.3g} {by}, p = {fitted.p_value:.2g}."
+    text = f"chi2/dof {rounded(fitted.chi2 / fitted.degrees_of_freedom, 3)} {by}, {probability(fitted.p_value, 2)}."
     if noise is not None:
         yield (
-            f"chi2/dof {fitted.chi2_reduced:.3g} by the instrument specification, which the residuals contradict. The "
-            f"noise of the fit is that of the residuals: {noise.text}"
+            f"chi2/dof {rounded(fitted.chi2_reduced, 3)} by the instrument specification, which the residuals "
+            f"contradict. The noise of the fit is that of the residuals: {noise.text}"
         )
         if noise.instrument_factor > 1.0 or noise.arms.shape[2]:
             yield "Or the model is incomplete: a missing effect looks like noise (ncomp diagnose searches for it)."
@@ -195,9 +199,9 @@ def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
     yield facts("Data and model", list(_facts(found, taken)))
     yield residuals((found.before_rms_um, found.before_max_um), fitted, found.cross_validation)
     yield from parameters(found.model)
-    text = "Residuals in standard uncertainties; the curve is the distribution of noise alone."
+    text = "Residuals are in standard uncertainties; the curve is the distribution of noise alone."
     yield Section("Unexplained residual", text, figure=partial(distribution, fitted))
-    text = "A residual of noise alone has no shape. Lines: twice the standard uncertainty of an observation."
+    text = "A residual of noise alone has no shape. The lines are at twice the standard uncertainty of an observation."
     yield Section("Unexplained residual along time and axes", text, figure=partial(along_axes, fitted))
     if fitted.measurement.state.approach is not None:
         text = "Reversal errors that the model lacks would make the two directions differ."
@@ -266,7 +270,7 @@ def calibration_figures(machine: Machine, model: ErrorModel) -> Iterator[Section
 
 def error_motion_figures(model: ErrorModel) -> Section:
     """The error motions of a calibration with their uncertainties."""
-    text = "Means and slopes that belong to location errors are removed. Band: U (k=2)."
+    text = "Means and slopes that belong to location errors are removed. The band is U (k=2)."
     return Section("Error motions", text, figure=partial(error_motions_figure, model))
 
 
@@ -274,7 +278,9 @@ def hidden_section(identified: Identifiability) -> Iterator[Section]:
     """The effects that the data do not show, with the measurement that would; nothing where they show all."""
     if hidden := unidentifiable(identified.unidentifiable):
         head = ("effect", "reason", "measurement that would show it")
-        yield Section("Unidentifiable effects", "NOT VISIBLE in these data.", Table(head, hidden))
+        yield Section(
+            "Unidentifiable effects", "These data do not show the following effects (NOT VISIBLE).", Table(head, hidden)
+        )
 
 
 def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, str]]:
@@ -298,7 +304,7 @@ def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, st
     for dependence in found.dependences:
         yield (
             "DEPENDS ON",
-            f"the residuals depend on {dependence.variable} (p = {dependence.p_value:.1g}): try {dependence.hint}",
+            f"the residuals depend on {dependence.variable} ({probability(dependence.p_value)}): try {dependence.hint}",
         )
 
 

@@ -39,9 +39,10 @@ def _verdict(test: AxisTest) -> str:
 def _sections(test: AxisTest) -> Iterator[Section]:
     unit = test.unit
     text = (
-        "Means of each direction, with bands of twice the estimator s. Horizontal lines: the ends of the accuracy A "
-        "(dashed), of the systematic deviation E (dotted) and of the mean deviation M (dash-dotted) of both "
-        "directions. Vertical lines: the targets with the largest reversal value B and repeatability R."
+        "The curves are the means of each direction, with bands of twice the estimator s. Horizontal lines show the "
+        "ends of the accuracy A (dashed), of the systematic deviation E (dotted) and of the mean deviation M "
+        "(dash-dotted) of both directions. Vertical lines mark the targets with the largest reversal value B and "
+        "repeatability R."
     )
     yield Section(f"Axis {test.axis}: chart", text, figure=partial(_chart, test))
     values = [(value.symbol, value.title, number(value.value), number(value.U)) for value in test.values]
@@ -53,7 +54,7 @@ def _sections(test: AxisTest) -> Iterator[Section]:
         rows.append((f"{position:g}", *cells, number(test.reversal[i])))
     head = [cell for direction in DIRECTIONS for cell in (f"{direction} mean", "s", "runs")]
     table = Table((f"target, {test.position_unit}", *head, "reversal B_i"), rows)
-    yield Section(f"Axis {test.axis}: deviations in {unit}", "Measured minus target.", table)
+    yield Section(f"Axis {test.axis}: deviations in {unit}", "Deviations are measured minus target.", table)
 
 
 def _chart(test: AxisTest) -> Figure:
@@ -78,8 +79,9 @@ def _ends(panel: Panel, test: AxisTest, values: Mapping[str, str]) -> None:
     for symbol, low, high in (("A", mean - half, mean + half), ("E", mean, mean), ("M", middle, middle)):
         if symbol in values:
             dash, place = LINES[symbol]
-            level(panel, float(low.min()), dash=dash)
-            level(panel, float(high.max()), f"{symbol} {values[symbol]}", dash=dash, at=place)
+            label, upper = f"{symbol} {values[symbol]}", symbol == "E"
+            level(panel, float(low.min()), "" if upper else label, dash=dash, at=place, below=symbol == "A")
+            level(panel, float(high.max()), label if upper else "", dash=dash, at=place)
     for symbol, low, high in (("B", mean, mean), ("R", mean - half, mean + half)):
         if symbol in values:
             at = int(np.argmax(high.max(axis=0) - low.min(axis=0)))

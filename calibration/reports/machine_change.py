@@ -68,8 +68,9 @@ def change_sections(change: MachineChange | None) -> Iterator[Section]:
         for line in sorted(change.lines, key=lambda line: line.name not in changed)
     ]
     text = (
-        "New model minus present calibration. Scale: mean slope of a positioning error. Location errors by ISO 230-1 "
-        f"in the datum of the calibration; U (k={words.COVERAGE}) of the difference of both."
+        "Changes are new model minus present calibration. A scale is the mean slope of a positioning error. Location "
+        "errors are by ISO 230-1 in the datum of the calibration, with the U "
+        f"(k={words.COVERAGE}) of the difference of both."
     )
     yield Section("Change since the present calibration", text, Table(("", "symbol", "change ± U", ""), rows))
 

@@ -9,8 +9,9 @@ from calibration.fit.set_up.run_zeros import run_zeros
 from rendering.report import Section, Table
 
 TEXT = (
-    "Reading of each run for an axis without error. The fit estimates these zeros with the errors and removes them: a "
-    "difference between runs is in no error motion. Standard uncertainty (k=1) relative to the other runs of the axis."
+    "A zero is the reading of a run for an axis without error. The fit estimates the zeros with the errors and removes "
+    "them: a difference between runs is in no error motion. The standard uncertainty u (k=1) is relative to the other "
+    "runs of the axis."
 )
 
 

@@ -11,9 +11,10 @@ from rendering.report import Section, Table
 LISTED = 4
 """Most causes of a family that one cell lists."""
 TEXT = (
-    "By the positions, their order and the set-up alone, without the readings. Only together with: the other cause has "
-    "nearly the same signal (in brackets: cosine); these data separate the two only if they are large, and never at "
-    "1.00. Not visible: model and registration imitate at least 95 % of the signal."
+    "The table follows from the positions, their order and the set-up alone, without the readings. A cause that is "
+    "visible only together with another one has nearly the same signal (cosine in brackets): these data separate the "
+    "two only if they are large, and never at 1.00. Of a cause that is not visible, model and registration imitate at "
+    "least 95 % of the signal."
 )
 
 
@@ -33,7 +34,7 @@ def separability_section(design: Sequence[Separability]) -> Section:
         for kind, family in families.items()
     ]
     head = ("cause", "visible", "visible only together with", "not visible")
-    return Section("What this design can show", TEXT, Table(head, rows))
+    return Section("Causes that this design can show", TEXT, Table(head, rows))
 
 
 def separability_json(design: Sequence[Separability]) -> list[dict[str, Any]]:

@@ -54,15 +54,15 @@ def _verdict(results: Sequence[Result]) -> str:
 def _sections(results: Sequence[Result], study: StudyEntry, draws: Draws) -> Iterator[Section]:
     yield Section(
         "Error before and after",
-        "RMS volumetric error of every draw, before (above) and after (below) the calibration: distribution, mean "
-        "(line) and 95 % quantile (dots).",
+        "The shapes show the distribution of the RMS volumetric error over the draws, before (above) and after (below) "
+        "the calibration, with its mean (line) and 95 % quantile (dots).",
         figure=partial(_distributions, results),
     )
     yield Section("Results", _lead(study, results), _table(results))
     if len({result.points for result in results}) >= CURVE:
-        text = "Mean over draws (dots) and 95 % quantile (band)."
+        text = "Dots are means over the draws, and the band is the 95 % quantile."
         yield Section("Points and time", text, figure=partial(_curve, results))
-    text = "Positions of the target and of the tracker, in the workpiece frame."
+    text = "The figures show the positions of the target and of the tracker in the workpiece frame."
     if len(results) > SCENES:
         text += f" The first {SCENES} of {len(results)} cases are drawn."
     yield Section("Measured positions", text, figure=partial(_position_figure, results))
@@ -73,8 +73,8 @@ def _sections(results: Sequence[Result], study: StudyEntry, draws: Draws) -> Ite
 def _lead(study: StudyEntry, results: Sequence[Result]) -> str:
     checked = [result.check for result in results if result.check is not None]
     text = (
-        f"{study.description} Seed {study.seed}. RMS error over the volume after rigid alignment: mean and 95 % "
-        "quantile over draws."
+        f"{study.description} The seed is {study.seed}. The table has the mean and the 95 % quantile over the "
+        "draws of the RMS error over the volume after rigid alignment."
     )
     if checked:
         largest = max(check.difference for check in checked)

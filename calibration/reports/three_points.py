@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from calibration.reports.fit import RIGHT_HANDED, insignificant, residuals
+from calibration.reports.fit import RIGHT_HANDED, insignificant, residual_sentence, residuals
 from calibration.single_axis.three_points import AxisResult, ThreePoints
 from calibration.single_axis.three_points_check import Check
 from calibration.single_axis.three_points_figures import LINES, locations, ranges, squarenesses, straightnesses
@@ -91,7 +91,8 @@ def _straightness(axis: AxisResult) -> dict[str, Any]:
 
 def three_points_report(found: ThreePoints, checked: Check, lead: str, head: ReportHead, *, tables: bool) -> Report:
     """The result for people; `lead`: the data; with `tables` also every position of every axis."""
-    verdict = "\n".join(insignificant(found.significant_share))
+    residual = residual_sentence(checked.before_rms_um, checked.fit, checked.cross_validation)
+    verdict = "\n".join([*insignificant(found.significant_share), residual])
     return Report("Three-point identification", lead, list(_sections(found, checked, tables)), verdict, head=head)
 
 
@@ -109,7 +110,7 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
     yield residuals((checked.before_rms_um, checked.before_max_um), checked.fit, checked.cross_validation)
     for axis in found.axes.values():
         yield _axis_summary(axis)
-        text = "Errors at the positions, um and urad, with bars of U (k=2)."
+        text = "The points are the errors at the positions, um and urad, with bars of U (k=2)."
         yield Section(f"Error motions of {axis.axis.name}", text, figure=partial(_motions, axis))
         if tables:
             rows = [
@@ -117,14 +118,16 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
                 for at, errors, u in zip(axis.positions, axis.errors, axis.u, strict=True)
             ]
             table = Table((f"{axis.axis.name}, {axis.axis.unit}", *_names(axis)), rows)
-            yield Section(f"Positions of axis {axis.axis.name}", "um, urad, ± u (k=1)", table)
+            text = "Errors are in um and urad, each with its standard uncertainty u (k=1)."
+            yield Section(f"Positions of axis {axis.axis.name}", text, table)
     straight = [
         (name, *(f"{one.value:.2f} ± {one.u_value:.2f}" for one in lines))
         for axis in found.axes.values()
         for name, lines in straightnesses(axis).items()
     ]
     if straight:
-        yield Section("Straightness", "um, ± u (k=1), by reference line.", Table(("", *LINES), straight))
+        text = "Values are in um, each with its standard uncertainty u (k=1), by reference line."
+        yield Section("Straightness", text, Table(("", *LINES), straight))
     rows = [
         (figure.name, f"{figure.value:.2f}", f"{figure.u:.2f}", figure.unit, figure.description)
         for figure in (*locations(found), *squarenesses(found))
@@ -158,6 +161,9 @@ def _axis_summary(axis: AxisResult) -> Section:
         )
         for figure, degree, one in zip(ranges(axis), axis.curves.degrees, axis.misfits, strict=True)
     ]
-    text = f"{len(at)} positions, {at[0]:g} to {at[-1]:g} {axis.axis.unit}; the other axes at {others}."
+    text = (
+        f"The axis was measured at {len(at)} positions from {at[0]:g} to {at[-1]:g} {axis.axis.unit}, with the other "
+        f"axes at {others}."
+    )
     head = ("", "range", "u (k=1)", "", "degree", "chi2/dof", "")
     return Section(f"Axis {axis.axis.name}", text, Table(head, rows))

@@ -20,6 +20,7 @@ from calibration.reports.fit import (
     parameters,
     parameters_json,
 )
+from kinematics.number_text import probability
 from kinematics.report_head import calibration_text
 from rendering.figures import Figure, Panel, against_normal, grid
 from rendering.report import Report, Section, Table, facts
@@ -78,8 +79,8 @@ def _verdict(part: Part) -> str:
         text += f"; held-out {part.held_out.name} {part.held_out.other_rms_um:.2f} -> {part.held_out.rms_um:.2f} um"
     if part.contradicts:
         text += (
-            f". CONTRADICTS the other measurements (p = {part.p_value:.1g}): the machine has changed between them, an "
-            "effect is missing in the model (ncomp diagnose), or an uncertainty is stated too small"
+            f". CONTRADICTS the other measurements ({probability(part.p_value)}): the machine has changed between "
+            "them, an effect is missing in the model (ncomp diagnose), or an uncertainty is stated too small"
         )
     return f"{text}."
 
@@ -101,14 +102,14 @@ def _sections(found: Together) -> Iterator[Section]:
         ],
     )
     text = (
-        "RMS residual per scalar, um (rotary axes of an interferometer: urad), each with a registration of its own. By "
-        "the others: predicted by the other measurements alone, which may not see the same errors; p-value of the "
-        "difference from their prediction."
+        "Residuals are RMS per scalar, um (rotary axes of an interferometer: urad), each with a registration of its "
+        "own. By the others means predicted by the other measurements alone, which may not see the same errors, with "
+        "the p-value of the difference from their prediction."
     )
     head = ("measurement", "rows", "nominal", "alone", "together", "held out", "by the others", "p")
     yield Section("Measurements", text, Table(head, [_row(part) for part in found.parts]))
     yield from parameters(found.model)
-    text = "Residuals in standard uncertainties; the curve is the distribution of noise alone."
+    text = "Residuals are in standard uncertainties; the curve is the distribution of noise alone."
     yield Section("Unexplained residual", text, figure=partial(_distributions, found))
     yield from hidden_section(identified)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from kinematics.effects import COMPONENTS, INSTRUMENT, Effect, ErrorMotion
 from kinematics.effects.base import Columns, unit_of
+from kinematics.error_model.decoding_faults import CURE, given_twice, hint, reason_of_fault
 from kinematics.error_model.layout import to_json
 from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.machine import Machine
@@ -320,19 +321,24 @@ def decode_model(data: bytes, source: str) -> ErrorModel:
     """The calibration in JSON; `source` names it in the UserError for anything that is wrong with it."""
     try:
         content = msgspec.json.decode(data, type=dict[str, Any])
+        if key := given_twice(content, data):
+            raise UserError(f"calibration {source}: {key!r} is given twice in one place: delete one of them")
         version = content.get("ncomp_calibration")
         if version is None:
             raise UserError(f"calibration {source}: no ncomp calibration (it has no 'ncomp_calibration')")
         if version != 1 or type(version) is not int:
-            raise UserError(f"calibration {source}: version {version} is not one this ncomp reads (1)")
+            raise UserError(
+                f"calibration {source}: version {version} is not one this ncomp reads (1): use a newer ncomp"
+            )
         units = _take_units(content)
         model = _converted(content)
     except msgspec.DecodeError as fault:
         if kind := "" if data.lstrip().startswith(b"{") else kind_of_file(data):
             raise UserError(f"calibration {source}: this is {kind}, no calibration") from None
-        raise UserError(f"calibration {source}: {fault}{_hint(str(fault), data)}") from None
+        reason = f"{reason_of_fault(str(fault))}{hint(str(fault), data)}"
+        raise UserError(f"calibration {source}: {reason}; {CURE}") from None
     except UnicodeDecodeError:
-        raise UserError(f"calibration {source}: not UTF-8 text") from None
+        raise UserError(f"calibration {source}: not UTF-8 text: save it as UTF-8") from None
     _check(model, units, source)
     return model
 
@@ -356,15 +362,6 @@ def _form(kinds: tuple[Any, ...]) -> type[msgspec.Struct]:
         kind = tuple[Union[kinds], ...] if field.name == "effects" else field.type  # type: ignore[valid-type]  # noqa: UP007
         fields.append((field.name, kind) if field.required else (field.name, kind, field.default))
     return msgspec.defstruct("ErrorModel", fields, kw_only=True, forbid_unknown_fields=True)
-
-
-def _hint(fault: str, data: bytes) -> str:
-    """The expected form, for frequent typing errors."""
-    if "made_at" in fault:
-        return "; expected e.g. 2026-01-31T12:00:00Z"
-    if "malformed" in fault and any(word in data for word in (b"NaN", b"Infinity")):
-        return "; NaN and Infinity are no numbers in JSON"
-    return ""
 
 
 def write_model(model: ErrorModel, path: Path) -> None:
@@ -425,7 +422,7 @@ def _check(model: ErrorModel, units: list[Any], source: str) -> None:
         if not axes.issuperset(effect.axes):
             raise UserError(f"calibration {source}: {effect.name} is of an axis that {model.machine.chain} lacks")
         if min(effect.uncertainties, default=0.0) < 0:
-            raise UserError(f"calibration {source}: {effect.name} has a negative standard uncertainty u")
+            raise UserError(f"calibration {source}: {effect.name} has a negative standard uncertainty u: {CURE}")
         if given is not None and given != _units(effect):
             raise UserError(f"calibration {source}: {effect.name} has units {given}, expected {_units(effect)}")
     ranges = model.provenance.temperatures_degC

@@ -167,6 +167,13 @@ class ControlState:
         """Work offset and tool length of a frame when it was used, with their origins, in words; empty for none."""
         return self._origins.get(_values_of(frame), "")
 
+    def is_given(self, frame: Frame) -> bool:
+        """True for a frame whose work offset and tool length are given, or assumed."""
+        offset, tool = frame.work_offset, frame.tool_name
+        if offset and self._offset_origin(offset) is None:
+            return False
+        return not tool or self._tool_origin(tool_key(tool)) is not None
+
     def _origins_now(self, frame: Frame) -> str:
         parts = []
         if name := frame.work_offset:
@@ -206,7 +213,10 @@ def _values_of(frame: Frame) -> tuple[str, str, tuple[float, ...], float]:
 
 
 def _how(option: str) -> str:
-    return f"give it by {option}, by --tool-table or in the machine file, or take zero on purpose by --set-up-zero"
+    return (
+        f"give it by {option}, by --tool-table, in the job file or in the machine file, or take zero on purpose by "
+        "--set-up-zero"
+    )
 
 
 def _gives(option: str, names: Iterable[str]) -> bool:

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from kinematics.machine import Machine
 from postproc.control.setup import Setup
 from postproc.correct.travel import note_outside, refusals_outside
@@ -24,6 +26,8 @@ from postproc.text.line_numbers import ranges
 from postproc.text.notes import Notes
 from postproc.text.source import CHUNK, Source, chunks
 from rendering.report import Report, facts
+
+UNKNOWN = "the travel is not checked before the work offset and the tool length are given"
 
 
 @dataclass
@@ -126,7 +130,11 @@ def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, t
     def take(motions: Motions) -> None:
         findings.take(motions)
         if travel_check:
-            findings.take_travel(refusals_outside(motions, motions.machine_target, "as programmed", state))
+            given = np.array([state.is_given(frame) for frame in motions.frames], bool)[motions.frame]
+            outside = refusals_outside(motions, motions.machine_target, "as programmed", state, only=given)
+            findings.take_travel(outside)
+            if not given.all():
+                notes.add(UNKNOWN, int(motions.line[np.argmin(given)]), int((~given).sum()))
         else:
             note_outside(motions, motions.machine_target, notes)
 

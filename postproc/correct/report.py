@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,7 +45,11 @@ def correction_report(job: Job, result: CorrectionResult, trace: Trace | None, c
     warnings = [result.assumption, DEMONSTRATION if result.calibration["demonstration"] else ""]
     verdict = "\n".join(line for line in (*warnings, _verdict(result)) if line)
     return Report(
-        f"Correction of {result.program['name']}", lead, list(_sections(job, result, trace)), verdict, head=head
+        f"Correction of {Path(result.program['name']).name}",
+        lead,
+        list(_sections(job, result, trace)),
+        verdict,
+        head=head,
     )
 
 
@@ -57,7 +62,7 @@ def _verdict(result: CorrectionResult) -> str:
         return "No error is evaluated: no move gives the positions of all axes that position the tool."
     sure = f"; standard uncertainty (k=1) of the prediction {result.uncertainty.rms:.2f} um RMS"
     return (
-        f"Predicted {result.error} of the tool point at {before.count} block ends: "
+        f"Predicted tool point {result.error}, at {before.count} block ends: "
         f"{before.rms:.2f} -> {after.rms:.2f} um RMS, "
         f"at most {before.largest:.2f} -> {after.largest:.2f} um{sure if result.uncertainty.largest else ''}."
     )
@@ -76,10 +81,10 @@ def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterat
         yield Section("Corrections", table=Table(HEAD, _rows(corrections)))
     if result.not_split:
         rows = [
-            (reason, f"{not_split.largest_um:.3f}", shortened(ranges(not_split.lines)))
+            (reason, f"{not_split.largest_um:.2f}", shortened(ranges(not_split.lines)))
             for reason, not_split in result.not_split.items()
         ]
-        text = f"Feed moves that deviate by more than {job.tolerance_um:g} um between their ends."
+        text = f"These feed moves deviate by more than {job.tolerance_um:g} um between their ends."
         yield Section("Moves that were not split", text, Table(("reason", "largest deviation, um", "lines"), rows))
     listed = {not_split.text(reason) for reason, not_split in result.not_split.items()}
     if notes := [note for note in result.notes if note not in listed]:
@@ -87,7 +92,7 @@ def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterat
     if trace is not None:
         for stage, ends in zip(("before", "after"), trace.worst, strict=True):
             if ends:
-                text = "Ends of moves, in programmed coordinates (mm, degrees)."
+                text = "The table has the ends of moves in programmed coordinates (mm, degrees)."
                 yield Section(f"Largest errors {stage}", text, _worst_table(trace, ends), detail=True)
 
 
@@ -126,7 +131,7 @@ def _choices(job: Job, result: CorrectionResult) -> list[tuple[str, str]]:
 
 
 def _rows(named: Sequence[tuple[str, Statistic]]) -> list[tuple[str, ...]]:
-    return [(name, f"{s.largest:.3f}", f"{s.rms:.3f}", str(s.count)) for name, s in named]
+    return [(name, f"{s.largest:.2f}", f"{s.rms:.2f}", str(s.count)) for name, s in named]
 
 
 def _error_rows(result: CorrectionResult, trace: Trace | None) -> list[tuple[str, ...]]:
@@ -147,7 +152,8 @@ def _error_rows(result: CorrectionResult, trace: Trace | None) -> list[tuple[str
     rows = _rows([(name, statistic) for name, statistic in named if statistic.count])
     rows.append(("moves that are not evaluated", "", "", str(result.not_evaluated)))
     if result.significance.share is not None:
-        rows.append(("significant share of the improvement (k=2)", f"{result.significance.share:.0%}", "", ""))
+        share = f"{100.0 * result.significance.share:.0f} %"
+        rows.append(("significant share of the improvement (k=2)", share, "", ""))
     return rows
 
 
@@ -159,14 +165,16 @@ def _figures(trace: Trace, error: str) -> Iterator[Section]:
     yield from path_sections(trace.paths, error)
     if not bins.moves:
         return
-    joined = f" Each step is {bins.width} moves: the line is the RMS, the area the largest." if bins.width > 1 else ""
+    steps = f" Each step joins {bins.width} moves: the line is their RMS, the area reaches to the largest."
+    joined = steps if bins.width > 1 else ""
     if not np.isnan(bins.largest).all():
-        text = f"At the ends of moves, in the order of execution.{joined}"
+        text = f"The errors are those at the ends of moves, in the order of execution.{joined}"
         yield Section(f"{error.capitalize()} along the program", text, figure=partial(error_figure, bins))
-    text = f"Correction of each axis.{' From the smallest to the largest of each step.' if bins.width > 1 else ''}"
+    text = "The curves are the corrections of each axis"
+    text += ", from the smallest to the largest of each step." if bins.width > 1 else "."
     yield Section("Corrections along the program", text, figure=partial(correction_figure, bins, trace.machine))
 
 
 def _worst_table(trace: Trace, ends: Sequence[MoveEnd]) -> Table:
-    rows = [(str(p.line), *(f"{value:.3f}" for value in p.target), f"{p.before:.3f}", f"{p.after:.3f}") for p in ends]
-    return Table(("line", *trace.machine.names, "before, um", "after, um"), rows)
+    rows = [(str(p.line), f"{p.before:.2f}", f"{p.after:.2f}", *(f"{value:.3f}" for value in p.target)) for p in ends]
+    return Table(("line", "before, um", "after, um", *trace.machine.names), rows)

@@ -56,8 +56,9 @@ def correction_figure(bins: Bins, machine: Machine) -> Figure:
 def path_sections(paths: DrawnPaths, error: str) -> Iterator[Section]:
     """The tool path in 3-D, unless it has no feed move; `error`: name of the error."""
     if len(paths.points):
-        some = f" One feed move in {paths.stride} is drawn." if paths.stride > 1 else ""
-        text = f"Nominal path of feed moves in the workpiece frame; colour: {error}, on one scale.{some}"
+        some = f" One feed move of {paths.stride} is drawn." if paths.stride > 1 else ""
+        text = f"The lines are the nominal paths of feed moves in the workpiece frame; their colour is the {error}, on "
+        text += f"one scale.{some}"
         yield Section("Errors on the part", text, figure=partial(_path_figure, paths))
 
 

@@ -27,10 +27,15 @@ def refuse_outside(motions: Motions, positions: Array, when: str, state: Control
         raise refusal
 
 
-def refusals_outside(motions: Motions, positions: Array, when: str, state: ControlState) -> Iterator[Refusal]:
-    """A refusal for every move and axis outside the travel, as by `refuse_outside`; the message names the set-up."""
-    machine, programmed = motions.machine, motions.programmed
-    for row, i in np.argwhere(_outside(motions, positions)):
+def refusals_outside(
+    motions: Motions, positions: Array, when: str, state: ControlState, *, only: NDArrayBool | None = None
+) -> Iterator[Refusal]:
+    """A refusal for every move and axis outside the travel, as by `refuse_outside`; the message names the set-up.
+
+    only: mask `(n,)` of the checked moves.
+    """
+    machine, programmed, outside = motions.machine, motions.programmed, _outside(motions, positions)
+    for row, i in np.argwhere(outside if only is None else outside & only[:, None]):
         axis = machine.axes[i]
         origins = state.origins(motions.frames[motions.frame[row]]) if programmed[row] else ""
         setup = f" with {origins}: check these (--work-offset, --tool-length)" if origins else ""

@@ -141,12 +141,12 @@ class DrawnPaths:
             pose_errors(machine, model, actual, nominal, tool, states.last_states(points), shift).point_um
             for actual, states in zip((nominal, written), both, strict=True)
         ]
-        self._add(
+        self.add(
             tool_point(machine, nominal, tool).reshape(len(rows), -1, 3),
             np.stack(errors, axis=1).reshape(len(rows), -1, 2),
         )
 
-    def _add(self, points: Array, errors: Array) -> None:
+    def add(self, points: Array, errors: Array) -> None:
         """Add points and errors of the rows that `rows` has returned."""
         self.points = np.concatenate([self.points, points])
         self.errors = np.concatenate([self.errors, errors])

@@ -37,7 +37,7 @@ def _sections(exported: ExportedParameters, left: Sequence[Unrepresented], volum
     yield remaining_section("volume", volume, STAGES)
     head = ("parameter", "by the machine file", "new", "change", "unit")
     yield Section("Parameters", WHERE, Table(head, list(number_rows(exported))))
-    text = "Shifts and tilts of the lines of the rotary axes at zero pose, machine frame."
+    text = "The table has the shifts and tilts of the lines of the rotary axes at zero pose, in the machine frame."
     yield Section("Lines of the rotary axes", text, Table(("line", "change", "U (k=2)"), list(line_rows(exported))))
     yield from left_section("Not in the parameters", left)
     form = exported.format

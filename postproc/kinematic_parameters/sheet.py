@@ -53,10 +53,10 @@ def _lines(exported: ExportedParameters, left: Iterable[Unrepresented], volume: 
     yield from ["", "## Remaining errors", "", "Tool point error over the working volume, um, by the exact model:", ""]
     yield from ["| | RMS | 95 % | max |", "|---|---|---|---|"]
     for stage, numbers in volume["tool_point_um"].items():
-        yield f"| {STAGES[stage]} | {numbers['rms']:.3f} | {numbers['p95']:.3f} | {numbers['max']:.3f} |"
+        yield f"| {STAGES[stage]} | {numbers['rms']:.2f} | {numbers['p95']:.2f} | {numbers['max']:.2f} |"
     yield from ["", "Not in the parameters (RMS at the tool point, um):", ""]
     yield from (
-        f"- {each.name}: {'-' if math.isnan(each.rms_um) else f'{each.rms_um:.3f}'}, {each.why}" for each in left
+        f"- {each.name}: {'-' if math.isnan(each.rms_um) else f'{each.rms_um:.2f}'}, {each.why}" for each in left
     )
 
 
@@ -72,7 +72,7 @@ def number_rows(exported: ExportedParameters) -> list[tuple[str, ...]]:
 def line_rows(exported: ExportedParameters) -> list[tuple[str, str, str]]:
     """Freedom, change and U (k = 2) of each line, with units."""
     return [
-        (each.freedom.name, f"{each.value:+.3f} {each.freedom.unit}", f"{2.0 * each.u:.3f} {each.freedom.unit}")
+        (each.freedom.name, f"{each.value:+.2f} {each.freedom.unit}", f"{2.0 * each.u:.2f} {each.freedom.unit}")
         for each in exported.changes
     ]
 
@@ -80,7 +80,7 @@ def line_rows(exported: ExportedParameters) -> list[tuple[str, str, str]]:
 def offset_shift(exported: ExportedParameters) -> str:
     """The change of work offsets that belongs to the parameters."""
     shift, turn = np.split(exported.best.frame, 2)
-    text = ", ".join(f"{letter} {value:+.6f}" for letter, value in zip("XYZ", shift.tolist(), strict=True))
+    text = ", ".join(f"{letter} {value:+.4f}" for letter, value in zip("XYZ", shift.tolist(), strict=True))
     aligned = ", ".join(f"{letter} {value * 1e6:+.2f}" for letter, value in zip("ABC", turn.tolist(), strict=True))
     alignment = f" and turned by {aligned} urad about the axes of the machine" if turn.any() else ""
     return (

@@ -32,7 +32,8 @@ def export_report(
     verdict = [
         *([DEMONSTRATION] if whole.demonstration else []),
         f"Tool point error over the volume: {point['before']['rms']:.2f} -> {point[stage]['rms']:.2f} um RMS, at most "
-        f"{point['before']['max']:.2f} -> {point[stage]['max']:.2f} um, {STAGES[stage]}.",
+        f"{point['before']['max']:.2f} -> {point[stage]['max']:.2f} um, {STAGES[stage]}."
+        f"{' The largest error does not become smaller.' if point[stage]['max'] >= point['before']['max'] else ''}",
         *([f"Zero shift: {warning}."] if warning else []),
     ]
     head = machine.report.filled(machine=machine.name, calibration=calibration_text(whole))
@@ -46,7 +47,11 @@ def _sections(exported: Exported, left: Sequence[Unrepresented], errors: Mapping
         yield remaining_section(where, numbers, STAGES)
     fields = [Field("before, without tables", exported.whole), Field("after, left by the tables", exported.rest)]
     yield from volume_section(exported.target.machine, fields)
-    yield Section("Tables", table=Table(("table", "points", "from", "to", "largest value"), table_rows(exported)))
+    yield Section(
+        "Tables",
+        "Positions are in mm and degrees.",
+        Table(("table", "points", "from", "to", "largest value"), table_rows(exported)),
+    )
     yield from left_section("Not in the tables", left)
     form, content = exported.format, exported.content
     meant = "the error (actual minus commanded)" if content.sign == "error" else "the correction (added)"
@@ -59,7 +64,7 @@ def _sections(exported: Exported, left: Sequence[Unrepresented], errors: Mapping
 def remaining_section(where: str, numbers: Mapping[str, Any], stages: Mapping[str, str]) -> Section:
     """Errors of each stage over a volume or along a program, as a table and on one scale."""
     found = {stages[stage]: sizes for stage, sizes in numbers["tool_point_um"].items()}
-    rows = [(name, *(f"{sizes[key]:.3f}" for key in SIZES)) for name, sizes in found.items()]
+    rows = [(name, *(f"{sizes[key]:.2f}" for key in SIZES)) for name, sizes in found.items()]
     table = Table(("tool point error, um", *SIZES.values()), rows)
     return Section(f"Remaining errors over the {where}", table=table, figure=partial(_stages, found))
 

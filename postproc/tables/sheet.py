@@ -59,7 +59,7 @@ def _lines(exported: Exported, left: Iterable[Unrepresented], volume: dict[str, 
     yield from ["", "## Remaining errors", "", "Tool point error over the working volume, um, by the exact model:", ""]
     yield from ["| | RMS | 95 % | max |", "|---|---|---|---|"]
     for stage, numbers in volume["tool_point_um"].items():
-        yield f"| {STAGES[stage]} | {numbers['rms']:.3f} | {numbers['p95']:.3f} | {numbers['max']:.3f} |"
+        yield f"| {STAGES[stage]} | {numbers['rms']:.2f} | {numbers['p95']:.2f} | {numbers['max']:.2f} |"
     yield from ["", "Not in the tables (RMS at the tool point, um):", ""]
     yield from (f"- {item.name}: {_size(item.rms_um)}, {item.why}" for item in left)
     yield "- the orientation of the tool: RMS " + f"{volume['tool_axis_urad']['after_tables']['rms']:.2f} urad"

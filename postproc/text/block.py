@@ -99,23 +99,35 @@ def edited(text: str, edits: Iterable[Edit]) -> str:
     return "".join(pieces)
 
 
+TYPING = (
+    (r"[Oo]", r"[A-Za-z][-+]?\d*$", "write the digit 0 in place of the letter O"),
+    (r"[lI]", r"[A-Z][-+]?\d*$", "write the digit 1 in place of the letter"),
+    (r",\d", r"\d$", "write the decimal point as '.'"),
+    ("\xe2\x88\x92|\xe2\x80\x93|\x96", r"[A-Z]$", "write the plain minus sign - in place of the typographic one"),
+    ("\xc2\xa0", "", "write a plain blank in place of the no-break space"),
+)
+"""Likely typing mistakes: beginning of the rest and end of the text before it, Latin-1, and the cure."""
+
+
+NO_BREAK = ": write a plain blank in place of the no-break space"
+
+
 def not_understood(text: str, at: int, *, bare: bool = False) -> str:
     """Reason for a block that is not understood from the position `at` on, with the likely typing mistake.
 
     bare: the dialect has addresses without a number.
     """
     rest = text[at:].strip()
-    return f"{rest[:20]!r} is not understood{_likely(text[:at], rest, bare)}"
+    skipped = text[at : len(text) - len(text[at:].lstrip())]
+    likely = NO_BREAK if "\xa0" in skipped else _likely(text[:at], rest, bare)
+    return f"{rest[:20]!r} is not understood{likely}"
 
 
 def _likely(before: str, rest: str, bare: bool) -> str:
     """The likely mistake, behind a separator; a general advice where none is likely."""
-    if re.match(r"[Oo]", rest) and re.search(r"[A-Za-z][-+]?\d*$", before):
-        return ": write the digit 0 in place of the letter O"
-    if re.match(r"[lI]", rest) and re.search(r"[A-Z][-+]?\d*$", before):
-        return ": write the digit 1 in place of the letter"
-    if re.match(r",\d", rest) and re.search(r"\d$", before):
-        return ": write the decimal point as '.'"
+    for begins, behind, cure in TYPING:
+        if re.match(begins, rest) and re.search(behind, before):
+            return f": {cure}"
     if before.count("[") > before.count("]"):
         return ": close the bracket with ]"
     empty = re.search(r"(?:^|[\s\d.])([A-Z])\s*$", before)

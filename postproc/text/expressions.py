@@ -101,7 +101,7 @@ def _value(expression: Expression, scope: Scope) -> Value:
         value = operation(*values)
     except (ArithmeticError, TypeError, ValueError):
         operands = ", ".join(f"{value:g}" if isinstance(value, float) else repr(value) for value in values)
-        raise NotKnown(f"{expression.name} has no value for {operands}") from None
+        raise NotKnown(f"{expression.name} has no value for {operands}: correct the formula") from None
     return _finite(value, expression.name)
 
 

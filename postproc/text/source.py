@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from kinematics.files import reason_of
 from kinematics.mistaken_files import PROGRAM, kind_of_file, missing
 from kinematics.user_error import UserError
 
@@ -154,7 +155,7 @@ def open_source(path: str) -> Source:
                 data = None if stream.seekable() else head + stream.read()
                 source = Source(path, head.decode(ENCODING), data, state=_state(stream))
         except OSError as fault:
-            raise UserError(f"program {path}: {fault.strerror or fault}{missing(path)}") from None
+            raise UserError(f"program {path}: {reason_of(fault)}{missing(path)}") from None
     _check(source)
     return source
 
@@ -202,4 +203,4 @@ def _check(source: Source) -> None:
         raise UserError(f"program {source.name} is UTF-16 text; save it as plain text (ASCII or UTF-8)")
     body = head.strip(b"\0")
     if b"\0" in body or not _CONTROLS.isdisjoint(body):
-        raise UserError(f"program {source.name} is a binary file, no NC text")
+        raise UserError(f"program {source.name} is a binary file, no NC text: give the file that the CAM has posted")

@@ -39,6 +39,8 @@ def read(path: Path, text: str) -> ToolTable:
             raise UserError(
                 f"tool table {path}:{i}: an offset in {sideways[1].upper()} is not supported: expected Z and D only"
             )
+        if match["number"] in lengths:
+            raise UserError(f"tool table {path}:{i}: T{match['number']} is in the table twice: delete one line")
         lengths[match["number"]] = float(length[1])
         diameter = _DIAMETER.search(content)
         if diameter is not None:

@@ -56,9 +56,8 @@ def _sections(done: Verification) -> Iterator[Section]:
         by = ", ".join(filter(None, (f"by {model.id}", option))) if len(models) > 1 else ""
         yield from _of_model(done.verdicts[key], by, best_fit=done.models.true is not None)
     if done.classes:
-        yield Section(
-            "ISO/TR 16907 classes", "Errors after correction.", Table(CLASSES, list(map(_left, done.classes)))
-        )
+        text = "The table has the errors after correction of these classes."
+        yield Section("ISO/TR 16907 classes", text, Table(CLASSES, list(map(_left, done.classes))))
 
 
 def _of_model(verdict: Verdict, by: str, *, best_fit: bool) -> Iterator[Section]:
@@ -73,7 +72,7 @@ def _of_model(verdict: Verdict, by: str, *, best_fit: bool) -> Iterator[Section]
         rows.append(_row("absolute, along", absolute.path_before, absolute.path_after))
     if best_fit:
         before, after = (fit.json() for fit in verdict.best_fit)
-        rows.append(("best fit, along", "", f"{before['rms']:.3f}", "", f"{after['rms']:.3f}", str(before["count"])))
+        rows.append(("best fit, along", "", f"{before['rms']:.2f}", "", f"{after['rms']:.2f}", str(before["count"])))
     title = " ".join(filter(None, (f"Tool point error{_relative(verdict)}", by)))
     yield Section(title, table=Table(HEAD, rows), figure=partial(_before_and_after, verdict))
     ranked_by_rms = sorted(verdict.contributions.items(), key=lambda item: -item[1].rms)[:LARGEST]
@@ -101,7 +100,7 @@ def _before_and_after(verdict: Verdict) -> Figure:
 
 def _row(name: str, before: Statistic, after: Statistic) -> tuple[str, ...]:
     numbers = (before.largest, before.rms, after.largest, after.rms)
-    return name, *(f"{number:.3f}" for number in numbers), str(before.count)
+    return name, *(f"{number:.2f}" for number in numbers), str(before.count)
 
 
 def _left(left: ClassResiduals) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ ends and points along straight and circular feed moves, as the control interpola
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -89,11 +89,17 @@ def read_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setu
     return list(run_motions(source, dialect, dialect.interpreter(machine, setup, Notes())))
 
 
-def run_motions(source: Source, dialect: Dialect, interpreter: Interpreter) -> Iterator[Motions]:
-    """As `read_motions`, as they are read, with an interpreter that then holds the set-up that the program used."""
+def run_motions(
+    source: Source, dialect: Dialect, interpreter: Interpreter, progress: Callable[[int], None] = lambda _: None
+) -> Iterator[Motions]:
+    """As `read_motions`, as they are read, with an interpreter that then holds the set-up that the program used.
+
+    progress: called with the number of characters of each chunk.
+    """
     for part in execution(source, dialect, interpreter).parts():
         chunk = _with_tags(part.motions)
         yield replace(chunk, blocks=Blocks(()), words=AxisWords())  # only the columns are used
+        progress(part.size)
 
 
 def _with_tags(motions: Motions) -> Motions:

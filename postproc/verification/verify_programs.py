@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -88,12 +89,13 @@ def verify_programs(
     tolerance_um: float,
     accept: str | None,
     traced: bool = False,
+    progress: Callable[[int], None] = lambda _: None,
 ) -> Verification:
     """Verify the second program as a correction of the first, both run with the same set-up.
 
-    accept: parts of the mark that may differ, separated by commas; traced: keep moves for a figure. UserError for a
-    program that is not understood, for two programs with different moves, and for a mark of another set-up that is not
-    accepted.
+    accept: parts of the mark that may differ, separated by commas; traced: keep moves for a figure; progress: called
+    with the numbers of characters that were evaluated, of both programs. UserError for a program that is not
+    understood, for two programs with different moves, and for a mark of another set-up that is not accepted.
     """
     accepted = parse_accepted(accept, PARTS)
     original, corrected = (mark_in_program(source) for source in programs)
@@ -105,7 +107,7 @@ def verify_programs(
     notes = model_notes(models.evaluated, conditions)
     languages = [find_dialect(dialect, source.name, source.text_head) for source in programs]
     interpreters = [language.interpreter(machine, setup, Notes()) for language in languages]
-    nominal, commanded = map(run_motions, programs, languages, interpreters)
+    nominal, commanded = map(run_motions, programs, languages, interpreters, (progress, progress))
     verifiers = {
         key: Verifier(machine, model, conditions, tolerance_um, traced=traced and not key)
         for key, (model, _) in models.by_key().items()

@@ -30,6 +30,10 @@ MISTAKES = (
     entry("class misspelled", "tolerance_um = 1.0", 'classes = "L-VOLL"', 11, "'L-VOLL' is none of", "did you mean 'L-VOL'?"),
     entry("dialect misspelled", "calibration =", 'dialect = "heidenhein"\ncalibration =', 2, "'heidenhein' is none of", "did you mean 'heidenhain'?"),
     entry("negative tolerance", "tolerance_um = 1.0", "tolerance_um = -1.0", 11, "correction.tolerance_um", "expected a number >= 0"),
+    entry("output onto the job file", '"out/out.nc"', '"job.toml"', 14, "the output is the job file itself", "name another file"),
+    entry("page onto the job file", "[programs]", '[results]\nreport = "job.toml"\n\n[programs]', 14, "results.report: the output is the job file itself", "name another file"),
+    entry("folder in place of the calibration", '"cal.json"', '"empty"', 2, "calibration: empty: this is a folder", "give a file"),
+    Mistake("saved as Unicode", "job.toml", "job file job.toml", "not UTF-8 text", "save it as UTF-8", (("job.toml", 'machine = "gantry"\n'.encode("utf-16")),)),
     Mistake("job file misspelled", "jb.toml", "job file jb.toml", "No such file", "did you mean 'job.toml'?"),
     Mistake("machine file in place of the job file", "mill.toml", "job file mill.toml", "this is a machine file", "(--machine)"),
 )  # fmt: skip

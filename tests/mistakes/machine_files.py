@@ -35,6 +35,8 @@ MISTAKES = (
     entry("name forgotten", 'name = "mill"\n', "", None, "name is missing", "write name = ..."),
     entry("table misspelled", "[axes.X]", "[axis.X]", 13, "axis is not known", "did you mean 'axes'?"),
     entry("entry of the report's head misspelled", "[control]", '[report]\noperater = "A"\n\n[control]', 24, "report.operater is not known", "did you mean 'operator'?"),
+    entry("name with a slash", '"mill"', '"hall 3/mill"', 1, "name: 'hall 3/mill' cannot be the name of a file", "write letters, digits"),
+    entry("name left empty", '"mill"', '""', 1, "name: '' cannot be the name of a file", "write letters, digits"),
     Mistake("program in place of the machine file", "machines in.nc", "machine file in.nc", "this is an NC program", "no machine file"),
     Mistake("machine file misspelled", "machines mil.toml", "machine file mil.toml", "No such file", "did you mean 'mill.toml'?"),
     Mistake("saved in Latin-1", "machines mill.toml", "machine file mill.toml", "not UTF-8 text", "save it as UTF-8", (("mill.toml", 'name = "Fr\xe4se"'.encode("latin-1")),)),

@@ -9,7 +9,7 @@ from tests.mistakes.mistake import Mistake, change
 
 HEAD = 9
 """Lines of the measurement file up to the names of its columns."""
-Change = tuple[str, Callable[[str], str]]
+Change = tuple[str, str | bytes | Callable[[str], str | bytes]]
 
 
 def data(made: str, place: str, cause: str, cure: str, *files: Change) -> Mistake:
@@ -61,6 +61,7 @@ def _shifted(text: str) -> str:
     return "\n".join([*lines[:HEAD], *(",".join(row) for row in mixed)]) + "\n"
 
 
+CORRECT = "in.nc --machine gantry -c cal.json --set-up-zero -o out.nc"
 STUDY = 'machine = "gantry"\ndraws = 20\n\n[[case]]\nname = "a"\nstrategy = "grid"\npoints = 60\n'
 
 
@@ -92,6 +93,16 @@ MISTAKES = (
     data("ten points only", "data.csv", "are too few for", "measure about", _cut(20)),
     data("one point only", "data.csv", "no axis moves in these data", "measure at several positions", _cut(10)),
     data("header only", "data.csv", "there are no rows", "below the names of columns", _cut(9)),
+    data("saved as Unicode by a spreadsheet", "data.csv", "is UTF-16 text", "save it as plain text", ("data.csv", lambda text: text.encode("utf-16"))),
+    data("packed data", "data.csv", "this is a packed archive", "give the data of an instrument", ("data.csv", b"\x1f\x8b\x08\0" + bytes(60))),
+    data("empty file from a failed export", "data.csv", "is empty", "export it again", ("data.csv", "")),
+    data("uncertainty stated twice", "data.csv:6 u_angle_um", "given before, in line 5", "delete one of them", change("data.csv", "# u_angle_um: 10.0", "# u_angle_um: 10.0\n# u_angle_um: 20.0")),
+    data("two columns of one name", "data.csv:9 column x", "twice", "delete or rename one", change("data.csv", "run,x,y,z", "run,x,x,z")),
+    Mistake("data given twice", "fit data.csv data.csv --machine gantry -o new.json", "data.csv and data.csv", "contain the same data", "give each measurement once"),
+    Mistake("calibration cut off by the mail", f"{CORRECT}", "calibration cal.json", "the file is incomplete", "take an unchanged copy", (("cal.json", lambda text: text[:-40]),)),
+    Mistake("entry twice in a calibration", f"{CORRECT}", "calibration cal.json", "'effects' is given twice", "delete one of them", (("cal.json", lambda text: text.replace('"effects"', '"effects": [], "effects"', 1)),)),
+    Mistake("effect of another program in a calibration", f"{CORRECT}", "calibration cal.json: effects[0].kind", "Invalid value 'magic'", "make the calibration anew", (change("cal.json", '"location"', '"magic"'),)),
+    Mistake("remark in a calibration", f"{CORRECT}", "calibration cal.json", "no entry remark", "make the calibration anew", (change("cal.json", '"effects"', '"remark": "x", "effects"'),)),
     Mistake("output onto the data", "fit data.csv --machine gantry -o data.csv", "data.csv", "is an input and would be overwritten", "name another file"),
     Mistake("plan in place of the data", "fit plan.csv --machine gantry -o new.json", "plan.csv", "this is a plan, not its measurement", "header line '# instrument:"),
     Mistake("calibration in place of the data", "fit cal.json --machine gantry -o new.json", "cal.json", "this is a calibration of ncomp", "give the data of an instrument"),

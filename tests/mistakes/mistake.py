@@ -36,7 +36,7 @@ class Mistake:
     """File, line, column, option or entry, as the message names it."""
     cause: str
     cure: str
-    files: tuple[tuple[str, str | bytes | Callable[[str], str]], ...] = ()
+    files: tuple[tuple[str, str | bytes | Callable[[str], str | bytes]], ...] = ()
     """Files by name: their content, or a change of the file that is there."""
 
     @property

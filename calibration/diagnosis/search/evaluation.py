@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -55,9 +55,11 @@ class Sibling(NamedTuple):
     """Log odds of the accepted cause against this one, by their gains and their numbers of free choices."""
 
 
-def evaluate(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> list[Evaluated]:
-    """Candidates with their scores, the best first."""
-    tried = linearised.candidates([candidate.effect for candidate in candidates])
+def evaluate(
+    linearised: LinearisedFit, candidates: Sequence[Candidate], done: Callable[[float], None] = lambda _: None
+) -> list[Evaluated]:
+    """Candidates with their scores, the best first; done: called with the share of those tried."""
+    tried = linearised.candidates([candidate.effect for candidate in candidates], done)
     found = [
         Evaluated(candidate, projected, score_of(linearised, candidate, projected))
         for candidate, projected in zip(candidates, tried, strict=True)

@@ -8,7 +8,7 @@ can imitate.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -322,9 +322,9 @@ class LinearisedFit:
         """
         return self.projected(self._changing((effect,)) * unit)
 
-    def candidates(self, effects: Sequence[Effect]) -> list[Projected]:
-        """`candidate` of each effect, its columns in typical sizes."""
-        some = each(lambda some: self._apart(some, self._changing(some)), _together(effects))
+    def candidates(self, effects: Sequence[Effect], done: Callable[[float], None] = lambda _: None) -> list[Projected]:
+        """`candidate` of each effect, its columns in typical sizes; done: called with the share of those found."""
+        some = each(lambda some: self._apart(some, self._changing(some)), _together(effects), done)
         return list(chain.from_iterable(some))
 
     def responses(self, effects: Sequence[Effect]) -> list[Projected]:

@@ -37,6 +37,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Cyclic, LocationJump
+from kinematics.progress import Progress
 from kinematics.transforms import Array
 
 DROPPED = -6.0
@@ -59,7 +60,6 @@ RECENT = 12
 """Most fits that are kept."""
 PASSES = 2
 """Most rounds in which a sibling replaces a cause."""
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -121,10 +121,11 @@ class Selector:
         """Selection of the causes that the data support, beginning with those known already."""
         stages = [self.pruned(self.stage(chosen_of(known))) if known else self.bare]
         refused: set[tuple[str, ...]] = set()
+        turn = 0
         while True:
-            now = stages[-1]
-            self.progress(f"trying causes; found: {_listed(now.accepted)}")
-            evaluated, found = self._found(now.linearised, now.accepted, refused)
+            now, turn = stages[-1], turn + 1
+            step = f"trying causes, round {turn}; found: {_listed(now.accepted)}"
+            evaluated, found = self._found(now.linearised, now.accepted, refused, step)
             if not found:
                 last_round = (each._replace(projected=each.projected.summary) for each in evaluated)
                 return Selection(tuple(stages), tuple(last_round))
@@ -183,9 +184,8 @@ class Selector:
             accepted: list[Accepted] = []
             better: list[tuple[Candidate, Array]] | None = None
             for i, own in enumerate(stage.accepted):
-                self.progress(f"siblings of {own.candidate.effect.name}")
-                without = stage.without(i)
-                others = self._evaluated(without, [*stage.accepted[:i], *stage.accepted[i + 1 :]])
+                without, besides = stage.without(i), [*stage.accepted[:i], *stage.accepted[i + 1 :]]
+                others = self._evaluated(without, besides, f"siblings of {own.candidate.effect.name}")
                 accepted.append(
                     replace(own, siblings=self._compared(stage, i, siblings(without, own.candidate, others)))
                 )
@@ -355,7 +355,7 @@ class Selector:
         return stage
 
     def _found(
-        self, linearised: LinearisedFit, accepted: Sequence[Accepted], refused: Set[tuple[str, ...]]
+        self, linearised: LinearisedFit, accepted: Sequence[Accepted], refused: Set[tuple[str, ...]], step: str
     ) -> tuple[list[Evaluated], list[Evaluated]]:
         """All candidates, the best first; and of those not refused the likeliest cause, none without one.
 
@@ -363,9 +363,9 @@ class Selector:
         """
         found: list[Evaluated] = []
         first: list[Evaluated] = []
-        for noisy in {id(each): each for each in (linearised, linearised.evenly_noisy)}.values():
+        for number, noisy in enumerate({id(each): each for each in (linearised, linearised.evenly_noisy)}.values()):
             absorbing = self.search.absorbed(noisy)
-            evaluated = self._evaluated(absorbing, accepted)
+            evaluated = self._evaluated(absorbing, accepted, f"{step}, even noise" if number else step)
             first = first or evaluated
             allowed = [each for each in evaluated if _key(each.candidate) not in refused]
             best = self._best(absorbing, allowed) if len(accepted) < MOST else None
@@ -373,13 +373,15 @@ class Selector:
                 found.append(best)
         return first, found
 
-    def _evaluated(self, linearised: LinearisedFit, accepted: Sequence[Accepted]) -> list[Evaluated]:
-        """Candidates for causes besides those accepted, the best first."""
+    def _evaluated(self, linearised: LinearisedFit, accepted: Sequence[Accepted], step: str = "") -> list[Evaluated]:
+        """Candidates for causes besides those accepted, the best first; step: shown with the share of those tried."""
+        if step:
+            self.progress(step)
         causes = {each.candidate.cause for each in accepted}
         left = [candidate for candidate in self.library if candidate.cause not in causes]
         proposed = [_at_once(each, accepted) for each in self.search.proposals(linearised, left)]
         once = [each for each in proposed if each.cause not in causes or not isinstance(each.effect, LocationJump)]
-        return evaluate(linearised, [*left, *once])
+        return evaluate(linearised, [*left, *once], lambda share: self.progress(step, share) if step else None)
 
     def _best(self, linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Evaluated | None:
         """The likeliest candidate that may be named; of several nearly as likely the commonest and simplest."""

@@ -24,7 +24,7 @@ from calibration.diagnosis.search.refinement import GENEROUS, Refinement
 from calibration.fit.bases.search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.bases.selection import choose
 from calibration.fit.curves.between_positions import as_table
-from calibration.fit.fit import Fit, Progress, fit
+from calibration.fit.fit import Fit, fit
 from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
 from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
@@ -41,6 +41,7 @@ from kinematics.effects import (
     UnknownApproach,
 )
 from kinematics.error_model.model import ErrorModel
+from kinematics.progress import Progress
 from kinematics.user_error import UserError
 
 FINEST = 16

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.fit.fit import Progress
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import TARGETS, BasisChoice, distinct_positions, moving_axes, repeated_targets
+from kinematics.progress import Progress, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -134,7 +134,7 @@ def chosen(
     draws: int,
     evidence: Evidence,
     unexplained: Unexplained | None = None,
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
 ) -> list[Choice]:
     """The choice of each draw: the one of greatest evidence, all axes in the same kind of basis.
 
@@ -178,12 +178,13 @@ def _preferred(search: Search, draws: np.ndarray, evidence: Evidence, progress: 
 
 def _climbed(start: Choice, search: Search, draws: np.ndarray, evidence: Evidence, progress: Progress) -> list[Choice]:
     """The choice of each draw that no change of one part improves."""
-    best, moving = [start] * len(draws), np.arange(len(draws))
+    best, moving, turn = [start] * len(draws), np.arange(len(draws)), 0
     while len(moving):
-        before = list(best)
-        for part in search.parts:
+        before, turn = list(best), turn + 1
+        for tried, part in enumerate(search.parts):
             for choice, some in grouped([best[k] for k in moving]):
-                progress("choosing the basis: " + ", ".join(f"{axis} {basis}" for axis, basis in choice.bases.items()))
+                names = ", ".join(f"{axis} {basis}" for axis, basis in choice.bases.items())
+                progress(f"choosing the basis, pass {turn}: {names}", tried / len(search.parts))
                 variants = [choice, *(each for each in choice.variants(part, search.most) if each != choice)]
                 values = evidence(variants, draws[moving[some]])
                 for k, number in zip(moving[some].tolist(), np.argmax(values, axis=0).tolist(), strict=True):

@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.cores import each
 from calibration.fit.bases.search import FINEST, SIZES, Choice, Search, Unexplained, chosen
-from calibration.fit.fit import DOUBTFUL_P, Fit, Progress, fit
+from calibration.fit.fit import DOUBTFUL_P, Fit, fit
 from calibration.fit.linear import NormalBlocks, Part
 from calibration.fit.problem import solution
 from calibration.measurement.estimated_noise import Decorrelation
@@ -33,6 +33,7 @@ from calibration.observation.normal_equations import NormalEquations, residuals,
 from calibration.observation.products import Products, arm_products, between, factored
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.progress import Progress, silent
 from kinematics.transforms import Array, read_only
 
 FINE = 24
@@ -53,7 +54,7 @@ def choose(
     finest: int = FINEST,
     finest_turn: float = np.inf,
     unexplained: Unexplained | None = None,
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
 ) -> Choice:
     """The choice of `calibration.fit.bases.search.chosen` for a measurement.
 

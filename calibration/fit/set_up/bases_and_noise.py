@@ -15,12 +15,13 @@ import numpy as np
 from calibration.fit.bases.search import AUTO, AUTOMATIC_KINDS, FINEST, ROTARY_KIND, Choice
 from calibration.fit.bases.selection import choose, finer
 from calibration.fit.cross_validation import cross_validate, diagonals
-from calibration.fit.fit import Fit, Progress, fit
+from calibration.fit.fit import Fit, fit
 from calibration.fit.noise import with_estimated_noise
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import distinct_positions, moving_axes, stated_bases, with_effects
 from calibration.observation.outliers import Variance, duplicates
 from kinematics.effects import Effect
+from kinematics.progress import Progress
 from kinematics.transforms import Array
 
 FEWEST = 6

@@ -7,6 +7,7 @@ measurement file.
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -176,4 +177,8 @@ def _recognised(data: bytes, path: Path) -> str:
         raise UserError(protocol)
     if kind:
         raise UserError(f"{path}: this is {kind}, no measurement: give the data of an instrument")
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise UserError(f"{path} is UTF-16 text: save it as plain text (CSV, UTF-8)")
+    if b"\0" in data[:HEAD]:
+        raise UserError(f"{path} is a binary file, no measurement: give the data of an instrument as text")
     raise UserError(f"{path}: the format of the file is unknown; known formats are {KNOWN}")

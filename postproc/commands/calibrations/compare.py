@@ -56,12 +56,13 @@ def compare(
     """
     from calibration.evaluation.comparison import compare as compared
     from calibration.reports.comparison import comparison_report
-    from postproc.commands.show.terminal import show
+    from postproc.commands.show.terminal import console, show
 
     check_files((a, b), others.by_option)
     found, models = _read(a, b, machine)
     names = (str(a), str(b))
-    result = compared(found, models, straightness, _references(found, reference), tool_mm)
+    with console.status("comparing"):
+        result = compared(found, models, straightness, _references(found, reference), tool_mm)
     sources = {
         letter: {"file": name, "id": model.id, "made_at": model.provenance.made_at.isoformat()}
         for letter, name, model in zip("ab", names, models, strict=True)

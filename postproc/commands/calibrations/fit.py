@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import ncomp
+from kinematics.progress import Progress
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, argument, option
 from postproc.commands.options.measurement import DataOptions, Force, Noise
@@ -20,14 +21,12 @@ from postproc.commands.options.shared import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from calibration.measurement.measurement import Measurement
     from calibration.on_the_fly.along_path import OnTheFly
     from kinematics.error_model.model import ErrorModel
     from rendering.report import Report
-
-    Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -45,11 +45,14 @@ def iso230(
     from calibration.reports.head import measured_head
     from calibration.reports.iso230 import iso230_report
     from calibration.single_axis.iso230 import evaluate
-    from postproc.commands.show.terminal import say, show
+    from postproc.commands.show.terminal import console, say, show
 
     check_files((data, form.plan), {"--output": output, **others.by_option})
-    measurement = form.read([data], ncomp.load_machine(machine))
-    tests = evaluate(measurement)
+    found = ncomp.load_machine(machine)
+    with console.status("1 of 2: reading") as status:
+        measurement = form.read([data], found)
+        status.update("2 of 2: evaluating")
+        tests = evaluate(measurement)
     head = measured_head(measurement, None, f"ncomp iso230 {data} --machine {machine}")
     report = iso230_report(tests, str(data), head)
     with whole_results(*others.files, output) as (results, page, file):

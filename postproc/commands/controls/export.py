@@ -88,6 +88,7 @@ def export(
     from kinematics.files import whole_folder
     from postproc.commands.controls.control_files import encoded, write_probe
     from postproc.commands.controls.export_parameters import is_parameters, write_parameters
+    from postproc.commands.show.terminal import console
     from postproc.tables.export import sign_of
     from postproc.tables.format import parse_settings
     from postproc.tables.formats import find_format
@@ -113,11 +114,18 @@ def export(
         return
     sign_of(form, tables.sign)
     model = ncomp.load_calibration(found, calibration)
-    exported = ncomp.export(found, model=model, tool_mm=tool_mm, **vars(tables))
-    points = _points(program, exported, set_up.setup(found), set_up.dialect)
-    left, errors = exported.left, {"volume": exported.errors_in_the_volume()}
-    if points is not None:
-        errors["program"] = exported.errors_at(points)
+    steps = 3 if program is None else 5
+    with console.status(f"1 of {steps}: tables") as status:
+        exported = ncomp.export(found, model=model, tool_mm=tool_mm, **vars(tables))
+        status.update(f"2 of {steps}: errors that the tables cannot hold")
+        left = exported.left
+        status.update(f"3 of {steps}: remaining errors over the volume")
+        errors = {"volume": exported.errors_in_the_volume()}
+        if program is not None:
+            status.update(f"4 of {steps}: reading {program}")
+            points = _points(program, exported, set_up.setup(found), set_up.dialect)
+            status.update(f"5 of {steps}: remaining errors along the program")
+            errors["program"] = exported.errors_at(points)
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
     report = export_report(exported, left, errors, str(output), list(files))
     written = whole_results(*others.files, None if rest is None else str(rest))
@@ -135,11 +143,9 @@ def _check_folder(output: Path) -> None:
         raise UserError(f"cannot write {output}: its parent is not a folder")
 
 
-def _points(program: str | None, exported: Exported, setup: Setup, dialect: str) -> EvaluationPoints | None:
+def _points(program: str, exported: Exported, setup: Setup, dialect: str) -> EvaluationPoints:
     from postproc.tables.remaining_error import program_points
 
-    if program is None:
-        return None
     motions = moves_of(program, exported.target.machine, setup, dialect)
     points = program_points(motions, exported.target.model)
     if not len(points.q):
@@ -195,7 +201,7 @@ def _show(
     for where, numbers in errors.items():
         table = Table("tool point error, um", "RMS", "95 %", "max", title=f"over the {where}")
         for stage, sizes in numbers["tool_point_um"].items():
-            table.add_row(STAGES[stage], f"{sizes['rms']:.3f}", f"{sizes['p95']:.3f}", f"{sizes['max']:.3f}")
+            table.add_row(STAGES[stage], f"{sizes['rms']:.2f}", f"{sizes['p95']:.2f}", f"{sizes['max']:.2f}")
         to.print(table)
     if left:
         names = ", ".join(

@@ -137,7 +137,7 @@ def _show(
     to.print(lines)
     table = Table("tool point error, um", "RMS", "95 %", "max", title="over the volume")
     for stage, sizes in volume["tool_point_um"].items():
-        table.add_row(STAGES[stage], f"{sizes['rms']:.3f}", f"{sizes['p95']:.3f}", f"{sizes['max']:.3f}")
+        table.add_row(STAGES[stage], f"{sizes['rms']:.2f}", f"{sizes['p95']:.2f}", f"{sizes['max']:.2f}")
     to.print(table)
     if left:
         names = ", ".join(

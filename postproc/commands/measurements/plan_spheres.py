@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+from kinematics.progress import Progress
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import numbers, option
 from postproc.commands.options.virtual_instrument import spheres_of
 from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from calibration.fit.identifiability import Unidentifiable
     from calibration.measurement.plan import Choices
@@ -65,7 +66,7 @@ class SphereOptions:
         choices: Choices,
         u_um: float,
         feed: float,
-        progress: Callable[[str], None],
+        progress: Progress,
     ) -> ProbePlan:
         """The plan of these spheres; design and points are those of --strategy and --points."""
         from calibration.probing.plan import POINTS, Feeds, ProbeRequest, probe_plan

@@ -106,13 +106,19 @@ def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:
 @contextmanager
 def _progress(draws: Draws, cases: int) -> Iterator[Callable[[int], None]]:
     """Progress in draws; the number that an adaptive study takes is not known."""
-    from postproc.commands.show.terminal import console
+    from postproc.commands.show.terminal import console, progress_of
 
-    if not console.is_terminal:
-        yield lambda _: None
+    label = f"drawing machines for {cases} cases"
+    if draws.number is not None:
+        with progress_of(draws.number * cases, label, 0) as progress:
+            yield progress
         return
-    from rich.progress import Progress
+    with console.status(label) as status:
+        made = 0
 
-    with Progress(console=console.rich, transient=True) as bar:
-        task = bar.add_task("drawing", total=None if draws.number is None else draws.number * cases)
-        yield lambda done: bar.advance(task, done)
+        def count(done: int) -> None:
+            nonlocal made
+            made += done
+            status.update(f"{label}: {made} draws")
+
+        yield count

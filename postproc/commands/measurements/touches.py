@@ -13,6 +13,7 @@ from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
     from calibration.probing.centres import Probed
+    from kinematics.report_head import ReportHead
 
 EPILOG = (
     "Examples:\n\n"
@@ -37,6 +38,7 @@ def touches(
     from calibration.measurement.plan_file import read_plan, stated_plan_id
     from calibration.probing.centres import centres_of
     from calibration.probing.log import read_contacts
+    from calibration.reports.head import measured_head
     from kinematics.files import read_input
     from postproc.commands.show.terminal import say, show
 
@@ -48,7 +50,8 @@ def touches(
     text = read_input(log, "log").decode("utf-8", errors="replace")
     contacts = read_contacts(text, log.name, planned, stated_plan_id(plan))
     probed = centres_of(contacts, planned, log.name)
-    report = touches_report(probed, f"{log.name} · ncomp touches {log} --machine {machine} --plan {plan}")
+    head = measured_head(probed.measurement, None, f"ncomp touches {log} --machine {machine} --plan {plan}")
+    report = touches_report(probed, log.name, head)
     with whole_results(output, *others.files) as (file, *files):
         write_measurement(probed.measurement, file)
         others.write(touches_json(probed), report, tuple(files))
@@ -72,7 +75,7 @@ def touches_json(probed: Probed) -> dict[str, Any]:
     }
 
 
-def touches_report(probed: Probed, lead: str) -> Report:
+def touches_report(probed: Probed, lead: str, head: ReportHead) -> Report:
     """The result for people."""
     rows = [
         ("centres", str(len(probed.measurement))),
@@ -91,9 +94,9 @@ def touches_report(probed: Probed, lead: str) -> Report:
     ]
     sections = [facts("Contacts", rows)]
     if repeats:
-        text = "Shift of the first centre when it was measured again, workpiece frame, um, with U (k = 2)."
+        text = "The first centre, measured again, has these shifts in the workpiece frame, um, with U (k = 2)."
         sections.append(Section("Repetitions", text, Table(("row", "x", "y", "z", "U", ""), repeats)))
-    return Report("Touches of spheres", lead, sections, _verdict(probed))
+    return Report("Touches of spheres", lead, sections, _verdict(probed), head=head)
 
 
 def _verdict(probed: Probed) -> str:
@@ -101,7 +104,7 @@ def _verdict(probed: Probed) -> str:
     if not probed.repeats:
         return "The first centre was not measured again: a drift would not show."
     if not drifted:
-        return "The first centre is where it was: no drift beyond the uncertainty."
+        return "No drift: the first centre, measured again, has not moved by more than its uncertainty."
     last = max(drifted, key=lambda each: float(abs(each.shift_um).max()))
     moved = ", ".join(f"{v:+.1f}" for v in last.shift_um)
     return (

@@ -162,7 +162,8 @@ def numbers(text: str, count: int, where: str, separator: str = ",") -> tuple[fl
     except ValueError:
         values = ()
     if len(values) != count or not all(map(math.isfinite, values)):
-        raise UserError(f"{where}: {text!r} is not {count} numbers with {separator!r} between them")
+        expected = "a number" if count == 1 else f"{count} numbers with {separator!r} between them"
+        raise UserError(f"{where}: {text!r} is not {expected}")
     return values
 
 

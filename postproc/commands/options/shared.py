@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
@@ -92,10 +92,12 @@ class ResultOptions:
         """Write the results for programs, and the page where it is requested."""
         write_json(results, files[0])
         if self.report is not None:
+            from postproc.commands.show.terminal import console
             from rendering.page import page
 
             head = replace(report.head.under(self.head), command=_command(), made=f"{datetime.now():%Y-%m-%d %H:%M}")
-            files[1].write(page(replace(report, head=head)))
+            with console.status("drawing the page") as status:
+                files[1].write(page(replace(report, head=head), partial(status.update, "drawing the page")))
 
 
 def _command() -> str:
@@ -128,7 +130,7 @@ def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str |
         if where in read:
             raise UserError(f"{output} is an input and would be overwritten; name another file")
         if path.is_dir():
-            raise UserError(f"cannot write {output}: Is a directory")
+            raise UserError(f"cannot write {output}: Is a directory: give the name of a file")
         if not path.parent.is_dir():
             if path.parent.exists():
                 raise UserError(f"cannot write {output}: Not a directory")

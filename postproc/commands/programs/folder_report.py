@@ -9,6 +9,7 @@ from typing import Any
 
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
+from kinematics.report_head import calibration_text
 from postproc.commands.programs.folder import REFUSED, FolderProgram, Outcome
 from postproc.correct.report import DEMONSTRATION, SIGNS
 from rendering.report import Report, Section, Table, facts
@@ -63,8 +64,11 @@ class Summary:
 
     def report(self, command: str) -> Report:
         """The summary for people; `command`: the command line."""
-        lead = f"machine {self.machine.name} · calibration {self.model.id} · {command}"
-        return Report("Correction of a folder", lead, list(self._sections()), "\n".join(self._verdict()))
+        lead = f"machine {self.machine.name} · calibration {self.model.id}"
+        head = self.machine.report.filled(
+            machine=self.machine.name, calibration=calibration_text(self.model), command=command
+        )
+        return Report("Correction of a folder", lead, list(self._sections()), "\n".join(self._verdict()), head=head)
 
     def _verdict(self) -> Iterator[str]:
         yield from sorted({outcome.assumption for outcome in self.outcomes.values() if outcome.assumption})

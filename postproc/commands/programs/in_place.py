@@ -25,6 +25,13 @@ def target_of(program: str, output: str | None, *, in_place: bool) -> str:
         raise UserError(f"--in-place: {program} is not a file that can be replaced; give -o OUT.nc instead")
     if in_place and program == "-":
         raise UserError("--in-place: standard input is not a file that can be replaced; give -o OUT.nc instead")
+    if output == "":
+        raise UserError("--output '': the name is empty: name a file, or - for standard output")
+    if output not in (None, "-") and not Path(program).exists() and Path(str(output)).is_file():
+        raise UserError(
+            f"program {program}: No such file, and the output {output} is there: are both exchanged? ncomp IN.nc ... "
+            "-o OUT.nc names the program first"
+        )
     same = output not in (None, "-") and program != "-" and _same_file(program, str(output))
     if same and not in_place:
         raise UserError(f"--output {output} is the input {program}: --in-place replaces it and keeps a backup")

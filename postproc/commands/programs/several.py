@@ -32,7 +32,7 @@ def listed_programs(inputs: Sequence[str], output: str | None, machine: str) -> 
             raise UserError(f"program {name}: No such file")
         target = folder / path.name
         if other := next((each.path for each in found if each.target == target), None):
-            raise UserError(f"{other} and {name} have the same name, and so the same output {target}")
+            raise UserError(f"{other} and {name} have the same name, and so the same output {target}: name each once")
         found.append(FolderProgram(name, path, target, path.stat().st_size))
     return found
 

@@ -64,7 +64,7 @@ def verify(
     others: ResultOptions,
 ) -> None:
     """Compute the tool point error of a program before and after correction, from the two texts by the exact model."""
-    from postproc.commands.show.terminal import say, say_assumed, show
+    from postproc.commands.show.terminal import progress_of, say, say_assumed, show
     from postproc.verification.report import verification_report
 
     inputs = (program, corrected, calibration, options.old, options.align, *set_up.tool_table, at.log)
@@ -73,16 +73,18 @@ def verify(
     model = ncomp.load_calibration(found, calibration)
     setup, conditions = set_up.setup(found), at.conditions()
     programs = open_source(program), open_source(corrected)
-    done = ncomp.verify(
-        *programs,
-        found,
-        model,
-        dialect=set_up.dialect,
-        setup=setup,
-        conditions=conditions,
-        traced=others.report is not None,
-        **vars(options),
-    )
+    with progress_of(sum(source.size for source in programs), "verifying") as progress:
+        done = ncomp.verify(
+            *programs,
+            found,
+            model,
+            dialect=set_up.dialect,
+            setup=setup,
+            conditions=conditions,
+            traced=others.report is not None,
+            progress=progress,
+            **vars(options),
+        )
     for assumption in done.assumptions:
         say_assumed(assumption)
     for note in done.notes:

@@ -50,6 +50,13 @@ def size_of(machine: Machine) -> float:
     return float(max([*travels, *pivots, 100.0]))
 
 
+def travel_of(axis: Axis) -> str:
+    """The ends of the travel of an axis."""
+    if np.isinf(axis.travel).all():
+        return "without ends"
+    return f"{axis.travel[0]:g}..{axis.travel[1]:g} {axis.unit}"
+
+
 def moved(axis: Axis) -> str:
     """The part that an axis moves, and its sense for a positive command."""
     if axis.side == "tool":

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from rendering.figures import Figure
 
 SIGNS = "Arrows: the tool relative to the workpiece for a positive command (ISO 841). Lengths in mm, machine frame."
+PLACES = {"part": "middle left", "turn": "middle right"}
+"""Positions of the labels of shapes beside their last points."""
 DASHES = {"line": "dash", "opposite": "dot"}
 
 
@@ -45,13 +47,14 @@ def _traces(shape: Shape) -> list[dict[str, Any]]:
     if shape.kind == "pivot":
         marker = {"color": colour, "size": 6}
         form = {"mode": "markers+text", "marker": marker, "textposition": "bottom right"}
-        return [trace | form | {"text": text, "hovertext": hover}]
+        return [trace | form | {"text": [shape.axis], "hovertext": hover}]
     line = {
         "color": colour,
         "width": 6 if shape.kind in ("axis", "turn") else 3,
         "dash": DASHES.get(shape.kind, "solid"),
     }
-    found = [trace | {"mode": "lines+text", "line": line, "text": text, "hovertext": hover}]
+    form = {"mode": "lines+text", "line": line, "textposition": PLACES.get(shape.kind, "top center")}
+    found = [trace | form | {"text": text, "hovertext": hover}]
     if shape.kind in ("axis", "turn", "opposite"):
         found.append(_cone(shape, colour))
     return found

@@ -9,7 +9,7 @@ import numpy as np
 
 from kinematics.machine import Machine
 from kinematics.transforms import Array
-from postproc.commands.show.chain import Shape, moved, shapes
+from postproc.commands.show.chain import Shape, moved, shapes, travel_of
 
 WIDTH, SCENE = 900, 520
 """Sizes, px."""
@@ -135,7 +135,7 @@ def axis_rows(machine: Machine) -> list[tuple[str, ...]]:
             moved(axis),
             f"({', '.join(f'{v:g}' for v in axis.direction)})",
             f"({', '.join(f'{v:g}' for v in axis.point)})",
-            f"{axis.travel[0]:g}..{axis.travel[1]:g} {axis.unit}",
+            travel_of(axis),
             f"{axis.home:g}",
         )
         for axis in machine.axes

@@ -50,9 +50,9 @@ class Summary:
     def report(self, uncertainty: str, figure: Callable[[], Figure], head: ReportHead) -> Report:
         """The statistics for people; `uncertainty`: that of the calibration, as text; `figure`: the deviations."""
         share = self.significant / self.count
-        rows = [("tool point", f"{self.point.largest:.3f}", f"{self.point.rms:.3f}", "")]
+        rows = [("tool point", f"{self.point.largest:.2f}", f"{self.point.rms:.2f}", "")]
         for xyz, d, u in zip("xyz", self.components, self.uncertainties, strict=True):
-            rows.append((f"d{xyz}", f"{d.largest:.3f}", f"{d.rms:.3f}", f"{u.rms:.3f}"))
+            rows.append((f"d{xyz}", f"{d.largest:.2f}", f"{d.rms:.2f}", f"{u.rms:.2f}"))
         table = Table(("um", "max", "RMS", "standard uncertainty (k=1), RMS"), rows)
         verdict = (
             f"{self.count} points; at {100 * share:.1f} % the deviation is significant: a component exceeds "

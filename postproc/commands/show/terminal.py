@@ -5,14 +5,15 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import rendering.terminal
+from kinematics.progress import Progress
 from rendering.plain import PlainText, is_plain
 from rendering.report import Report
 
@@ -29,6 +30,16 @@ class Level:
 
 
 LEVEL = Level()
+BAR = 20
+"""Length of the bar of a share, characters."""
+
+
+class Status(Protocol):
+    """The present step of a command."""
+
+    @property
+    def update(self) -> Progress:
+        """Change the step and its share."""
 
 
 class Screen:
@@ -36,6 +47,7 @@ class Screen:
 
     def __init__(self, name: Literal["stdout", "stderr"]) -> None:
         self._name: Literal["stdout", "stderr"] = name
+        self._status: Status | None = None
 
     @property
     def to(self) -> Console | PlainText:
@@ -59,14 +71,23 @@ class Screen:
         """Show lines of text."""
         self.to.print(text, style=style)
 
-    def status(self, text: str) -> AbstractContextManager[Any]:
-        """Show on a terminal the step of the command and its time; `update` of the result changes the text.
+    @contextmanager
+    def status(self, text: str) -> Iterator[Status]:
+        """Show on a terminal the step of the command, its share and its time; `update` of the result changes them.
 
-        --verbose shows the steps as lines, also in a pipe.
+        --verbose shows the steps as lines, also in a pipe. A status within another one continues it.
         """
-        if LEVEL.verbose or LEVEL.quiet or not self.is_terminal:
-            return nullcontext(Steps(self, text, shown=LEVEL.verbose))
-        return _running(self.rich, text)
+        if self._status is not None:
+            self._status.update(text)
+            yield self._status
+            return
+        lines = LEVEL.verbose or LEVEL.quiet or not self.is_terminal
+        with nullcontext(Steps(self, text, shown=LEVEL.verbose)) if lines else _running(self.rich, text) as shown:
+            self._status = shown
+            try:
+                yield shown
+            finally:
+                self._status = None
 
 
 class Steps:
@@ -76,7 +97,7 @@ class Steps:
         self._screen, self._shown, self._last, self._start = screen, shown, "", time.perf_counter()
         self.update(text)
 
-    def update(self, text: str) -> None:
+    def update(self, text: str, _share: float | None = None, /) -> None:
         """The next step."""
         if self._shown and text != self._last:
             self._screen.print(f"{time.perf_counter() - self._start:7.1f} s  {text}")
@@ -84,14 +105,32 @@ class Steps:
 
 
 @contextmanager
-def _running(console: Console, text: str) -> Iterator[Any]:
-    """A line of a terminal with the present step, and the time since the begin."""
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+def _running(console: Console, text: str) -> Iterator[Status]:
+    """A line of a terminal with the present step, its share where it is known, and the time since the begin."""
+    from rich.progress import Progress, ProgressColumn, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
+    from rich.progress_bar import ProgressBar
+    from rich.table import Table
+    from rich.text import Text
 
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    class Share(ProgressColumn):
+        """A bar and a percentage; nothing for a step whose rest is not known."""
+
+        def render(self, task: Task) -> Table | Text:
+            share = task.fields["share"]
+            if share is None:
+                return Text()
+            found = Table.grid(padding=(0, 1))
+            found.add_row(ProgressBar(total=1.0, completed=share, width=BAR), f"{100.0 * share:3.0f} %")
+            return found
+
+    columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), Share(), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True) as shown:
-        task = shown.add_task(text, total=None)
-        yield SimpleNamespace(update=lambda step: shown.update(task, description=step))
+        task = shown.add_task(text, total=None, share=None)
+
+        def update(step: str, share: float | None = None, /) -> None:
+            shown.update(task, description=step, share=share)
+
+        yield SimpleNamespace(update=update)
 
 
 console = Screen("stderr")
@@ -106,14 +145,18 @@ LONG = 1_000_000
 @contextmanager
 def progress_of(total: int, label: str, long: int = LONG) -> Iterator[Callable[[int], None]]:
     """A function to call with each amount done of a total; a bar on a terminal from `long` on, nothing in a pipe."""
-    if total < long or not console.is_terminal or LEVEL.quiet:
+    if total < long or not console.is_terminal:
         yield lambda _: None
         return
-    from rich.progress import Progress
+    with console.status(label) as status:
+        done = 0
 
-    with Progress(console=console.rich, transient=True) as bar:
-        task = bar.add_task(label, total=total)
-        yield lambda done: bar.advance(task, done)
+        def add(amount: int) -> None:
+            nonlocal done
+            done += amount
+            status.update(label, min(done / total, 1.0))
+
+        yield add
 
 
 def show(report: Report, *targets: str | Path | None) -> None:

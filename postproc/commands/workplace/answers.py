@@ -33,15 +33,6 @@ class Answers:
             return read(default)
         return self._asked(question, read, default)
 
-    def yes(self, question: str, *, default: bool) -> bool:
-        """Consent; the default where nobody can be asked."""
-        import typer
-
-        try:
-            return bool(typer.confirm(question, default=default, err=True)) if self.asks else default
-        except typer.Abort:
-            raise UserError("ended by the user: nothing was written") from None
-
     def _asked(self, question: str, read: Callable[[str], T], default: str | None) -> T:
         import typer
 

@@ -13,6 +13,8 @@ from postproc.commands.options.declared import argument, option
 from postproc.commands.options.shared import check_files
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from kinematics.machine import Machine
     from postproc.commands.workplace.answers import Answers
 
@@ -128,30 +130,43 @@ def _job(
 ) -> str:
     """The text of the job file."""
     from machines import default_calibration
-    from postproc.commands.workplace.new_machine import number
     from postproc.control.setup import parse_tool_length, parse_work_offset
 
     own = "" if default_calibration(found) else "none"
     calibration = answers.one(calibration, "--calibration", "Calibration: CAL.json, or none", str, own)
-    if not work_offset and answers.asks and answers.yes("Is the work offset of the part known?", default=True):
-        work_offset = (answers.one(None, "", "Work offset, mm (G54=x,y,z)", lambda t: _checked_offset(t, found), None),)
+    if not work_offset and answers.asks:
+        question = "Work offset of the part, mm, G54=x,y,z; empty if it is not known"
+        work_offset = _given(answers.one(None, "", question, lambda text: _checked_offset(text, found), ""))
     offsets = dict(parse_work_offset(each, found) for each in work_offset)
-    if not tool_length and answers.asks and answers.yes("Is the length of the first tool known?", default=True):
-        tool_length = (answers.one(None, "", "Tool length, mm (T1=mm)", _checked_tool, None),)
+    if not tool_length and answers.asks:
+        question = "Length of the first tool, mm, T1=mm; empty if it is not known"
+        tool_length = _given(answers.one(None, "", question, _checked_tool, ""))
     tools = dict(map(parse_tool_length, tool_length))
     programs = program or (answers.one(None, "--program", "Program to correct", str, "part.nc"),)
+    return _job_text(machine, calibration, offsets, tools, programs)
+
+
+def _job_text(
+    machine: str,
+    calibration: str,
+    offsets: Mapping[str, Mapping[str, float]],
+    tools: Mapping[str, float],
+    programs: Sequence[str],
+) -> str:
+    """The job file, with examples of a set-up that is not known."""
+    from postproc.commands.workplace.new_machine import number
+
     lines = [f"machine = {json.dumps(machine)}"]
     lines += [f"calibration = {json.dumps(calibration)}"] if calibration else []
     lines += ["", "[work_offsets]"]
     for name, values in offsets.items():
         lines.append(f"{_key(name)} = {{ {', '.join(f'{axis} = {number(value)}' for axis, value in values.items())} }}")
-    lines += ["", "[tools]", *(f"{_key(name)} = {number(length)}" for name, length in tools.items()), "", "[programs]"]
-    return (
-        "\n".join(
-            [*lines, *(f"{json.dumps(each)} = {json.dumps(f'corrected/{Path(each).name}')}" for each in programs)]
-        )
-        + "\n"
-    )
+    lines += [] if offsets else ["# G54 = { X = 0, Y = 0, Z = 0 }    # mm, as the offset page of the control shows it"]
+    lines += ["", "[tools]", *(f"{_key(name)} = {number(length)}" for name, length in tools.items())]
+    lines += [] if tools else ["# 1 = 100.0    # mm, from the spindle nose to the tip"]
+    lines += ["", "[programs]"]
+    lines += [f"{json.dumps(each)} = {json.dumps(f'corrected/{Path(each).name}')}" for each in programs]
+    return "\n".join(lines) + "\n"
 
 
 def _key(name: str) -> str:
@@ -159,15 +174,22 @@ def _key(name: str) -> str:
     return name if name.replace("_", "").replace("-", "").isalnum() else json.dumps(name)
 
 
+def _given(answer: str) -> tuple[str, ...]:
+    """An answer, unless it is empty."""
+    return (answer,) if answer else ()
+
+
 def _checked_offset(text: str, found: Machine) -> str:
     from postproc.control.setup import parse_work_offset
 
-    parse_work_offset(text, found)
+    if text:
+        parse_work_offset(text, found)
     return text
 
 
 def _checked_tool(text: str) -> str:
     from postproc.control.setup import parse_tool_length
 
-    parse_tool_length(text)
+    if text:
+        parse_tool_length(text)
     return text

@@ -16,7 +16,7 @@ from kinematics.error_model.classes import parse_classes
 from kinematics.files import read_input
 from kinematics.mistaken_files import missing, none_of
 from kinematics.report_head import TABLE, ReportHead
-from kinematics.toml_entries import at_line, entry, read_table
+from kinematics.toml_entries import at_line, entry, read_table, utf8_text
 from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
 from postproc.commands.options.program import ConditionsOptions, DatumOptions
@@ -82,10 +82,7 @@ def read_job(path: Path, *, there: bool = True) -> Job:
     there: its calibration, tables and programs must exist.
     """
     where = f"job file {path}"
-    try:
-        text = read_input(path, "job file").decode()
-    except UnicodeDecodeError:
-        raise UserError(f"{where}: not UTF-8 text") from None
+    text = utf8_text(read_input(path, "job file"), where)
     table = read_table(text, where)
     if {"chain", "axes"} & table.keys():
         raise UserError(f"{where}: this is a machine file (--machine)")
@@ -134,8 +131,8 @@ class _Reader:
             ),
         )
         others = ResultOptions(
-            json=self._output(results.json),
-            report=self._output(results.report),
+            json=self._output(results.json, "results.json"),
+            report=self._output(results.report, "results.report"),
             report_head=self._path if TABLE in msgspec.structs.asdict(content) and content.report else None,
         )
         return Job(request, others, list(self._programs()))
@@ -147,11 +144,20 @@ class _Reader:
     def _file(self, name: str, where: str) -> Path:
         path = self._here(name)
         if self._there and not path.is_file():
-            raise UserError(f"{where}: {path}: No such file{missing(path)}")
+            reason = "this is a folder: give a file" if path.is_dir() else f"No such file{missing(path)}"
+            raise UserError(f"{where}: {path}: {reason}")
         return path
 
-    def _output(self, name: str | None) -> str | None:
-        return name if name in (None, "-") else str(self._here(str(name)))
+    def _output(self, name: str | None, where: str) -> str | None:
+        if name in (None, "-"):
+            return name
+        self._refuse_itself(path := self._here(str(name)), where)
+        return str(path)
+
+    def _refuse_itself(self, output: Path, where: str) -> None:
+        """UserError for an output that would replace the job file."""
+        if output.resolve() == self._path.resolve():
+            raise UserError(f"{where}: the output is the job file itself: name another file")
 
     @cached_property
     def _machine(self) -> str:
@@ -214,6 +220,7 @@ class _Reader:
             else:
                 raise UserError(f"{where}: {path}: No such file or folder{missing(path)}")
             for each in found:
+                self._refuse_itself(each.target, where)
                 if each.target.resolve() == each.path.resolve():
                     raise UserError(f"{where}: the output is the program itself: name another file")
                 if other := targets.get(each.target.resolve()):

@@ -45,10 +45,13 @@ def machines(
         return
     machine = ncomp.load_machine(name)
     path = shipped.default_calibration(machine)
-    report = _report(machine, "none of its own" if path is None else path.name)
+    file = shipped.path_of(name)
+    report = _report(machine, "none of its own" if path is None else path.name, "" if str(file) == name else str(file))
     if draw is not None:
         _draw(machine, draw)
     show(report)
+    if draw is not None:
+        say("written", str(draw))
     if int(np.linalg.matrix_rank([axis.unit_direction for axis in machine.axes if not axis.rotary])) < 3:
         say("note", "the linear axes do not span space: programs for this machine are refused")
 
@@ -90,10 +93,14 @@ def _draw(machine: Machine, target: Path) -> None:
         raise UserError(f"--draw {target}: expected a name that ends in .svg or .html")
 
 
-def _report(machine: Machine, calibration: str) -> Report:
-    """Chain, axes, work offsets and tools of a machine."""
+def _report(machine: Machine, calibration: str, file: str) -> Report:
+    """Chain, axes, work offsets and tools of a machine; `file`: that of a machine found by its name."""
+    from postproc.commands.show.chain import travel_of
+
     chain = f"{machine.chain}   (ISO 10791-6, workpiece to tool)"
     rows = [("machine", machine.name), ("chain", chain), ("calibration", calibration)]
+    if file:
+        rows.insert(1, ("file", file))
     for name, offset in machine.work_offsets.items():
         values = ", ".join(f"{axis} {value:g}" for axis, value in offset.items()) or "0"
         rows.append(("work offset", f"{name}: {values}{' (assumed)' if machine.offsets_assumed else ''}"))
@@ -105,7 +112,7 @@ def _report(machine: Machine, calibration: str) -> Report:
             axis.side,
             f"{'turns about' if axis.rotary else 'along'} ({', '.join(f'{v:g}' for v in axis.direction)})",
             f"({', '.join(f'{v:g}' for v in axis.point)})",
-            f"{axis.travel[0]:g}..{axis.travel[1]:g} {axis.unit}",
+            travel_of(axis),
             f"{axis.home:g}",
             f"{axis.resolution:g}",
         )

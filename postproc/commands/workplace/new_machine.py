@@ -18,8 +18,9 @@ CHAINS = {
     "2": ("w X Y b Z t", "three axes, cross table"),
     "3": ("w C B b X Y Z t", "five axes, table on a trunnion B"),
     "4": ("w C A b X Y Z t", "five axes, table on a trunnion A"),
-    "5": ("w C b X Y Z B t", "five axes, rotary table and swivelling head"),
-    "6": ("w b X Y Z C B t", "five axes, fork head"),
+    "5": ("w C A X Y b Z t", "five axes, table on a trunnion A on a cross table"),
+    "6": ("w C b X Y Z B t", "five axes, rotary table and swivelling head"),
+    "7": ("w b X Y Z C B t", "five axes, fork head"),
 }
 """Usual chains by number, each with its machines."""
 FAMILIES = ("any", "fanuc", "linuxcnc")
@@ -54,7 +55,8 @@ def read_chain(text: str) -> str:
 
 
 def read_travel(text: str) -> tuple[float, float]:
-    """`-250:250` as the ends of a travel."""
+    """`-250:250` or `-250..250` as the ends of a travel."""
+    text = text.replace("..", ":")
     low, high = numbers(text, 2, "travel", ":") if "inf" not in text else _endless(text)
     if not low < high:
         raise UserError(f"travel {text}: expected the lower end first, -250:250")
