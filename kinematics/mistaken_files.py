@@ -73,6 +73,8 @@ def missing(path: str | Path) -> str:
 def number_hint(text: str) -> str:
     """Hint, with its separator, for a text that should be a number."""
     text = text.strip()
+    if re.match(r"\d{4}-\d\d?-\d\d?|\d\d?[.:]\d\d?[.:]\d\d", text):
+        return "; write a time in s from the begin in place of a date or clock time"
     if re.fullmatch(r"[-+]?\d+,\d*", text):
         return "; write the decimal point as '.'"
     if re.fullmatch(r"[-+]?[\d.]+\s*[^\d\s.,;].{0,8}", text):

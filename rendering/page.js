@@ -72,13 +72,13 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
   const n = i ? i + 1 : "", bare = own.bare;
   const box = kind === "xy"
     ? {x: [cell.x0 + (bare ? 6 : GAP.left), cell.x1 - GAP.right], y: [cell.y1 - GAP.bottom - more(label), top + GAP.top]}
-    : {x: [cell.x0 + 6, cell.x1 - 6], y: [cell.y1 - (kind === "polar" ? 26 : 4), top + (kind === "polar" ? 22 : 4)]};
+    : {x: kind === "polar" ? [cell.x0 + 28, cell.x1 - 28] : [cell.x0 + 6, cell.x1 - 6], y: [cell.y1 - (kind === "polar" ? 26 : 4), top + (kind === "polar" ? 22 : 4)]};
   const domain = {x: box.x.map(x => Math.min(Math.max(x / size.width, 0), 1)),
     y: box.y.map(y => Math.min(Math.max(1 - y / size.height, 0), 1))};
   if (kind === "scene") {
     const plain = {backgroundcolor: palette.card, showbackground: true, nticks: 6};
     const side = name => merged(axis(palette, plain, panel[name]), own[`${name}axis`]);
-    const away = cell.x1 - cell.x0 < 420 ? 1.3 : 1;  // the labels of a narrow scene need more room
+    const away = cell.x1 - cell.x0 < 420 ? 1.45 : 1;  // the labels of a narrow scene need more room
     layout[`scene${n}`] = merged({domain, xaxis: side("x"), yaxis: side("y"), zaxis: side("z"), aspectmode: "data",
       dragmode: "turntable", camera: {center: {x: 0, y: 0, z: -0.12}, eye: {x: 1.55 * away, y: -1.7 * away, z: 0.9 * away}}}, own.scene);
   } else if (kind === "polar") {
@@ -92,7 +92,8 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
     layout[`yaxis${n}`] = {...y, domain: domain.y, anchor: `x${n}`};
     for (const note of panel.notes || []) {
       const xref = note.xref === "domain" ? `x${n} domain` : `x${n}`;
-      layout.annotations.push({showarrow: false, font: {size: FONT - 1}, yref: `y${n}`, ...note, xref});
+      const text = bare ? wrapped(note.text, cell.x1 - cell.x0 - 12, FONT - 1) : note.text;
+      layout.annotations.push({showarrow: false, font: {size: FONT - 1}, yref: `y${n}`, align: "left", ...note, text, xref});
     }
     for (const shape of panel.shapes || [])
       layout.shapes.push({yref: `y${n}`, ...shape, xref: shape.xref === "domain" ? `x${n} domain` : `x${n}`,

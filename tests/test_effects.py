@@ -25,6 +25,7 @@ from kinematics.effects.geometric import Racking, Wobble
 from kinematics.effects.instrument import Outliers
 from kinematics.effects.thermal import GrowthWithTime, ThermalDrift
 from kinematics.effects.unnamed import Unnamed
+from kinematics.error_model.decoding_faults import CURE
 from kinematics.error_model.model import ErrorModel, decode_model, encode_model, no_errors
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -231,7 +232,7 @@ def test_bounds_hold_in_files_too(example: Example):
         if row != []:
             with pytest.raises(UserError) as refusal:
                 decode_model(msgspec.json.encode(content), "c.json")
-            said = f"{example.effect.name}: {quantity.name} must be {quantity.bound}, got -3 - at `$.effects[0]`"
+            said = f"effects[0]: {example.effect.name}: {quantity.name} must be {quantity.bound}, got -3; {CURE}"
             assert str(refusal.value) == f"calibration c.json: {said}"
 
 

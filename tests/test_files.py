@@ -65,7 +65,11 @@ def test_a_failure_leaves_the_old_and_no_trace(tmp_path, fault, existing):
 
 @pytest.mark.parametrize("step", ["fsync", "replace", "chmod"])
 @pytest.mark.parametrize(
-    ("fault", "reason"), [(OSError(28, "No space left"), "No space left"), (OSError("odd"), "odd")]
+    ("fault", "reason"),
+    [
+        (OSError(28, "No space left"), "No space left: make room on the disk, or name a file on another one"),
+        (OSError("odd"), "odd"),
+    ],
 )
 def test_a_full_disk_leaves_the_old_and_no_trace(file, monkeypatch, step, fault, reason):
     def fails(*_: object) -> None:
@@ -91,7 +95,7 @@ def test_a_folder_that_is_missing_or_none_is_refused(file):
 
 def test_a_folder_as_output_is_refused(tmp_path):
     (tmp_path / "out").mkdir()
-    with pytest.raises(UserError, match=r"cannot write .*/out: Is a directory$"):
+    with pytest.raises(UserError, match=r"cannot write .*/out: Is a directory: give the name of a file$"):
         write_whole(tmp_path / "out", b"new")
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
@@ -107,7 +111,7 @@ def test_a_folder_without_permission_is_refused(file):
     finally:
         os.seteuid(user)
         file.parent.chmod(0o700)
-    assert str(refusal.value) == f"cannot write {file}: Permission denied"
+    assert str(refusal.value) == f"cannot write {file}: Permission denied: change its permissions, or name another file"
     assert contents(file.parent) == {"out.nc": b"old"}
 
 
@@ -135,7 +139,7 @@ def test_reading(file, tmp_path):
         read_input(tmp_path / "none.nc", "program")
     near = f" (did you mean '{file.name}'?)"
     assert str(refusal.value) == f"program {tmp_path / 'none.nc'}: No such file or directory{near}"
-    with pytest.raises(UserError, match=r"^program .*: Is a directory$"):
+    with pytest.raises(UserError, match=r"^program .*: Is a directory: give the name of a file$"):
         read_input(tmp_path, "program")
 
 

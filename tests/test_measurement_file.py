@@ -200,7 +200,7 @@ def test_what_is_taken_for_granted_is_noted(read):
         "the header gives no target: it is assumed in the tool reference point (spindle nose)",
         "no column of Y, Z: the home position is used (Y 0, Z 1500 mm)",
         "line 11: the time decreases; the rows keep the order of the file",
-        "X leaves its travel 0..5000 mm by 1",
+        "X leaves its travel 0..5000 mm by 1 mm: are these machine coordinates?",
     )
     assert m.targets == {"1": Target((0, 0, 0))}
 

@@ -355,7 +355,7 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
         "provenance.made_at: Expected datetime with a timezone component; expected e.g. 2026-01-31T12:00:00Z; " + CURE,
     ),
     "member missing": (lambda data: data.pop("effects"), "the entry is missing: effects; " + CURE),
-    "unknown member": (lambda data: data.update(comment="x"), "the calibration has no entry comment; " + CURE),
+    "unknown member": (lambda data: data.update(comment="x"), "there is no entry comment; " + CURE),
     "unknown kind": (
         lambda data: data["effects"][1].update(kind="gremlins"),
         "effects[1].kind: Invalid value 'gremlins'; " + CURE,

@@ -39,6 +39,7 @@ from kinematics.effects import (
     TrackerDrift,
 )
 from kinematics.error_model.model import no_errors
+from kinematics.progress import silent
 from kinematics.state import State
 
 BENCH = machines.parse(
@@ -450,7 +451,7 @@ CASES = {
 def test_a_plan_is_a_measurement_that_follows_the_data(case):
     make, expected = CASES[case]
     data = make()
-    base = base_of(data, None, lambda _: None)
+    base = base_of(data, None, silent)
     linearised = LinearisedFit.of(base.fit(data, [], "sheet"))
     found = list(follow_up_designs(linearised.fit))
     assert expected <= {plan.name for plan in found}

@@ -266,7 +266,7 @@ ODD = {
     "a number": (_made_at("5"), "expected e.g. 2026-01"),
     "year 1": (_made_at('"0001-01-01T00:00:00+14:00"'), "valid for 365 days; --accept stale"),
     "year 9999": (_made_at('"9999-12-31T23:59:59-14:00"'), "days ahead of this computer's clock"),
-    "valid for no time": (_in_provenance("valid_days", "0"), "Expected `float` > 0.0"),
+    "valid for no time": (_in_provenance("valid_days", "0"), "provenance.valid_days: Expected float > 0.0"),
     "valid for ever": (_in_provenance("valid_days", "1e999"), "out of range"),
     "temperatures the wrong way": (
         _in_provenance("temperatures_degC", '{"spindle": [25.0, 20.0]}'),

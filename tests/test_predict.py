@@ -197,7 +197,7 @@ def test_notes_and_summary(ncomp):
         "the file names no machine: it is read as data of gantry",
         "the header gives no target: it is assumed in the tool reference point (spindle nose)",
         "no column of Z: the home position is used (Z 1500 mm)",
-        "X leaves its travel 0..5000 mm by 100",
+        "X leaves its travel 0..5000 mm by 100 mm: are these machine coordinates?",
         "E_XX is used up to 100 mm beyond its calibrated range; its end value is held there",
         "the calibration has no uncertainties: every deviation counts as significant",
     ]
@@ -262,7 +262,7 @@ def test_iso230(ncomp):
     assert done.status == 0
     for words in (
         "reversal value",
-        "Axis X: deviations in um\nMeasured minus target.",
+        "Axis X: deviations in um\nDeviations are measured minus target.",
         "2.00",
         "U (k=2, instrument), um",
     ):

@@ -196,9 +196,9 @@ def test_every_effect_is_in_the_data(example):
     [
         ("magic:axis=X", "no effect 'magic'; there are error-motion, location"),
         ("backlash:axis=Q,width=1", "has no axis Q"),
-        ("backlash:axis=X", "missing required field `width`.*backlash has axis, width, windup"),
-        ("backlash:axis=X,width=wide", "Expected `float`"),
-        ("backlash:axis=X,width=1,depth=2", "unknown field `depth`"),
+        ("backlash:axis=X", "the entry is missing: width.*backlash has axis, width, windup"),
+        ("backlash:axis=X,width=wide", "width: expected a number, not a text"),
+        ("backlash:axis=X,width=1,depth=2", "there is no entry depth"),
         ("backlash:axis", "'axis' is not of the form field=value"),
         ('{"kind": "backlash"', "effect"),
         ("no.json", "No such file"),

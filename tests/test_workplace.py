@@ -98,6 +98,8 @@ def test_a_page_that_turns(command):
     assert '"scatter3d"' in page
     assert '"cone"' in page
     assert "the tool turns along the arrow" in page
+    assert 'class="made gap"' not in page
+    assert 'class="command gap"' not in page
     assert "http://" not in re.sub(r"http://www\.w3\.org\S*", "", page[: page.index("<script")])
 
 

@@ -18,6 +18,7 @@ from calibration.measurement.velocity import velocities
 from kinematics.effects import COMPONENTS
 from kinematics.forward import tool_point
 from kinematics.machine import Machine, Vector
+from kinematics.number_text import rounded
 from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -475,7 +476,8 @@ def _note_travel(machine: Machine, positions: Array, notes: list[str]) -> None:
         beyond = float(np.max(np.maximum(low - positions[:, i], positions[:, i] - high)))
         if beyond > SAME_POSITION:
             ends = f"{axis.travel[0]:g}..{axis.travel[1]:g}"
-            notes.append(f"{axis.name} leaves its travel {ends} {axis.unit} by {beyond / machine.scale[i]:.4g}")
+            size = f"{rounded(beyond / machine.scale[i], 4)} {axis.unit}"
+            notes.append(f"{axis.name} leaves its travel {ends} {axis.unit} by {size}: are these machine coordinates?")
 
 
 def _refuse_on_the_fly(table: Table, machine: Machine) -> NoReturn:

@@ -135,7 +135,7 @@ class Table:
                     self.fault(
                         row,
                         name,
-                        f"{cell!r} {NO_NUMBER}" if cell else EMPTY,
+                        f"{cell!r} {NO_NUMBER}{number_hint(cell)}" if cell else EMPTY,
                     )
         raise AssertionError("every cell is a number")
 

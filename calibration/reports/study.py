@@ -21,6 +21,8 @@ MANY = 2000
 """Most points, and most draws, that are drawn of one case."""
 SCENES = 6
 """Most cases whose positions are drawn: a browser draws few 3-D figures."""
+SHOWN = 1e-3
+"""Least shown difference of exact fits, um."""
 CURVE = 4
 """Least number of cases with different numbers of points for which a curve is drawn."""
 DOUBTFUL = 0.1
@@ -78,7 +80,7 @@ def _lead(study: StudyEntry, results: Sequence[Result]) -> str:
     )
     if checked:
         largest = max(check.difference for check in checked)
-        text += f"\nExact fits of {len(checked[0].exact)} draws a case differ by at most {largest:.2g} um."
+        text += f"\nExact fits of {len(checked[0].exact)} draws a case differ by at most {max(largest, SHOWN):.2g} um."
     return text.strip()
 
 

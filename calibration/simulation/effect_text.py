@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from kinematics.effects import EFFECTS, Effect
+from kinematics.error_model.decoding_faults import reason_of_fault
 from kinematics.files import read_input
 from kinematics.machine import Machine
 from kinematics.mistaken_files import did_you_mean
@@ -99,7 +100,9 @@ def _effect(content: Any, where: str) -> Effect:
         effect: Effect = msgspec.convert(fields, Effect)
     except msgspec.ValidationError as fault:
         names = (field.name for field in msgspec.structs.fields(KINDS[kind]) if field.name not in ("u", "note"))
-        raise UserError(f"{where}: {fault}; {kind} has {', '.join(names)}{_of_lists(str(fault), fields)}") from None
+        raise UserError(
+            f"{where}: {reason_of_fault(str(fault))}; {kind} has {', '.join(names)}{_of_lists(str(fault), fields)}"
+        ) from None
     return effect
 
 

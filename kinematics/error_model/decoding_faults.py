@@ -11,7 +11,7 @@ from kinematics.toml_entries import NOUNS
 CURE = "take an unchanged copy of the file, or make the calibration anew (ncomp fit)"
 REASONS = {
     "Input data was truncated": "the file is incomplete",
-    "Object contains unknown field": "the calibration has no entry",
+    "Object contains unknown field": "there is no entry",
     "Object missing required field": "the entry is missing:",
     "`": "",
 }

@@ -9,7 +9,7 @@ from kinematics.report_head import calibration_text
 from postproc.kinematic_parameters.export import ExportedParameters
 from postproc.kinematic_parameters.sheet import STAGES, WHERE, line_rows, number_rows, offset_shift
 from postproc.tables.not_representable import Unrepresented
-from postproc.tables.report import left_section, remaining_section
+from postproc.tables.report import flowing, left_section, remaining_section
 from rendering.report import Report, Section, Table
 
 DEMONSTRATION = "DEMONSTRATION CALIBRATION: it describes no real machine; do not load its parameters."
@@ -43,6 +43,6 @@ def _sections(exported: ExportedParameters, left: Sequence[Unrepresented], volum
     form = exported.format
     origin = "known for this format" if form.sign else "as given by --sign; no source confirms it"
     meant = "have the direction described here" if exported.sign == "correction" else "are reversed"
-    yield Section("Meaning of the numbers", f"{form.meaning}\nThe changes {meant}: {origin}.")
-    yield Section("Loading into the control", form.loading)
-    yield Section("Certainty", form.certainty)
+    yield Section("Meaning of the numbers", f"{flowing(form.meaning)}\nThe changes {meant}: {origin}.")
+    yield Section("Loading into the control", flowing(form.loading))
+    yield Section("Certainty", flowing(form.certainty))

@@ -56,9 +56,14 @@ def _sections(exported: Exported, left: Sequence[Unrepresented], errors: Mapping
     form, content = exported.format, exported.content
     meant = "the error (actual minus commanded)" if content.sign == "error" else "the correction (added)"
     origin = "known for this format" if form.sign else "as given by --sign; no source confirms it"
-    yield Section("Meaning of the numbers", f"Values are {meant}: {origin}.\n{form.meaning}")
-    yield Section("Loading into the control", form.loading)
-    yield Section("Certainty", form.certainty)
+    yield Section("Meaning of the numbers", f"Values are {meant}: {origin}.\n{flowing(form.meaning)}")
+    yield Section("Loading into the control", flowing(form.loading))
+    yield Section("Certainty", flowing(form.certainty))
+
+
+def flowing(text: str) -> str:
+    """The text without the line ends inside its paragraphs."""
+    return "\n".join(" ".join(part.split()) for part in text.split("\n\n"))
 
 
 def remaining_section(where: str, numbers: Mapping[str, Any], stages: Mapping[str, str]) -> Section:

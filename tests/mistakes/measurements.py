@@ -102,7 +102,7 @@ MISTAKES = (
     Mistake("calibration cut off by the mail", f"{CORRECT}", "calibration cal.json", "the file is incomplete", "take an unchanged copy", (("cal.json", lambda text: text[:-40]),)),
     Mistake("entry twice in a calibration", f"{CORRECT}", "calibration cal.json", "'effects' is given twice", "delete one of them", (("cal.json", lambda text: text.replace('"effects"', '"effects": [], "effects"', 1)),)),
     Mistake("effect of another program in a calibration", f"{CORRECT}", "calibration cal.json: effects[0].kind", "Invalid value 'magic'", "make the calibration anew", (change("cal.json", '"location"', '"magic"'),)),
-    Mistake("remark in a calibration", f"{CORRECT}", "calibration cal.json", "no entry remark", "make the calibration anew", (change("cal.json", '"effects"', '"remark": "x", "effects"'),)),
+    Mistake("remark in a calibration", f"{CORRECT}", "calibration cal.json", "there is no entry remark", "make the calibration anew", (change("cal.json", '"effects"', '"remark": "x", "effects"'),)),
     Mistake("output onto the data", "fit data.csv --machine gantry -o data.csv", "data.csv", "is an input and would be overwritten", "name another file"),
     Mistake("plan in place of the data", "fit plan.csv --machine gantry -o new.json", "plan.csv", "this is a plan, not its measurement", "header line '# instrument:"),
     Mistake("calibration in place of the data", "fit cal.json --machine gantry -o new.json", "cal.json", "this is a calibration of ncomp", "give the data of an instrument"),

@@ -95,14 +95,15 @@ class ResultOptions:
             from postproc.commands.show.terminal import console
             from rendering.page import page
 
-            head = replace(report.head.under(self.head), command=_command(), made=f"{datetime.now():%Y-%m-%d %H:%M}")
+            head = made_now(report.head.under(self.head))
             with console.status("drawing the page") as status:
                 files[1].write(page(replace(report, head=head), partial(status.update, "drawing the page")))
 
 
-def _command() -> str:
-    """The command as it was given."""
-    return shlex.join(("ncomp", *sys.argv[1:]))
+def made_now(head: ReportHead) -> ReportHead:
+    """The head with the command as it was given, and the present time."""
+    command = shlex.join(("ncomp", *sys.argv[1:]))
+    return replace(head, command=command, made=f"{datetime.now():%Y-%m-%d %H:%M}")
 
 
 def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str | Path | None]) -> None:

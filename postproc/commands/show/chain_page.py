@@ -12,7 +12,10 @@ from rendering.report import Report, Section, Table
 if TYPE_CHECKING:
     from rendering.figures import Figure
 
-SIGNS = "Arrows: the tool relative to the workpiece for a positive command (ISO 841). Lengths in mm, machine frame."
+SIGNS = (
+    "The arrows show the motion of the tool relative to the workpiece for a positive command (ISO 841). Lengths are in "
+    "mm, in the machine frame."
+)
 PLACES = {"part": "middle left", "turn": "middle right"}
 """Positions of the labels of shapes beside their last points."""
 DASHES = {"line": "dash", "opposite": "dot"}

@@ -120,7 +120,12 @@ def _arrow(before: Array, tip: Array, colour: str) -> str:
 
 def _table(machine: Machine, top: float) -> Iterator[str]:
     """One row for each axis."""
-    yield _text(20, top, "Arrows: the tool relative to the workpiece for a positive command (ISO 841).", "small")
+    yield _text(
+        20,
+        top,
+        "The arrows show the motion of the tool relative to the workpiece for a positive command (ISO 841).",
+        "small",
+    )
     rows = [HEAD, *axis_rows(machine)]
     for number, row in enumerate(rows, start=1):
         for x, cell in zip(COLUMNS, row, strict=True):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument, option
-from postproc.commands.options.shared import check_files
+from postproc.commands.options.shared import check_files, made_now
 from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
@@ -88,7 +89,8 @@ def _draw(machine: Machine, target: Path) -> None:
         from postproc.commands.show.chain_page import chain_report
         from rendering.page import page
 
-        write_whole(target, page(chain_report(machine)))
+        report = chain_report(machine)
+        write_whole(target, page(replace(report, head=made_now(report.head))))
     else:
         raise UserError(f"--draw {target}: expected a name that ends in .svg or .html")
 
