@@ -57,7 +57,9 @@ def _arcs(i: np.ndarray) -> Iterator[str]:
     """Three axes; the arcs lie in X and Y, at the height of the move before."""
     rows, before = (np.round(path(each)[:, :2], 4) for each in (i, i - 1))
     chord, middle = rows - before, (rows + before) / 2
-    length = np.linalg.norm(chord, axis=1, keepdims=True)
+    length = np.maximum(
+        np.linalg.norm(chord, axis=1, keepdims=True), 1e-9
+    )  # zero where the path turns back: no arc is there
     across = np.stack([-chord[:, 1:], chord[:, :1]])[..., 0].T / length
     centres = middle + across * np.sqrt(RADIUS**2 - length**2 / 4) - before
     heights = path(i)[:, 2]

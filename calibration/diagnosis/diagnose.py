@@ -39,6 +39,7 @@ from calibration.diagnosis.verdict import (
     outliers,
     with_changed_lines,
 )
+from calibration.diagnosis.widening import widened
 from calibration.fit.acceptance import disagreement
 from calibration.fit.curves.between_positions import with_curves_between
 from calibration.fit.fit import Fit
@@ -161,14 +162,16 @@ def _concluded(
     unexplained_um = 0.0 if dependence is None else unexplained_residual.shared_rms(found.stage.linearised, dependence)
     acceptance = Acceptance.of(before, after, calibration, unexplained_um, force=force)
     curved, between = with_curves_between(after.fit) if selector.base.curves else (after.fit, ())
-    model = new_calibration(selector.base, curved, added, calibration)
+    model, factor = new_calibration(selector.base, curved, added, calibration), 1.0
+    if dependence is not None and len(after.accepted) == len(found.stage.accepted):  # else the model holds it
+        model, factor = widened(model, curved, unexplained_residual.shared_squares(found.stage.linearised, dependence))
     given, change = before, None
     if first.base.present is not None and calibration is not None:
         given = first.on(first.base.as_it_is).bare
         tests = unexplained_residual.tests(given.linearised)
         change = machine_change(selector.measurement, after.fit.kept, calibration, model)
         if acceptance.confirmed:
-            model = calibration
+            model, factor = calibration, 1.0
         elif dependence is None:
             causes = with_changed_lines(causes, change, given, after)
     return Diagnosis(
@@ -189,6 +192,7 @@ def _concluded(
         untested=tuple(start.untested),
         identifiability=identifiability(after.fit) if after.fit.prior.ndim == 1 else None,
         unexplained=dependence,
+        widened=factor,
         unnamed=completed.unnamed,
         evaluated=evaluated,
         closure=closure(after.linearised),

@@ -71,6 +71,8 @@ class Diagnosis:
     """Identifiability of the error motions; None where a calibration of other data is the prior knowledge."""
     unexplained: Unexplained | None
     """Dependence that no cause explains, also where unnamed effects were added for it."""
+    widened: float
+    """Factor on the standard uncertainties of the new calibration because of this dependence; 1 without one."""
     unnamed: str
     """Result of the request to add unnamed effects; empty without a request, or with nothing to add."""
     evaluated: tuple[Evaluated, ...]

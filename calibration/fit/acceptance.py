@@ -184,13 +184,16 @@ def not_better(model: str, held_out: CrossValidation, other: str) -> str:
 
 def relative_deviations(model: ErrorModel, measurement: Measurement) -> RelativeDeviation:
     """Predicted deviations of the tool target with the most rows, at evenly spread measured states."""
+    return relative_at_most(model, measurement.machine, *usual_states(measurement))
+
+
+def usual_states(measurement: Measurement) -> tuple[State, Array]:
+    """Measured states, and the vector `(n, 3)`, mm, of the tool target with the most rows, or an arm."""
     if measures_angles(measurement):
-        tool = np.full((len(measurement), 3), ARM)
-        return relative_at_most(model, measurement.machine, measurement.state, tool)
+        return measurement.state, np.full((len(measurement), 3), ARM)
     on_tool = np.array([target.carrier == "tool" for target in measurement.targets.values()])[measurement.target_number]
     rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
-    tool = np.tile(_usual_target(measurement), (len(rows), 1))
-    return relative_at_most(model, measurement.machine, measurement.state.rows(rows), tool)
+    return measurement.state.rows(rows), np.tile(_usual_target(measurement), (len(rows), 1))
 
 
 def measures_angles(measurement: Measurement) -> bool:

@@ -140,19 +140,29 @@ class RelativeDeviation(NamedTuple):
 def relative(model: ErrorModel, machine: Machine, state: State, tool: Array) -> RelativeDeviation:
     """Deviations at states relative to their mean, tool `(n, 3)`, mm; all states at once."""
     deviation = exact_deviation(machine, state.positions, model.errors(machine, state), tool).position
-    design = model.design(machine, state, error_transform_with_tool(machine, state.positions, tool)[:, :3])
+    design = deviation_design(model, machine, state, tool)
     mean = design.mean(axis=0, keepdims=True)
     return RelativeDeviation(
         (deviation - deviation.mean(axis=0)) * MM, model.propagated(design - mean) * MM, model.propagated(mean)[0] * MM
     )
 
 
+def deviation_design(model: ErrorModel, machine: Machine, state: State, tool: Array) -> Array:
+    """Derivatives `(n, 3, p)`, mm, of the deviations at states by the parameters; tool `(n, 3)`, mm."""
+    return model.design(machine, state, error_transform_with_tool(machine, state.positions, tool)[:, :3])
+
+
 def relative_at_most(
     model: ErrorModel, machine: Machine, state: State, tool: Array, most: int = STATES
 ) -> RelativeDeviation:
     """As `relative`, at `most` states or fewer, evenly spread."""
+    return relative(model, machine, *evenly_spread(state, tool, most))
+
+
+def evenly_spread(state: State, tool: Array, most: int = STATES) -> tuple[State, Array]:
+    """At most so many of the states, evenly spread, with their tool vectors."""
     rows = np.unique(np.linspace(0, len(state) - 1, min(len(state), most)).astype(int))
-    return relative(model, machine, state.rows(rows), tool[rows])
+    return state.rows(rows), tool[rows]
 
 
 def read_points(path: Path, machine: Machine) -> Points:

@@ -83,7 +83,12 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "effects": [_cause_json(cause) for cause in found.causes],
         "unexplained": None
         if left is None
-        else {"variables": list(left.variables), "p_value": left.p_value, "rms_um": found.unexplained_um},
+        else {
+            "variables": list(left.variables),
+            "p_value": left.p_value,
+            "rms_um": found.unexplained_um,
+            "widened": found.widened,
+        },
         "next_measurement": found.next_measurement,
         "one_by_one": [dependence._asdict() for dependence in found.one_by_one],
         "moves": [
@@ -395,7 +400,7 @@ def _unexplained(found: Diagnosis) -> Section:
         return Section("Unexplained", found.conclusion.unexplained)
     text = (
         f"{found.unexplained_um:.2f} um RMS depend on {', '.join(left.variables)} ({probability(left.p_value, 2)}), "
-        "and no cause of the library explains them.\nThe table tests each variable alone: its squared distance "
+        f"and no cause of the library explains them.{_widened(found.widened)}\nThe table tests each variable alone: its squared distance "
         "correlation (without bias, about 0 where independent), and the p-value among residuals permuted in blocks, as "
         "it is and adjusted by Benjamini and Hochberg. Variables that act only jointly are not found.\nThe figure is "
         f"the smooth shape over these variables, um. {OBSERVED}"
@@ -403,6 +408,12 @@ def _unexplained(found: Diagnosis) -> Section:
     rows = [(o.variable, f"{o.correlation:.3f}", f"{o.p_value:.2g}", f"{o.adjusted:.2g}") for o in found.one_by_one]
     alone = Table(("variable", "distance correlation, squared", "p", "adjusted p"), rows)
     return Section("Unexplained", text, alone, partial(unexplained_shape, found))
+
+
+def _widened(factor: float) -> str:
+    if factor == 1.0:
+        return ""
+    return f" Therefore the uncertainties of the calibration are {factor:.2g} times those that follow from the noise."
 
 
 def _not_shown(found: Diagnosis) -> Iterator[Section]:

@@ -121,16 +121,21 @@ def in_lengths(linearised: LinearisedFit, dependence: Unexplained) -> Array:
 
 
 def shared_rms(linearised: LinearisedFit, dependence: Unexplained) -> float:
-    """RMS, um per scalar (rotary axes: urad), of the part of kept rows' residuals along the function `dependence`.
+    """RMS, um per scalar (rotary axes: urad), of the part of kept rows' residuals along the function `dependence`."""
+    return float(np.sqrt(max(shared_squares(linearised, dependence).mean(), 0.0)))
 
-    A tracker makes the function as uncertain across the beam as a reading: its own RMS would be that uncertainty.
+
+def shared_squares(linearised: LinearisedFit, dependence: Unexplained) -> Array:
+    """Means over kept rows `(d,)`, um^2, of the products of residuals and the function `dependence`; in x, y, z.
+
+    A tracker makes the function as uncertain across the beam as a reading: its own square would be that uncertainty.
     """
-    shared = (
-        linearised.in_lengths(linearised.residual)
-        * in_lengths(linearised, dependence)
-        * linearised.measurement.per_micro[linearised.rows] ** 2
-    )
-    return float(np.sqrt(max(np.mean(shared[linearised.good]), 0.0)))
+    both = [linearised.in_lengths(linearised.residual), in_lengths(linearised, dependence)]
+    if isinstance(linearised.measurement.instrument, LaserTracker):
+        turns = linearised.fit.registration.rotations(linearised.measurement.rows(linearised.rows))
+        both = [np.einsum("nji,nj->ni", turns, lengths) for lengths in both]
+    shared = np.prod(both, axis=0) * linearised.measurement.per_micro[linearised.rows] ** 2
+    return np.asarray(shared[linearised.good].mean(axis=0))
 
 
 def _of_machine(linearised: LinearisedFit) -> Array:
