@@ -90,6 +90,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
             "widened": found.widened,
         },
         "next_measurement": found.next_measurement,
+        "widened": found.widened,
         "one_by_one": [dependence._asdict() for dependence in found.one_by_one],
         "moves": [
             {"move": move.name, "minutes": move.minutes, "gain_per_minute": move.gain_per_minute, "says": move.text}
@@ -400,9 +401,10 @@ def _unexplained(found: Diagnosis) -> Section:
         return Section("Unexplained", found.conclusion.unexplained)
     text = (
         f"{found.unexplained_um:.2f} um RMS depend on {', '.join(left.variables)} ({probability(left.p_value, 2)}), "
-        f"and no cause of the library explains them.{_widened(found.widened)}\nThe table tests each variable alone: its squared distance "
-        "correlation (without bias, about 0 where independent), and the p-value among residuals permuted in blocks, as "
-        "it is and adjusted by Benjamini and Hochberg. Variables that act only jointly are not found.\nThe figure is "
+        f"and no cause of the library explains them.{_widened(found.widened)}\n"
+        "The table tests each variable alone: its squared distance correlation (without bias, about 0 where "
+        "independent), and the p-value among residuals permuted in blocks, as it is and adjusted by Benjamini and "
+        "Hochberg. Variables that act only jointly are not found.\nThe figure is "
         f"the smooth shape over these variables, um. {OBSERVED}"
     )
     rows = [(o.variable, f"{o.correlation:.3f}", f"{o.p_value:.2g}", f"{o.adjusted:.2g}") for o in found.one_by_one]
