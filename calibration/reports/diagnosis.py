@@ -87,7 +87,6 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
             "variables": list(left.variables),
             "p_value": left.p_value,
             "rms_um": found.unexplained_um,
-            "widened": found.widened,
         },
         "next_measurement": found.next_measurement,
         "widened": found.widened,
