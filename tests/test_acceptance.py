@@ -1,6 +1,7 @@
 """Never worse: a calibration is written only if it predicts held-out blocks better than the present one and than none."""
 
 import json
+import re
 from dataclasses import replace
 
 import msgspec
@@ -67,8 +68,12 @@ def test_a_machine_without_errors_gets_no_calibration(command, tmp_path):
     assert held.other_rms_um < held.rms_um
     file = written(perfect, tmp_path / "data.csv")
     (tmp_path / "cal.json").write_text("an older file")
-    done = command("fit", file, "-m", "cframe", "--basis", "b-spline:4", "-o", "cal.json", "--json", "out.json")
+    results = ("--json", "out.json", "--report", "out.html")
+    done = command("fit", file, "-m", "cframe", "--basis", "b-spline:4", "-o", "cal.json", *results)
     assert done.status == 2
+    page = (tmp_path / "out.html").read_text()
+    assert re.search(r'class="verdict refusal">NOT WRITTEN: ', page)
+    assert 'class="calibration gap"' in page  # there is none
     said = json.loads((tmp_path / "out.json").read_text())
     assert not said["accepted"]
     assert said["held_out"]["none_rms_um"] == pytest.approx(held.other_rms_um)

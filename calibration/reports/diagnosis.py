@@ -198,8 +198,8 @@ def diagnosis_report(found: Diagnosis, command: str, files: Files | None = None)
         *insignificant(found.significant_share),
         _verdict(found),
     ]
-    refusal, design = "\n".join(acceptance(found.acceptance)), [separability_section(found.design)]
-    head = measured_head(found.measurement, found.model, command)
+    refusal, design = acceptance(found.acceptance), [separability_section(found.design)]
+    head = measured_head(found.measurement, found.model if found.accepted else None, command)
     return Report(title, lead, list(_sections(found, files)), "\n".join(verdict), refusal, design, head)
 
 

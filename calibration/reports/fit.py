@@ -104,10 +104,10 @@ def fit_report(found: Calibration, taken: OnTheFly | None, command: str) -> Repo
     measurement = found.fit.measurement
     lead = f"{measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
     residual = residual_sentence(found.before_rms_um, found.fit, found.cross_validation)
-    verdict = [*acceptance(found), *insignificant(found.significant_share), residual, *_verdict(found.fit)]
+    verdict = [*insignificant(found.significant_share), residual, *_verdict(found.fit)]
     title = f"Calibration of {measurement.machine.name}"
-    head = measured_head(measurement, found.model, command)
-    return Report(title, lead, list(_sections(found, taken)), "\n".join(verdict), head=head)
+    head = measured_head(measurement, found.model if found.accepted else None, command)
+    return Report(title, lead, list(_sections(found, taken)), "\n".join(verdict), acceptance(found), head=head)
 
 
 def residual_sentence(before_um: float, after: Fit, held: CrossValidation | None) -> str:
@@ -122,11 +122,11 @@ def between_positions(found: Iterable[BetweenPositions]) -> Iterator[tuple[str, 
             yield "UNCERTAIN", str(each)
 
 
-def acceptance(found: Judged) -> list[str]:
-    """The first sentence of a report on a calibration against which there is a reason."""
+def acceptance(found: Judged) -> str:
+    """The first sentence of a report on a calibration against which there is a reason; empty without one."""
     if not found.objection:
-        return []
-    return [f"{'WRITTEN BY --force' if found.forced else 'NOT WRITTEN'}: {found.objection}."]
+        return ""
+    return f"{'WRITTEN BY --force' if found.forced else 'NOT WRITTEN'}: {found.objection}."
 
 
 def _held_out(held: CrossValidation | None) -> str:

@@ -61,15 +61,16 @@ def together_report(found: Together, command: str) -> Report:
     """The result for people; `command`: the command that made it."""
     machine = found.fit.measurement.machine
     lead = f"{machine.name} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
-    verdict = [*acceptance(found), *map(_verdict, found.parts)]
+    verdict = map(_verdict, found.parts)
     instruments = ", ".join(dict.fromkeys(kind_of(part.together.measurement.instrument) for part in found.parts))
     head = machine.report.filled(
         machine=machine.name,
         instrument=instruments,
-        calibration=calibration_text(found.model),
+        calibration=calibration_text(found.model) if found.accepted else "",
         command=command,
     )
-    return Report(f"Calibration of {machine.name}", lead, list(_sections(found)), "\n".join(verdict), head=head)
+    title = f"Calibration of {machine.name}"
+    return Report(title, lead, list(_sections(found)), "\n".join(verdict), acceptance(found), head=head)
 
 
 def _verdict(part: Part) -> str:
