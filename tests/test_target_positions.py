@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.diagnosis_cases import fitted
 from support.virtual_measurements import ONE, THREE, measured, positions, truth, written
 
 import machines
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.fit.calibrate import calibrate
-from calibration.fit.set_up.target_positions import at_positions, findings, target_positions
+from calibration.fit.set_up.target_positions import TargetPosition, at_positions, findings, target_positions
 from calibration.measurement.file import read_measurement
 from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Target
@@ -145,3 +147,27 @@ def test_a_wrong_position_is_a_cause_of_a_diagnosis():
     assert cause.share > 0.99
     assert cause.alternatives[0].axis == "1"
     assert cause.alternatives[0].tied
+
+
+@pytest.mark.parametrize("wrong_mm", [0.0, 0.2])
+def test_a_position_is_a_cause_only_if_it_is_wrong_beside_the_other_causes_too(wrong_mm):
+    """Without a cause that was found later, the data had seemed to show another position."""
+    from calibration.diagnosis.misplaced_targets import beside_causes
+
+    before = TargetPosition("2", np.array([-0.05, 0.03, 0.0]), np.full(3, 0.005), True, ("1",), 90.0, False)
+    seen = at_positions(data(TWO, stated=moved("2", wrong_mm, 0.0, 0.0)), [before])
+    found = beside_causes([before], LinearisedFit.of(fitted(seen)))
+    assert len(found) == (wrong_mm > 0)
+    for each in found:
+        np.testing.assert_allclose(each.offset, [-wrong_mm, 0.0, 0.0], atol=4 * each.u.max())
+        assert 1e-4 < each.u.max() < 0.01
+        assert each.gain > 100.0
+
+
+def test_a_diagnosis_names_the_position_that_is_wrong():
+    from calibration.diagnosis.diagnose import diagnose
+    from calibration.diagnosis.misplaced_targets import KIND
+
+    found = diagnose(data(stated=moved("3", 0.0, -0.2, 0.0)))
+    assert [(each.kind, each.axis) for each in found.causes] == [(KIND, "3")]
+    assert any("target 3" in finding.message for finding in found.findings)

@@ -12,7 +12,7 @@ import numpy as np
 from calibration.diagnosis.acceptance import Acceptance
 from calibration.diagnosis.improvement import closure, volume
 from calibration.diagnosis.machine_change import machine_change
-from calibration.diagnosis.misplaced_targets import misplaced_targets
+from calibration.diagnosis.misplaced_targets import beside_causes, misplaced_targets
 from calibration.diagnosis.next.ranking import proposed_measurements
 from calibration.diagnosis.preparation import Start, prepared
 from calibration.diagnosis.residual import unexplained as unexplained_residual
@@ -45,6 +45,7 @@ from calibration.fit.curves.between_positions import with_curves_between
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import identifiability
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
+from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding
@@ -150,13 +151,14 @@ def _concluded(
     first, found, dependence = start.selector, searched.found, searched.dependence
     selector, after, before, tests = completed.selector, completed.stage, searched.before, searched.tests
     bare = after.linearised if not after.accepted else selector.without_causes(after)
+    positions = beside_causes(start.positions, absorbed(after.linearised, dependence))
     # an unexplained dependence makes outliers too
     lost = outliers(after.fit, bare) if dependence is None else None
     found_causes = named(after, bare)
     # a basis that the search has chosen itself is no fault of the model
     finer = [each for each in found_causes if each.kind == HIGHER_FREQUENCY and first.base.origin == "automatic"]
     causes = [each for each in found_causes if each not in finer]
-    causes += [*([] if lost is None else [lost]), *misplaced_targets(start.positions, after.fit)]
+    causes += [*([] if lost is None else [lost]), *misplaced_targets(positions, after.fit)]
     evaluated = found.evaluated or tuple(evaluate(after.linearised, first.library))
     added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
     unexplained_um = 0.0 if dependence is None else unexplained_residual.shared_rms(found.stage.linearised, dependence)
@@ -181,7 +183,7 @@ def _concluded(
         named=found.stage,
         after=after,
         model=model,
-        findings=(*start.findings, *_findings(after.fit)),
+        findings=(*start.findings, *target_findings(selector.measurement, positions), *_findings(after.fit)),
         repeats=start.noise,
         tests=tuple(tests),
         tests_after=tuple(completed.tests),

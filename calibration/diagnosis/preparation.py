@@ -18,7 +18,6 @@ from calibration.diagnosis.search.start_model import base_of
 from calibration.fit.acceptance import refuse_few, too_few
 from calibration.fit.identifiability import identifiability
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
-from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import is_log, moving_axes
@@ -104,7 +103,6 @@ def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding], list
     findings = usable(measurement)
     # where all rows of a target are in sequence, the search compares its offset with a knock at the instrument
     found = [each for each in target_positions(measurement) if not each.at_once]
-    findings += target_findings(measurement, found)
     measurement = at_positions(measurement, found)
     measurement, late = _from_its_start(_with_station(measurement))
     if late:

@@ -126,10 +126,10 @@ def target_positions(measurement: Measurement) -> list[TargetPosition]:
     while len(chosen) < len(on_tool) - 1:
         gains = {k: offsets.gain([*chosen, k]) - offsets.gain(chosen) for k in range(len(on_tool)) if k not in chosen}
         best = max(gains, key=lambda k: (round(gains[k], 3), k))
-        if not _significant(gains[best], len(on_tool)):
+        if not significant(gains[best], len(on_tool)):
             break
         beside = beside or _Offsets.of(_with_offsets(part, on_tool, TRACKER if of_tracker else ()), len(on_tool))
-        if not _significant(beside.gain([*chosen, best]) - beside.gain(chosen), len(on_tool)):
+        if not significant(beside.gain([*chosen, best]) - beside.gain(chosen), len(on_tool)):
             break
         others[best] = tuple(on_tool[k] for k, gain in gains.items() if k != best and gain > gains[best] - ALIKE)
         reductions[best] = gains[best]
@@ -224,7 +224,8 @@ def _some(measurement: Measurement) -> Measurement:
     return measurement.rows(np.sort(rows))
 
 
-def _significant(gain: float, targets: int) -> bool:
+def significant(gain: float, targets: int) -> bool:
+    """True where an offset of one of so many targets reduces chi2 by more than chance does."""
     return bool(special.chdtrc(3, max(gain, 0.0)) <= SIGNIFICANCE / targets)
 
 
