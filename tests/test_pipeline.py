@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from support.corrected_rows import MARK, exact_rows, kept_before_turning, without_mark
 from support.programs import (
@@ -163,6 +163,7 @@ def test_no_move_goes_elsewhere_whatever_the_offsets_really_are(name, seed, tcp,
 @pytest.mark.parametrize("name", MACHINES)
 @settings(max_examples=150)
 @given(seed=seeds, tcp=st.booleans())
+@example(seed=198025, tcp=True)  # an arc before a feed move of rotary axes alone
 def test_many_random_programs(name, seed, tcp):
     test_random_programs.holds(name, seed, tcp, 80)
     test_no_move_goes_elsewhere_whatever_the_offsets_really_are.hypothesis.inner_test(name, seed, tcp, False)

@@ -38,5 +38,9 @@ def exact_rows(motions):
 
 
 def kept_before_turning(nominal, commanded):
-    """Rows left as in the input because the feed move of rotary axes alone behind them would become worse."""
-    return np.append(turns(nominal)[1:], False) & (np.abs(commanded.target - nominal.target) < 1e-4).all(axis=1)
+    """Rows left as in the input because the feed move of rotary axes alone behind them would become worse.
+
+    The end of an arc may be moved so that the difference of its radii does not grow.
+    """
+    permitted = np.where([row in nominal.arcs for row in range(len(nominal))], 2e-3, 1e-4)
+    return np.append(turns(nominal)[1:], False) & (np.abs(commanded.target - nominal.target).T < permitted).all(axis=0)
