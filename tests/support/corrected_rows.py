@@ -43,4 +43,4 @@ def kept_before_turning(nominal, commanded):
     The end of an arc may be moved so that the difference of its radii does not grow.
     """
     permitted = np.where([row in nominal.arcs for row in range(len(nominal))], 2e-3, 1e-4)
-    return np.append(turns(nominal)[1:], False) & (np.abs(commanded.target - nominal.target).T < permitted).all(axis=0)
+    return np.append(turns(nominal)[1:], False) & (permitted > np.abs(commanded.target - nominal.target).T).all(axis=0)
