@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise, product
 
+import msgspec
 import numpy as np
 import pytest
 from support.diagnosis_cases import CFRAME, data_with, selector
@@ -13,7 +14,7 @@ from support.virtual_measurements import THREE, measured, positions
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.residual import unexplained as remainder
-from calibration.diagnosis.residual.absorber import absorbed, without_support
+from calibration.diagnosis.residual.absorber import absorbed, log_odds_of_function, without_support
 from calibration.diagnosis.residual.chance_level import DRAWS, Chance
 from calibration.diagnosis.residual.dependence import Unexplained, of_variables
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
@@ -26,7 +27,16 @@ from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.observation.stops_and_lines import visited
 from kinematics.basis import BSpline
-from kinematics.effects import Backlash, CrossAxis, Cyclic, ErrorMotion, StationShift, ThermalDrift, Unnamed
+from kinematics.effects import (
+    Backlash,
+    CrossAxis,
+    Cyclic,
+    ErrorMotion,
+    LocationJump,
+    StationShift,
+    ThermalDrift,
+    Unnamed,
+)
 from kinematics.error_model.model import no_errors
 
 N = 240
@@ -238,3 +248,21 @@ def test_a_jump_that_a_smooth_function_of_time_explains_better_is_none(walks):
     stage = made.stage([(knock.candidate, knock.score.size)])
     assert stage.accepted[0].score.delta_bic < WORTH
     assert remainder.wandering(stage) == (list(stage.accepted) if walks else [])
+
+
+def test_a_jump_beside_a_small_wandering_is_none(monkeypatch):
+    """The wandering makes neighbours alike, so that they count as few; the jump is hundreds of times as large."""
+    rng, (x, y, z) = (
+        np.random.default_rng(3),
+        (np.linspace(*axis.travel, n) for axis, n in zip(CFRAME.axes, (5, 24, 4), strict=True)),
+    )
+    q = np.array([(a, b, c) for c in z for i, a in enumerate(x) for b in (y if i % 2 else y[::-1])])
+    jump = LocationJump("C", "Y", 3000.0, 15.0 * 0.55 * len(q))
+    data = measured(CFRAME, q, THREE, msgspec.structs.replace(no_errors(CFRAME), effects=(jump,)), rng)
+    observed = data.observed + np.cumsum(rng.normal(scale=0.004, size=(len(q), 3)), axis=0)
+    made = selector(replace(data, observed=observed, state=replace(data.state, observed=observed)))
+    stage = made.stage([(Candidate(msgspec.structs.replace(jump, value=0.0)), np.zeros(1))])
+    function = Unexplained(("Y", "time"), (0.7, 0.13), 0.005, 1.0, np.zeros((len(q), 3)))
+    monkeypatch.setattr(remainder, "unexplained", lambda _: function)
+    assert log_odds_of_function(stage.without(0), function) > -0.5 * stage.accepted[0].score.delta_bic
+    assert remainder.wandering(stage) == []

@@ -106,7 +106,9 @@ def wandering(stage: Stage) -> list[Accepted]:
         if dependence is None or TIME not in dependence.variables:
             continue
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
-        if log_odds_of_function(without, dependence) > -0.5 * score.delta_bic:
+        # rows that are correlated count in full for the function too
+        cost = score.effective_parameters * np.log(without.scalars)
+        if log_odds_of_function(without, dependence) > 0.5 * (score.squares - cost):
             found.append(each)
     return found
 
