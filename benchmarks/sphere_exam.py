@@ -4,7 +4,8 @@ For each machine a plan by `ncomp plan --instrument touch-probe` (34 rotary posi
 again at the end), then draws of the machine: location errors uniform within 50 um and urad, error motions of rotary
 axes as in `ncomp simulate`, those of linear axes a tenth of the virtual calibration paper's (--linear 0.1); spheres up
 to 1 mm off, noise 1 um (k = 1). Each measurement is fitted as `ncomp fit` does, and the tip is evaluated at 200 other
-poses inside the measured ranges, within 50 mm of the spheres.
+poses inside the measured ranges, within 50 mm of the spheres. "covered" is the share of predicted deviations, in x, y
+and z, within U (k = 2) of the true ones; "seen" the same without the directions on which the prior outweighs the data.
 
     python benchmarks/sphere_exam.py [--draws 20] [--spheres 3] [--linear 0.1] [--design bk] [--machine dmu50 ...]
 """
@@ -23,6 +24,7 @@ import machines
 from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.fit.calibrate import calibrate
 from calibration.fit.calibrate import in_datum as fitted_in_datum
+from calibration.fit.fit import Fit
 from calibration.fit.prediction import relative
 from calibration.measurement.instruments import TouchProbe
 from calibration.probing.bodies import Artefact, Probe
@@ -37,12 +39,16 @@ from calibration.simulation.true_model import (
 )
 from kinematics.deviation import exact_deviation
 from kinematics.effects import LocationError
+from kinematics.error_model.model import ErrorModel
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.inverse import linear_positions
 from kinematics.state import State
 from kinematics.user_error import UserError
 
 LOCATION_UM = 50.0
 POSES = 200
+NOTICED_UM = 0.02
+"""RMS effect on the deviations, um, below which a direction of the parameters does not count."""
 
 
 def half_widths(linear):
@@ -71,6 +77,25 @@ def other_poses(plan, rng):
     return q[np.all((q >= low - 20.0) & (q <= high + 20.0), axis=1)][:POSES]
 
 
+def columns(model: ErrorModel, machine, q):
+    """Derivatives `(3 n, p)`, um, of the deviations less their mean by the parameters of a model."""
+    tips, state = np.tile(TIP, (len(q), 1)), State(q)
+    design = model.design(machine, state, error_transform_with_tool(machine, q, tips)[:, :3])
+    return 1e3 * (design - design.mean(axis=0)).reshape(3 * len(q), -1)
+
+
+def seen(found: Fit, written: ErrorModel, machine, q, off):
+    """Within U `(n, 3)`, the parts of deviations `(n, 3)` in the directions where the data outweigh the prior."""
+    values, vectors = np.linalg.eigh(found.solved.information)
+    unseen = columns(found.model, machine, q) @ (found.prior[:, None] * vectors[:, values < 1.0])
+    u, sizes, _ = np.linalg.svd(unseen, full_matrices=False)
+    basis = u[:, sizes > NOTICED_UM * len(off) ** 0.5]
+    design = columns(written, machine, q)
+    rest, own = off.ravel() - basis @ (basis.T @ off.ravel()), design - basis @ (basis.T @ design)
+    variance = np.einsum("ij,jk,ik->i", own, np.array(written.covariance), own)
+    return (np.abs(rest) <= 2.0 * variance**0.5).reshape(off.shape)
+
+
 def examined(plan, seed, linear):
     """Location errors within U, error at other poses before and after, components within U; None for a refusal."""
     machine, draws = plan.machine, streams(seed, 4)
@@ -95,6 +120,7 @@ def examined(plan, seed, linear):
         "before": volumetric_error_um(real - real.mean(axis=0), points).rms,
         "after": volumetric_error_um(off * 1e-3, points).rms,
         "covered": np.abs(off) <= 2.0 * told.u,
+        "seen": seen(found.fit, found.model, machine, q, off),
         "chi2": found.fit.chi2_reduced,
         "hidden": [" and ".join(e.effects) for e in found.identifiability.unidentifiable if len(e.effects) < 4],
     }
@@ -112,7 +138,7 @@ def main():
     given = parser.parse_args()
     design = f"{given.design}, linear axes {given.linear:g}, {given.draws} draws"
     print(f"{given.spheres} spheres, {given.points} poses, {design}")
-    print("machine       centres  location within U   before    after   after/before (worst)  no worse  covered  chi2")
+    print("machine       centres  location within U   before    after   after/before (worst)  no worse  covered, x, y, z  seen  chi2")
     for name in given.machine:
         machine, start = machines.load(name), time.perf_counter()
         spheres = {f"s{k + 1}": tuple((AROUND[k] + MIDDLE[name]).tolist()) for k in range(given.spheres)}
@@ -121,12 +147,14 @@ def main():
         results = [each for each in drawn if each is not None]
         before, after = (np.array([each[key] for each in results]) for key in ("before", "after"))
         inside = np.concatenate([each["inside"] for each in results])
-        covered = np.concatenate([each["covered"].ravel() for each in results])
+        covered, known = (np.concatenate([each[key] for each in results]) for key in ("covered", "seen"))
+        by_axis = " ".join(f"{share:.1%}" for share in covered.mean(axis=0))
         chi2 = np.mean([each["chi2"] for each in results])
         print(
             f"{name:13s} {len(plan):6d}   {inside.mean():6.1%} of {inside.size:4d}   {before.mean():6.1f}"
             f"   {after.mean():6.2f}   {np.sqrt(np.mean(after**2) / np.mean(before**2)):8.1%}"
-            f" ({(after / before).max():6.1%})   {np.mean(after <= before):9.0%}   {covered.mean():6.1%}  {chi2:5.2f}"
+            f" ({(after / before).max():6.1%})   {np.mean(after <= before):9.0%}   {covered.mean():6.1%} ({by_axis})"
+            f"   {known.mean():6.1%}  {chi2:5.2f}"
             f"   {len(drawn) - len(results)} refused, {time.perf_counter() - start:.0f} s",
             flush=True,
         )

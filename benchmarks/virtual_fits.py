@@ -113,7 +113,7 @@ def one(name: str, draw: int) -> Judged:
     truth = random_true_model(machine, rng)
     measurement = measure(case, machine, truth, rng)
     choice = choose(measurement, ("b-spline", "cubic"))
-    model, prior = with_effects(measurement, choice.bases, (), choice.prior_scale)
+    model, prior = with_effects(measurement, choice.bases, (), *choice.scales)
     found = fit(measurement, model, prior=prior)
     tool = next(iter(case.targets.values())).position
     return judge(machine, truth, found, evaluation_grid(machine, 5), tool)

@@ -171,7 +171,7 @@ def test_the_evidence_is_that_of_the_columns(stops):
     expected = []
     for choice in choices:
         motions = [effect for axis, basis in choice.bases.items() for effect in axis_effects(some, axis, basis)]
-        model, prior = with_effects(some, choice.bases, effects, choice.prior_scale)
+        model, prior = with_effects(some, choice.bases, effects, *choice.scales)
         assert len(motions) == len(model.effects) - 2
         start = np.concatenate([np.zeros(len(prior) - len(other)), other])
         away = (start - model.parameters) / prior

@@ -13,14 +13,17 @@ from support.virtual_measurements import written
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.repeatability import repeats
+from calibration.fit.bases.selection import LinearEvidence, choose
 from calibration.fit.calibrate import calibrate
 from calibration.fit.calibrate import in_datum as fitted_in_datum
+from calibration.fit.fit import fit
 from calibration.measurement.balls.touch_probe import TIP as PROBE
 from calibration.measurement.file import read_measurement, write_measurement
 from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Distance, Target
 from calibration.observation import equations
+from calibration.observation.full_model import with_effects
 from calibration.observation.normal_equations import NormalEquations, residuals
 from calibration.observation.outliers import first_registration
 from calibration.plausibility.checks import sanity
@@ -28,7 +31,7 @@ from calibration.simulation.measure_plan import VirtualInstrument, measure_plan,
 from calibration.simulation.touch_probe import PLACED_MM, Spheres
 from calibration.simulation.true_model import model_of, random_location_errors, random_true_model
 from kinematics.basis import BSpline
-from kinematics.effects import Backlash, ErrorMotion, LocationError, StationShift
+from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError, StationShift
 from kinematics.forward import forward, tool_point
 from kinematics.inverse import linear_positions
 from kinematics.transforms import turn
@@ -459,3 +462,25 @@ def test_bad_options(ncomp, options, message):
 
 def test_spheres_are_stated_to_the_simulation():
     assert Spheres({}, {}) == VirtualInstrument(TouchProbe(u_um=1.0)).spheres
+
+
+def test_the_stated_size_of_the_errors_holds_for_what_spheres_do_not_show():
+    """Without a distance, the scale of the linear axes has the uncertainty of its prior: 3 um over the measured range."""
+    found = calibrate(probed("dmu50", 14)[0], prior_scale=0.1, hold_out=False)
+    assert np.all(found.relative_deviation.u_between < 3.0)
+
+
+def test_linear_and_rotary_axes_have_their_own_size_of_errors():
+    """Good linear axes beside rotary axes with waves: the evidence finds both, with the priors of the fit."""
+    waves = [Cyclic(c, a, 360.0, (s,), (20.0,)) for a in "BC" for c, s in (("A", 15.0), ("B", -20.0), ("C", 25.0))]
+    measured = probed("dmu50", 30, effects=waves)[0]
+    chosen = choose(measured, ("b-spline",), rotary_kind="fourier")
+    assert chosen.prior_scale == 0.1
+    assert chosen.rotary_scale >= 0.3
+    choices = [chosen, replace(chosen, prior_scale=2.0), replace(chosen, rotary_scale=0.2)]
+    found = []
+    for choice in choices:
+        model, prior = with_effects(measured, choice.bases, (), *choice.scales)
+        found.append(fit(measured, model, prior=prior))
+    expected = LinearEvidence(found[0], ()).of_all(choices)[:, 0]
+    np.testing.assert_allclose(np.diff([each.log_evidence for each in found]), np.diff(expected), rtol=0.01)

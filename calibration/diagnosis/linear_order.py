@@ -55,7 +55,7 @@ def other_order(measurement: Measurement, choice: Choice) -> str:
 
 
 def _fitted(measurement: Measurement, choice: Choice) -> Fit:
-    model, prior = with_effects(measurement, choice.bases, (), choice.prior_scale)
+    model, prior = with_effects(measurement, choice.bases, (), *choice.scales)
     return fit(measurement, model, prior=prior)
 
 

@@ -124,7 +124,7 @@ def calibrate(
     numbered(progress, 2, steps)("identifiability")
     identified = identifiability(found)
     refuse_few([found], identified)
-    start, _ = with_effects(measurement, choice.bases, effects, choice.prior_scale)
+    start, _ = with_effects(measurement, choice.bases, effects, *choice.scales)
     held_out = None
     if hold_out:
         last = numbered(progress, steps, steps)

@@ -24,7 +24,7 @@ import numpy as np
 from scipy import special
 
 from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, reason_against, refuse_few
-from calibration.fit.bases.search import AUTO
+from calibration.fit.bases.search import AUTO, Choice
 from calibration.fit.calibrate import in_datum, provenance
 from calibration.fit.cross_validation import CrossValidation, cross_validate
 from calibration.fit.datum import error_motions
@@ -38,7 +38,7 @@ from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import priors, with_effects
+from calibration.observation.full_model import least_priors, priors, with_effects
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
 from kinematics.basis import Basis, BSpline, Fourier, Harmonics
@@ -137,7 +137,7 @@ def calibrate_together(
     improvement for one of the measurements, or with which too many of its rows disagree, without `force`.
     """
     machine = _machine(measurements)
-    alone, starts, scales, findings = list[Fit](), list[ErrorModel](), list[float](), list[Finding]()
+    alone, starts, choices, findings = list[Fit](), list[ErrorModel](), list[Choice](), list[Finding]()
     steps = len(measurements) + 2
     for number, measurement in enumerate(measurements, start=1):
         name, found = measurement.source, usable(measurement)
@@ -148,14 +148,15 @@ def calibrate_together(
         wanted = Wanted(basis, 0, tuple(effects), prior_scale, variance, alone_of)
         choice, own = with_bases_and_noise(at_positions(measurement, positions), wanted)
         alone.append(own)
-        starts.append(with_effects(own.measurement, choice.bases, effects, choice.prior_scale)[0])
-        scales.append(choice.prior_scale)
+        starts.append(with_effects(own.measurement, choice.bases, effects, *choice.scales)[0])
+        choices.append(choice)
         found += [*zero_findings(run_zeros(own)), *distance_findings(own)]
         findings += [each._replace(message=f"{name}: {each.message}") for each in found]
     model = _model(machine, starts)
     prior = priors(model)
-    for _, part in error_motions(model):
-        prior[part] *= max(scales)
+    for motion, part in error_motions(model):
+        prior[part] *= max(choice.scale_of(motion.axis) for choice in choices)
+    prior = np.maximum.reduce([prior, *(least_priors(measurement, model) for measurement in measurements)])
     numbered(progress, steps - 1, steps)("fitting all measurements together")
     joint = _Joint.fitted([_Share.of(own, model, prior) for own in alone], model, prior)
     whole = joint.whole

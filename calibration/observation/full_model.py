@@ -20,6 +20,8 @@ from kinematics.machine import Machine
 from kinematics.turn import gap_of, measured_arc, swept_arc
 from kinematics.user_error import UserError
 
+ROTARY = "ABC"
+"""First letters of the names of rotary axes."""
 STANDSTILL = 1e-6
 """Range, mm or degrees, up to which an axis does not move."""
 TARGETS = "targets"
@@ -151,22 +153,38 @@ def observed_components(measurement: Measurement, axis: str) -> list[Component]:
 
 
 def with_effects(
-    measurement: Measurement, bases: Mapping[str, BasisChoice], effects: Sequence[Effect], prior_scale: float
+    measurement: Measurement,
+    bases: Mapping[str, BasisChoice],
+    effects: Sequence[Effect],
+    prior_scale: float,
+    rotary_scale: float | None = None,
 ) -> tuple[ErrorModel, np.ndarray]:
     """The rigid model with additional effects, and priors `(parameters,)`; `prior_scale`: factor of the rigid ones.
 
-    For a touch probe the location errors of rotary axes keep their typical size where the scale is smaller: they come
-    from assembly, not from the shapes of error motions, and spheres leave combinations of them to the prior.
+    rotary_scale: the factor of rotary axes, where it is another one.
     """
     rigid = rigid_model(measurement, bases)
     model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *effects))
     prior = priors(model)
+    scales = np.full(len(prior), prior_scale)
+    for effect, part in zip(rigid.effects, rigid.slices, strict=True):
+        if rotary_scale is not None and isinstance(effect, ErrorMotion) and effect.axis[0] in ROTARY:
+            scales[part] = rotary_scale
     own = slice(0, len(rigid.parameters))
-    scaled = prior[own] * prior_scale
-    if isinstance(measurement.instrument, TouchProbe):
-        scaled = np.where(_constants(measurement.machine, rigid), np.maximum(scaled, prior[own]), scaled)
-    prior[own] = scaled
+    prior[own] = np.maximum(prior[own] * scales[own], least_priors(measurement, rigid))
     return model, prior
+
+
+def least_priors(measurement: Measurement, model: ErrorModel) -> np.ndarray:
+    """Smallest prior standard deviations `(parameters,)`, whatever the scale: 0 but for spheres.
+
+    For a touch probe the constants of rotary axes' error motions, which are location errors, keep their typical size:
+    they come from assembly, not from the shapes of error motions, and spheres leave combinations of them to the prior.
+    """
+    typical = priors(model)
+    if not isinstance(measurement.instrument, TouchProbe):
+        return np.zeros(len(typical))
+    return np.where(_constants(measurement.machine, model), typical, 0.0)
 
 
 def _constants(machine: Machine, model: ErrorModel) -> np.ndarray:
@@ -180,6 +198,7 @@ def _constants(machine: Machine, model: ErrorModel) -> np.ndarray:
             else np.zeros(len(effect.parameters), bool)
             for effect in model.effects
         ]
+        or [np.zeros(0, bool)]
     )
 
 

@@ -61,6 +61,7 @@ def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
         **identifiability_json(identified),
         "basis": {axis: str(choice) for axis, choice in found.choice.bases.items()},
         "prior_scale": found.choice.prior_scale,
+        "prior_scale_rotary": found.choice.rotary_scale,
         "log_evidence": fitted.log_evidence,
         "depends_on": [{"what": s.variable, "p_value": s.p_value, "hint": s.hint} for s in found.dependences],
         "outliers": [measurement.where(int(row)) for row in fitted.outliers],
@@ -293,7 +294,9 @@ def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, st
             yield "HIDDEN MODE", mode
     for finding in found.findings:
         yield "note", finding.message
-    yield "model", f"{identified.parameters} parameters: {bases}; size of errors x {found.choice.prior_scale:g}"
+    rotary = found.choice.rotary_scale
+    sizes = f"{found.choice.prior_scale:g}" + (f", of rotary axes x {rotary:g}" if rotary is not None else "")
+    yield "model", f"{identified.parameters} parameters: {bases}; size of errors x {sizes}"
     yield (
         "rank",
         f"{identified.rank} with the instrument's position known, {identified.rank_registered} with it fitted; "

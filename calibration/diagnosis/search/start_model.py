@@ -259,7 +259,7 @@ def _automatic(
 
 def _of_choice(measurement: Measurement, choice: Choice, known: dict[str, Base]) -> Base:
     unknown = unknown_approaches(measurement)
-    model, prior = with_effects(measurement, choice.bases, unknown, choice.prior_scale)
+    model, prior = with_effects(measurement, choice.bases, unknown, *choice.scales)
     # backlash, which the fit of an interferometer includes, is a cause to be found here
     kept = np.array([not isinstance(effect, Backlash) for effect in model.effects])
     each = np.repeat(kept, [part.stop - part.start for part in model.slices])

@@ -12,8 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import TARGETS, BasisChoice, distinct_positions, moving_axes, repeated_targets
+from calibration.observation.full_model import (
+    ROTARY,
+    TARGETS,
+    BasisChoice,
+    distinct_positions,
+    moving_axes,
+    repeated_targets,
+)
 from kinematics.progress import Progress, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -35,7 +43,7 @@ PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0)
 """Sizes of the errors that are tried, as multiples of the typical sizes."""
 SMALLER = (0.1, 0.2, 0.3, 0.5)
 """Sizes of error motions, as multiples of the typical ones, that are tried for data on a few lines."""
-PRIOR = "prior"
+PRIOR, ROTARY_PRIOR = "prior", "prior of rotary axes"
 START = 1
 """Index of the size at which the search begins: coarse, because the search ends at the first local maximum."""
 FINEST = 48
@@ -50,11 +58,24 @@ class Choice:
 
     bases: Mapping[str, BasisChoice]
     prior_scale: float = 1.0
+    rotary_scale: float | None = None
+    """The same of rotary axes, where it differs."""
+
+    @property
+    def scales(self) -> tuple[float, float | None]:
+        """The sizes of the errors of linear and of rotary axes."""
+        return self.prior_scale, self.rotary_scale
+
+    def scale_of(self, axis: str) -> float:
+        """The size of the error motions of an axis."""
+        return self.prior_scale if self.rotary_scale is None or axis[0] not in ROTARY else self.rotary_scale
 
     def variants(self, part: str, most: Mapping[str, int]) -> list[Choice]:
-        """Choices that differ in one part: the prior, or an axis with at most the number of parameters in `most`."""
+        """Choices that differ in one part: a prior, or an axis with at most the number of parameters in `most`."""
         if part == PRIOR:
             return [replace(self, prior_scale=scale) for scale in PRIOR_SCALES]
+        if part == ROTARY_PRIOR:
+            return [replace(self, rotary_scale=scale) for scale in PRIOR_SCALES]
         kind = self.bases[part].kind
         if kind == TARGETS:
             return [self]
@@ -85,6 +106,12 @@ class Search:
     """Largest number of parameters of each axis."""
     targets: Mapping[str, int]
     """Number of targets of the axes that have a node at each target."""
+    apart: bool = False
+    """True where rotary axes have a size of the errors of their own.
+
+    Spheres leave combinations of errors to their prior, such as the scale of all linear axes: with one size for all, the
+    larger waves of rotary axes would stand for linear axes that are good.
+    """
 
     @classmethod
     def of(
@@ -111,19 +138,21 @@ class Search:
         few = {axis: int(min(n, finest_turn if axis[0] in turning else finest)) for axis, n in most.items()}
         targets = {axis: len(repeated_targets(measurement, axis)) for axis in most}
         targets = {axis: number for axis, number in targets.items() if 0 < number <= AT_TARGETS * finest}
-        return cls(kinds, rotary_kind, prior_scale, few, targets)
+        kinds_of_axes = {axis[0] in ROTARY for axis in most}
+        apart = prior_scale is None and isinstance(measurement.instrument, TouchProbe) and len(kinds_of_axes) == 2
+        return cls(kinds, rotary_kind, prior_scale, few, targets, apart)
 
     @property
     def parts(self) -> list[str]:
         """The parts of a choice, in the order in which the search changes them."""
-        return [*self.most, *([PRIOR] if self.prior_scale is None else [])]
+        return [*self.most, *([PRIOR] if self.prior_scale is None else []), *([ROTARY_PRIOR] if self.apart else [])]
 
     def start(self, kind: str) -> Choice:
         """The choice at which the search begins."""
         own = {axis: self.rotary_kind if self.rotary_kind and axis[0] in "ABC" else kind for axis in self.most}
         bases = {axis: BasisChoice(of, SIZES[of][0]) for axis, of in own.items()}
         bases |= {axis: BasisChoice(TARGETS, number) for axis, number in self.targets.items()}
-        start = Choice(bases, self.prior_scale or 1.0)
+        start = Choice(bases, self.prior_scale or 1.0, 1.0 if self.apart else None)
         for axis in self.most:
             start = start.variants(axis, self.most)[: START + 1][-1]
         return start

@@ -25,6 +25,7 @@ from calibration.observation.full_model import (
     BasisChoice,
     axis_effects,
     distinct_positions,
+    least_priors,
     parse_basis,
     priors,
     with_effects,
@@ -111,6 +112,7 @@ class LinearEvidence:
         self._arm_products: dict[tuple[str, str], Array] = {}
         self._right = cache(self._along)
         self._priors = cache(self._typical)
+        self._least = cache(self._smallest)
         own = self._priors(OTHER_EFFECTS)
         start = np.array([value for effect in effects for value in effect.parameters])
         self._moved = np.where(np.isfinite(own), (self._other_effects - start) / own, 0.0)
@@ -133,7 +135,7 @@ class LinearEvidence:
         normal = NormalEquations(self._blocks.matrix(parts), np.concatenate([self._right(part) for part in parts]))
         normal.add_stated(self._measurement, self._registration)
         prior = np.concatenate(
-            [*(choice.prior_scale * self._priors(part) for part in axes), self._priors(OTHER_EFFECTS)]
+            [*(self._scaled(part, choice.scale_of(part[0])) for part in axes), self._priors(OTHER_EFFECTS)]
         )
         away = np.zeros(len(prior))
         away[len(prior) - len(self._moved) :] = self._moved
@@ -152,6 +154,13 @@ class LinearEvidence:
         if axes not in self._arm_products:
             self._arm_products[axes] = arm_products(first, second)
         return between(first, second, self._arm_products[axes])
+
+    def _scaled(self, part: Part, scale: float) -> Array:
+        """Priors `(parameters,)` of the error motions of an axis, as in the fit."""
+        return np.maximum(scale * self._priors(part), self._least(part))
+
+    def _smallest(self, part: Part) -> Array:
+        return least_priors(self._measurement, self._model(part))
 
     def _typical(self, part: Part) -> Array:
         """Priors `(parameters,)` of a part."""

@@ -184,8 +184,7 @@ class _Values:
                 x = axes[effect.axis]
                 values = effect.basis.columns(x) @ np.array(effect.parameters)
                 effects.append(_motion(effect, BSpline(tuple(x.tolist()), 1), values))
-                largest = max(float(own.max()), effect.parameter_table[0].typical)
-                priors.append(np.full(len(x), largest))
+                priors.append(np.full(len(x), own.max()))
             else:
                 effects.append(effect)
                 priors.append(own)

@@ -64,7 +64,7 @@ class Wanted:
 
     def fit(self, measurement: Measurement, choice: Choice, near: Fit | None = None) -> Fit:
         """The fit with these bases; estimated noise holds the variance factor. near: the fit with another noise."""
-        model, prior = with_effects(measurement, choice.bases, self.effects, choice.prior_scale)
+        model, prior = with_effects(measurement, choice.bases, self.effects, *choice.scales)
         variance = self.variance if measurement.noise is None else "sheet"
         return fit(measurement, model, prior=prior, variance=variance, near=near, progress=self.progress)
 
@@ -119,6 +119,6 @@ def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Ch
 
     In units of the instrument's variance; infinite where no line can be held out.
     """
-    model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
+    model, prior = with_effects(measurement, choice.bases, effects, *choice.scales)
     held_out = cross_validate(measurement, model, prior, ~duplicates(measurement))
     return np.array([np.inf if held_out is None else -held_out.improvement])
