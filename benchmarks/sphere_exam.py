@@ -138,7 +138,9 @@ def main():
     given = parser.parse_args()
     design = f"{given.design}, linear axes {given.linear:g}, {given.draws} draws"
     print(f"{given.spheres} spheres, {given.points} poses, {design}")
-    print("machine       centres  location within U   before    after   after/before (worst)  no worse  covered, x, y, z  seen  chi2")
+    print(
+        "machine       centres  location within U   before    after   after/before (worst)  no worse  covered, x, y, z  seen  chi2"
+    )
     for name in given.machine:
         machine, start = machines.load(name), time.perf_counter()
         spheres = {f"s{k + 1}": tuple((AROUND[k] + MIDDLE[name]).tolist()) for k in range(given.spheres)}
