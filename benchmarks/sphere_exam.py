@@ -139,7 +139,8 @@ def main():
     design = f"{given.design}, linear axes {given.linear:g}, {given.draws} draws"
     print(f"{given.spheres} spheres, {given.points} poses, {design}")
     print(
-        "machine       centres  location within U   before    after   after/before (worst)  no worse  covered, x, y, z  seen  chi2"
+        "machine       centres  location within U   before    after   after/before (worst)  no worse  "
+        "covered, x, y, z  seen  chi2"
     )
     for name in given.machine:
         machine, start = machines.load(name), time.perf_counter()

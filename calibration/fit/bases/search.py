@@ -109,8 +109,8 @@ class Search:
     apart: bool = False
     """True where rotary axes have a size of the errors of their own.
 
-    Spheres leave combinations of errors to their prior, such as the scale of all linear axes: with one size for all, the
-    larger waves of rotary axes would stand for linear axes that are good.
+    Spheres leave combinations of errors to their prior, such as the scale of all linear axes. With one size for all,
+    the larger waves of rotary axes would stand for linear axes that are good.
     """
 
     @classmethod
