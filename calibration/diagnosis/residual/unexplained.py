@@ -24,6 +24,8 @@ from kinematics.state import TIME
 from kinematics.transforms import Array
 
 SEED = 1
+FAR_MORE = 1.5
+"""Ratio of the log odds of a jump to those of a function of time above which the function only imitates the jump."""
 
 
 def tests(linearised: LinearisedFit) -> list[Test]:
@@ -106,9 +108,10 @@ def wandering(stage: Stage) -> list[Accepted]:
         if dependence is None or TIME not in dependence.variables:
             continue
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
-        # rows that are correlated count in full for the function too
+        # rows that are correlated count in full for the function: for a jump only if it explains far more
         cost = score.effective_parameters * np.log(without.scalars)
-        if log_odds_of_function(without, dependence) > 0.5 * (score.squares - cost):
+        function, in_full = log_odds_of_function(without, dependence), 0.5 * (score.squares - cost)
+        if function > max(-0.5 * score.delta_bic, in_full / FAR_MORE):
             found.append(each)
     return found
 
