@@ -83,11 +83,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "effects": [_cause_json(cause) for cause in found.causes],
         "unexplained": None
         if left is None
-        else {
-            "variables": list(left.variables),
-            "p_value": left.p_value,
-            "rms_um": found.unexplained_um,
-        },
+        else {"variables": list(left.variables), "p_value": left.p_value, "rms_um": found.unexplained_um},
         "next_measurement": found.next_measurement,
         "widened": found.widened,
         "one_by_one": [dependence._asdict() for dependence in found.one_by_one],
