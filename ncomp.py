@@ -122,11 +122,13 @@ def set_up(
     tool_table: Iterable[str | Path] = (),
     datum: Iterable[str] = (),
     zero: bool = False,
+    pass_through: Iterable[str] = (),
 ) -> Setup:
     """The work offsets, mm and degrees, and the tool lengths, mm, of the control when a program starts.
 
     work_offset: `G54=x,y,z`; tool_length: `T1=mm`; tool_table: tables of a control; datum: `G54=probed` (the default)
-    or `G54=true`; zero: offsets and lengths that are not given are zero.
+    or `G54=true`; zero: offsets and lengths that are not given are zero; pass_through: constructs unknown to ncomp that
+    pass unchanged (`G234`).
 
     >>> set_up("dmu50", work_offset=["G54=-30,-20,150"]).work_offsets["G54"]["X"]
     -30.0
@@ -135,7 +137,8 @@ def set_up(
     from postproc.tool_tables import read_tool_tables
 
     tables = read_tool_tables([Path(path) for path in tool_table])
-    return make_setup(load_machine(machine), work_offset, tool_length, tables, datum, probed=True, zero=zero)
+    found = load_machine(machine)
+    return make_setup(found, work_offset, tool_length, tables, datum, probed=True, zero=zero, pass_through=pass_through)
 
 
 def conditions(

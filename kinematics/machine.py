@@ -119,6 +119,8 @@ class Control:
     not at all, or by a word beside those of the arc (`C X Y Z`)."""
     scaled_axes: Literal["", "XYZ", "XY"] = ""
     """Axes that Klartext cycle 11 scales (machine parameter 7410); without it such programs are refused."""
+    pass_through: tuple[str, ...] = ()
+    """Codes, cycles, calls and functions unknown to ncomp that pass unchanged: they move nothing and change no mode."""
     repeats: Literal["", "truncate", "round"] = ""
     """Number of repeats of Klartext `CALL LBL REP` with a parameter that is not whole: its integer part, or the nearest
     whole number (a half upwards); without it such programs are refused."""

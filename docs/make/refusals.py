@@ -53,6 +53,16 @@ EXAMPLES = (
         "[ISO](controls/iso.md), [Siemens](controls/siemens.md) and [Klartext](controls/heidenhain.md) list all codes.",
     ),
     Example(
+        "A code that ncomp does not know",
+        HEAD + "G234\nG1 X10. F500\nM30\n",
+        "A code, cycle, call or function of the control or of the machine's builder. It may move the machine or change "
+        "the coordinates.",
+        "If the manual of the machine says that it moves nothing and changes no mode, accept it by name: "
+        "`--pass-through G234,CYCLE977,FN33`, or `pass_through` in the [machine file](machines.md) or the "
+        "[job file](job.md). Its blocks then pass unchanged, with a note; they pass without coordinates only, and no "
+        "word is added to the next blocks until the program gives the positions of the axes again.",
+    ),
+    Example(
         "Controls differ",
         HEAD + "G76 X10. Y10. Z-5. R2. F100\nM30\n",
         "The block means one thing on one control and another on the next. ncomp does not choose.",
@@ -136,7 +146,7 @@ EXAMPLES = (
         before="ncomp simulate --machine mill.toml --strategy grid --points 30 --errors none -o data.csv",
     ),
 )
-CALLS = {"refuse", "refusal", "Refusal", "NotKnown", "Ambiguous", "NotAccepted"}
+CALLS = {"refuse", "refusal", "Refusal", "NotKnown", "Ambiguous", "NotAccepted", "accept"}
 """Calls that make the refusal of a block, with its reason."""
 FOLDERS = {
     "ISO": ("postproc/iso",),

@@ -13,7 +13,7 @@ from kinematics.inverse import inverse
 from kinematics.machine import Machine, NDArrayBool
 from postproc.control.codes import DISTANCES, HARMLESS_M, INVERSE_TIME, MOTION, PLANES
 from postproc.control.plain_arcs import ArcModes, arc_motion, plain_arcs
-from postproc.control.setup import Setup
+from postproc.control.setup import Setup, construct
 from postproc.control.state import ControlState
 from postproc.control.words import value_of
 from postproc.motion.frames import Frame, cartesian, in_workpiece, to_machine
@@ -233,6 +233,26 @@ class Interpreter(ABC):
         if code not in self.harmless_m:
             self.notes.add(f"M{code:g} is not known to ncomp and is taken to move nothing", block.line)
             self.recorder.mark_uncertain()
+
+    def accept(self, block: Block, name: str, reason: str, *, moves: bool = False) -> None:
+        """Pass an unknown construct that the user accepts unchanged; Refusal for any other, with the reason.
+
+        moves: the block has coordinates, whose meaning beside the construct is not known.
+        """
+        key = construct(name)
+        if key not in self.setup.pass_through:
+            raise block.refuse(f"{reason}, or pass it by --pass-through {key} if it moves nothing and changes no mode")
+        if moves:
+            raise block.refuse(f"{name} passes without coordinates only: write these in a block of their own")
+        self.notes.add(f"{name} passes unchanged (--pass-through) and is taken to move nothing", block.line)
+        self.recorder.mark_uncertain()
+
+    def take_unknown(self, block: Block, code: float, refused: Mapping[float, str], *, moves: bool) -> None:
+        """Refuse a G code that is not followed; one that is not known may pass (`accept`)."""
+        name = f"G{code:g}"
+        if code in refused:
+            raise block.refuse(f"{name} {refused[code]}")
+        self.accept(block, name, f"{name} is not known to ncomp: take it out, or write its moves", moves=moves)
 
     def mark_unknown(self, names: Sequence[str]) -> list[str]:
         """The program does not give the positions of these axes any more; those of them that the machine has."""

@@ -63,6 +63,8 @@ class Setup:
     """All other work offsets were touched off on the machine; otherwise they are true."""
     zero: bool = False
     """Work offsets and tool lengths that nobody gave are zero on purpose (--set-up-zero)."""
+    pass_through: frozenset[str] = frozenset()
+    """Constructs unknown to ncomp that pass unchanged, in capitals without blanks: G234, CYCLE977, FN33, CYCLDEF444."""
 
     def datum(self, name: str) -> Datum:
         """Datum entry of a work offset; machine coordinates are true."""
@@ -108,6 +110,11 @@ class Setup:
     def tool_radius(self, tool: int | str) -> float | None:
         """Radius of a tool by number or name, mm; None where no table gives it."""
         return self.radii.get(tool_key(str(tool)))
+
+
+def construct(name: str) -> str:
+    """The name of a code, cycle, call or function of a program, without blanks and in capitals."""
+    return "".join(name.split()).upper()
 
 
 def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float]]:
@@ -166,6 +173,7 @@ def make_setup(
     *,
     probed: bool = False,
     zero: bool = False,
+    pass_through: Iterable[str] = (),
 ) -> Setup:
     """The setup from the options of the command line and a tool table; work offsets are true unless `probed`."""
     table = table or ToolTable()
@@ -188,4 +196,5 @@ def make_setup(
         obtained=given_once((parse_datum(text, machine) for text in datums), "--datum "),
         probed=probed,
         zero=zero,
+        pass_through=frozenset(map(construct, (*machine.control.pass_through, *pass_through))),
     )

@@ -59,7 +59,8 @@ class Cycles:
         elif number in REFUSED_CYCLES:
             raise block.refuse(f"cycle {number} {REFUSED_CYCLES[number]}")
         elif number not in HARMLESS_CYCLES:
-            raise block.refuse(f"cycle {number} is not known to ncomp: write its moves")
+            self.control.accept(block, f"CYCL DEF {number}", f"cycle {number} is not known to ncomp: write its moves")
+            self.cycle = number
         elif number not in DATA_CYCLES:
             self.cycle = number
 

@@ -316,7 +316,7 @@ class HeidenhainInterpreter(ModalState):
         if number in PLC_FN:
             self.notes.add(f"FN {number} passes values to the PLC and is taken to move nothing", block.line)
         elif number not in HARMLESS_FN:
-            raise block.refuse(f"FN {number} is not known to ncomp")
+            self.accept(block, f"FN {number}", f"FN {number} is not known to ncomp: remove it")
 
     def _function(self, block: Block) -> None:
         if _TCPM.fullmatch(block.detail):
@@ -324,7 +324,8 @@ class HeidenhainInterpreter(ModalState):
         elif block.detail.upper() == "FUNCTION RESET TCPM":
             self.switch_tcp(False)
         elif not _HARMLESS_FUNCTION.fullmatch(block.detail):
-            raise block.refuse(f"{block.detail} is not known to ncomp")
+            name = " ".join(block.detail.split()[:2])
+            self.accept(block, name, f"{block.detail} is not known to ncomp: remove it")
 
 
 def _vector(block: Block, kind: str) -> list[float] | None:

@@ -220,9 +220,7 @@ class IsoInterpreter(ModalState):
                 number = whole_of(block, block.words[content.other["H"]]) if "H" in content.other else None
                 self.select_length(block, code, number)
             elif not self.take_mode(block, code) and code not in HARMLESS_G:
-                raise block.refuse(
-                    f"G{code:g} {REFUSED_G.get(code, 'is not known to ncomp: take it out, or write its moves')}"
-                )
+                self.take_unknown(block, code, REFUSED_G, moves=content.moves)
         if not FRAME_CODES.isdisjoint(content.g):
             self.changed_since(before)
         return claimed

@@ -111,7 +111,7 @@ class SiemensInterpreter(Interpreter):
             self.note_after_end(block)
             return block
         content = sort(block, self.machine.control.passive_axes)
-        check(block, content)
+        check(block, content, self.accept)
         self.begun = True
         self._functions(block, content)
         claimed = self._modes(block, content) if content.g or content.names else None
@@ -199,7 +199,7 @@ class SiemensInterpreter(Interpreter):
             elif code in WORK_OFFSETS:
                 self._set_work_offset(block, f"G{code:.0f}")
             elif not self.take_mode(block, code) and code not in HARMLESS_G:
-                raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known to ncomp')}")
+                self.take_unknown(block, code, REFUSED_G, moves=content.moves)
         if DWELL in content.g and content.axes:
             raise block.refuse("G4 has a coordinate: write F or S, the time of the dwell")
         if self.transformations.tilted is not None and not FRAME_ENDS.isdisjoint(content.names):

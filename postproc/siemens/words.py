@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from postproc.control import words
 from postproc.control.codes import SKIPPABLE_M
@@ -73,14 +74,21 @@ def sort(block: Block, passive: tuple[str, ...] = ()) -> Content:
     return content
 
 
-def check(block: Block, content: Content) -> None:
-    """Refuse words that are not known, and those that do not go together."""
+def check(block: Block, content: Content, accept: Callable[..., None]) -> None:
+    """Refuse words that are not known, and those that do not go together.
+
+    accept: passes a name that the user accepts unchanged, as `Interpreter.accept`.
+    """
     if block.skippable:
         active = content.moves or content.g or content.names or not {"T", "D"}.isdisjoint(content.other)
         if active or not SKIPPABLE_M.issuperset(content.m):
             raise block.refuse_skip()
     for name, i in content.names.items():
-        _check_name(block, name, block.words[i])
+        if name in REFUSED_NAMES:
+            raise block.refuse(f"{name} {REFUSED_NAMES[name]}")
+        if not _known(name, block.words[i]):
+            reason = f"{name} is not known to ncomp: write the moves of this cycle, subprogram or function"
+            accept(block, name, reason, moves=content.moves)
     if not ALLOWED.issuperset(content.other):
         _check_others(block, content)
     if len(content.g) > 1:
@@ -101,12 +109,10 @@ def _check_others(block: Block, content: Content) -> None:
             raise block.refuse(_strange(address))
 
 
-def _check_name(block: Block, name: str, word: Word) -> None:
-    if name in REFUSED_NAMES:
-        raise block.refuse(f"{name} {REFUSED_NAMES[name]}")
+def _known(name: str, word: Word) -> bool:
+    """True for a word or call that ncomp follows or passes."""
     known = HARMLESS_CALLS | CYCLES if word.arguments is not None else HARMLESS_NAMES | FRAME_NAMES
-    if name not in known and name not in MEANT_NAMES:
-        raise block.refuse(f"{name} is not known to ncomp: write the moves of this cycle, subprogram or function")
+    return name in known or name in MEANT_NAMES
 
 
 def _strange(address: str) -> str:

@@ -158,7 +158,7 @@ def plan(
         return
     settings, dialect = program.settings(found, sequence), program.control
     if sequence.strategy == STRATEGY:
-        setup = tools.set_up(found, [program.work_offset] if program.work_offset else [])
+        setup = tools.set_up(found, work_offset=[program.work_offset] if program.work_offset else [])
         nominal = (
             path.planned(found, choices, settings.feed) if path.path is None else read_path(path.path, found, setup)
         )

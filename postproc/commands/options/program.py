@@ -38,15 +38,10 @@ class ToolOptions:
     tool_table: tuple[Path, ...] = option("Table of tools, presets or datums of a control.", "FILE")
     set_up_zero: bool = option("Use zero for every work offset and tool length that is not given.", default=False)
 
-    def set_up(self, machine: Machine, work_offset: Sequence[str] = (), datum: Sequence[str] = ()) -> Setup:
-        """The set-up of the control; UserError for an option that cannot be used."""
+    def set_up(self, machine: Machine, **more: Sequence[str]) -> Setup:
+        """The set-up of the control; more: the other arguments of `ncomp.set_up`. UserError for an unusable option."""
         return ncomp.set_up(
-            machine,
-            work_offset=work_offset,
-            tool_length=self.tool_length,
-            tool_table=self.tool_table,
-            datum=datum,
-            zero=self.set_up_zero,
+            machine, tool_length=self.tool_length, tool_table=self.tool_table, zero=self.set_up_zero, **more
         )
 
 
@@ -60,10 +55,20 @@ class SetUpOptions(ToolOptions):
     work_offset: tuple[str, ...] = option(
         "Work offset, mm; with rotary axes, degrees: `G54=-30,-20,150,C=90`.", "G54=x,y,z"
     )
+    pass_through: str | None = option(
+        "Codes, cycles, calls and functions unknown to ncomp that pass unchanged, because on this control they move "
+        "nothing and change no mode: G234,CYCLE977,FN33.",
+        "NAME,...",
+    )
 
     def setup(self, machine: Machine) -> Setup:
         """The set-up of the control; UserError for an option that cannot be used."""
-        return self.set_up(machine, self.work_offset)
+        return self.set_up(machine, work_offset=self.work_offset, pass_through=self.passing)
+
+    @property
+    def passing(self) -> list[str]:
+        """The names of `--pass-through`."""
+        return [name for name in (self.pass_through or "").split(",") if name.strip()]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +83,7 @@ class DatumOptions(SetUpOptions):
 
     def setup(self, machine: Machine) -> Setup:
         """The set-up of the control; UserError for an option that cannot be used."""
-        return self.set_up(machine, self.work_offset, self.datum)
+        return self.set_up(machine, work_offset=self.work_offset, pass_through=self.passing, datum=self.datum)
 
 
 @dataclass(frozen=True, kw_only=True)

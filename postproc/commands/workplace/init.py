@@ -43,7 +43,9 @@ class NewMachine:
 
 def init(
     *,
-    folder: Path = argument("Folder of the files; it is made if it does not exist.", "FOLDER"),
+    folder: Path = argument(
+        "Folder of the files; it is made if it does not exist. Default: the present folder.", "FOLDER", default=Path()
+    ),
     machine: str | None = option("Machine that exists already: no machine file is written.", "NAME|FILE.toml", "-m"),
     new: NewMachine,
     calibration: str | None = option("Calibration of the job, relative to the folder.", "CAL.json|none", "-c"),

@@ -38,6 +38,7 @@ class _Content(msgspec.Struct, forbid_unknown_fields=True):
     dialect: str = "auto"
     tool_tables: tuple[str, ...] = ()
     set_up_zero: bool = False
+    pass_through: tuple[str, ...] = ()
     work_offsets: dict[str, dict[str, float | str]] = {}
     tools: dict[str, Any] = {}
     conditions: dict[str, Any] = {}
@@ -195,6 +196,7 @@ class _Reader:
             _within(f"tools.{name}", parse_tool_length, tools[-1])
         return DatumOptions(
             dialect=content.dialect,
+            pass_through=",".join(content.pass_through),
             work_offset=tuple(offsets),
             datum=tuple(datums),
             tool_length=tuple(tools),
