@@ -4,12 +4,12 @@
 (() => {
 const root = document.documentElement;
 const scale = colours => colours.map((colour, i) => [i / (colours.length - 1), colour]);
-const LIGHT = {ink: "#1d2127", grey: "#8a8f98", paper: "#ffffff", card: "#f5f7fa", grid: "#e3e6eb",
+const LIGHT = {ink: "#1d2127", grey: "#8a8f98", paper: "#ffffff", veil: "rgba(255,255,255,0.75)", card: "#f5f7fa", grid: "#e3e6eb",
   sizes: scale(["#1f4fa8", "#5b3fb0", "#a32f9c", "#d8495f", "#f08a1d"])};
-const DARK = {ink: "#e6e8ec", grey: "#8a919e", paper: "#14171c", card: "#1e232b", grid: "#2d333d",
+const DARK = {ink: "#e6e8ec", grey: "#8a919e", paper: "#14171c", veil: "rgba(20,23,28,0.75)", card: "#1e232b", grid: "#2d333d",
   sizes: scale(["#6d8fe0", "#9f7fe6", "#dc72c4", "#f58a7a", "#ffd24d"])};
 // `sizes`: colours from zero to the largest value, all of them visible on the paper.
-const LEAST = {xy: 250, polar: 340, scene: 360};  // px, least width of a panel
+const LEAST = {xy: 250, polar: 330, scene: 330};  // px, least width of a panel
 const PRINTED = 1000;                             // px, width of a figure for the printer
 const GAP = {left: 62, right: 16, top: 12, bottom: 46, title: 22, scale: 58};
 const FONT = 12;
@@ -78,7 +78,7 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
   if (kind === "scene") {
     const plain = {backgroundcolor: palette.card, showbackground: true, nticks: 6};
     const side = name => merged(axis(palette, plain, panel[name]), own[`${name}axis`]);
-    const away = cell.x1 - cell.x0 < 420 ? 1.45 : 1;  // the labels of a narrow scene need more room
+    const broad = cell.x1 - cell.x0, away = broad < 370 ? 1.45 : broad < 420 ? 1.2 : 1;  // the labels of a narrow scene need more room
     layout[`scene${n}`] = merged({domain, xaxis: side("x"), yaxis: side("y"), zaxis: side("z"), aspectmode: "data",
       dragmode: "turntable", camera: {center: {x: 0, y: 0, z: -0.12}, eye: {x: 1.55 * away, y: -1.7 * away, z: 0.9 * away}}}, own.scene);
   } else if (kind === "polar") {
@@ -93,7 +93,7 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
     for (const note of panel.notes || []) {
       const xref = note.xref === "domain" ? `x${n} domain` : `x${n}`;
       const text = bare ? wrapped(note.text, cell.x1 - cell.x0 - 12, FONT - 1) : note.text;
-      layout.annotations.push({showarrow: false, font: {size: FONT - 1}, yref: `y${n}`, align: "left", ...note, text, xref});
+      layout.annotations.push({showarrow: false, bgcolor: bare ? "" : palette.veil, borderpad: 1, font: {size: FONT - 1}, yref: `y${n}`, align: "left", ...note, text, xref});
     }
     for (const shape of panel.shapes || [])
       layout.shapes.push({yref: `y${n}`, ...shape, xref: shape.xref === "domain" ? `x${n} domain` : `x${n}`,
@@ -105,10 +105,11 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
 function arranged(spec, width, palette) {
   const panels = spec.panels.map(panel => ({kind: "xy", traces: [], ...panel}));
   const least = Math.max(...panels.map(panel => LEAST[panel.kind]));
-  const across = Math.max(1, Math.min(spec.across, Math.floor(width / least)));
-  const down = Math.ceil(panels.length / across);
-  const names = legend(panels, width);
-  const size = {width, height: names.height + down * spec.height + (spec.colours ? GAP.scale : 0)};
+  const most = Math.max(1, Math.min(spec.across, Math.floor(width / least)));
+  const down = Math.ceil(panels.length / most), across = Math.ceil(panels.length / down);
+  const names = legend(panels, width), flat = panels.some(panel => panel.kind !== "scene");
+  const high = flat ? spec.height : Math.min(spec.height, Math.max(300, width / across));  // a narrow scene is not high
+  const size = {width, height: names.height + down * high + (spec.colours ? GAP.scale : 0)};
   const layout = {...size, margin: {l: 0, r: 0, t: 0, b: 0, autoexpand: false}, paper_bgcolor: palette.paper,
     plot_bgcolor: palette.paper, font: {color: palette.ink, size: FONT, family: "system-ui, 'DejaVu Sans', sans-serif"},
     annotations: [], shapes: [], showlegend: names.shown, bargap: 0.35, hovermode: "closest",
@@ -116,7 +117,7 @@ function arranged(spec, width, palette) {
     legend: {orientation: "h", x: 0.5, xanchor: "center", y: 1, yanchor: "top", bgcolor: "rgba(0,0,0,0)", itemsizing: "constant"}};
   const data = [], seen = new Set();
   panels.forEach((panel, i) => {
-    const column = i % across, row = Math.floor(i / across), high = spec.height;
+    const column = i % across, row = Math.floor(i / across);
     const cell = {x0: column * width / across, x1: (column + 1) * width / across,
       y0: names.height + row * high, y1: names.height + (row + 1) * high};
     place(layout, panel, i, cell, size, palette, spec, across);
@@ -135,7 +136,8 @@ function arranged(spec, width, palette) {
       y: 0, yanchor: "bottom", thickness: 10, outlinewidth: 0, title: {text: title, side: "top", font: {size: FONT}}, ypad: 2,
       tickfont: {size: FONT - 1}}};
   }
-  return coloured({data, layout}, palette);
+  const edges = [...Array(down).keys()].slice(1).map(row => names.height + row * high);  // px, between rows of panels
+  return {...coloured({data, layout}, palette), edges: [0, ...edges, size.height]};
 }
 
 const CONFIG = {displaylogo: false, responsive: false, displayModeBar: "hover", showTips: false,
@@ -155,14 +157,23 @@ async function draw(plot, spec) {
 }
 
 async function picture(plot, spec) {
-  const {data, layout} = arranged(spec, PRINTED, LIGHT);
-  const solid = is3d(spec), image = document.createElement("img");
-  image.className = "printed";
-  image.alt = plot.getAttribute("aria-label");
-  image.src = await Plotly.toImage({data, layout, config: {plotGlPixelRatio: 1.5}},
+  const {data, layout, edges} = arranged(spec, PRINTED, LIGHT);
+  const solid = is3d(spec), printed = document.createElement("div");
+  const source = await Plotly.toImage({data, layout, config: {plotGlPixelRatio: 1.5}},
     {format: solid ? "png" : "svg", scale: solid ? 1.5 : 1, width: layout.width, height: layout.height});
-  plot.after(image);
-  await image.decode();
+  printed.className = "printed";
+  for (let row = 1; row < edges.length; row++) {  // a page may end between two rows of panels
+    const strip = document.createElement("div"), image = document.createElement("img");
+    strip.className = "strip";
+    strip.style.aspectRatio = `${layout.width} / ${edges[row] - edges[row - 1]}`;
+    image.style.transform = `translateY(${-100 * edges[row - 1] / layout.height}%)`;
+    image.alt = row > 1 ? "" : plot.getAttribute("aria-label");
+    image.src = source;
+    strip.append(image);
+    printed.append(strip);
+    await image.decode();
+  }
+  plot.after(printed);
 }
 
 async function unpacked(id) {

@@ -5,19 +5,36 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 from kinematics.user_error import UserError
-from rendering.report import Report, Section
+from rendering.report import Report, Section, Table
 from rendering.si import si, si_labels
 
 FOLDED = 20
 """Most rows of a table that is not folded."""
 WORD = 16
 """Length of a word, in characters, from which it may be broken."""
+PHONE = 364
+"""Width of the page of a phone, px."""
+USUAL, TIGHT = (7.4, 7.0), (6.4, 4.5)
+"""Width, px, of a letter of a table there and of the gap behind a column, in usual and in small print."""
+NUMBER = re.compile(r"[-+<>≤≥ ]*\d[\d.,]*(e[-+]?\d+)?( ± [\d.,]+)?( ?%)?")
 HERE = Path(__file__).parent
+
+
+class Form(NamedTuple):
+    """Form of a table."""
+
+    numeric: list[bool]
+    """True for a column of numbers behind the first column: they are aligned to the right."""
+    phone: str
+    """Class for a table that is too wide for a phone: `tight` for small print; `cards`: each row is a card with named
+    values; empty for others."""
 
 
 def page(report: Report, done: Callable[[float], None] = lambda _: None) -> bytes:
@@ -36,6 +53,7 @@ def page(report: Report, done: Callable[[float], None] = lambda _: None) -> byte
         .render(
             report=report,
             folded=_folded,
+            form_of=_form,
             style=(HERE / "page.css").read_text(encoding="utf-8"),
             script=(HERE / "page.js").read_text(encoding="utf-8"),
             figures=as_script(si_labels(figures)) if figures else "",
@@ -54,6 +72,20 @@ def as_script(value: object) -> str:
 def _unbroken(text: str) -> bool:
     """True for a cell with a word that may be wider than a column of a phone: a name of a file."""
     return max(map(len, text.split()), default=0) > WORD
+
+
+def _form(table: Table) -> Form:
+    columns = [[name, *cells] for name, *cells in zip(table.head, *table.rows, strict=True)]
+    numeric = [number > 0 and _numbers(cells[1:]) for number, cells in enumerate(columns)]
+    words = [max((min(len(word), WORD) for cell in cells for word in cell.split()), default=0) for cells in columns]
+    fits = [sum(letter * letters + gap for letters in words) <= PHONE for letter, gap in (USUAL, TIGHT)]
+    return Form(numeric, "" if fits[0] else "tight" if fits[1] else "cards")
+
+
+def _numbers(cells: Sequence[str]) -> bool:
+    """True for cells with numbers, of which some may be empty."""
+    given = [cell for cell in cells if cell]
+    return bool(given) and all(NUMBER.fullmatch(cell) for cell in given)
 
 
 def _folded(section: Section) -> bool:

@@ -23,6 +23,8 @@ TOOL_MM = 100.0
 """Length of the tool in the volume, mm."""
 CONES = 6
 """Positions along each axis with a cone."""
+LARGEST = 0.18
+"""Length of the longest cone, as a share of the longest side of the volume."""
 CELLS = 15
 """Positions along each side of a slice."""
 K = 2.0
@@ -137,7 +139,7 @@ def _maps(
         most = max([most, *(float(np.max(surface["surfacecolor"])) for surface in surfaces)])
         panels.append(_panel(f"{field.title}{'' if each.vectors is None else ', slices'}", surfaces))
     label = "error, or uncertainty U (k=2), um" if any(field.uncertain for field in fields) else "error, um"
-    return grid(panels, 2, height=400, colours=colour_axis(0.0, most or 1.0, label))
+    return grid(panels, 2 if len(panels) in (2, 4) else 3, height=400, colours=colour_axis(0.0, most or 1.0, label))
 
 
 def _planes(axes: int) -> list[list[int]]:
@@ -156,7 +158,12 @@ def cones(points: Array, vectors: Array) -> Trace:
     (x, y, z), (u, v, w) = points.T, vectors.T
     hover = "x %{x:.0f}, y %{y:.0f}, z %{z:.0f} mm<br>%{u:.2f}, %{v:.2f}, %{w:.2f} um<br>%{norm:.2f} um<extra></extra>"
     trace = {"type": "cone", "x": x, "y": y, "z": z, "u": u, "v": v, "w": w, "coloraxis": "coloraxis"}
-    return trace | {"hovertemplate": hover, "anchor": "tail", "sizemode": "scaled", "sizeref": 1.5}
+    most, extent = (
+        float(np.linalg.norm(vectors, axis=1).max(initial=0.0)),
+        float(np.ptp(points, axis=0).max(initial=0.0)),
+    )
+    size = LARGEST * extent / most if most and extent else 1.0
+    return trace | {"hovertemplate": hover, "anchor": "tail", "sizemode": "raw", "sizeref": size}
 
 
 def _slice(machine: Machine, field: Field, bounds: dict[int, tuple[float, float]], plane: Array) -> Trace:

@@ -1,6 +1,7 @@
 """The command line: what goes wrong ends with one line and no file, what goes right with status 0."""
 
 import ast
+import hashlib
 import json
 import os
 import re
@@ -14,6 +15,7 @@ from support.programs import load, model_of, shifted
 
 from kinematics.effects import Backlash, DriftWithSensor
 from kinematics.error_model.model import encode_model, write_model
+from kinematics.version import VERSION
 from postproc import cli
 
 OLD = b"what was there before"
@@ -317,7 +319,12 @@ def test_json(ncomp):
         "datum",
         "errors_relative_to",
         "assumed",
+        "provenance",
     }
+    assert data["provenance"]["made_by"] == f"ncomp {VERSION}"
+    assert data["provenance"]["machine"] == "gantry"
+    known = {"in.nc": hashlib.sha256(Path("in.nc").read_bytes()).hexdigest()[:12]}
+    assert known.items() <= data["provenance"]["inputs"].items()
     for key, keys in JSON_KEYS.items():
         assert keys == data[key].keys()
     assert data["correction_um"]["X"] == {"max": 10.0, "rms": 10.0, "count": 3}
@@ -409,6 +416,7 @@ def test_verify_by_an_old_model_as_well(ncomp):
     one = json.loads(ncomp("verify", "in.nc", "out.nc", *GANTRY, "--json", "-").out)
     both = json.loads(ncomp("verify", "in.nc", "out.nc", *GANTRY, "--old", "none", "--json", "-").out)
     old = both.pop("by_old_model")
+    assert both["provenance"].pop("calibration") == f"{one['provenance'].pop('calibration')}; none"
     assert both == one
     # a machine without errors goes where it is told to, and so misses by the correction
     assert old["block_ends_um"]["before"]["max"] == 0.0

@@ -53,7 +53,7 @@ def with_page(ncomp):
 def table(page, title):
     """Rows of the table of a section, by their first cell."""
     section = page.split(f"<h2>{title}</h2>")[1].split("<section")[0]
-    rows = [re.findall(r"<td>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", section, re.DOTALL)]
+    rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", section, re.DOTALL)]
     return {row[0]: row[1:] for row in rows if row}
 
 

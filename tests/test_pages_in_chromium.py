@@ -129,12 +129,12 @@ def test_the_printed_page(chromium, correction):  # noqa: ARG001  the browser mu
 @pytest.mark.statistical
 def test_a_picture_of_the_path_is_not_blank(chromium, correction):
     chromium.open(correction, printable=True)
-    assert chromium.run("return document.querySelectorAll('img.printed').length") == len(figures(correction))
-    source = chromium.run("return document.querySelector('img.printed').src")
+    assert chromium.run("return document.querySelectorAll('.printed').length") == len(figures(correction))
+    source = chromium.run("return document.querySelector('.printed img').src")
     assert source.startswith("data:image/png;base64,")
     assert len(base64.b64decode(source.partition(",")[2])) > 30_000
     colours = chromium.run(
-        "const i = document.querySelector('img.printed'), c = document.createElement('canvas');"
+        "const i = document.querySelector('.printed img'), c = document.createElement('canvas');"
         "c.width = 400; c.height = 200; const g = c.getContext('2d'); g.drawImage(i, 0, 0, 400, 200);"
         "const d = g.getImageData(0, 0, 200, 200).data; const s = new Set();"
         "for (let k = 0; k < d.length; k += 4) s.add(d[k] >> 4 << 8 | d[k + 1] >> 4 << 4 | d[k + 2] >> 4); return s.size"

@@ -318,7 +318,7 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
         yield Section("Similar causes", text, Table(("", "cause", "similar cause", "cosine", "odds", ""), similar))
     for number, title, cause in numbered:
         drawn = partial(cause_figure, views(found.after.linearised, cause.effect))
-        yield Section(f"{number}  {title}", "\n".join(_about(cause)), figure=drawn)
+        yield Section(f"Cause {number}: {title}", "\n".join(_about(cause)), figure=drawn)
 
 
 def _about(cause: Named) -> Iterator[str]:

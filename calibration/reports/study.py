@@ -46,10 +46,11 @@ def _verdict(results: Sequence[Result]) -> str:
     best = min(results, key=lambda result: float(result.after[0].mean()))
     before, after = estimates(best.before[0]), estimates(best.after[0])
     of = f" of {len(results)} cases" if len(results) > 1 else ""
+    useless = "No case reduces the error.\n" if after.mean >= before.mean else ""
     return (
-        f"Least error{of}: case {best.case.name}, {best.points} points in {best.minutes:.0f} min, RMS volumetric error "
-        f"{before.mean:.2f} -> {after.mean:.2f} um (mean), {before.quantile:.2f} -> {after.quantile:.2f} um "
-        "(95 % quantile)."
+        f"{useless}Least error{of}: case {best.case.name}, {best.points} points in {best.minutes:.0f} min, RMS "
+        f"volumetric error {before.mean:.2f} -> {after.mean:.2f} um (mean), {before.quantile:.2f} -> "
+        f"{after.quantile:.2f} um (95 % quantile)."
     )
 
 

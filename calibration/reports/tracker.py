@@ -22,14 +22,15 @@ def tracker_json(found: Fitted) -> dict[str, Any]:
     }
 
 
-def tracker_report(found: Fitted) -> Report:
-    """The result for people."""
+def tracker_report(found: Fitted, name: str) -> Report:
+    """The result for people; name: that of the file of the tests."""
     rows = [
         (name, f"{value:.3f}", f"{u:.3f}")
         for name, value, u in zip(PARAMETERS, found.parameters.tolist(), found.u.tolist(), strict=True)
     ]
     table = Table(("standard uncertainty (k=1)", "value", "u (k=1)"), rows)
-    return Report("Laser tracker", "", [Section("Parameters", table=table), facts("Tests", list(_facts(found)))])
+    sections = [Section("Parameters", table=table), facts("Tests", list(_facts(found)))]
+    return Report("Uncertainties of a laser tracker, ASME B89.4.19", name, sections)
 
 
 def _facts(found: Fitted) -> Iterator[tuple[str, str]]:

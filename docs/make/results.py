@@ -229,7 +229,8 @@ MEANINGS = {
     "of": "kind of these blocks",
     "hint": "option that would describe it",
     "in": "direction of the error",
-    "inputs": "fingerprints of the inputs",
+    "inputs": "fingerprints of the inputs (SHA-256, first characters), by their names",
+    "provenance": "origin of the result",
     "instrument_factor": "residuals over the specification of the instrument",
     "jumps": "sudden steps",
     "lacks": "variable that the data lack",
@@ -390,7 +391,8 @@ def keys(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     """The paths of all keys of a JSON value, with the first value of each; `[]` is any entry of a list."""
     if isinstance(value, dict):
         for key, inner in value.items():
-            own = f"{path}.{key}" if path else key
+            name = "NAME" if path.endswith("inputs") else key  # names of files
+            own = f"{path}.{name}" if path else name
             yield own, inner
             yield from keys(inner, own)
     elif isinstance(value, list):

@@ -127,7 +127,7 @@ def _choices(job: Job, result: CorrectionResult) -> list[tuple[str, str]]:
     ]
     if calibration["id"] == "none":
         return rows
-    return [*rows, ("calibration", f"made {calibration['made_at']} by {calibration['made_by']}")]
+    return [*rows, ("calibration", f"made {calibration['made_at'][:10]} by {calibration['made_by']}")]
 
 
 def _rows(named: Sequence[tuple[str, Statistic]]) -> list[tuple[str, ...]]:

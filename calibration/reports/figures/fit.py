@@ -28,6 +28,8 @@ from rendering.figures import (
 
 ACROSS = 3
 """Error motions side by side."""
+LEAST = 0.05
+"""Range of the error, um and urad, of an error motion that is practically zero."""
 
 
 def error_motions_figure(model: ErrorModel) -> Figure:
@@ -43,7 +45,10 @@ def _motion(effect: ErrorMotion, own: Array) -> Panel:
     x = np.linspace(*effect.basis.interval, 120)
     columns = effect.basis.columns(x)
     u = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", columns, own, columns), 0.0))
-    band(panel, x, columns @ effect.parameters, 2 * u)
+    y = columns @ effect.parameters
+    band(panel, x, y, 2 * u)
+    if np.max(np.abs(y) + 2 * u) < LEAST:
+        panel.axes["yaxis"] = {"range": [-LEAST, LEAST]}
     return panel
 
 

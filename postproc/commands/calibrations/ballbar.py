@@ -36,7 +36,7 @@ def ballbar(
     from calibration.reports.head import measured_head
     from postproc.commands.show.terminal import say, show
 
-    check_files((data, form.plan), others.by_option)
+    inputs = check_files((data, form.plan), others.by_option)
     measurement = form.read([data], ncomp.load_machine(machine))
     need_ballbar(measurement)
     findings = usable(measurement)
@@ -45,7 +45,7 @@ def ballbar(
     head = measured_head(measurement, None, f"ncomp ballbar {data} --machine {machine}")
     report = ballbar_report(tests, found, measurement.source, head)
     with whole_results(*others.files) as files:
-        others.write(ballbar_json(tests, found), report, files)
+        others.write(ballbar_json(tests, found), report, files, inputs)
     for text in (*measurement.notes, *(finding.message for finding in findings)):
         say("note", text)
     for plane in one_way_planes(circles):

@@ -58,7 +58,7 @@ def compare(
     from calibration.reports.comparison import comparison_report
     from postproc.commands.show.terminal import console, show
 
-    check_files((a, b), others.by_option)
+    inputs = check_files((a, b), others.by_option)
     found, models = _read(a, b, machine)
     names = (str(a), str(b))
     with console.status("comparing"):
@@ -69,7 +69,7 @@ def compare(
     }
     report = comparison_report(result, models, names, f"ncomp compare {a} {b}")
     with whole_results(*others.files) as files:
-        others.write({**sources, **result.json()}, report, files)
+        others.write({**sources, **result.json()}, report, files, inputs)
     show(report, *others.files)
 
 

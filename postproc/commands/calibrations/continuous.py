@@ -91,7 +91,7 @@ def continuous(
     from postproc.commands.show.terminal import console, say, show
 
     outputs = {"--output": output, "--write-calibration": model.write_calibration, **others.by_option}
-    check_files((*data, model.add_to), outputs)
+    inputs = check_files((*data, model.add_to), outputs)
     model.check()
     if spacing_mm is not None and spacing_mm <= 0.0:
         raise UserError(f"--spacing-mm {spacing_mm:g}: expected a length above zero")
@@ -107,7 +107,7 @@ def continuous(
         _write_table(found.table(), file)
         if made is not None and machine is not None:
             calibration.write(calibration_file(made.model, machine))
-        others.write(continuous_json(found, read), report, (results, page))
+        others.write(continuous_json(found, read), report, (results, page), inputs)
     show(report, *outputs.values())
     for note in (*read.notes, *found.notes, *(made.notes if made else ())):
         say("note", note)

@@ -50,7 +50,7 @@ def diagnose(
     from calibration.reports.diagnosis import Files, diagnosis_json, diagnosis_report
     from postproc.commands.show.terminal import console, show
 
-    check_files((*data, form.plan, calibration), {"--output": output, **others.by_option})
+    inputs = check_files((*data, form.plan, calibration), {"--output": output, **others.by_option})
     found_machine = ncomp.load_machine(machine)
     present = None if calibration is None else ncomp.load_calibration(found_machine, calibration)
     measurement = form.read(data, found_machine)
@@ -65,7 +65,7 @@ def diagnose(
     with whole_results(*others.files, str(output) if found.accepted else None) as (results, page, file):
         if found.accepted:
             file.write(calibration_file(found.model, found_machine))
-        others.write(diagnosis_json(found), report, (results, page))
+        others.write(diagnosis_json(found), report, (results, page), inputs)
     show(report, *others.files, str(output))
     if not found.accepted:
         raise UserError(f"{measurement.source}: {found.reason}")

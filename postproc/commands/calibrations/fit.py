@@ -91,7 +91,7 @@ def fit(
     from calibration.fit.beyond_measured import calibration_file
     from postproc.commands.show.terminal import console, show
 
-    check_files((*data, form.plan, moving.path), {"--output": output, **others.by_option})
+    inputs = check_files((*data, form.plan, moving.path), {"--output": output, **others.by_option})
     moving.check(form, set_up)
     if moving.path is not None and len(data) > 1:
         raise UserError("--path needs one measurement file: several cannot be along one path")
@@ -108,7 +108,7 @@ def fit(
     with whole_results(*others.files, None if found.refusal else str(output)) as (results, page, file):
         if found.refusal is None:
             file.write(calibration_file(found.model, found_machine))
-        others.write(found.results, found.report, (results, page))
+        others.write(found.results, found.report, (results, page), inputs)
     show(found.report, *others.files)
     if found.refusal is not None:
         raise found.refusal

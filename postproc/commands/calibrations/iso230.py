@@ -47,7 +47,7 @@ def iso230(
     from calibration.single_axis.iso230 import evaluate
     from postproc.commands.show.terminal import console, say, show
 
-    check_files((data, form.plan), {"--output": output, **others.by_option})
+    inputs = check_files((data, form.plan), {"--output": output, **others.by_option})
     found = ncomp.load_machine(machine)
     with console.status("1 of 2: reading") as status:
         measurement = form.read([data], found)
@@ -56,7 +56,7 @@ def iso230(
     head = measured_head(measurement, None, f"ncomp iso230 {data} --machine {machine}")
     report = iso230_report(tests, str(data), head)
     with whole_results(*others.files, output) as (results, page, file):
-        others.write({"axes": [test.json() for test in tests]}, report, (results, page))
+        others.write({"axes": [test.json() for test in tests]}, report, (results, page), inputs)
         _write_tables(tests, file)
     show(report, *others.files, output)
     for test in tests:

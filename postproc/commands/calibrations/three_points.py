@@ -46,7 +46,7 @@ def three_points(
     from calibration.single_axis.three_points_check import check
     from postproc.commands.show.terminal import say, show
 
-    check_files((data, form.plan), {"--output": output, **others.by_option})
+    inputs = check_files((data, form.plan), {"--output": output, **others.by_option})
     measurement = form.read([data], ncomp.load_machine(machine))
     choice = Choice(basis, _degrees(degree))
     found = identify(measurement, choice)
@@ -59,7 +59,7 @@ def three_points(
     report = three_points_report(found, checked, measurement.source, head, tables=tables)
     with whole_results(*others.files, str(output)) as (results, page, file):
         file.write(calibration_file(found.model, measurement.machine))
-        others.write(three_points_json(found, checked), report, (results, page))
+        others.write(three_points_json(found, checked), report, (results, page), inputs)
     show(report, *others.files)
 
 

@@ -96,7 +96,7 @@ def export(
     from postproc.tables.report import export_report
     from postproc.tables.sheet import sheet
 
-    check_files((calibration, program, *set_up.tool_table), {"--rest": rest, **others.by_option})
+    inputs = check_files((calibration, program, *set_up.tool_table), {"--rest": rest, **others.by_option})
     _check_folder(output)
     check_format(tables.format)
     found = ncomp.load_machine(machine)
@@ -130,7 +130,7 @@ def export(
     report = export_report(exported, left, errors, str(output), list(files))
     written = whole_results(*others.files, None if rest is None else str(rest))
     with whole_folder(output, encoded(files)), written as (results, page, rest_file):
-        others.write(_json(exported, left, errors, list(files)), report, (results, page))
+        others.write(_json(exported, left, errors, list(files)), report, (results, page), inputs)
         rest_file.write(encode_model(exported.rest))
     _show(exported, left, errors, output, to_screen="-" not in others.files)
 

@@ -56,7 +56,12 @@ def write_parameters(
     report = parameters_report(exported, left, volume, f"{', '.join(files)} in {output}")
     written = whole_results(*others.files, None if rest is None else str(rest))
     with whole_folder(output, encoded(files)), written as (results, page, rest_file):
-        others.write(_json(exported, left, volume, list(files)), report, (results, page))
+        others.write(
+            _json(exported, left, volume, list(files)),
+            report,
+            (results, page),
+            [] if calibration is None else [calibration],
+        )
         rest_file.write(encode_model(exported.rest))
     _show(exported, left, volume, output, to_screen="-" not in others.files)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
@@ -20,7 +20,7 @@ from postproc.commands.options.declared import REQUIRED, option, refuse_given
 from postproc.commands.options.optimising import OptimisingOptions
 from postproc.commands.options.path import read_path
 from postproc.commands.options.program import ToolOptions
-from postproc.commands.options.shared import JsonFile, MachineName, check_files, whole_results, write_json
+from postproc.commands.options.shared import MachineName, ResultOptions, check_files, whole_results
 from postproc.commands.options.strategy import SEQUENCE, StrategyOptions, counts
 
 if TYPE_CHECKING:
@@ -140,21 +140,21 @@ def plan(
     spheres: SphereOptions,
     program: ProgramOptions,
     tools: ToolOptions,
-    json: JsonFile,
+    others: ResultOptions,
 ) -> None:
     """Plan a measurement: positions inside the travel, their order, the time it takes, and its NC program."""
     from calibration.measurement.plan_file import write_plan
     from calibration.on_the_fly.planning.predicted_fit import evaluated_path
+    from calibration.reports.plan import plan_report
     from postproc.commands.show.terminal import show
     from postproc.generate import path_program
-    from rendering.report import Report
 
-    check_files((path.path,), {"--output": output, "--nc": program.nc, "--json": json})
+    inputs = check_files((path.path,), {"--output": output, "--nc": program.nc, **others.by_option})
     _check_kind(sequence, path, optimising, spheres, program)
     found = ncomp.load_machine(machine)
     choices = sequence.choices(found, sequence.timing())
     if spheres.instrument is not None:
-        _of_spheres(found, choices, Given(sequence, optimising, spheres, program), (output, program.nc, json))
+        _of_spheres(found, choices, Given(sequence, optimising, spheres, program), output, others)
         return
     settings, dialect = program.settings(found, sequence), program.control
     if sequence.strategy == STRATEGY:
@@ -171,11 +171,12 @@ def plan(
             made = optimising.plan(found, choices, sequence.points, path.minutes)
         else:
             made = sequence.plan(found, choices)
-        lines, shown = _lines(made, settings, dialect), Report("Plan", "", [], str(made.summary))
+        lines, shown = _lines(made, settings, dialect), plan_report(made)
     results = {"strategy": made.strategy, "observations": len(made), "minutes": made.minutes, "notes": made.notes}
-    with whole_results(program.nc, output, json) as (file, table, numbers):
+    shown = replace(shown, head=found.report.filled(machine=found.name))
+    with whole_results(program.nc, output, *others.files) as (file, table, *files):
         write_plan(made, table)
-        write_json(results, numbers)
+        others.write(results, shown, tuple(files), inputs)
         if program.nc is not None:
             file.writelines(f"{line}\n".encode() for line in lines)
     show(shown, "-")
@@ -190,8 +191,8 @@ class Given(NamedTuple):
     program: ProgramOptions
 
 
-def _of_spheres(machine: Machine, choices: Choices, given: Given, outputs: tuple[str, str | None, str | None]) -> None:
-    """Plan the centres of spheres, and write the plan, its probing program and its JSON."""
+def _of_spheres(machine: Machine, choices: Choices, given: Given, output: str, others: ResultOptions) -> None:
+    """Plan the centres of spheres, and write the plan, its probing program and its results."""
     from calibration.measurement.plan_file import write_plan
     from postproc.commands.show.terminal import console, say, show
     from postproc.probing.program import mask_of
@@ -207,19 +208,20 @@ def _of_spheres(machine: Machine, choices: Choices, given: Given, outputs: tuple
         found = spheres.planned(machine, sequence.strategy, count, choices, u_um, feed, status.update)
         predicted = spheres.predicted(found)
     lines = probing_lines(found, settings, control) if program.nc is not None else iter(())
-    table, nc, json = outputs
+    nc = program.nc
     mask = mask_of(control, machine) if nc not in (None, "-") else None
     beside = str(Path(str(nc)).with_name("ncomp.a")) if mask else None
-    with whole_results(nc, table, json, beside) as (file, rows, numbers, form):
+    report = replace(spheres_report(found, predicted), head=machine.report.filled(machine=machine.name))
+    with whole_results(nc, output, beside, *others.files) as (file, rows, form, *files):
         write_plan(found.plan, rows)
-        write_json(spheres_json(found, predicted), numbers)
+        others.write(spheres_json(found, predicted), report, tuple(files), ())
         file.writelines(f"{line}\n".encode() for line in lines)
         form.write((mask or "").encode())
     for note in found.notes:
         say("note", note)
     if nc == "-" and mask_of(control, machine):
         say("note", "the mask of FN 16, ncomp.a, is written beside a program in a file only")
-    show(spheres_report(found, predicted), "-")
+    show(report, "-")
 
 
 def _check_kind(

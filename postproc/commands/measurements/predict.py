@@ -49,7 +49,7 @@ def predict(
     from postproc.commands.show.prediction import Summary
     from postproc.commands.show.terminal import say, show
 
-    check_files((points, calibration), {"--output": output, **others.by_option})
+    inputs = check_files((points, calibration), {"--output": output, **others.by_option})
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
     read = read_points(points, found)
@@ -66,7 +66,7 @@ def predict(
         head = found.report.filled(machine=found.name, calibration=calibration_text(model))
         report = summary.report(str(relative), partial(prediction_figure, prediction), head)
         numbers = summary.json() | {"u_um": relative.json(), "calibration": _identity(model), "notes": notes}
-        others.write(numbers, report, (results, page))
+        others.write(numbers, report, (results, page), inputs)
     if model.demonstration:
         say("demonstration calibration", "it describes no real machine")
     for note in notes:

@@ -61,7 +61,7 @@ def study(
     from calibration.study.store import Store
     from postproc.commands.show.terminal import console, show
 
-    check_files((definition, program, *set_up.tool_table), {"--output": output, **others.by_option})
+    inputs = check_files((definition, program, *set_up.tool_table), {"--output": output, **others.by_option})
     number = number_of_workers(workers, dask, "--workers")
     defined = read_study(definition)
     with console.status("laying out the cases"):
@@ -82,7 +82,7 @@ def study(
     report = study_report(found, defined, draws, f"ncomp study {definition}")
     with whole_results(*others.files, output) as (results, page, file):
         write_results(found, file)
-        others.write(summary(found), report, (results, page))
+        others.write(summary(found), report, (results, page), inputs)
     store.clear(case.key for case in cases)
     show(report, output, *others.files)
 

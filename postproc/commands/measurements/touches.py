@@ -42,7 +42,7 @@ def touches(
     from kinematics.files import read_input
     from postproc.commands.show.terminal import say, show
 
-    check_files((log, plan), {"--output": output, **others.by_option})
+    inputs = check_files((log, plan), {"--output": output, **others.by_option})
     found = ncomp.load_machine(machine)
     planned = read_plan(plan, found)
     if not planned.spheres:
@@ -54,7 +54,7 @@ def touches(
     report = touches_report(probed, log.name, head)
     with whole_results(output, *others.files) as (file, *files):
         write_measurement(probed.measurement, file)
-        others.write(touches_json(probed), report, tuple(files))
+        others.write(touches_json(probed), report, tuple(files), inputs)
     for note in probed.notes:
         say("note", note)
     show(report, output, *others.files)

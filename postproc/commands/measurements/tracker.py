@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from postproc.commands.options.declared import argument, option
-from postproc.commands.options.shared import JsonFile, check_files, whole_results, write_json
+from postproc.commands.options.shared import ResultOptions, check_files, whole_results
 
 if TYPE_CHECKING:
     from calibration.measurement.tracker_tests import Fitted
 
 EPILOG = (
     "Examples:\n\n"
-    "`ncomp tracker b89.csv`\n\n"
+    "`ncomp tracker b89.csv --report tracker.html`\n\n"
     "`ncomp tracker b89.csv -o tracker.toml`  writes the lines of a study's [instrument]"
 )
 
@@ -24,19 +24,20 @@ def tracker(
         "Tests: columns test, range_mm, range_2_mm, length_mm, and error_um or stated_um.", "TESTS.csv"
     ),
     output: str | None = option("File for the parameters; `-` is standard output.", "TRACKER.toml", "-o"),
-    json: JsonFile,
+    others: ResultOptions,
 ) -> None:
     """Fit a laser tracker's standard uncertainties to its ranging, length and two-face tests (ASME B89.4.19)."""
     from calibration.measurement.tracker_tests import fit_tests, read_tests
     from calibration.reports.tracker import tracker_json, tracker_report
     from postproc.commands.show.terminal import show
 
-    check_files((data,), {"--output": output, "--json": json})
+    inputs = check_files((data,), {"--output": output, **others.by_option})
     found = fit_tests(read_tests(data))
-    with whole_results(json, output) as (results, file):
-        write_json(tracker_json(found), results)
+    report = tracker_report(found, data.name)
+    with whole_results(*others.files, output) as (results, page, file):
+        others.write(tracker_json(found), report, (results, page), inputs)
         file.write(_toml(found).encode())
-    show(tracker_report(found), json, output)
+    show(report, *others.files, output)
 
 
 def _toml(found: Fitted) -> str:

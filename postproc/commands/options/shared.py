@@ -88,9 +88,12 @@ class ResultOptions:
         """Names of the files by option."""
         return {"--json": self.json, "--report": self.report}
 
-    def write(self, results: dict[str, Any], report: Report, files: tuple[BinaryIO, ...]) -> None:
-        """Write the results for programs, and the page where it is requested."""
-        write_json(results, files[0])
+    def write(
+        self, results: dict[str, Any], report: Report, files: tuple[BinaryIO, ...], inputs: Iterable[str | Path]
+    ) -> None:
+        """Write the results for programs with their provenance, and the page where it is requested."""
+        if self.json is not None:
+            write_json({**results, "provenance": provenance(report.head, inputs)}, files[0])
         if self.report is not None:
             from postproc.commands.show.terminal import console
             from rendering.page import page
@@ -100,18 +103,34 @@ class ResultOptions:
                 files[1].write(page(replace(report, head=head), partial(status.update, "drawing the page")))
 
 
+def provenance(head: ReportHead, inputs: Iterable[str | Path]) -> dict[str, Any]:
+    """Program, machine, calibration, and the fingerprints of the input files by their paths."""
+    from kinematics.files import fingerprint
+    from kinematics.version import VERSION
+
+    files = [Path(path) for path in inputs if path != "-"]
+    return {
+        "made_by": f"ncomp {VERSION}",
+        "machine": head.machine,
+        "calibration": head.calibration,
+        "inputs": {str(path): fingerprint(path.read_bytes()) for path in files if path.is_file()},
+    }
+
+
 def made_now(head: ReportHead) -> ReportHead:
     """The head with the command as it was given, and the present time."""
     command = shlex.join(("ncomp", *sys.argv[1:]))
     return replace(head, command=command, made=f"{datetime.now():%Y-%m-%d %H:%M}")
 
 
-def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str | Path | None]) -> None:
-    """UserError, before any work is done, for outputs, by their options, that cannot be written or have the same file.
+def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str | Path | None]) -> list[str | Path]:
+    """The inputs that are given; UserError, before any work is done, for outputs that cannot be written.
 
-    An output that would overwrite one of the inputs is refused as well; `-` is standard input or output.
+    outputs: by their options. Two outputs with one file, and an output that would overwrite one of the inputs, are
+    refused as well; `-` is standard input or output.
     """
-    read = {Path(path).resolve() for path in inputs if path not in (None, "-")}
+    given = [path for path in inputs if path is not None]
+    read = {Path(path).resolve() for path in given if path != "-"}
     seen: dict[str | Path, str] = {}
     for name, output in outputs.items():
         if output is None:
@@ -136,6 +155,7 @@ def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str |
             if path.parent.exists():
                 raise UserError(f"cannot write {output}: Not a directory")
             raise UserError(f"cannot write {output}: No such file or directory{missing(path)}: make the folder")
+    return given
 
 
 class _Spool:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import ncomp
 from postproc.commands.options.program import NoTravelCheck, Program, SetUpOptions
-from postproc.commands.options.shared import JsonFile, MachineName, check_files, result, write_json
+from postproc.commands.options.shared import MachineName, ResultOptions, check_files, whole_results
 from postproc.text.source import open_source
 
 EPILOG = "Examples:\n\n`ncomp check part.nc --machine dmu50`\n\n`ncomp check part.mpf --machine mill.toml --json -`"
@@ -18,7 +19,7 @@ def check(
     machine: MachineName,
     set_up: SetUpOptions,
     no_travel_check: NoTravelCheck,
-    json: JsonFile,
+    others: ResultOptions,
 ) -> None:
     """List the lines of a program that would be corrected, that pass unchanged, and that are refused, with the reason.
 
@@ -26,13 +27,14 @@ def check(
     """
     from postproc.commands.show.terminal import show
 
-    check_files((program, *set_up.tool_table), {"--json": json})
+    inputs = check_files((program, *set_up.tool_table), others.by_option)
     found = ncomp.load_machine(machine)
     source = open_source(program)
     setup = set_up.setup(found)
-    with result(json) as results:
+    with whole_results(*others.files) as files:
         findings = ncomp.check(source, found, dialect=set_up.dialect, setup=setup, travel_check=not no_travel_check)
-        write_json(findings.json(), results)
-    show(findings.report(source.name), json)
+        report = replace(findings.report(source.name), head=found.report.filled(machine=found.name))
+        others.write(findings.json(), report, files, inputs)
+    show(report, *others.files)
     if findings.refused:
         sys.exit(2)

@@ -96,8 +96,8 @@ def correct_one(
     from postproc.correct.report import correction_report
 
     target = target_of(program, output, in_place=in_place)
-    check_files(request.inputs, {"--output": target, **others.by_option})
-    check_files((program,), others.by_option)
+    inputs = check_files(request.inputs, {"--output": target, **others.by_option})
+    inputs += check_files((program,), others.by_option)
     _, _, correction = request.prepared()
     source = open_source(program)
     known = source.hash
@@ -115,5 +115,5 @@ def correct_one(
         )
         command = f"ncomp {program} --machine {request.machine} -o {target}"
         shown = correction_report(done.job, done.report, done.trace, command)
-        others.write(done.report.json(), shown, (results, page))
+        others.write(done.report.json(), shown, (results, page), inputs)
     show(shown, "-")

@@ -53,7 +53,7 @@ def correct_several(
 
     start, number = time.perf_counter(), number_of_workers(jobs, dask, "--jobs")
     check_targets(programs, request.inputs)
-    check_files((*request.inputs, *(each.path for each in programs)), others.by_option)
+    inputs = check_files((*request.inputs, *(each.path for each in programs)), others.by_option)
     found, model, one = request.prepared()
     number, ends = min(number, len(programs)), {}
     with (
@@ -68,7 +68,7 @@ def correct_several(
         ordered = {program: ends[program] for program in programs}
         summary = Summary(found, model, ordered, time.perf_counter() - start, number)
         shown = summary.report(command)
-        others.write(summary.json(), shown, (results, page))
+        others.write(summary.json(), shown, (results, page), inputs)
     show(shown, *others.files)
     if summary.status:
         sys.exit(summary.status)

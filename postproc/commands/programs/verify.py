@@ -67,8 +67,8 @@ def verify(
     from postproc.commands.show.terminal import progress_of, say, say_assumed, show
     from postproc.verification.report import verification_report
 
-    inputs = (program, corrected, calibration, options.old, options.align, *set_up.tool_table, at.log)
-    check_files(inputs, others.by_option)
+    programs_and_models = (program, corrected, calibration, options.old, options.align)
+    inputs = check_files((*programs_and_models, *set_up.tool_table, at.log), others.by_option)
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
     setup, conditions = set_up.setup(found), at.conditions()
@@ -91,5 +91,5 @@ def verify(
         say("note", note)
     report = verification_report(done, f"{Path(program).name} and {Path(corrected).name}", found)
     with whole_results(*others.files) as files:
-        others.write(done.json(), report, files)
+        others.write(done.json(), report, files, inputs)
     show(report, *others.files)

@@ -13,7 +13,7 @@ from kinematics.report_head import ReportHead
 from postproc.compensation.significance import COVERAGE
 from postproc.evaluation.predicted_errors import Statistic
 from rendering.figures import Figure
-from rendering.report import Report, Section, Table, facts
+from rendering.report import Report, Section, Table
 
 
 @dataclass
@@ -62,6 +62,6 @@ class Summary:
         sections = [
             Section("Deviations in the workpiece frame", text, figure=figure),
             Section("Deviation, workpiece frame", table=table),
-            facts("", [("uncertainty", uncertainty)]),
+            Section("Uncertainty", uncertainty[:1].upper() + uncertainty[1:]),
         ]
         return Report("Prediction", "", sections, verdict, head=head)

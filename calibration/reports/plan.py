@@ -1,0 +1,49 @@
+"""The report of a plan: its positions in the volume, in the order of measuring."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from calibration.measurement.plan import Plan
+from kinematics.forward import tool_point
+from rendering.figures import SIZES, Figure, Panel, some
+from rendering.report import Report, Section, facts
+
+MOST = 2000
+"""Most positions that are drawn."""
+
+
+def plan_report(plan: Plan) -> Report:
+    """The plan for people: its summary, on the page also its ranges and positions."""
+    machine = plan.machine
+    ends = zip(machine.axes, plan.positions.min(axis=0), plan.positions.max(axis=0), machine.scale, strict=True)
+    rows = [(axis.name, f"{low / scale:g} to {high / scale:g} {axis.unit}") for axis, low, high, scale in ends]
+    text = "The points are the planned positions of the targets, workpiece frame, coloured in the order of measuring."
+    sections = [
+        Section("Positions", text, figure=partial(_positions, plan)),
+        Section("Ranges", table=facts("", rows).table, detail=True),
+    ]
+    return Report("Measuring plan", plan.strategy, sections, str(plan.summary))
+
+
+def _positions(plan: Plan) -> Figure:
+    """Positions of the targets, mm, in the workpiece frame."""
+    rows, names = some(np.arange(len(plan)), MOST), plan.state.target
+    target = (
+        [(0.0, 0.0, 0.0)] * len(rows) if names is None else [plan.targets[n].position for n in names[rows].tolist()]
+    )
+    x, y, z = tool_point(plan.machine, plan.positions[rows], np.array(target)).T
+    panel = Panel("x, mm", "y, mm", z="z, mm", kind="scene")
+    trace = {
+        "type": "scatter3d",
+        "mode": "markers+lines",
+        "x": x,
+        "y": y,
+        "z": z,
+        "line": {"width": 1, "color": "#8a8f98"},
+    }
+    order = np.arange(len(rows))
+    panel.traces.append(trace | {"marker": {"size": 3, "color": order, "colorscale": SIZES}, "hoverinfo": "x+y+z"})
+    return Figure([panel], height=560)
