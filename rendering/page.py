@@ -21,7 +21,7 @@ WORD = 16
 """Length of a word, in characters, from which it may be broken."""
 PHONE = 364
 """Width of the page of a phone, px."""
-USUAL, TIGHT = (7.4, 7.0), (6.4, 4.5)
+USUAL, TIGHT = (7.4, 7.0), (6.9, 4.5)
 """Width, px, of a letter of a table there and of the gap behind a column, in usual and in small print."""
 NUMBER = re.compile(r"[-+<>≤≥ ]*\d[\d.,]*(e[-+]?\d+)?( ± [\d.,]+)?( ?%)?")
 HERE = Path(__file__).parent

@@ -54,6 +54,20 @@ def test_the_output_is_that_of_the_options(ncomp, tmp_path, monkeypatch):
     assert "M. Smith" in (tmp_path / "page.html").read_text()
 
 
+def test_check_of_a_job_uses_its_set_up_and_writes_nothing(ncomp, tmp_path):
+    Path("job.toml").write_text(JOB)
+    before = sorted(tmp_path.rglob("*"))
+    done = ncomp("job.toml", "--check")
+    assert (done.status, done.err) == (0, "")
+    assert done.out == ncomp("check", "in.nc", *OPTIONS[:2], *OPTIONS[4:8]).out
+    assert b"Accepted." in done.out
+    Path("in.nc").write_text(f"G234\nG4711\n{PROGRAM}")
+    refused = ncomp("job.toml", "--check")
+    assert refused.status == 2
+    assert b"Refused: 2 blocks. The later ones may follow from the first." in refused.out
+    assert sorted(tmp_path.rglob("*")) == before
+
+
 def test_programs_and_folders(ncomp):
     for name in ("one/a.nc", "one/deep/b.nc", "two.nc"):
         Path(name).parent.mkdir(parents=True, exist_ok=True)

@@ -333,7 +333,7 @@ def test_map_and_plan_where_they_have_no_use(write):
         read_any(write(CMM), GANTRY, "cmm", columns="leica")
     with pytest.raises(UserError, match="a column map with 'join'"):
         read_any(write("1 2 3 4 5 6 7 8\n"), GANTRY, columns="leica", plan=write(PLAN, "plan.csv"))
-    with pytest.raises(UserError, match="looks up 'point' in a plan: state the plan"):
+    with pytest.raises(UserError, match="looks up 'point' in a plan: give --plan"):
         read_any(write("c,S,p1,1,2,3\n"), GANTRY, columns="spatialanalyzer")
     with pytest.raises(UserError, match=r"needs a column map: leica, polyworks, spatialanalyzer, or a \.toml file"):
         read_any(write("1 2"), GANTRY, "delimited")
@@ -499,3 +499,33 @@ def test_given_header_keys_and_empty_files(write):
     for nothing in ("", " \n\n"):
         with pytest.raises(UserError, match="is empty"):
             read_any(write(nothing), GANTRY)
+
+
+SEVERAL = (
+    'delimiter = ";"\ndecimal = ","\nnames = true\njoin = "point"\n[columns]\npoint = "Name"\ntarget = "Refl"\nx = "X"\n'
+    'y = "Y"\nz = "Z"\n[units]\nxyz = "mm"\n[header]\ninstrument = "laser-tracker"\nu_range_um = 1\nu_angle_um = 2\n'
+)
+
+
+def test_a_plan_with_several_targets_at_each_point_is_joined_by_both(tmp_path):
+    plan = tmp_path / "plan.csv"
+    rows = [(f"P{i}", t, 100.0 * i, 50.0 * i, 10.0 * i) for i in range(1, 5) for t in ("t1", "t2")]
+    head = "# target.t1: 0 0 -60\n# target.t2: 60 40 -90\npoint,target,X,Y,Z\n"
+    plan.write_text(head + "".join(f"{p},{t},{x},{y},{z}\n" for p, t, x, y, z in rows))
+    text = "Name;Refl;X;Y;Z\n"
+    text += "".join(f"{p};{t};{x + 0.5};{y};{z}\n".replace(".", ",") for p, t, x, y, z in reversed(rows))
+    export, columns = tmp_path / "export.txt", tmp_path / "map.toml"
+    export.write_text(text)
+    columns.write_text(SEVERAL)
+    found = read_any(export, machines.load("gantry"), columns=str(columns), plan=plan)
+    assert found.targets["t2"].position == (60.0, 40.0, -90.0)  # by the header of the plan
+    assert found.state.target.tolist() == [t for _, t, *_ in reversed(rows)]
+    np.testing.assert_allclose(found.state.positions[:, 0], [x for _, _, x, *_ in reversed(rows)])
+    np.testing.assert_allclose(found.observed[:, 0], [x + 0.5 for _, _, x, *_ in reversed(rows)])
+    columns.write_text(SEVERAL.replace('target = "Refl"\n', ""))
+    with pytest.raises(UserError, match=r"'P1' occurs twice: .*, or map a column target too"):
+        read_any(export, machines.load("gantry"), columns=str(columns), plan=plan)
+    columns.write_text(SEVERAL.replace('delimiter = ";"', 'delimiter = "tab"').replace("names = true", "names = false")
+                       .replace('"Name"', "1").replace('"Refl"', "2"))  # fmt: skip
+    with pytest.raises(UserError, match=r"the line has 1 columns, and contains ';': check delimiter"):
+        read_any(export, machines.load("gantry"), columns=str(columns), plan=plan)

@@ -133,7 +133,10 @@ def test_init_writes_files_that_work_as_printed(command):
     Path("made/part.nc").write_text("G21 G90 G54\nT1 M6\nG0 X1. Y1. Z100.\nM30\n")
     printed = re.search("next: ncomp (.*)", done.err)
     assert printed
-    assert command(*printed[1].split()).status == 0
+    words = printed[1].split()
+    assert command(*words).status == 0
+    assert not Path("made/corrected").exists()
+    assert command(*words[:-1]).status == 0
     assert Path("made/corrected/part.nc").read_bytes() == Path("made/part.nc").read_bytes()
     assert "# G54 = " not in Path("made/job.toml").read_text()
     again = command(*NEW)

@@ -306,7 +306,7 @@ def below_spacing(measurement: Measurement) -> Iterator[NotVisible]:
                 f"sub-divisional error of the encoder of {axis}",
                 0.0,
                 f"positions in steps of a few um along {axis}, over some signal periods of its encoder: these "
-                f"positions show no period below {shortest:.2g} mm; the error looks like noise in {axis}",
+                f"positions show no period below {shortest:.3g} mm; the error looks like noise in {axis}",
             )
 
 

@@ -309,8 +309,10 @@ def read_targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.
     named = "target" in table.names
     if not targets:
         if named:
+            name = table.texts(["target"])["target"][0]
             raise UserError(
-                f"{table.head} column target: the header gives the position of no target (# target.<name>: x y z)"
+                f"{table.head} column target: the header gives the position of no target: write # target.{name}: x y z "
+                f"(mm from the spindle nose) into it, or give --header 'target.{name}=x y z'"
             )
         notes.append("the header gives no target: it is assumed in the tool reference point (spindle nose)")
         targets = {"1": SPINDLE_NOSE}

@@ -91,7 +91,9 @@ class Findings:
         rows += [(kind, f"{len(lines)}: lines {ranges(lines)}") for kind, lines in kinds.items() if lines]
         rows += [("note", note) for note in (*self.notes, self.evidence if self.refused else "") if note]
         rows += [("refused", f"line {line}: {text!r}: {reason}") for line, text, reason in self.refused]
-        verdict = f"Refused: {len(self.refused)} blocks." if self.refused else "Accepted."
+        number = len(self.refused)
+        verdict = f"Refused: {number} block{'s' if number > 1 else ''}." if number else "Accepted."
+        verdict += " The later ones may follow from the first." if number > 1 else ""
         verdict = f"{self.assumption}\n{verdict}" if self.assumption else verdict
         return Report(f"Check of {name}", "", [facts("Findings", rows)], verdict)
 

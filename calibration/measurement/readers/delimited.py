@@ -36,7 +36,7 @@ from __future__ import annotations
 
 import csv
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -54,6 +54,7 @@ from calibration.measurement.readers.text import (
     numbered_lines,
     unit_size,
 )
+from calibration.measurement.states import CARRIERS
 from calibration.measurement.text_table import Table, read_table, table_of
 from kinematics.files import fingerprint, read_input
 from kinematics.machine import Machine
@@ -61,6 +62,8 @@ from kinematics.user_error import UserError
 
 DELIMITERS = {",": ",", ";": ";", "tab": "\t", "blank": None}
 KELVIN = 273.15
+TARGET = "target"
+"""Column with the name of the reflector."""
 MAPS = Path(__file__).parent / "maps"
 
 
@@ -127,12 +130,15 @@ def to_table(
                 convert(cell, f"{source}:{line} column {requested}") for cell, line in zip(cells, lines, strict=True)
             ]
         texts[name] = cells
-    notes: list[str] = []
+    notes, stated = list[str](), dict[str, str]()
     if columns.join:
         if plan is None:
-            raise UserError(f"{source}: its column map looks up {columns.join!r} in a plan: state the plan (a CSV)")
-        texts = _joined(texts, columns.join, plan, lines, source, notes)
-    return table_of(source, fingerprint(data), given_entries(header, columns.keys), texts, lines), notes
+            raise UserError(f"{source}: its column map looks up {columns.join!r} in a plan: give --plan PLAN.csv")
+        plan_table = read_table(plan, "plan")
+        texts = _joined(texts, columns.join, plan_table, lines, source, notes)
+        stated = {key: each.value for key, each in plan_table.entries.items() if key.partition(".")[0] in CARRIERS}
+    entries = given_entries(header, {**stated, **columns.keys})
+    return table_of(source, fingerprint(data), entries, texts, lines), notes
 
 
 def _cells(data: bytes, source: str, columns: ColumnMap) -> tuple[list[str], list[list[str]], list[int]]:
@@ -162,9 +168,17 @@ def _column(names: list[str], rows: list[list[str]], lines: list[int], requested
     cells = []
     for row, line in zip(rows, lines, strict=True):
         if not 1 <= requested <= len(row):
-            raise UserError(f"{source}:{line}: column {requested} is missing: the line has {len(row)} columns")
+            raise UserError(
+                f"{source}:{line}: column {requested} is missing: the line has {len(row)} columns{_other(row)}"
+            )
         cells.append(row[requested - 1])
     return cells
+
+
+def _other(row: list[str]) -> str:
+    """Cure for a line that another delimiter divides."""
+    mark = next((mark for name, mark in DELIMITERS.items() if mark and len(row) == 1 and mark in row[0]), "")
+    return f", and contains {mark!r}: check delimiter in the column map" if mark else ""
 
 
 def _converter(name: str, machine: Machine, columns: ColumnMap, source: str) -> Callable[[str, str], str]:
@@ -202,28 +216,38 @@ def _unit(columns: ColumnMap, kind: str, sizes: Mapping[str, float], name: str, 
 
 
 def _joined(
-    texts: Mapping[str, list[str]], key: str, plan: Path, lines: list[int], source: str, notes: list[str]
+    texts: Mapping[str, list[str]], key: str, plan_table: Table, lines: list[int], source: str, notes: list[str]
 ) -> dict[str, list[str]]:
-    """The columns, together with those of the plan for the names in the column `key`."""
-    plan_table = read_table(plan, "plan")
+    """The columns, together with those of the plan for the names in the column `key`.
+
+    If both have a column `target`, a row is looked up by its name and its target.
+    """
     plan_table.need_columns([key], "a plan")
-    twice = (set(plan_table.names) & set(texts)) - {key}
-    if twice:
+    both = set(plan_table.names) & set(texts)
+    keys = sorted(both & {key, TARGET}, key=lambda name: name == TARGET)
+    if twice := both - set(keys):
         raise UserError(f"{plan_table.head} column {', '.join(sorted(twice))} occurs in the export too")
-    names = plan_table.texts([key])[key].tolist()
+    names = _names(plan_table.texts(keys), keys)
     rows = {name: i for i, name in enumerate(names)}
     if len(rows) < len(names):
         again = next(i for i, name in enumerate(names) if name in names[:i])
-        plan_table.fault(again, key, f"{names[again]!r} occurs twice")
-    for name, line in zip(texts[key], lines, strict=True):
+        cure = "give each observation its own name in plan and export"
+        cure += ", or map a column target too" if TARGET in plan_table.names and TARGET not in texts else ""
+        plan_table.fault(again, key, f"{names[again]!r} occurs twice: {cure}")
+    measured = _names(texts, keys)
+    for name, line in zip(measured, lines, strict=True):
         if name not in rows:
-            raise UserError(f"{source}:{line} column {key}: {name!r} is not in the plan {plan}")
-    measured = set(texts[key])
-    missing = [name for name in names if name not in measured]
+            raise UserError(f"{source}:{line} column {key}: {name!r} is not in the plan {plan_table.source}")
+    missing = [name for name in names if name not in set(measured)]
     if missing:
         more = ", ..." if len(missing) > 5 else ""
         notes.append(f"points of the plan that were not measured, {len(missing)}: {', '.join(missing[:5])}{more}")
-    order = [rows[name] for name in texts[key]]
-    requested = [name for name in plan_table.names if name != key]
+    order = [rows[name] for name in measured]
+    requested = [name for name in plan_table.names if name not in keys]
     found = {name: column[order].tolist() for name, column in plan_table.cells(requested).items()}
     return {**found, **{name: column for name, column in texts.items() if name != key}}
+
+
+def _names(columns: Mapping[str, Iterable[str]], keys: list[str]) -> list[str]:
+    """The names of rows by their key columns: `P1`, or `P1 t1` with a target."""
+    return [" ".join(cells) for cells in zip(*(columns[key] for key in keys), strict=True)]

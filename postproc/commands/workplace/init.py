@@ -80,7 +80,7 @@ def init(
         write_whole(folder / name, data)
         say("written", str(folder / name))
     read_job(folder / "job.toml", there=False)
-    say("next", f"ncomp {folder / 'job.toml'}")
+    say("next", f"ncomp {folder / 'job.toml'} --check")
 
 
 def _machine(new: NewMachine, answers: Answers) -> tuple[str, str]:
