@@ -20,6 +20,8 @@ MACHINE, INSTRUMENT, UNEXPLAINED = COLOURS[0], COLOURS[1], "#8a8f98"
 BEFORE, AFTER = COLOURS[:2]
 MANY = 4000
 """Most points that are drawn of one kind."""
+FEW = 6
+"""Most bars of a ranking that have much room."""
 LONG = 1800.0
 """Duration, s, from which times are shown in hours."""
 ENDS = {0.0: "left", 1.0: "right"}
@@ -157,7 +159,7 @@ def ranked(rows: Sequence[tuple[str, float, str]], label: str, unit: str = "%") 
     for number, (name, share, _) in enumerate(rows):
         text = f"{name}: <b>{form.format(factor * share)}</b>"
         panel.notes.append({"x": 0, "y": number - 0.5, "text": text, "xanchor": "left", "yanchor": "middle"})
-    return Figure([panel], height=70 + 46 * len(rows))
+    return Figure([panel], height=70 + (46 if len(rows) <= FEW else 36) * len(rows))
 
 
 def extent(panel: Panel, x: float, low: float, high: float, label: str, colour: str = INK) -> None:

@@ -108,7 +108,7 @@ function arranged(spec, width, palette) {
   const most = Math.max(1, Math.min(spec.across, Math.floor(width / least)));
   const down = Math.ceil(panels.length / most), across = Math.ceil(panels.length / down);
   const names = legend(panels, width), flat = panels.some(panel => panel.kind !== "scene");
-  const high = flat ? spec.height : Math.min(spec.height, Math.max(300, width / across));  // a narrow scene is not high
+  const high = flat ? spec.height : Math.min(spec.height, Math.max(280, 0.85 * width / across));  // a narrow scene is not high
   const size = {width, height: names.height + down * high + (spec.colours ? GAP.scale : 0)};
   const layout = {...size, margin: {l: 0, r: 0, t: 0, b: 0, autoexpand: false}, paper_bgcolor: palette.paper,
     plot_bgcolor: palette.paper, font: {color: palette.ink, size: FONT, family: "system-ui, 'DejaVu Sans', sans-serif"},

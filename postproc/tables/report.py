@@ -16,6 +16,8 @@ from rendering.report import Report, Section, Table
 from rendering.volume import Field, volume_section
 
 DEMONSTRATION = "DEMONSTRATION CALIBRATION: it describes no real machine; do not load its tables."
+DRAWN = 12
+"""Most errors in the figure; the table has all."""
 COLOURED = (("rms", BEFORE), ("max", AFTER))
 """Drawn sizes."""
 SIZES = {"rms": "RMS", "p95": "95 %", "max": "largest"}
@@ -79,7 +81,8 @@ def left_section(title: str, left: Sequence[Unrepresented]) -> Iterator[Section]
     if not left:
         return
     known = sorted((item for item in left if not math.isnan(item.rms_um)), key=lambda item: -item.rms_um)
-    drawn = partial(ranked, [(item.name, item.rms_um, AFTER) for item in known], "RMS at the tool point, um", "um")
+    bars = [(item.name, item.rms_um, AFTER) for item in known[:DRAWN]]
+    drawn = partial(ranked, bars, "RMS at the tool point, um", "um")
     rows = [(item.name, "" if math.isnan(item.rms_um) else f"{item.rms_um:.2f}", item.why) for item in left]
     yield Section(title, table=Table(("error", "RMS, um", "reason"), rows), figure=drawn if known else None)
 

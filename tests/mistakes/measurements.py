@@ -78,7 +78,7 @@ MISTAKES = (
     data("uncertainties forgotten", "data.csv", "the standard uncertainty (k=1) of the laser-tracker is missing", "header line '# u_", change("data.csv", "# u_angle_um: 10.0\n", ""), change("data.csv", "# u_angle_um_per_m: 2.5\n", "")),
     data("negative uncertainty", "data.csv:5 u_angle_um", "-10 is negative", "expected 0 or more", change("data.csv", "u_angle_um: 10.0", "u_angle_um: -10.0")),
     data("uncertainty with a comma", "data.csv:5 u_angle_um", "got '10,0'", "decimal point as '.'", change("data.csv", "u_angle_um: 10.0", "u_angle_um: 10,0")),
-    data("target not described", "data.csv:8 column target", "the position of no target", "# target.<name>: x y z", change("data.csv", "# target.1: 0.0 0.0 0.0\n", "")),
+    data("target not described", "data.csv:8 column target", "the position of no target", "write # target.1: x y z", change("data.csv", "# target.1: 0.0 0.0 0.0\n", "")),
     data("column misspelled", "data.csv:9 column time", "not known", "did you mean time_s?", change("data.csv", "time_s,X,Y,Z", "time,X,Y,Z")),
     data("column of an axis misspelled", "data.csv:9 column Q", "not known", "known are x, y, z, X, Y, Z", change("data.csv", "time_s,X,Y,Z", "time_s,X,Y,Q")),
     data("semicolons and decimal commas", "data.csv:9", "separate cells by commas", "numbers with a decimal point", ("data.csv", _by_semicolons)),

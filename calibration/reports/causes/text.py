@@ -120,7 +120,7 @@ def sizes(cause: Named) -> list[str]:
     if cause.kind == "outliers":
         return [f"{len(getattr(effect, 'rows', ()))} rows"]
     table = zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
-    texts = [f"{quantity_name(q)} {with_uncertainty(value, u)} {q.unit}" for q, value, u in table]
+    texts = [f"{_label(q)} {with_uncertainty(value, u)} {q.unit}" for q, value, u in table]
     return [*_waves(effect), *shortened(texts, MANY, "parameters"), *_given(effect)]
 
 
@@ -167,7 +167,13 @@ def quantity_name(quantity: Parameter) -> str:
     if not index:
         return name
     vector = name in ("shift", "turn", "offset")
-    return f"{name} {'xyz'[int(index) % 3] if vector else int(index) + 1}"
+    return f"{name} {'xyz'[int(index) % 3]}" if vector else f"{name.removesuffix('s')} {int(index) + 1}"
+
+
+def _label(quantity: Parameter) -> str:
+    """Name of a parameter before its value; a number at its end is divided from the value."""
+    name = quantity_name(quantity)
+    return f"{name}:" if name[-1].isdigit() else name
 
 
 def odds(value: float) -> str:
