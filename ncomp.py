@@ -28,7 +28,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
-from kinematics.progress import Progress, silent
+from kinematics.running.progress import Progress, silent
 from kinematics.user_error import UserError
 
 if TYPE_CHECKING:

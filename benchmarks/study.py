@@ -31,7 +31,7 @@ from calibration.study.run import Draws, Result, run
 from calibration.study.spread import workers
 from calibration.study.stopping import estimates
 from calibration.study.store import Store
-from kinematics.workers import Team
+from kinematics.running.workers import Team
 
 STUDIES = Path(__file__).parents[1] / "examples" / "studies"
 PAPER = {"basis": "legendre:6", "weighting": "cartesian-diagonal", "prior": "none"}

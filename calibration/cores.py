@@ -1,4 +1,4 @@
-"""Independent items of work on all cores; BLAS has one thread (`kinematics/blas.py`)."""
+"""Independent items of work on all cores; BLAS has one thread (`kinematics/running/blas.py`)."""
 
 from __future__ import annotations
 

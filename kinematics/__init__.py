@@ -1,5 +1,5 @@
 """Machines as chains of axes: forward and inverse kinematics, error models, the error transform."""
 
-from kinematics.blas import one_thread
+from kinematics.running.blas import one_thread
 
 one_thread()

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from kinematics.report_head import ReportHead
+from kinematics.files.report_head import ReportHead
 from kinematics.transforms import Array, read_only
 from kinematics.user_error import UserError
 

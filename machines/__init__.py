@@ -8,10 +8,10 @@ from typing import Any
 
 import msgspec
 
+from kinematics.files.mistaken import did_you_mean, missing
+from kinematics.files.report_head import ReportHead
+from kinematics.files.toml_entries import at_line, entry, read_table
 from kinematics.machine import EVERY_OTHER, Control, Machine, make_axis, split_chain
-from kinematics.mistaken_files import did_you_mean, missing
-from kinematics.report_head import ReportHead
-from kinematics.toml_entries import at_line, entry, read_table
 from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
 from machines.places import folders, own

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
-from kinematics.mistaken_files import did_you_mean
+from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
 from postproc.commands.options.arguments import plain_values
 from postproc.commands.options.declared import Signature
@@ -60,7 +60,7 @@ def _print_versions() -> None:
     """The versions of ncomp, Python and the libraries as JSON."""
     import json
 
-    from kinematics.installed import versions
+    from kinematics.running.installed import versions
 
     print(json.dumps(versions(), indent=2))
 

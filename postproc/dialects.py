@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Protocol
 
+from kinematics.files.mistaken import none_of
 from kinematics.machine import Machine
-from kinematics.mistaken_files import none_of
 from kinematics.user_error import UserError
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState

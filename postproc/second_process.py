@@ -1,8 +1,8 @@
 """A process that does tasks of this one, in their order, while this one goes on.
 
-It keeps its state from task to task, which the workers of `kinematics/workers.py` do not. Tasks travel through a pair
-of sockets, their columns straight to their new memory. The process ends when this one ends, whatever the reason,
-because its socket is then closed.
+It keeps its state from task to task, which the workers of `kinematics/running/workers.py` do not. Tasks travel through
+a pair of sockets, their columns straight to their new memory. The process ends when this one ends, whatever the
+reason, because its socket is then closed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.workers import stops_wait
+from kinematics.running.workers import stops_wait
 
 BUFFERS = 5
 """Protocol of pickle that leaves the memory of columns where it is."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from kinematics.report_head import ReportHead
+from kinematics.files.report_head import ReportHead
 
 if TYPE_CHECKING:
     from rendering.figures import Figure

@@ -17,7 +17,7 @@ from support.tiers import quick
 
 from kinematics.effects import LocationError
 from kinematics.error_model.model import write_model
-from kinematics.workers import ATTEMPTS, Here, Team, workers
+from kinematics.running.workers import ATTEMPTS, Here, Team, workers
 from postproc.commands.options.declared import Signature
 from postproc.commands.table import command as command_of
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from support.tiers import quick
 
-from kinematics.blas import LIMITS
+from kinematics.running.blas import LIMITS
 
 SHOW = """
 import json, numpy, scipy.linalg

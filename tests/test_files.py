@@ -151,7 +151,7 @@ def test_fingerprint():
 DRAFT = """
 import multiprocessing, signal, sys, time
 from pathlib import Path
-from kinematics import workers
+from kinematics.running import workers
 from kinematics.files import Draft
 draft = Draft(Path("out.nc"))
 assert len(list(Path(".").iterdir())) == 1

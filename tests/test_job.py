@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from support.file_examples import PROGRAM
 
-from kinematics.mistaken_files import kind_of_file
-from kinematics.toml_entries import line_of
+from kinematics.files.mistaken import kind_of_file
+from kinematics.files.toml_entries import line_of
 
 JOB = """\
 machine = "gantry"

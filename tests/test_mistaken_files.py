@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import machines
-from kinematics.mistaken_files import HEAD, PROGRAM, did_you_mean, kind_of_file
+from kinematics.files.mistaken import HEAD, PROGRAM, did_you_mean, kind_of_file
 from kinematics.user_error import UserError
 from postproc.text.source import open_source
 

@@ -39,7 +39,7 @@ from kinematics.effects import (
     TrackerDrift,
 )
 from kinematics.error_model.model import no_errors
-from kinematics.progress import silent
+from kinematics.running.progress import silent
 from kinematics.state import State
 
 BENCH = machines.parse(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import machines
-from kinematics.report_head import ReportHead, read_head
+from kinematics.files.report_head import ReportHead, read_head
 from kinematics.user_error import UserError
 
 DEMO = ("--machine", "mill.toml", "--set-up-zero", "-c", "none", "-o", "out.nc", "--report", "out.html")

@@ -40,9 +40,9 @@ from calibration.study.stopping import enough, estimates
 from calibration.study.store import Store
 from kinematics.error_model.model import write_model
 from kinematics.forward import tool_point
+from kinematics.running.workers import Team
 from kinematics.state import State
 from kinematics.user_error import UserError
-from kinematics.workers import Team
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "studies"
 PAPER = {"basis": "legendre:6", "weighting": "cartesian-diagonal", "prior": "none"}

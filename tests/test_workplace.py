@@ -240,7 +240,7 @@ def test_doctor(command, tmp_path):
 def test_doctor_finds_a_damaged_installation(command, monkeypatch):
     monkeypatch.setattr("grammars.FOLDER", Path("nowhere"))
     monkeypatch.setattr(
-        "kinematics.installed.requirements", lambda: iter([("numpy", "99.0", "1.0"), ("lark", "1", None)])
+        "kinematics.running.installed.requirements", lambda: iter([("numpy", "99.0", "1.0"), ("lark", "1", None)])
     )
     done = command("doctor")
     assert done.status == 2

@@ -13,7 +13,7 @@ from typing import Literal
 
 from calibration.diagnosis.residual.whiteness import SIZE, Test
 from calibration.diagnosis.verdict import Verdict
-from kinematics.number_text import probability, rounded
+from kinematics.files.number_text import probability, rounded
 
 Condition = Literal["depends", "not noise", "too large", "untested", "noise"]
 FAR = 4.0

@@ -50,7 +50,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding
 from kinematics.error_model.model import ErrorModel
-from kinematics.progress import Progress, numbered, silent
+from kinematics.running.progress import Progress, numbered, silent
 
 GATE = 0.2
 """Chance that causes are searched for although the residuals are pure noise."""

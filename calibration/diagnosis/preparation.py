@@ -24,7 +24,7 @@ from calibration.observation.full_model import is_log, moving_axes
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
 from kinematics.error_model.model import ErrorModel
-from kinematics.progress import Progress
+from kinematics.running.progress import Progress
 
 QUIET = 1e-2
 """Least ratio of the repeats' variance to the specified variance: rounded readings repeat exactly."""

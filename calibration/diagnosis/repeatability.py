@@ -22,9 +22,9 @@ from calibration.observation import equations
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import first_registration
 from calibration.plausibility.repeated_positions import position_numbers
+from kinematics.files.number_text import probability
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
-from kinematics.number_text import probability
 from kinematics.transforms import Array
 
 CLOSE_S = 120.0

@@ -35,7 +35,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.plausibility.checks import Finding
 from kinematics.effects import Effect, Unnamed
 from kinematics.error_model.model import ErrorModel
-from kinematics.number_text import probability
+from kinematics.files.number_text import probability
 
 LEFT = 0.01
 """Chance that residuals of pure noise are found to depend on something."""

@@ -39,7 +39,7 @@ from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, Provenance
-from kinematics.progress import Progress, numbered, silent
+from kinematics.running.progress import Progress, numbered, silent
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
 

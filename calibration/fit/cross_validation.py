@@ -32,7 +32,7 @@ from calibration.observation.normal_equations import (
 from calibration.observation.outliers import Variance, refuse_lines
 from calibration.observation.stops_and_lines import held_out_blocks, lines
 from kinematics.error_model.model import ErrorModel, no_errors
-from kinematics.progress import Progress, silent
+from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 

@@ -34,7 +34,7 @@ from calibration.observation.outliers import (
 )
 from calibration.observation.stops_and_lines import stops
 from kinematics.error_model.model import ErrorModel
-from kinematics.progress import Progress, silent
+from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 

@@ -45,7 +45,7 @@ from kinematics.basis import Basis, BSpline, Fourier, Harmonics
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import TURN, Machine
-from kinematics.progress import Progress, numbered, silent
+from kinematics.running.progress import Progress, numbered, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 

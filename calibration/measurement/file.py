@@ -55,9 +55,9 @@ from calibration.measurement.states import (
 )
 from calibration.measurement.text_table import Table, read_table
 from kinematics.effects.base import UM, URAD, own_component
+from kinematics.files.mistaken import none_of
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
-from kinematics.mistaken_files import none_of
 from kinematics.state import REFERENCE
 from kinematics.transforms import Array
 from kinematics.user_error import UserError

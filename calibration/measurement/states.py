@@ -16,9 +16,9 @@ from calibration.measurement.registration import rigid
 from calibration.measurement.text_table import Table
 from calibration.measurement.velocity import velocities
 from kinematics.effects import COMPONENTS
+from kinematics.files.number_text import rounded
 from kinematics.forward import tool_point
 from kinematics.machine import Machine, Vector
-from kinematics.number_text import rounded
 from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError

@@ -15,7 +15,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from kinematics.files import fingerprint, read_input
-from kinematics.mistaken_files import number_hint
+from kinematics.files.mistaken import number_hint
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 

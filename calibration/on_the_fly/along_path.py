@@ -16,7 +16,7 @@ from calibration.on_the_fly.nominal_path import NominalPath, TargetPath, target_
 from calibration.on_the_fly.path_cells import Cells, cell_numbers, reduced
 from calibration.on_the_fly.readings import Readings
 from calibration.on_the_fly.reduction import Reduction
-from kinematics.progress import Progress, silent
+from kinematics.running.progress import Progress, silent
 from kinematics.state import State
 from kinematics.transforms import Array, Pose, turn
 from kinematics.user_error import UserError

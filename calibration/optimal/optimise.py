@@ -30,7 +30,7 @@ from kinematics.basis import Legendre
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, Vector
-from kinematics.progress import Progress, numbered, silent
+from kinematics.running.progress import Progress, numbered, silent
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError

@@ -15,8 +15,8 @@ import numpy as np
 from calibration.measurement.plan import Choices, MeasuringSequence, Plan
 from calibration.planning import patterns
 from calibration.planning.measuring_sequence import measuring_plan
+from kinematics.files.mistaken import none_of
 from kinematics.machine import Machine
-from kinematics.mistaken_files import none_of
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 

@@ -19,7 +19,7 @@ from calibration.probing.paths import TOUCH, Moves, Reached, Ways, centre_point,
 from calibration.probing.touches import Approach
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, Vector
-from kinematics.progress import Progress, silent
+from kinematics.running.progress import Progress, silent
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError

@@ -14,7 +14,7 @@ from calibration.circles.shares import Share, Shares
 from calibration.circles.spikes import kept
 from calibration.reports.causes.text import with_uncertainty
 from kinematics.effects.workshop import WORKSHOP
-from kinematics.report_head import ReportHead
+from kinematics.files.report_head import ReportHead
 from rendering.figures import COLOURS, MACHINE, Figure, Panel, grid, ranked
 from rendering.report import Report, Section, Table, facts
 

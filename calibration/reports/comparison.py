@@ -10,7 +10,7 @@ import numpy as np
 from calibration.evaluation.comparison import LEAST, Comparison, Motion
 from calibration.evaluation.comparison import Figure as Compared
 from kinematics.error_model.model import ErrorModel
-from kinematics.report_head import calibration_text
+from kinematics.files.report_head import calibration_text
 from rendering.figures import COLOURS, Figure, Panel, band, grid
 from rendering.report import Report, Section, Table
 from rendering.volume import Field, volume_section

@@ -12,7 +12,7 @@ import numpy as np
 from calibration.continuous.estimate import Estimate, OneDirection, Wave
 from calibration.continuous.reading import Data
 from calibration.continuous.records import DIRECTION_NAMES
-from kinematics.report_head import ReportHead
+from kinematics.files.report_head import ReportHead
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, MANY, Figure, Panel, band, dots, level, some
 from rendering.report import Report, Section, Table, facts

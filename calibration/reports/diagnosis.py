@@ -30,7 +30,7 @@ from calibration.reports.machine_change import change_sections, change_sentences
 from calibration.reports.run_zeros import zeros_section
 from calibration.reports.separability import separability_json, separability_section
 from kinematics.effects import CrossAxis
-from kinematics.number_text import probability, rounded
+from kinematics.files.number_text import probability, rounded
 from rendering.report import Report, Section, Table, facts, shortened
 from rendering.volume import Field, volume_section
 

@@ -22,8 +22,8 @@ from calibration.reports.head import measured_head
 from calibration.reports.run_zeros import zeros_section
 from kinematics.effects import Effect, ErrorMotion, LocationError
 from kinematics.error_model.model import ErrorModel
+from kinematics.files.number_text import probability, rounded
 from kinematics.machine import Machine
-from kinematics.number_text import probability, rounded
 from rendering.report import Report, Section, Table, facts
 from rendering.volume import Field, volume_section
 

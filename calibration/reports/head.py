@@ -5,7 +5,7 @@ from __future__ import annotations
 from calibration.measurement.instruments import kind_of
 from calibration.measurement.measurement import Measurement
 from kinematics.error_model.model import ErrorModel
-from kinematics.report_head import ReportHead, calibration_text
+from kinematics.files.report_head import ReportHead, calibration_text
 from kinematics.state import REFERENCE
 from kinematics.transforms import Array
 

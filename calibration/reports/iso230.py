@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from calibration.single_axis.iso230 import DIRECTIONS, AxisTest
-from kinematics.report_head import ReportHead
+from kinematics.files.report_head import ReportHead
 from rendering.figures import COLOURS, Figure, Panel, band, dots, extent, level
 from rendering.report import Report, Section, Table
 

@@ -11,8 +11,8 @@ from calibration.study.definition import StudyEntry
 from calibration.study.results import standard_errors
 from calibration.study.run import Draws, Result
 from calibration.study.stopping import LEVEL, estimates
+from kinematics.files.report_head import ReportHead
 from kinematics.forward import tool_point
-from kinematics.report_head import ReportHead
 from kinematics.transforms import Array
 from rendering.figures import AFTER, BEFORE, RED, Figure, Panel, area, dots, grid, line, rgba, some
 from rendering.report import Report, Section, Table

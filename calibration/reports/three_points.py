@@ -11,7 +11,7 @@ from calibration.single_axis.three_points import AxisResult, ThreePoints
 from calibration.single_axis.three_points_check import Check
 from calibration.single_axis.three_points_figures import LINES, locations, ranges, squarenesses, straightnesses
 from kinematics.effects import COMPONENTS
-from kinematics.report_head import ReportHead
+from kinematics.files.report_head import ReportHead
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, Figure, Panel, bars_of_error, grid, level
 from rendering.report import Report, Section, Table, facts

@@ -20,8 +20,8 @@ from calibration.reports.fit import (
     parameters,
     parameters_json,
 )
-from kinematics.number_text import probability
-from kinematics.report_head import calibration_text
+from kinematics.files.number_text import probability
+from kinematics.files.report_head import calibration_text
 from rendering.figures import Figure, Panel, against_normal, grid
 from rendering.report import Report, Section, Table, facts
 

@@ -12,8 +12,8 @@ import msgspec
 from kinematics.effects import EFFECTS, Effect
 from kinematics.error_model.decoding_faults import reason_of_fault
 from kinematics.files import read_input
+from kinematics.files.mistaken import did_you_mean
 from kinematics.machine import Machine
-from kinematics.mistaken_files import did_you_mean
 from kinematics.user_error import UserError
 
 KINDS = {str(effect.__struct_config__.tag): effect for effect in EFFECTS}

@@ -28,9 +28,9 @@ from calibration.simulation.true_model import DEFAULT, HalfWidths, checked_half_
 from calibration.study.definition import CaseEntry, ErrorsEntry, FitEntry, StudyEntry, instrument_of
 from kinematics.effects import Effect
 from kinematics.machine import Machine, Vector
+from kinematics.running.workers import code
 from kinematics.state import REFERENCE
 from kinematics.user_error import UserError
-from kinematics.workers import code
 
 CODE = (calibration.__name__, kinematics.__name__)
 """Packages that work on cases."""

@@ -11,7 +11,7 @@ from calibration.design.layout import Weighting
 from calibration.measurement.instruments import Instrument
 from calibration.measurement.tracker_tests import fit_tests, read_tests
 from kinematics.files import read_input
-from kinematics.toml_entries import at_line, entry, read_table
+from kinematics.files.toml_entries import at_line, entry, read_table
 from kinematics.user_error import UserError
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]

@@ -13,8 +13,8 @@ from calibration.study.exact import Compared, compared
 from calibration.study.spread import outcomes
 from calibration.study.stopping import enough
 from calibration.study.store import Store
+from kinematics.running.workers import Team
 from kinematics.transforms import Array
-from kinematics.workers import Team
 
 AT_ONCE = 8
 """Number of chunks of a case between two checks of the stopping rule, which evaluates them one by one."""

@@ -1,4 +1,4 @@
-"""Chunks over workers: this process, several processes of this machine, or a Dask cluster (`kinematics/workers.py`)."""
+"""Chunks over workers: this process, several processes, or a Dask cluster (`kinematics/running/workers.py`)."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from contextlib import AbstractContextManager
 
 from calibration.study.cases import CODE, Case
 from calibration.study.chunks import Chunk, Outcome, work
+from kinematics.running.workers import Team
+from kinematics.running.workers import workers as common
 from kinematics.user_error import UserError
-from kinematics.workers import Team
-from kinematics.workers import workers as common
 
 Task = tuple[Case, Chunk]
 

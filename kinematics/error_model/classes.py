@@ -23,7 +23,7 @@ from collections.abc import Iterable
 from kinematics.effects import ControlTable, Effect, LocationError, Racking, Wobble
 from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel
-from kinematics.mistaken_files import none_of
+from kinematics.files.mistaken import none_of
 from kinematics.user_error import UserError
 
 ELEMENTARY = ("L-POS", "L-STR", "L-SQU", "L-ANG", "R-POS", "R-RAX", "R-POR", "R-ANG", "SPEC")

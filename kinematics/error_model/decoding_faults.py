@@ -6,7 +6,7 @@ import json
 import re
 from typing import Any
 
-from kinematics.toml_entries import NOUNS
+from kinematics.files.toml_entries import NOUNS
 
 CURE = "take an unchanged copy of the file, or make the calibration anew (ncomp fit)"
 REASONS = {

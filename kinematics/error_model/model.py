@@ -18,8 +18,8 @@ from kinematics.effects.base import Columns, unit_of
 from kinematics.error_model.decoding_faults import CURE, given_twice, hint, reason_of_fault
 from kinematics.error_model.layout import to_json
 from kinematics.files import fingerprint, read_input, write_whole
+from kinematics.files.mistaken import kind_of_file
 from kinematics.machine import Machine
-from kinematics.mistaken_files import kind_of_file
 from kinematics.state import REFERENCE, TEMPERATURE, State, variable_unit
 from kinematics.transforms import Array, blocks
 from kinematics.turn import beyond, gap_of, spread_beyond

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinematics.durations import age_in_words
 from kinematics.error_model.model import ROUNDING, ErrorModel
+from kinematics.files.mistaken import did_you_mean
 from kinematics.machine import Machine
-from kinematics.mistaken_files import did_you_mean
+from kinematics.running.durations import age_in_words
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.durations import age_in_words
+from kinematics.running.durations import age_in_words
 from postproc.control.tool_table import shown_tool
 from postproc.correct.result import CorrectionResult
 from postproc.evaluation.predicted_errors import Statistic

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from kinematics.report_head import calibration_text
+from kinematics.files.report_head import calibration_text
 from postproc.kinematic_parameters.export import ExportedParameters
 from postproc.kinematic_parameters.sheet import STAGES, WHERE, line_rows, number_rows, offset_shift
 from postproc.tables.not_representable import Unrepresented

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from kinematics.report_head import calibration_text
+from kinematics.files.report_head import calibration_text
 from postproc.tables.export import Exported
 from postproc.tables.not_representable import Unrepresented
 from postproc.tables.sheet import STAGES, shift_warning, table_rows

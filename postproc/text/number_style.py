@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from kinematics.mistaken_files import number_hint
+from kinematics.files.mistaken import number_hint
 from kinematics.user_error import UserError
 
 Value = TypeVar("Value")

@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 
 from kinematics.files import reason_of
-from kinematics.mistaken_files import PROGRAM, kind_of_file, missing
+from kinematics.files.mistaken import PROGRAM, kind_of_file, missing
 from kinematics.user_error import UserError
 
 ENCODING = "latin-1"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
+from kinematics.files.report_head import calibration_text
 from kinematics.machine import Machine
-from kinematics.report_head import calibration_text
 from postproc.correct.classes import ClassResiduals
 from postproc.correct.report_figures import path_sections
 from postproc.evaluation.predicted_errors import Statistic

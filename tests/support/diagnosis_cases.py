@@ -16,7 +16,7 @@ from calibration.observation.equations import specified_covariance
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
 from calibration.observation.stops_and_lines import stops
 from kinematics.error_model.model import no_errors
-from kinematics.progress import silent
+from kinematics.running.progress import silent
 from support.virtual_measurements import THREE, measured, positions
 
 CFRAME = machines.load("cframe")

@@ -37,7 +37,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Cyclic, LocationJump
-from kinematics.progress import Progress
+from kinematics.running.progress import Progress
 from kinematics.transforms import Array
 
 DROPPED = -6.0

@@ -41,7 +41,7 @@ from kinematics.effects import (
     UnknownApproach,
 )
 from kinematics.error_model.model import ErrorModel
-from kinematics.progress import Progress
+from kinematics.running.progress import Progress
 from kinematics.user_error import UserError
 
 FINEST = 16

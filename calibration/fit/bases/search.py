@@ -22,7 +22,7 @@ from calibration.observation.full_model import (
     moving_axes,
     repeated_targets,
 )
-from kinematics.progress import Progress, silent
+from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 

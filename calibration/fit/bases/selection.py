@@ -34,7 +34,7 @@ from calibration.observation.normal_equations import NormalEquations, residuals,
 from calibration.observation.products import Products, arm_products, between, factored
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, no_errors
-from kinematics.progress import Progress, silent
+from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array, read_only
 
 FINE = 24

@@ -21,7 +21,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import distinct_positions, moving_axes, stated_bases, with_effects
 from calibration.observation.outliers import Variance, duplicates
 from kinematics.effects import Effect
-from kinematics.progress import Progress
+from kinematics.running.progress import Progress
 from kinematics.transforms import Array
 
 FEWEST = 6

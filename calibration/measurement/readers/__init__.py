@@ -31,8 +31,8 @@ from calibration.measurement.readers import (
 from calibration.measurement.readers.text import given_entries, old_text
 from calibration.measurement.text_table import Table, parse_table, refuse_empty
 from kinematics.files import read_input
+from kinematics.files.mistaken import kind_of_file, none_of
 from kinematics.machine import Machine
-from kinematics.mistaken_files import kind_of_file, none_of
 from kinematics.user_error import UserError
 
 

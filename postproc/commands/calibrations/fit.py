@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import ncomp
-from kinematics.progress import Progress
+from kinematics.running.progress import Progress
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, argument, option
 from postproc.commands.options.measurement import DataOptions, Force, Noise

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import ncomp
-from kinematics.mistaken_files import did_you_mean
+from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, option
 from postproc.commands.options.program import SetUpOptions, moves_of

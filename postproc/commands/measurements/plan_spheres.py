@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from kinematics.progress import Progress
+from kinematics.running.progress import Progress
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import numbers, option
 from postproc.commands.options.virtual_instrument import spheres_of

@@ -45,7 +45,7 @@ def predict(
     """
     from calibration.fit.prediction import read_points
     from calibration.reports.figures.prediction import prediction_figure
-    from kinematics.report_head import calibration_text
+    from kinematics.files.report_head import calibration_text
     from postproc.commands.show.prediction import Summary
     from postproc.commands.show.terminal import say, show
 

@@ -13,7 +13,7 @@ from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
     from calibration.probing.centres import Probed
-    from kinematics.report_head import ReportHead
+    from kinematics.files.report_head import ReportHead
 
 EPILOG = (
     "Examples:\n\n"

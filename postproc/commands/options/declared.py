@@ -9,7 +9,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from kinematics.mistaken_files import did_you_mean
+from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
 
 REQUIRED = MISSING

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any, NoReturn, get_args
 
-from kinematics.mistaken_files import did_you_mean
+from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, Declared
 

@@ -12,8 +12,8 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
-from kinematics.mistaken_files import missing
-from kinematics.report_head import ReportHead, read_head
+from kinematics.files.mistaken import missing
+from kinematics.files.report_head import ReportHead, read_head
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, option
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from kinematics.mistaken_files import none_of
+from kinematics.files.mistaken import none_of
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import numbers, option
 from postproc.text.number_style import given_once

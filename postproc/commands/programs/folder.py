@@ -14,9 +14,9 @@ from pathlib import Path, PurePath
 from typing import Any, BinaryIO, Literal
 
 from kinematics.files import read_input, whole_file, write_whole, writing
-from kinematics.mistaken_files import missing
+from kinematics.files.mistaken import missing
+from kinematics.running.workers import Team
 from kinematics.user_error import UserError
-from kinematics.workers import Team
 from ncomp import Corrected
 from postproc.correct.mark import mark_in_program
 from postproc.text.source import ENCODING, Source, open_source, text_source

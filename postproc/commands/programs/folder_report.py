@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from kinematics.error_model.model import ErrorModel
+from kinematics.files.report_head import calibration_text
 from kinematics.machine import Machine
-from kinematics.report_head import calibration_text
 from postproc.commands.programs.folder import REFUSED, FolderProgram, Outcome
 from postproc.correct.report import DEMONSTRATION, SIGNS
 from rendering.report import Report, Section, Table, facts

@@ -25,7 +25,7 @@ def report(
 ) -> None:
     """Print a page of --report to PDF: A4, page numbers, light colours, all lists open; needs Chromium or Chrome."""
     from kinematics.files import read_input
-    from kinematics.mistaken_files import kind_of_file
+    from kinematics.files.mistaken import kind_of_file
     from rendering.browser import pdf_of
 
     check_files((page,), {"--pdf": pdf})

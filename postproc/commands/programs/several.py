@@ -47,7 +47,7 @@ def correct_several(
     command: str,
 ) -> None:
     """Correct programs, each into its own file, show the summary, and exit with its status unless that is 0."""
-    from kinematics.workers import workers
+    from kinematics.running.workers import workers
     from postproc.commands.programs.folder_report import Summary
     from postproc.commands.show.terminal import progress_of, show
 

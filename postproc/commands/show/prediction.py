@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calibration.fit.prediction import Predicted
-from kinematics.report_head import ReportHead
+from kinematics.files.report_head import ReportHead
 from postproc.compensation.significance import COVERAGE
 from postproc.evaluation.predicted_errors import Statistic
 from rendering.figures import Figure

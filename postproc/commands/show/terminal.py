@@ -13,7 +13,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Literal, Protocol
 
 import rendering.terminal
-from kinematics.progress import Progress
+from kinematics.running.progress import Progress
 from rendering.plain import PlainText, is_plain
 from rendering.report import Report
 

@@ -88,7 +88,7 @@ def _python() -> tuple[State, str]:
 
 
 def _libraries() -> tuple[State, str]:
-    from kinematics.installed import requirements
+    from kinematics.running.installed import requirements
 
     found, wrong = [], []
     for name, least, present in requirements():

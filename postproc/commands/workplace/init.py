@@ -107,7 +107,7 @@ def _machine(new: NewMachine, answers: Answers) -> tuple[str, str]:
 
 
 def _family(text: str) -> str:
-    from kinematics.mistaken_files import none_of
+    from kinematics.files.mistaken import none_of
     from postproc.commands.workplace.new_machine import FAMILIES
 
     if text not in FAMILIES:

@@ -14,9 +14,9 @@ import msgspec
 import ncomp
 from kinematics.error_model.classes import parse_classes
 from kinematics.files import read_input
-from kinematics.mistaken_files import missing, none_of
-from kinematics.report_head import TABLE, ReportHead
-from kinematics.toml_entries import at_line, entry, read_table, utf8_text
+from kinematics.files.mistaken import missing, none_of
+from kinematics.files.report_head import TABLE, ReportHead
+from kinematics.files.toml_entries import at_line, entry, read_table, utf8_text
 from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
 from postproc.commands.options.program import ConditionsOptions, DatumOptions

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kinematics.mistaken_files import none_of
+from kinematics.files.mistaken import none_of
 from kinematics.user_error import UserError
 from postproc.tables.format import Format
 from postproc.tables.formats import etalon, fanuc, firmware, heidenhain, isg, iso_csv, linuxcnc, mitsubishi, siemens

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from kinematics.effects import Effect
-from kinematics.mistaken_files import none_of
+from kinematics.files.mistaken import none_of
 from kinematics.user_error import UserError
 from postproc.tables.readers import etalon, fanuc, firmware, heidenhain, isg, iso_csv, linuxcnc, mitsubishi, siemens
 from postproc.tables.readers.source import Source

@@ -9,7 +9,7 @@ from datetime import date, time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinematics.mistaken_files import did_you_mean
+from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ GIVEN = [field.name for field in fields(ReportHead) if field.name not in ("made"
 def read_head(path: Path) -> ReportHead:
     """The head in the table `[report]` of a TOML file, which may be a job or machine file."""
     from kinematics.files import read_input
-    from kinematics.toml_entries import at_line, read_table, utf8_text
+    from kinematics.files.toml_entries import at_line, read_table, utf8_text
 
     where = f"report head {path}"
     text = utf8_text(read_input(path, "report head"), where)

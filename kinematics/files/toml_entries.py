@@ -10,7 +10,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
-from kinematics.mistaken_files import did_you_mean, kind_of_file
+from kinematics.files.mistaken import did_you_mean, kind_of_file
 from kinematics.user_error import UserError
 
 T = TypeVar("T")

@@ -13,7 +13,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from kinematics.mistaken_files import missing
+from kinematics.files.mistaken import missing
 from kinematics.user_error import UserError
 
 CURES = {

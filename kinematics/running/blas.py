@@ -1,7 +1,7 @@
 """One thread for BLAS, set where the first package of ncomp is imported, and nowhere else.
 
 The matrices of ncomp are small: threads of BLAS wait for each other, and on busy cores a command takes up to thirty
-times as long. ncomp divides its work itself: `calibration/cores.py`, `kinematics/workers.py`.
+times as long. ncomp divides its work itself: `calibration/cores.py`, `kinematics/running/workers.py`.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""The run of a command: progress, processes, durations, and the libraries that are installed."""
