@@ -83,7 +83,7 @@ def test_a_finer_motion_is_held_against_the_coarse_one_in_its_place():
     one = next(each for each in finer(base.linearised) if each.replaces == "E_XX")
     stage = made.stage([(one, np.zeros(len(one.effect.parameters)))])
     assert stage.accepted[0].score.gain < 40.0
-    assert made.base.lacking(stage.linearised, one, stage.numbers[0]).squares == pytest.approx(
+    assert made.base.lacking(stage.linearised, (one, stage.numbers[0])).squares == pytest.approx(
         base.linearised.squares, rel=0.05
     )
     assert stage.without(0).squares == pytest.approx(base.linearised.squares, rel=0.05)

@@ -1,17 +1,24 @@
 """Uncertainties of a diagnosis' calibration: they hold at poses that were not measured, with a residual left too."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, data_with
+from support.diagnosis_cases import CFRAME, data_with, selector
 from support.tiers import quick
-from support.virtual_measurements import positions
+from support.virtual_measurements import THREE, measured, positions, truth
 
+from calibration.diagnosis.acceptance import against_learned
 from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.residual.dependence import Unexplained
+from calibration.diagnosis.widening import unseen_errors
+from calibration.fit.acceptance import without_clamp
 from calibration.fit.prediction import relative
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Unnamed
 from kinematics.error_model.model import no_errors
+from kinematics.forward import forward
 from kinematics.state import State
 
 TRAVELS = tuple(axis.travel for axis in CFRAME.axes)
@@ -47,3 +54,30 @@ def test_an_unexplained_part_that_is_added_to_the_model_does_not_widen_it():
     found = diagnose(data_with(warped, n=240), left_over="add")
     assert found.with_unnamed
     assert found.widened == 1.0
+
+
+@pytest.mark.parametrize("walks", [True, False])
+def test_a_model_that_has_learned_a_wandering_is_none(walks):
+    """A serpentine there, once: a tool that wanders looks like errors along the axes."""
+    rng, grid = (
+        np.random.default_rng(5),
+        [np.linspace(*travel, n) for travel, n in zip(TRAVELS, (7, 6, 5), strict=True)],
+    )
+    q = np.array([(a, b, c) for k, c in enumerate(grid[2]) for b in grid[1][:: (-1) ** k] for a in grid[0]])
+    machine = msgspec.structs.replace(no_errors(CFRAME), effects=truth(CFRAME, rng, 10.0).effects)
+    data = measured(CFRAME, q, THREE, machine, rng)
+    observed = data.observed + np.cumsum(rng.normal(scale=0.015, size=(len(q), 3)), axis=0) * walks
+    stage = selector(replace(data, observed=observed, state=replace(data.state, observed=observed)), 6).stage([])
+    wandering = Unexplained(("time",), (0.08,), 0.005, 1.0, np.zeros((len(q), 3)))
+    found = unseen_errors(stage.linearised, wandering, None)
+    assert bool(against_learned(found)) == walks
+    state = State(positions(CFRAME, 300, rng), np.zeros((300, 3)))
+    tool = np.repeat(TOOL, 300, axis=0)
+    less = without_clamp(forward(CFRAME, state.positions).apply(tool))
+    own, true = (
+        less @ (1e3 * exact_deviation(CFRAME, state.positions, model.errors(CFRAME, state), tool).position).reshape(-1)
+        for model in (stage.fit.model, machine)
+    )
+    error_um, nominal_um = (3**0.5 * float(np.sqrt(np.mean(each**2))) for each in (own - true, true))
+    assert (error_um > nominal_um) == walks
+    assert 0.5 < found.with_um / error_um < 2.0 or not walks

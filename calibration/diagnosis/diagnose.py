@@ -39,7 +39,7 @@ from calibration.diagnosis.verdict import (
     outliers,
     with_changed_lines,
 )
-from calibration.diagnosis.widening import widened
+from calibration.diagnosis.widening import unseen_errors, widened
 from calibration.fit.acceptance import disagreement
 from calibration.fit.curves.between_positions import with_curves_between
 from calibration.fit.fit import Fit
@@ -162,11 +162,13 @@ def _concluded(
     evaluated = found.evaluated or tuple(evaluate(after.linearised, first.library))
     added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
     unexplained_um = 0.0 if dependence is None else unexplained_residual.shared_rms(found.stage.linearised, dependence)
-    acceptance = Acceptance.of(before, after, calibration, unexplained_um, force=force)
+    held = dependence is None or len(after.accepted) != len(found.stage.accepted)  # by the model, as an unnamed effect
+    unseen = None if held or dependence is None else unseen_errors(after.linearised, dependence, calibration)
+    acceptance = Acceptance.of(before, after, calibration, unexplained_um, unseen, force=force)
     curved, between = with_curves_between(after.fit) if selector.base.curves else (after.fit, ())
     model, factor = new_calibration(selector.base, curved, added, calibration), 1.0
-    if dependence is not None and len(after.accepted) == len(found.stage.accepted):  # else the model holds it
-        model, factor = widened(model, curved, unexplained_residual.shared_squares(found.stage.linearised, dependence))
+    if unseen is not None:
+        model, factor = widened(model, selector.measurement, unseen.squares)
     given, change = before, None
     if first.base.present is not None and calibration is not None:
         given = first.on(first.base.as_it_is).bare
@@ -283,7 +285,7 @@ def _without_impostors(
             found = without
             continue
         blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
-        blamed = blamed or unexplained_residual.wandering(stage)
+        blamed = blamed or unexplained_residual.misread(stage) or unexplained_residual.wandering(stage)
         if not blamed:
             tests = unexplained_residual.tests(stage.linearised)
             dependence = _dependence(stage, tests)

@@ -167,7 +167,7 @@ class Diagnosis:
             bool(self.tests_after),
             ""
             if left is None
-            else f"{self.unexplained_um:.2f} um depend on {', '.join(left.variables)} ({probability(left.p_value, 2)})",
+            else f"{self.unexplained_um:.2f} um depend on {left.listed} ({probability(left.p_value, 2)})",
             self.with_unnamed,
             self.acceptance.objection,
             fit.failed,

@@ -1,24 +1,52 @@
-"""Uncertainties of a calibration beside a residual that no cause explains.
+"""Errors of a calibration at unseen states beside a residual that no cause explains; its widened uncertainties.
 
 A fit propagates noise. A dependence of the residuals on recorded variables is none: it may be an error of the machine,
-which the calibration lacks at every pose, or one of the measurement, of which the calibration has learned a part.
+which the calibration lacks at every pose, or one of the measurement, of which the calibration has learned a part. Both
+follow from a fit with a smooth function of these variables beside the model.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
-from calibration.fit.acceptance import usual_states
-from calibration.fit.fit import Fit
-from calibration.fit.prediction import MM, deviation_design, evenly_spread
+from calibration.diagnosis.residual.absorber import absorbing
+from calibration.diagnosis.residual.dependence import Unexplained
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.fit.acceptance import usual_states, without_clamp
+from calibration.fit.linear import Posterior
+from calibration.fit.prediction import MM, deviation_design
+from calibration.measurement.measurement import Measurement
+from kinematics.deviation import exact_deviation
 from kinematics.error_model.covariance import root_of
-from kinematics.error_model.model import ErrorModel
+from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.forward import forward
+from kinematics.machine import Machine
+from kinematics.state import TEMPERATURE, TIME, State
 from kinematics.transforms import Array
 
 SEEN = 1e-3
 """Share of the largest uncertainty below which a direction does not show a combination of parameters."""
+MOMENTS, POSES = 5, 100
+"""Moments of the measurement, and states at each of them, at which errors are predicted."""
+SEED = 1
+
+
+class UnseenErrors(NamedTuple):
+    """Expected errors of predicted deviations within the measured ranges, beside an unexplained function."""
+
+    squares: Array
+    """Mean squares `(3,)` in x, y, z, um^2."""
+    with_um: float
+    """RMS length, um, of the expected errors of the model."""
+    without_um: float
+    """RMS length, um, of the expected errors of the calibration that it replaces."""
+    recurs: bool
+    """True for an error of the machine that recurs with the position: what a model has learned of it is right."""
 
 
 class Widened(NamedTuple):
@@ -29,20 +57,99 @@ class Widened(NamedTuple):
     """Uncertainties of predicted deviations in RMS, as a multiple of those that follow from the noise."""
 
 
-def widened(model: ErrorModel, found: Fit, unexplained: Array) -> Widened:
-    """The model of a fit with larger uncertainties.
+class _Moment(NamedTuple):
+    """Unseen states at one moment."""
 
-    unexplained: mean squares of the error `(3,)`, um^2, in x, y, z; of other observations their mean counts for each.
+    machine: Machine
+    state: State
+    tool: Array
+    less: Array
+    """Matrix `(3n, 3n)` that removes a common shift and rotation from displacements."""
+
+    def deviations(self, model: ErrorModel) -> Array:
+        """Deviations `(n, 3)` by a model, um."""
+        errors = model.errors(self.machine, self.state)
+        return self._apart(exact_deviation(self.machine, self.state.positions, errors, self.tool).position)
+
+    def design(self, model: ErrorModel) -> Array:
+        """Derivatives `(n, 3, p)` of the deviations by the parameters, um."""
+        return self._apart(deviation_design(model, self.machine, self.state, self.tool))
+
+    def _apart(self, values: Array) -> Array:
+        return MM * np.asarray(self.less @ values.reshape(len(self.less), -1)).reshape(values.shape)
+
+
+def unseen_errors(linearised: LinearisedFit, dependence: Unexplained, present: ErrorModel | None) -> UnseenErrors:
+    """Errors of the model of a fit at unseen states, beside an unexplained function, and of the one that it replaces.
+
+    An error of the machine is the function itself, as far as the model has not learned it; an error of the tracker's
+    readings, or a common shift that moves with time, only the part that the model has learned.
+
+    present: the calibration that the model replaces; None for the nominal machine.
+    """
+    fit, beside = linearised.fit, absorbing(linearised.evenly_noisy, dependence, whole=True)
+    first, p = len(fit.registration.names), len(fit.model.parameters)
+    function = msgspec.structs.replace(fit.model, effects=beside.effects, covariance=None)
+    values, root = _solved(beside.linearised, first)
+    own = np.r_[:p, len(values) - len(beside.prior) : len(values)]  # without a random walk, which shifts all alike
+    moved = _scaled(fit.prior, values[:p] - linearised.away[first:])
+    root = np.concatenate([_scaled(fit.prior, root[:p]), root[own[p:]]])
+    given = no_errors(fit.measurement.machine) if present is None else present
+    parts = []
+    for moment in _moments(fit.measurement):
+        design = moment.design(fit.model)
+        lacking = moment.design(function) * beside.prior
+        error = design @ moved + lacking @ values[own[p:]]
+        variance = np.sum((np.concatenate([design, lacking], axis=2) @ root) ** 2, axis=2)
+        before = moment.deviations(fit.model) - moment.deviations(given) + error
+        parts.append(np.mean([error**2 + variance, error**2, before**2], axis=1))
+    squares, after, without = np.mean(parts, axis=0)
+    moves = any(name == TIME or name.startswith(TEMPERATURE) for name in dependence.variables)
+    recurs = not moves and not dependence.of_readings
+    return UnseenErrors(squares, float(np.sqrt(after.sum())), float(np.sqrt(without.sum())), recurs)
+
+
+def _solved(linearised: LinearisedFit, first: int) -> tuple[Array, Array]:
+    """Parameters behind the registration, in units of their priors, from their start, and a root of their covariance.
+
+    The noise is that of the residuals beside the function.
+    """
+    noise = max(linearised.squares / linearised.degrees_of_freedom, 1e-6)
+    posterior = Posterior(linearised.information / noise, linearised.limited)
+    return linearised.away[first:], posterior.root[first:]
+
+
+def _scaled(prior: Array, values: Array) -> Array:
+    """Values `(p, ...)` in units of a prior, in those of the parameters."""
+    if prior.ndim == 2:
+        return np.asarray(prior @ values)
+    return np.asarray((np.where(np.isfinite(prior), prior, 1.0) * values.T).T)
+
+
+def _moments(measurement: Measurement) -> Iterator[_Moment]:
+    """Random states within the measured ranges, at several moments of the measurement."""
+    state, tool = usual_states(measurement)
+    low, high = state.positions.min(axis=0), state.positions.max(axis=0)
+    rng = np.random.default_rng(SEED)
+    for row in np.linspace(0, len(state) - 1, MOMENTS + 2).astype(int)[1:-1].tolist():
+        q = rng.uniform(low, high, (POSES, len(low)))
+        approach = None if state.approach is None else state.approach[rng.integers(len(state), size=POSES)]
+        here = replace(state.rows(np.full(POSES, row)), positions=q, approach=approach)
+        tools, machine = np.tile(tool[row], (POSES, 1)), measurement.machine
+        yield _Moment(machine, here, tools, without_clamp(forward(machine, q).apply(tools)))
+
+
+def widened(model: ErrorModel, measurement: Measurement, squares: Array) -> Widened:
+    """The model with larger uncertainties, where those of its predictions are smaller than their errors.
+
+    squares: mean squares of the errors of predicted deviations `(3,)`, um^2, in x, y, z, as of `UnseenErrors`.
 
     The variance of each combination of parameters that moves the tool in a direction is multiplied (Birge 1932), such
-    that those of the predicted deviations at the measured states, relative to their mean, grow by this mean square.
+    that those of the predicted deviations at unseen states reach these mean squares.
     """
-    if model.covariance is None or not np.any(unexplained > 0.0):
+    if model.covariance is None:
         return Widened(model, 1.0)
-    measurement = found.measurement
-    design = MM * deviation_design(model, measurement.machine, *evenly_spread(*usual_states(measurement)))
-    design -= design.mean(axis=0)
-    squares = unexplained if len(unexplained) == 3 else np.full(3, unexplained.mean())
+    design = np.concatenate([moment.design(model) for moment in _moments(measurement)])
     root = root_of(np.array(model.covariance))
     parts = np.moveaxis(design @ root, 1, 0)
     variance = np.mean(np.sum(parts**2, axis=2), axis=1)
@@ -50,7 +157,7 @@ def widened(model: ErrorModel, found: Fit, unexplained: Array) -> Widened:
     for k in np.flatnonzero(variance):
         _, sizes, directions = np.linalg.svd(parts[k], full_matrices=False)
         own = root @ directions[sizes > SEEN * sizes[0]].T
-        more += max(squares[k], 0.0) / variance[k] * own @ own.T
+        more += max(squares[k] / variance[k] - 1.0, 0.0) * own @ own.T
     larger = model.with_parameters(model.parameters, np.array(model.covariance) + more)
     after = np.mean(larger.propagated(design) ** 2, axis=0)
     return Widened(larger, float(np.sqrt(after.mean() / variance.mean())))

@@ -215,7 +215,7 @@ def refuse_uncertain(model: ErrorModel, measurement: Measurement) -> None:
     q = np.random.default_rng(0).uniform(low, high, (ANYWHERE, len(low)))
     state = State(q)
     tool = np.tile(_usual_target(measurement), (ANYWHERE, 1))
-    machine, less = measurement.machine, _without_clamp(forward(measurement.machine, q).apply(tool))
+    machine, less = measurement.machine, without_clamp(forward(measurement.machine, q).apply(tool))
     deviation = less @ exact_deviation(machine, q, model.errors(machine, state), tool).position.reshape(-1)
     design = model.design(machine, state, error_transform_with_tool(machine, q, tool)[:, :3]).reshape(3 * ANYWHERE, -1)
     u = model.propagated((less @ design).reshape(ANYWHERE, 3, -1))
@@ -229,7 +229,7 @@ def refuse_uncertain(model: ErrorModel, measurement: Measurement) -> None:
         )
 
 
-def _without_clamp(points: Array) -> Array:
+def without_clamp(points: Array) -> Array:
     """Matrix `(3n, 3n)` that removes the common shift and rotation from displacements of points `(n, 3)`."""
     arms = points - points.mean(axis=0)
     moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), by_turn(arms)], axis=2).reshape(-1, 6)

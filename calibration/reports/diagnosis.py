@@ -10,6 +10,7 @@ from shlex import quote
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from calibration.diagnosis.improvement import Figures
+from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.result import LEFT, Diagnosis
 from calibration.diagnosis.verdict import Named
@@ -395,8 +396,8 @@ def _unexplained(found: Diagnosis) -> Section:
     if left is None:
         return Section("Unexplained", found.conclusion.unexplained)
     text = (
-        f"{found.unexplained_um:.2f} um RMS depend on {', '.join(left.variables)} ({probability(left.p_value, 2)}), "
-        f"and no cause of the library explains them.{_widened(found.widened)}\n"
+        f"{found.unexplained_um:.2f} um RMS depend on {left.listed} ({probability(left.p_value, 2)}), and no cause "
+        f"of the library explains them.{_of_readings(left)}{_widened(found.widened)}\n"
         "The table tests each variable alone: its squared distance correlation (without bias, about 0 where "
         "independent), and the p-value among residuals permuted in blocks, as it is and adjusted by Benjamini and "
         "Hochberg. Variables that act only jointly are not found.\nThe figure is "
@@ -405,6 +406,12 @@ def _unexplained(found: Diagnosis) -> Section:
     rows = [(o.variable, f"{o.correlation:.3f}", f"{o.p_value:.2g}", f"{o.adjusted:.2g}") for o in found.one_by_one]
     alone = Table(("variable", "distance correlation, squared", "p", "adjusted p"), rows)
     return Section("Unexplained", text, alone, partial(unexplained_shape, found))
+
+
+def _of_readings(left: Unexplained) -> str:
+    if not left.of_readings:
+        return ""
+    return " A function of the tracker's readings explains them better than an error of the machine does."
 
 
 def _widened(factor: float) -> str:

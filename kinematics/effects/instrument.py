@@ -7,7 +7,7 @@ from the x y plane. Errors are observed minus true; they are subtracted from the
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -103,8 +103,7 @@ class RangeOffset(_Instrument, frozen=True, tag="tracker-range"):
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
         """See `EffectBase.columns`."""
-        beam, _, _, _ = _beam(state.need("observed", self.name))
-        yield from _observed(beam[:, :, None] * UM)
+        yield from _observed(beam(state.need("observed", self.name)).direction[:, :, None] * UM)
 
 
 class AirScale(_Instrument, frozen=True, tag="air-scale"):
@@ -135,8 +134,8 @@ class RangeDrift(_Instrument, frozen=True, tag="tracker-range-drift"):
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
         """See `EffectBase.columns`."""
-        beam, _, _, _ = _beam(state.need("observed", self.name))
-        yield from _observed((beam * _hours(state, self.name))[:, :, None] * UM)
+        direction = beam(state.need("observed", self.name)).direction
+        yield from _observed((direction * _hours(state, self.name))[:, :, None] * UM)
 
 
 class AirDrift(_Instrument, frozen=True, tag="air-scale-drift"):
@@ -219,7 +218,7 @@ class AngleHarmonic(_Instrument, frozen=True, tag="tracker-angle"):
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
         """See `EffectBase.columns`."""
-        _, sideways, upwards, angles = _beam(state.need("observed", self.name))
+        _, sideways, upwards, angles = beam(state.need("observed", self.name))
         arm, angle = (sideways, angles[:, 0]) if self.circle == "azimuth" else (upwards, angles[:, 1])
         waves = np.stack([np.sin(self.harmonic * angle), np.cos(self.harmonic * angle)], axis=1) * URAD
         yield from _observed(arm[:, :, None] * waves[:, None, :])
@@ -344,12 +343,25 @@ def _moved(points: Array, weight: Array) -> Iterator[Columns]:
     yield from _observed(values * weight[:, None, None])
 
 
-def _beam(points: Array) -> tuple[Array, Array, Array, Array]:
-    """Unit beams, and the arms (mm per rad) of azimuth and elevation, each `(n, 3)`; azimuth and elevation `(n, 2)`."""
+class Beam(NamedTuple):
+    """Beams to points, as a tracker reads them."""
+
+    direction: Array
+    """Unit vectors `(n, 3)`."""
+    sideways: Array
+    """Displacements `(n, 3)` of the points by the azimuth, mm per rad."""
+    upwards: Array
+    """Displacements `(n, 3)` of the points by the elevation, mm per rad."""
+    angles: Array
+    """Azimuth and elevation `(n, 2)`, rad."""
+
+
+def beam(points: Array) -> Beam:
+    """The beams to points `(n, 3)` of the instrument's frame."""
     x, y, z = points.T
     flat = np.hypot(x, y)
     length = np.hypot(flat, z)
     azimuth, elevation = np.arctan2(y, x), np.arctan2(z, flat)
     sideways = np.stack([-y, x, np.zeros_like(x)], axis=1)
     upwards = np.stack([-z * np.cos(azimuth), -z * np.sin(azimuth), flat], axis=1)
-    return points / length[:, None], sideways, upwards, np.stack([azimuth, elevation], axis=1)
+    return Beam(points / length[:, None], sideways, upwards, np.stack([azimuth, elevation], axis=1))

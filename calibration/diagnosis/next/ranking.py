@@ -32,6 +32,11 @@ SURE = 0.8
 """Power from which a design separates a tie or confirms a cause."""
 MARGIN = 2.33
 """Standard deviations above the threshold for a power of 0.99; more information is not counted."""
+OTHER_PLACE = (
+    "Measure the same positions once more with the tracker at another place, and test it (two faces, bar): the "
+    "dependence on {} is then separated from errors of the machine."
+)
+"""Measurement that an unexplained error of the tracker's readings needs."""
 WEIGHTS = {"unexplained": 1.0, "tied": 1.0, "weak": 0.5}
 Kind = Literal["unexplained", "tied", "weak"]
 
@@ -123,6 +128,9 @@ def proposed_measurements(
 
     dependence: that no cause explains; what it leaves open comes first.
     """
+    if dependence is not None and dependence.of_readings:
+        yield ProposedMeasurement("remedy", 0.0, 0.0, OTHER_PLACE.format(dependence.listed))
+        dependence = None
     effects, questions = _questions(stage, causes, dependence)
     if not questions:
         return

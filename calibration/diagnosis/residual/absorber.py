@@ -6,31 +6,51 @@ with the cause and the function are far likelier than with the function alone.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from calibration.diagnosis.residual.dependence import EVIDENCE, Unexplained
-from calibration.diagnosis.residual.unnamed import COMPONENTS, may_depend_on, propose
+from calibration.diagnosis.residual.dependence import EVIDENCE, Function, Unexplained
+from calibration.diagnosis.residual.readings import with_function_of_readings
+from calibration.diagnosis.residual.unnamed import COMPONENTS, Direction, evidence, may_depend_on, propose
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Accepted, Stage
-from kinematics.effects import CrossAxis, Cyclic, QuantisedCompensation, Unnamed
+from kinematics.effects import UM, CrossAxis, Cyclic, QuantisedCompensation, Unnamed
 from kinematics.state import TIME
+from kinematics.transforms import Array
 
 MOST = 0.5
 """Share of the log odds of the function that is most of them."""
 CLEARLY = 0.75
 """Least share of the excess over the noise that a cause explains beside an unexplained function of its variables."""
+STEPS, ROWS_PER_STEP = 150, 3
+"""Most steps of a random walk, and least number of rows between them."""
+STEP_UM = 10.0
+"""Size of a step in whose units its standard deviation is chosen, um."""
+
+
+class Absorbing(NamedTuple):
+    """A linearised fit with a smooth function of the variables of a dependence."""
+
+    linearised: LinearisedFit
+    log_odds: float
+    """Log odds of the function against none."""
+    effects: tuple[Unnamed, ...] = ()
+    """The function in the directions of the tool that it needs, at zero."""
+    prior: Array = np.zeros(0)
+    """Prior standard deviations `(k,)` of its coefficients, um."""
 
 
 def absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> LinearisedFit:
     """The linearised fit with a smooth function of the variables of a dependence, in the directions that it needs."""
-    return _absorbed(linearised, dependence)[0]
+    return absorbing(linearised, dependence).linearised
 
 
 def log_odds_of_function(linearised: LinearisedFit, dependence: Unexplained) -> float:
     """Log odds of the smooth function against none."""
-    return _absorbed(linearised, dependence)[1]
+    return absorbing(linearised, dependence, walk=False).log_odds
 
 
 def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
@@ -43,12 +63,12 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
     """
     # estimated noise of an axis would hold much of the function
     even = stage._replace(linearised=stage.linearised.evenly_noisy)
-    together = _absorbed(even.linearised, dependence)[1]
+    together = log_odds_of_function(even.linearised, dependence)
     found = []
     for i, each in enumerate(stage.accepted):
         without = even.without(i)
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
-        own, alone = -0.5 * score.delta_bic, _absorbed(without, dependence)[1]
+        own, alone = -0.5 * score.delta_bic, log_odds_of_function(without, dependence)
         named = not isinstance(each.candidate.effect, Unnamed)
         imitated = own + together - alone < EVIDENCE and own < MOST * alone
         part = own < together or _share(without, even.linearised) < CLEARLY
@@ -84,16 +104,69 @@ def _variables(candidate: Candidate) -> set[str]:
     return {TIME, *axes} if timed else axes
 
 
-def _absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> tuple[LinearisedFit, float]:
-    """The linearised fit with the function, and its log odds against none."""
-    log_odds = 0.0
-    if dependence is None or not all(may_depend_on(linearised, name) for name in dependence.variables):
-        return linearised, log_odds
+def absorbing(
+    linearised: LinearisedFit, dependence: Unexplained | None, *, whole: bool = False, walk: bool = True
+) -> Absorbing:
+    """The linearised fit with the function, as far as an error of the tool can depend on its variables.
+
+    A function of a tracker's readings acts on these. whole: also with the terms of the function that the model and the
+    registration can imitate. walk: where it depends on time, also with a random walk.
+    """
+    found = Absorbing(linearised, 0.0)
+    if dependence is not None and dependence.of_readings:
+        misreading = with_function_of_readings(linearised)
+        return Absorbing(misreading.linearised, misreading.log_odds)
+    function = None if dependence is None else _of_tool(linearised, dependence)
+    if function is None:
+        return found
+    if walk and TIME in function.variables:
+        found = with_walk(linearised)
     missing = COMPONENTS
-    while proposed := propose(linearised, dependence, missing):
-        log_odds += proposed[0].log_odds
-        candidate = proposed[0].candidate
-        typical = [quantity.typical for quantity in candidate.effect.parameter_table]
-        linearised = linearised.along(candidate.effect, np.array(candidate.prior) * typical)
-        missing = tuple(component for component in missing if component != candidate.axis)
-    return linearised, log_odds
+    while proposed := propose(found.linearised, function, missing, whole=whole):
+        best = proposed[0]
+        prior = np.array(best.candidate.prior) * [quantity.typical for quantity in best.effect.parameter_table]
+        found = Absorbing(
+            found.linearised.along(best.effect, prior),
+            found.log_odds + best.log_odds,
+            (*found.effects, best.effect),
+            np.concatenate([found.prior, prior]),
+        )
+        missing = tuple(component for component in missing if component != best.effect.component)
+    return found
+
+
+def _of_tool(linearised: LinearisedFit, dependence: Unexplained) -> Function | None:
+    """The function of those variables of a dependence that an error of the tool can depend on; None without any."""
+    lengths = zip(dependence.variables, dependence.lengths, strict=True)
+    possible = {name: length for name, length in lengths if may_depend_on(linearised, name)}
+    return Function(tuple(possible), tuple(possible.values())) if possible else None
+
+
+def with_walk(linearised: LinearisedFit) -> Absorbing:
+    """The linearised fit with a random walk of the tool in time, in the directions that need it, the clearest first.
+
+    Independent steps at moments that are evenly spread over the rows, with one standard deviation.
+    """
+    found, missing = Absorbing(linearised, 0.0), COMPONENTS
+    while missing:
+        walks = [_walk(found.linearised, component) for component in missing]
+        proposed = [
+            evidence(found.linearised.projected(each).schur, found.linearised.residual @ each) for each in walks
+        ]
+        best = int(np.argmax([log_odds for log_odds, _ in proposed]))
+        log_odds, size = proposed[best]
+        if log_odds <= EVIDENCE:
+            break
+        found = Absorbing(found.linearised.beside(size * walks[best]), found.log_odds + log_odds)
+        missing = tuple(component for component in missing if component != missing[best])
+    return found
+
+
+def _walk(linearised: LinearisedFit, component: Direction) -> Array:
+    """White columns `(N, k)` of steps of the tool in one direction, of `STEP_UM` each."""
+    time, count = linearised.state.need("time", "a random walk"), min(STEPS, len(linearised.rows) // ROWS_PER_STEP)
+    moments = np.unique(np.quantile(time, np.arange(1, count + 1) / (count + 1), method="nearest"))
+    steps = time[:, None] >= moments[moments > time.min()]
+    arm = linearised.transform[:, :, 6 * len(linearised.measurement.machine.axes) + COMPONENTS.index(component)]
+    columns = UM * STEP_UM * arm[:, :, None] * steps[:, None, :]
+    return np.asarray(linearised.decorrelation.apply(columns).reshape(linearised.scalars, -1))

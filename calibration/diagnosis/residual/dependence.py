@@ -29,8 +29,18 @@ MOST = 4
 """Most variables of a set."""
 TUNED = 4
 """Number of changes of a set, the likeliest ones, for which lengths are searched."""
+READINGS = ("azimuth", "elevation", "distance")
+"""Variables of an error of a tracker's readings."""
 CENTRES = 80
 """Most centres of a smooth function: the rows that represent it."""
+
+
+class Function(NamedTuple):
+    """A smooth function of some variables, of unknown size."""
+
+    variables: tuple[str, ...]
+    lengths: tuple[float, ...]
+    """Correlation length in each variable, as a fraction of its range."""
 
 
 class Unexplained(NamedTuple):
@@ -45,6 +55,16 @@ class Unexplained(NamedTuple):
     """RMS of the function, per scalar, in units of the residuals."""
     shape: Array
     """The function at the rows `(n, d)`."""
+
+    @property
+    def of_readings(self) -> bool:
+        """True for a function of what the tracker reads: an error of the instrument."""
+        return set(self.variables) <= set(READINGS)
+
+    @property
+    def listed(self) -> str:
+        """The variables, as text."""
+        return ", ".join(self.variables) + " of the tracker's readings" * self.of_readings
 
 
 def explaining_variables(

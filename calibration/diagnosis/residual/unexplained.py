@@ -6,11 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.diagnosis.residual.absorber import absorbed, log_odds_of_function, without_support
+from calibration.diagnosis.residual.absorber import (
+    absorbed,
+    absorbing,
+    log_odds_of_function,
+    with_walk,
+    without_support,
+)
 from calibration.diagnosis.residual.chance_level import SEARCHES, SMOOTH, Chance
-from calibration.diagnosis.residual.dependence import Unexplained, explaining_variables, of_variables
+from calibration.diagnosis.residual.dependence import EVIDENCE, Unexplained, explaining_variables, of_variables
 from calibration.diagnosis.residual.distance_correlation import Dependence, dependences
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
+from calibration.diagnosis.residual.readings import readings, with_function_of_readings
+from calibration.diagnosis.residual.unnamed import may_depend_on
 from calibration.diagnosis.residual.whiteness import Columns, Test, whiteness
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import evaluate
@@ -24,8 +32,12 @@ from kinematics.state import TIME
 from kinematics.transforms import Array
 
 SEED = 1
+STATIC = ("cross-axis", "tracker-range", "air-scale", "tracker-angle", "cyclic", "quantised-compensation")
+"""Kinds of causes that depend on positions alone, and not on the axis of one error motion of the model."""
 FAR_MORE = 1.5
-"""Ratio of the log odds of a jump to those of a function of time above which the function only imitates the jump."""
+"""Ratio of the log odds of a jump to those of a function of time above which the function only imitates the jump.
+
+Also the ratio of the log odds of a random walk to those of a jump above which the jump is a part of the walk."""
 
 
 def tests(linearised: LinearisedFit) -> list[Test]:
@@ -67,9 +79,18 @@ def unexplained(linearised: LinearisedFit) -> Unexplained | None:
     found = explaining_variables(white, given, np.random.default_rng(SEED))
     if found is None:
         return None
-    lengths = fitted_variables(linearised.evenly_noisy, found, list(given))
-    if set(lengths) == set(found.variables):
+    even = linearised.evenly_noisy
+    lengths = fitted_variables(even, found, list(given))
+    if set(lengths) != set(found.variables):
+        found = of_variables(white, given, lengths, found.p_value, np.random.default_rng(SEED))
+    misreading = with_function_of_readings(even)
+    if misreading.function is None or not any(may_depend_on(linearised, name) for name in found.variables):
         return found
+    if misreading.log_odds < absorbing(even, found, whole=True).log_odds + EVIDENCE:
+        return found
+    white = linearised.residual.reshape(len(linearised.rows), -1)
+    given = readings(linearised.measurement, linearised.rows)
+    lengths = dict(zip(*misreading.function, strict=True))
     return of_variables(white, given, lengths, found.p_value, np.random.default_rng(SEED))
 
 
@@ -97,21 +118,43 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
     ]
 
 
+def misread(stage: Stage) -> list[Accepted]:
+    """Accepted causes that only imitate an error of the tracker's readings: all together, else each of them.
+
+    A smooth function of what the tracker reads is likelier than they are; than causes of the instrument alone, which
+    are such functions themselves, only if it is needed beside them too.
+    """
+    even = stage._replace(linearised=stage.linearised.evenly_noisy)
+    static = [i for i, each in enumerate(stage.accepted) if each.candidate.kind in STATIC]
+    for group in ([static] if len(static) > 1 else []) + [[i] for i in static]:
+        without = even.without(*group)
+        free = sum(stage.accepted[i].score.effective_parameters for i in group)
+        own = 0.5 * (without.squares - even.linearised.squares - free * np.log(without.scalars))
+        likelier = with_function_of_readings(without).log_odds > own + EVIDENCE
+        of_machine = any(stage.accepted[i].candidate.effect.ACTS_ON != "instrument" for i in group)
+        if likelier and (of_machine or with_function_of_readings(even.linearised).function):
+            return [stage.accepted[i] for i in group]
+    return []
+
+
 def wandering(stage: Stage) -> list[Accepted]:
-    """Accepted jumps that only imitate a wandering: a smooth function of time explains more than they do."""
+    """Accepted jumps that only imitate a wandering: a function of time, or a random walk, explains more."""
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
     for i, each in enumerate(stage.accepted):
         if getattr(each.candidate.effect, "since_s", None) is None:
             continue
         without = even.without(i)
-        dependence = unexplained(without)
-        if dependence is None or TIME not in dependence.variables:
-            continue
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
         # rows that are correlated count in full for the function: for a jump only if it explains far more
         cost = score.effective_parameters * np.log(without.scalars)
-        function, in_full = log_odds_of_function(without, dependence), 0.5 * (score.squares - cost)
-        if function > max(-0.5 * score.delta_bic, in_full / FAR_MORE):
+        in_full = 0.5 * (score.squares - cost)
+        if with_walk(without).log_odds > FAR_MORE * in_full:
+            found.append(each)
+            continue
+        dependence = unexplained(without)
+        if dependence is None or TIME not in dependence.variables:
+            continue
+        if log_odds_of_function(without, dependence) > max(-0.5 * score.delta_bic, in_full / FAR_MORE):
             found.append(each)
     return found
 
@@ -119,7 +162,7 @@ def wandering(stage: Stage) -> list[Accepted]:
 def in_lengths(linearised: LinearisedFit, dependence: Unexplained) -> Array:
     """Unexplained function `(n, d)`, mm and rad, at the rows of a linearised fit, in the frame of the observations."""
     noise, turns = _noise(linearised), _into_tool(linearised)
-    if turns is None:
+    if turns is None or dependence.of_readings:
         return np.asarray((noise @ dependence.shape[:, :, None])[:, :, 0])
     errors = dependence.shape * np.linalg.norm(turns @ noise, axis=2)
     return np.asarray((np.swapaxes(turns, 1, 2) @ errors[:, :, None])[:, :, 0])

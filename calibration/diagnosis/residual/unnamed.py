@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy import linalg
 
-from calibration.diagnosis.residual.dependence import EVIDENCE, LENGTHS, Unexplained
+from calibration.diagnosis.residual.dependence import EVIDENCE, LENGTHS, Function, Unexplained
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, predicts
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
@@ -54,6 +54,8 @@ class Proposed(NamedTuple):
     log_odds: float
     """Log odds of the effect against none."""
     candidate: Candidate
+    effect: Unnamed
+    """Effect of the candidate."""
 
 
 class Added(NamedTuple):
@@ -132,28 +134,35 @@ def _tuned(selector: Selector, stage: Stage, index: int, dependence: Unexplained
 
 
 def propose(
-    linearised: LinearisedFit, dependence: Unexplained, components: Sequence[Direction] = COMPONENTS
+    linearised: LinearisedFit,
+    function: Function | Unexplained,
+    components: Sequence[Direction] = COMPONENTS,
+    *,
+    whole: bool = False,
 ) -> list[Proposed]:
-    """Unnamed effects in the directions of the tool in which their log odds exceed `EVIDENCE`, the likeliest first."""
+    """Unnamed effects in the directions of the tool in which their log odds exceed `EVIDENCE`, the likeliest first.
+
+    whole: also with the terms that the model and the registration can imitate.
+    """
     found = []
     for component in components:
         most = min(MOST_TERMS, len(linearised.rows) // ROWS_PER_TERM)
-        effect, spread = _effect(linearised, component, dependence, most)
+        effect, spread = _effect(linearised, component, function, most)
         columns = linearised.columns(effect) * spread
         schur = linearised.projected(columns).schur
-        kept = surviving(columns.T @ columns, schur)
+        kept = np.arange(len(spread)) if whole else surviving(columns.T @ columns, schur)
         if not len(kept):
             continue
         odds, size = evidence(schur[np.ix_(kept, kept)], columns[:, kept].T @ linearised.residual)
         terms = tuple(effect.terms[i] for i in kept.tolist())
         own = Unnamed(component, effect.variables, effect.ranges, terms, (0.0,) * len(terms))
-        found.append(Proposed(odds, Candidate(own, prior=tuple((size * spread[kept]).tolist()))))
+        found.append(Proposed(odds, Candidate(own, prior=tuple((size * spread[kept]).tolist())), own))
     return sorted((each for each in found if each.log_odds > EVIDENCE), key=lambda each: -each.log_odds)
 
 
-def odds_of(linearised: LinearisedFit, component: Direction, dependence: Unexplained) -> float:
+def odds_of(linearised: LinearisedFit, component: Direction, function: Function | Unexplained) -> float:
     """Log odds of an error of the tool in one direction, a function of these variables, against none."""
-    effect, spread = _effect(linearised, component, dependence, MOST_IN_ODDS)
+    effect, spread = _effect(linearised, component, function, MOST_IN_ODDS)
     columns = linearised.columns(effect) * spread
     return evidence(linearised.projected(columns).schur, columns.T @ linearised.residual)[0]
 
@@ -173,15 +182,15 @@ def evidence(schur: Array, along: Array) -> tuple[float, float]:
 
 
 def _effect(
-    linearised: LinearisedFit, component: Direction, dependence: Unexplained, most: int
+    linearised: LinearisedFit, component: Direction, function: Function | Unexplained, most: int
 ) -> tuple[Unnamed, Array]:
     """An effect of zero size with at most `most` terms of these lengths, and their standard deviations `(k,)`."""
     state, machine = linearised.measurement.state, linearised.measurement.machine
-    columns = [state.variable(machine, name, "unnamed") for name in dependence.variables]
+    columns = [state.variable(machine, name, "unnamed") for name in function.variables]
     ranges = tuple((float(column.min()), float(column.max())) for column in columns)
-    terms, spread = terms_of(dependence.lengths, most)
+    terms, spread = terms_of(function.lengths, most)
     degrees = tuple(map(tuple, terms.tolist()))
-    return Unnamed(component, dependence.variables, ranges, degrees, (0.0,) * len(terms)), spread
+    return Unnamed(component, function.variables, ranges, degrees, (0.0,) * len(terms)), spread
 
 
 @lru_cache(maxsize=256)

@@ -164,13 +164,14 @@ class LinearisedFit:
         blank = cls(fit, rows, white, decorrelation, parts.transform, design, limited, residual, away, kept, weights)
         return blank._at_rest()
 
-    def without(self, effect: int) -> LinearisedFit:
-        """The linearised fit of the model without one of its effects, given by number."""
-        model, part = self.fit.model, self.fit.model.slices[effect]
-        columns = np.arange(part.start, part.stop) + self.design.shape[1] - len(model.parameters)
-        linear = [quantity.linear for quantity in model.effects[effect].parameter_table]
-        scale = (self.fit.prior if self.fit.prior.ndim == 1 else np.diag(self.fit.prior))[part]
-        values = model.parameters[part] * linear / np.where(np.isfinite(scale), scale, 1.0)
+    def without(self, *effects: int) -> LinearisedFit:
+        """The linearised fit of the model without some of its effects, given by number."""
+        model = self.fit.model
+        own = np.concatenate([np.arange(model.slices[effect].start, model.slices[effect].stop) for effect in effects])
+        columns = own + self.design.shape[1] - len(model.parameters)
+        linear = [quantity.linear for effect in effects for quantity in model.effects[effect].parameter_table]
+        scale = (self.fit.prior if self.fit.prior.ndim == 1 else np.diag(self.fit.prior))[own]
+        values = model.parameters[own] * linear / np.where(np.isfinite(scale), scale, 1.0)
         fewer = replace(
             self,
             design=np.delete(self.design, columns, axis=1),
@@ -185,11 +186,16 @@ class LinearisedFit:
         typical = np.array([quantity.typical for quantity in effect.parameter_table])
         finite = np.isfinite(prior)
         in_priors = np.where(finite, prior, 1.0) / np.where(np.isfinite(typical), typical, 1.0)
+        return self.beside(self.columns(effect) * in_priors, finite)
+
+    def beside(self, columns: Array, limited: Array | bool = True) -> LinearisedFit:
+        """The linearised fit with white columns `(N, k)` more, in units of their priors where these are `limited`."""
+        k = columns.shape[1]
         more = replace(
             self,
-            design=np.concatenate([self.design, self.columns(effect) * in_priors], axis=1),
-            limited=np.concatenate([self.limited, finite + RIDGE]),
-            away=np.concatenate([self.away, np.zeros(len(prior))]),
+            design=np.concatenate([self.design, columns], axis=1),
+            limited=np.concatenate([self.limited, np.broadcast_to(limited, k) + RIDGE]),
+            away=np.concatenate([self.away, np.zeros(k)]),
         )
         return more._at_rest()
 

@@ -171,7 +171,7 @@ class Selector:
         for (candidate, _), number in zip(chosen, self.base.numbers(chosen), strict=True):
             effect = fit.model.effects[number]
             found = replace(candidate, effect=at_zero(effect))
-            without = self.base.lacking(linearised, candidate, number)
+            without = self.base.lacking(linearised, (candidate, number))
             projected = without.candidate(found.effect, found.unit)
             score = score_of(without, found, projected)
             size, gains = score.size * found.unit, without.held_out_gains(projected)

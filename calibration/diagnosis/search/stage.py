@@ -57,9 +57,10 @@ class Stage(NamedTuple):
         """The stage without the results that can be calculated again."""
         return self._replace(linearised=replace(self.linearised))
 
-    def without(self, index: int) -> LinearisedFit:
-        """The linearised fit without one accepted cause."""
-        return self.base.lacking(self.linearised, self.accepted[index].candidate, self.numbers[index])
+    def without(self, *indices: int) -> LinearisedFit:
+        """The linearised fit without some of the accepted causes."""
+        numbers = self.numbers
+        return self.base.lacking(self.linearised, *((self.accepted[i].candidate, numbers[i]) for i in indices))
 
     @property
     def cost(self) -> float:

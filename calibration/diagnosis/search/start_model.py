@@ -173,15 +173,16 @@ class Base:
         whole = np.concatenate([prior, own]) if prior.ndim == 1 else block_diag(prior, np.diag(own))
         return fit(measurement, model, prior=whole, variance=variance, near=near)
 
-    def lacking(self, linearised: LinearisedFit, candidate: Candidate, number: int) -> LinearisedFit:
-        """The linearised fit without one accepted candidate, the effect of that number.
+    def lacking(self, linearised: LinearisedFit, *left_out: tuple[Candidate, int]) -> LinearisedFit:
+        """The linearised fit without some accepted candidates, each with the number of its effect.
 
-        Where the candidate refined an error motion, the base's own motion replaces it.
+        Where a candidate refined an error motion, the base's own motion replaces it.
         """
-        without = linearised.without(number)
-        if not candidate.replaces:
-            return without
-        return without.along(self.model.effects[number], self.prior[self.model.slices[number]])
+        without = linearised.without(*(number for _, number in left_out))
+        for candidate, number in left_out:
+            if candidate.replaces:
+                without = without.along(self.model.effects[number], self.prior[self.model.slices[number]])
+        return without
 
     def numbers(self, accepted: Sequence[tuple[Candidate, np.ndarray]]) -> list[int]:
         """Indices of accepted candidates among the effects of the fitted model."""

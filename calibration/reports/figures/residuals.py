@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.diagnosis.improvement import in_micro
+from calibration.diagnosis.residual.readings import readings
 from calibration.diagnosis.residual.unexplained import in_lengths, variables
 from calibration.diagnosis.result import Diagnosis
 from calibration.observation.full_model import moving_axes
@@ -102,7 +103,7 @@ def unexplained_shape(found: Diagnosis) -> Figure:
     values = np.zeros_like(linearised.fit.residual)
     values[linearised.rows] = in_lengths(linearised, found.unexplained)
     micro = in_micro(linearised.fit, values)[linearised.rows]
-    known = variables(found.measurement, linearised.rows)
+    known = variables(found.measurement, linearised.rows) | readings(found.measurement, linearised.rows)
     chosen = dict(_shown(found, name, known[name]) for name in found.unexplained.variables)
     panels = []
     for name, x in chosen.items():
@@ -146,4 +147,7 @@ def _shown(found: Diagnosis, name: str, values: Array) -> tuple[str, Array]:
         return f"{name}, degC", np.asarray(values + REFERENCE)
     if name in machine.names:
         return f"{name}, {machine.axes[machine.index(name)].unit}", values
-    return f"{name}, mm/min" if name == "feed" else name, values
+    if name in ("azimuth", "elevation"):
+        return f"{name}, deg", np.degrees(values)
+    units = {"feed": ", mm/min", "distance": ", mm"}
+    return name + units.get(name, ""), values
