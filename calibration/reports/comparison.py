@@ -7,8 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from calibration.evaluation.comparison import LEAST, Comparison, Motion
-from calibration.evaluation.comparison import Figure as Compared
+from calibration.evaluation.comparison.result import Comparison, Motion
+from calibration.evaluation.comparison.result import Figure as Compared
+from calibration.evaluation.comparison.sides import LEAST
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.report_head import calibration_text
 from rendering.figures import COLOURS, Figure, Panel, band, grid

@@ -54,7 +54,7 @@ def compare(
     reference position, straightness is relative to its reference line, and its slope is in the squareness; for a rotary
     axis the means are the location errors. Effects of time, temperature or feed are listed, and not compared.
     """
-    from calibration.evaluation.comparison import compare as compared
+    from calibration.evaluation.comparison.compare import compare as compared
     from calibration.reports.comparison import comparison_report
     from postproc.commands.show.terminal import console, show
 
