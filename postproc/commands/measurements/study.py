@@ -27,7 +27,7 @@ MANY = 3000
 """Largest number of moves of a program that are evaluated, evenly spread."""
 EPILOG = (
     "Examples:\n\n"
-    "`ncomp study examples/studies/trajectory.toml -o trajectory.csv --report trajectory.html`\n\n"
+    "`ncomp study my_study.toml -o results.csv --report study.html`\n\n"
     "`ncomp study my_study.toml -o results.csv --workers 8 --json results.json`\n\n"
     "`ncomp study my_study.toml -o results.csv --dask tcp://scheduler:8786`\n\n"
     "`ncomp study my_study.toml -o results.csv --program part.nc --tool-length T1=120`\n\n"
@@ -41,7 +41,9 @@ def study(
     output: str = option(
         "Table with one row for each case; `-` is standard output.", "RESULTS.csv", "-o", default=REQUIRED
     ),
-    workers: int | None = option("Number of processes; default: one for each core.", "N", "-w", min=1),
+    workers: int | None = option(
+        "Number of processes; default: one for each core.", "N", "--workers", "-w", "--jobs", "-j", min=1
+    ),
     dask: DaskAddress,
     program: str | None = option("NC program, along which the errors after correction are evaluated too.", "PART.nc"),
     set_up: SetUpOptions,

@@ -7,11 +7,14 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
 
+METAVARS: dict[type, str] = {bool: " ", int: "N", float: "NUMBER", Path: "FILE"}
+"""Shown for the value of an option without a word of its own; a switch has no value."""
 REQUIRED = MISSING
 """Default of an option that must be given."""
 
@@ -26,9 +29,9 @@ def option(help: str, metavar: str | None = None, *names: str, default: Any = No
     return field(default=default, metadata={"names": names, "help": help, "metavar": metavar, **form})
 
 
-def argument(help: str, metavar: str, default: Any = REQUIRED) -> Any:
-    """A declared argument, without a name on the command line: `name: type = argument(...)`."""
-    return field(default=default, metadata={"help": help, "metavar": metavar})
+def argument(help: str, metavar: str, default: Any = REQUIRED, **form: Any) -> Any:
+    """A declared argument, without a name on the command line: `name: type = argument(...)`. form: `complete`."""
+    return field(default=default, metadata={"help": help, "metavar": metavar, **form})
 
 
 @dataclass(frozen=True)
@@ -72,11 +75,15 @@ class Declared:
             kind = str if get_origin(kind) is Literal else str | None
             form["metavar"] = form["metavar"] or "|".join(self.choices)
             form["complete"] = lambda: list(self.choices)
+        complete = form.pop("complete", None)
+        form["metavar"] = form["metavar"] or next(
+            (word for kind, word in METAVARS.items() if self._holds(kind)), "NAME"
+        )
         if form.pop("names", None) is None:
-            declared: Any = typer.Argument(**form)
+            declared: Any = typer.Argument(autocompletion=complete, **form)
         else:
             help_text = form.pop("help") + (" Repeatable." if self.item is not None else "")
-            complete, panel = form.pop("complete", None), form.pop("panel", self.panel)
+            panel = form.pop("panel", self.panel)
             names = [] if default is True else names  # Typer adds the name that begins with --no
             declared = typer.Option(*names, help=help_text, rich_help_panel=panel, autocompletion=complete, **form)
         return inspect.Parameter(
@@ -85,6 +92,9 @@ class Declared:
             default=inspect.Parameter.empty if default is REQUIRED else default,
             annotation=Annotated[kind, declared],
         )
+
+    def _holds(self, kind: type) -> bool:
+        return kind in (self.kind, self.item, *get_args(self.kind))
 
     def value(self, given: Any) -> Any:
         """The value for the command; UserError for a value that the type excludes."""

@@ -50,7 +50,7 @@ class SetUpOptions(ToolOptions):
     """Dialect of a program, and work offsets and tools of the control."""
 
     dialect: str = option(
-        "Dialect of the program: auto, iso, siemens or heidenhain.", default="auto", complete=_dialect_names
+        "Dialect of the program.", "auto|iso|siemens|heidenhain", default="auto", complete=_dialect_names
     )
     work_offset: tuple[str, ...] = option(
         "Work offset, mm; with rotary axes, degrees: `G54=-30,-20,150,C=90`.", "G54=x,y,z"

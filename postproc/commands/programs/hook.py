@@ -25,7 +25,9 @@ HOOKS: dict[str, tuple[str, str]] = {
 
 def hook(
     *,
-    cam: str | None = argument("Name of a hook; without it, the list.", "NAME", default=None),
+    cam: str | None = argument(
+        "Name of a hook; without it, the list.", "NAME", default=None, complete=lambda: list(HOOKS)
+    ),
     output: Path | None = option("Folder for the file; without it, standard output.", "FOLDER", "-o"),
     install: bool = option("Copy the post into FreeCAD's macro folders.", default=False),
 ) -> None:

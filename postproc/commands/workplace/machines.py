@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument, option
-from postproc.commands.options.shared import check_files, made_now
+from postproc.commands.options.shared import check_files, machine_names, made_now
 from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
@@ -23,7 +23,9 @@ EPILOG = (
 
 def machines(
     *,
-    name: str | None = argument("Name of a machine, or path of its .toml file.", "NAME", default=None),
+    name: str | None = argument(
+        "Name of a machine, or path of its .toml file.", "NAME", default=None, complete=machine_names
+    ),
     draw: Path | None = option(
         "Drawing of the chain with axes, pivots and positive directions.",
         "FILE.svg",
