@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import Any
@@ -29,7 +29,7 @@ HINT = "ncomp diagnose, with the quasi-static data or a finer run of targets, fi
 
 def continuous_json(found: Estimate, data: Data) -> dict[str, Any]:
     """All results, with units in the names; uncertainties are standard ones (k = 1)."""
-    rows, spread = found.table(), found.fused.spread
+    rows = found.table()
     return {
         "axis": data.axis,
         "direction": found.direction,
@@ -37,60 +37,17 @@ def continuous_json(found: Estimate, data: Data) -> dict[str, Any]:
         "rows": len(rows.position),
         "error_um": {"min": float(rows.error.min()), "max": float(rows.error.max())},
         "u_um": {"min": float(rows.u.min()), "max": float(rows.u.max())},
-        "continuous": [
-            {
-                "run": course.record.name,
-                "direction": DIRECTION_NAMES[course.record.direction],
-                "source": course.record.source,
-                "segment_mm": [float(course.x.min()), float(course.x.max())],
-                "samples": len(course.raw_x),
-                "blocks": len(course),
-                "samples_left_out": course.dropped,
-                "samples_missing": course.missing,
-                "feed_mm_min": course.feed,
-                "programmed_feed_mm_min": course.record.feed,
-                "noise_um": noise.total,
-                "noise_order": noise.order,
-                "noise_scale": each.shape.noise_scale,
-                "vibrations": [{"frequency_hz": f, "amplitude_um": a} for f, a in noise.vibrations],
-            }
-            for each in found.by_direction.values()
-            for course, noise in zip(each.courses, each.noises, strict=True)
-        ],
-        "quasi_static": {
-            "readings": len(found.quasi),
-            "readings_inside": len(found.fused.inside),
-            "u_um": spread.noise,
-            "sheet_um": found.quasi.u,
-            "degrees_of_freedom": spread.free,
-            "residual_rms_um": _rms(found.fused.residual),
-            "drift_offset_um": spread.offset,
-            "runs": [asdict(drift) for drift in found.fused.drift],
-        },
+        "continuous": list(_runs_json(found)),
+        "quasi_static": _quasi_static_json(found),
         "reversal": _reversal(found),
-        "shape": {
-            DIRECTION_NAMES[sign]: {
-                "prior_order": each.shape.order,
-                "finest_mm": each.shape.finest_mm,
-                "nodes": len(each.shape.nodes),
-                "bound_to_time": [{"frequency_hz": f, "amplitude_um": a} for f, a in each.found.bound_to_time],
-            }
-            for sign, each in found.by_direction.items()
-        },
+        "shape": {DIRECTION_NAMES[sign]: _shape_json(each) for sign, each in found.by_direction.items()},
         "cyclic": [
             {"direction": DIRECTION_NAMES[sign], **wave._asdict()}
             for sign, each in found.by_direction.items()
             for wave in each.waves
         ],
         "jumps": [
-            {
-                "direction": DIRECTION_NAMES[sign],
-                "pitch_mm": None if each.jumps.pitch is None else each.jumps.pitch[0],
-                "u_pitch_mm": None if each.jumps.pitch is None else each.jumps.pitch[1],
-                "positions_mm": list(each.jumps.positions_mm),
-                "sizes_um": list(each.jumps.sizes_um),
-                "u_um": list(each.jumps.u_um),
-            }
+            {"direction": DIRECTION_NAMES[sign], **_jumps_json(each)}
             for sign, each in found.by_direction.items()
             if each.jumps.positions_mm
         ],
@@ -105,6 +62,70 @@ def continuous_json(found: Estimate, data: Data) -> dict[str, Any]:
         },
         "notes": [*data.notes, *found.notes],
         "inputs": dict(data.fingerprints),
+    }
+
+
+def _runs_json(found: Estimate) -> Iterator[dict[str, Any]]:
+    """The runs in motion."""
+    for each in found.by_direction.values():
+        for course, noise in zip(each.courses, each.noises, strict=True):
+            yield {
+                "run": course.record.name,
+                "direction": DIRECTION_NAMES[course.record.direction],
+                "source": course.record.source,
+                "segment_mm": [float(course.x.min()), float(course.x.max())],
+                "samples": len(course.raw_x),
+                "blocks": len(course),
+                "samples_left_out": course.dropped,
+                "samples_missing": course.missing,
+                "feed_mm_min": course.feed,
+                "programmed_feed_mm_min": course.record.feed,
+                "noise_um": noise.total,
+                "noise_order": noise.order,
+                "noise_scale": each.shape.noise_scale,
+                "vibrations": _frequencies(noise.vibrations),
+            }
+
+
+def _quasi_static_json(found: Estimate) -> dict[str, Any]:
+    """The readings at targets."""
+    spread = found.fused.spread
+    return {
+        "readings": len(found.quasi),
+        "readings_inside": len(found.fused.inside),
+        "u_um": spread.noise,
+        "sheet_um": found.quasi.u,
+        "degrees_of_freedom": spread.free,
+        "residual_rms_um": _rms(found.fused.residual),
+        "drift_offset_um": spread.offset,
+        "runs": [asdict(drift) for drift in found.fused.drift],
+    }
+
+
+def _shape_json(each: OneDirection) -> dict[str, Any]:
+    """The shape of the error in one direction."""
+    return {
+        "prior_order": each.shape.order,
+        "finest_mm": each.shape.finest_mm,
+        "nodes": len(each.shape.nodes),
+        "bound_to_time": _frequencies(each.found.bound_to_time),
+    }
+
+
+def _frequencies(waves: Iterable[tuple[float, float]]) -> list[dict[str, float]]:
+    """Frequencies, Hz, and amplitudes, um."""
+    return [{"frequency_hz": f, "amplitude_um": a} for f, a in waves]
+
+
+def _jumps_json(each: OneDirection) -> dict[str, Any]:
+    """The steps of a table of the control in one direction."""
+    pitch = each.jumps.pitch
+    return {
+        "pitch_mm": None if pitch is None else pitch[0],
+        "u_pitch_mm": None if pitch is None else pitch[1],
+        "positions_mm": list(each.jumps.positions_mm),
+        "sizes_um": list(each.jumps.sizes_um),
+        "u_um": list(each.jumps.u_um),
     }
 
 

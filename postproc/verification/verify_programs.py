@@ -98,12 +98,7 @@ def verify_programs(
     understood, for two programs with different moves, and for a mark of another set-up that is not accepted.
     """
     accepted = parse_accepted(accept, PARTS)
-    original, corrected = (mark_in_program(source) for source in programs)
-    if corrected is None and original is not None:
-        raise UserError(
-            f"{programs[1].name} has no mark of ncomp, and {programs[0].name} has one: give the original first, "
-            "then the corrected one"
-        )
+    corrected = _mark_of_the_second(programs)
     notes = model_notes(models.evaluated, conditions)
     languages = [find_dialect(dialect, source.name, source.text_head) for source in programs]
     interpreters = [language.interpreter(machine, setup, Notes()) for language in languages]
@@ -140,6 +135,17 @@ def verify_programs(
         [*notes, *datums.notes()],
         verifiers[""].paths,
     )
+
+
+def _mark_of_the_second(programs: tuple[Source, Source]) -> Mark | None:
+    """The mark of the corrected program; UserError if only the first program has one."""
+    original, corrected = (mark_in_program(source) for source in programs)
+    if corrected is None and original is not None:
+        raise UserError(
+            f"{programs[1].name} has no mark of ncomp, and {programs[0].name} has one: give the original first, "
+            "then the corrected one"
+        )
+    return corrected
 
 
 def _mark_notes(

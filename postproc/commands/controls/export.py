@@ -20,6 +20,8 @@ from postproc.commands.options.shared import (
 )
 
 if TYPE_CHECKING:
+    from kinematics.error_model.model import ErrorModel
+    from kinematics.machine import Machine
     from postproc.control.setup import Setup
     from postproc.tables.export import Exported
     from postproc.tables.not_representable import Unrepresented
@@ -88,7 +90,6 @@ def export(
     from kinematics.files import whole_folder
     from postproc.commands.controls.control_files import encoded, write_probe
     from postproc.commands.controls.export_parameters import is_parameters, write_parameters
-    from postproc.commands.show.terminal import console
     from postproc.tables.export import sign_of
     from postproc.tables.format import parse_settings
     from postproc.tables.formats import find_format
@@ -114,18 +115,7 @@ def export(
         return
     sign_of(form, tables.sign)
     model = ncomp.load_calibration(found, calibration)
-    steps = 3 if program is None else 5
-    with console.status(f"1 of {steps}: tables") as status:
-        exported = ncomp.export(found, model=model, tool_mm=tool_mm, **vars(tables))
-        status.update(f"2 of {steps}: errors that the tables cannot hold")
-        left = exported.left
-        status.update(f"3 of {steps}: remaining errors over the volume")
-        errors = {"volume": exported.errors_in_the_volume()}
-        if program is not None:
-            status.update(f"4 of {steps}: reading {program}")
-            points = _points(program, exported, set_up.setup(found), set_up.dialect)
-            status.update(f"5 of {steps}: remaining errors along the program")
-            errors["program"] = exported.errors_at(points)
+    exported, left, errors = _exported(found, model, tables, tool_mm, program, set_up)
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
     report = export_report(exported, left, errors, str(output), list(files))
     written = whole_results(*others.files, None if rest is None else str(rest))
@@ -133,6 +123,32 @@ def export(
         others.write(_json(exported, left, errors, list(files)), report, (results, page), inputs)
         rest_file.write(encode_model(exported.rest))
     _show(exported, left, errors, output, to_screen="-" not in others.files)
+
+
+def _exported(
+    machine: Machine,
+    model: ErrorModel,
+    tables: TableOptions,
+    tool_mm: float,
+    program: str | None,
+    set_up: SetUpOptions,
+) -> tuple[Exported, list[Unrepresented], dict[str, dict[str, Any]]]:
+    """The tables, the errors that they cannot hold, and the remaining errors over the volume and along a program."""
+    from postproc.commands.show.terminal import console
+
+    steps = 3 if program is None else 5
+    with console.status(f"1 of {steps}: tables") as status:
+        exported = ncomp.export(machine, model=model, tool_mm=tool_mm, **vars(tables))
+        status.update(f"2 of {steps}: errors that the tables cannot hold")
+        left = exported.left
+        status.update(f"3 of {steps}: remaining errors over the volume")
+        errors = {"volume": exported.errors_in_the_volume()}
+        if program is not None:
+            status.update(f"4 of {steps}: reading {program}")
+            points = _points(program, exported, set_up.setup(machine), set_up.dialect)
+            status.update(f"5 of {steps}: remaining errors along the program")
+            errors["program"] = exported.errors_at(points)
+    return exported, left, errors
 
 
 def _check_folder(output: Path) -> None:
