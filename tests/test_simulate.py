@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from support.command import succeed
 from support.effect_examples import BACKWARD, DMU50, EXAMPLES, full_state
 
 import machines
@@ -44,6 +45,7 @@ from kinematics.error_model.model import decode_model, encode_model, no_errors
 from kinematics.forward import tool_point
 from kinematics.state import State
 from kinematics.user_error import UserError
+from kinematics.version import VERSION
 
 GANTRY = machines.load("gantry")
 TRACKER = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)
@@ -572,3 +574,13 @@ def test_help(ncomp):
         assert shown.status == 0
         assert f"ncomp {command} --machine" in shown.out.decode()
     assert len(DEFAULT) == 36
+
+
+def test_simulated_data_are_marked_and_read_without_a_note(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plan = ("--machine", "cframe", "--strategy", "grid", "--points", 12, "-o")
+    succeed("plan", *plan, "plan.csv")
+    assert f"# made_by: ncomp {VERSION}\n" in Path("plan.csv").read_text()
+    succeed("simulate", "--machine", "cframe", "--strategy", "plan.csv", "-o", "data.csv")
+    assert Path("data.csv").read_text().count(f"# made_by: ncomp {VERSION}, simulated\n") == 1
+    assert not [note for note in read_measurement(Path("data.csv"), machines.load("cframe")).notes if "made_by" in note]

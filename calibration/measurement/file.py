@@ -43,6 +43,7 @@ from calibration.measurement.instruments import Ballbar, Instrument, Interferome
 from calibration.measurement.measurement import Measurement, in_space, with_moves
 from calibration.measurement.states import (
     CARRIERS,
+    MADE_BY,
     PLAIN_NAME,
     MeasurementStates,
     allow_columns,
@@ -61,6 +62,7 @@ from kinematics.machine import Machine
 from kinematics.state import REFERENCE
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
+from kinematics.version import VERSION
 
 KINDS: dict[str, type[Instrument]] = {
     "laser-tracker": LaserTracker,
@@ -153,10 +155,13 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     )
 
 
-def write_measurement(measurement: Measurement, file: BinaryIO) -> None:
-    """Write the measurement; reading it gives the same measurement, with last moves from the order of rows."""
+def write_measurement(measurement: Measurement, file: BinaryIO, origin: str = "") -> None:
+    """Write the measurement; reading it gives the same measurement, with last moves from the order of rows.
+
+    origin: of the data, for the header line `made_by`.
+    """
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
-    for line in header_lines(measurement):
+    for line in (*header_lines(measurement), f"{MADE_BY}: ncomp {VERSION}{origin}"):
         text.write(f"# {line}\n")
     columns = _columns(measurement)
     writer = csv.writer(text, lineterminator="\n")

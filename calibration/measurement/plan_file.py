@@ -22,6 +22,7 @@ from calibration.measurement.measurement import with_moves
 from calibration.measurement.plan import Plan
 from calibration.measurement.states import (
     CARRIERS,
+    MADE_BY,
     PLAIN_NAME,
     allow_columns,
     check_machine,
@@ -32,6 +33,7 @@ from calibration.measurement.states import (
 from calibration.measurement.text_table import read_table
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
+from kinematics.version import VERSION
 
 POINT = "point"
 """Column with the names of points."""
@@ -41,6 +43,7 @@ def write_plan(plan: Plan, file: BinaryIO) -> None:
     """Write the plan: mm, degrees, s; with directions of approach unless the order of the rows gives the same."""
     columns = _columns(plan)
     head = [f"machine: {plan.machine.name}", f"strategy: {plan.strategy}", f"minutes: {plan.minutes:.1f}"]
+    head.append(f"{MADE_BY}: ncomp {VERSION}")
     head += [f"{PLAN_ID}: {plan_id(plan)}", *_sphere_lines(plan)] if plan.spheres else _target_lines(plan)
     lines = [*(f"# {line}" for line in head), ",".join(columns)]
     lines += [",".join(cells) for cells in zip(*columns.values(), strict=True)]

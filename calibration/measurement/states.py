@@ -26,7 +26,9 @@ from kinematics.user_error import UserError
 CARRIERS: Mapping[str, Carrier] = {"target": "tool", "table": "table", "bed": "bed"}
 """Carrier of a target, by the first part of its header key."""
 STANDS_ON: Mapping[str, Literal["workpiece", "bed"]] = {"workpiece": "workpiece", "bed": "bed"}
-OF_A_PLAN = ("strategy", "minutes")
+MADE_BY = "made_by"
+"""Header key of the program that wrote the file."""
+OF_A_PLAN = ("strategy", "minutes", MADE_BY)
 """Header keys of a plan, which a measurement file made from it may keep."""
 FITTED = 6
 """Least number of rows of a target on the tool whose position is fitted because the header does not give it."""

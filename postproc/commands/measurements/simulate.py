@@ -16,7 +16,7 @@ from postproc.commands.options.program import SetUpOptions
 from postproc.commands.options.shared import MachineName, check_files, whole_results
 from postproc.commands.options.strategy import StrategyOptions, targets_of
 from postproc.commands.options.virtual_instrument import FaultOptions, InstrumentOptions
-from postproc.commands.options.virtual_machine import VirtualMachineOptions
+from postproc.commands.options.virtual_machine import SIMULATED, VirtualMachineOptions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -108,7 +108,7 @@ def simulate(
     for note in made.notes:
         say("note", note)
     with whole_results(*outputs) as (truth, file):
-        write_measurement(made.measurement, file)
+        write_measurement(made.measurement, file, SIMULATED)
         truth.write(encode_model(model))
     console.print(summary)
     for note in made.spoiled:

@@ -9,7 +9,7 @@ import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, numbers, option
 from postproc.commands.options.shared import MachineName, Seed, check_files, whole_results
-from postproc.commands.options.virtual_machine import VirtualMachineOptions
+from postproc.commands.options.virtual_machine import SIMULATED, VirtualMachineOptions
 
 if TYPE_CHECKING:
     from calibration.continuous.virtual import Laser, Motion
@@ -168,7 +168,7 @@ def simulate_continuous(
         )  # fmt: skip
     with whole_results(errors.truth, quasistatic, output) as (truth, readings, file):
         write_records(measured.records, axis, found.name, file)
-        write_measurement(measured.quasi, readings)
+        write_measurement(measured.quasi, readings, SIMULATED)
         truth.write(encode_model(model))
     samples = sum(map(len, measured.records))
     console.print(

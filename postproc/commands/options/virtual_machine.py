@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from kinematics.machine import Machine
 
 
+SIMULATED = ", simulated"
+"""Origin of simulated data, for the header of their file."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class VirtualMachineOptions:
     """Errors and temperatures of a virtual machine."""
