@@ -18,6 +18,9 @@ from kinematics.user_error import UserError
 
 CONVERGED = 1e-8
 """mm and rad."""
+TURNING, LEAST_RATIO = 4.0, 1e-3
+"""A step is taken to be as long against the last one as that against the one before, times TURNING because it has
+another direction, and at least LEAST_RATIO of it."""
 MAX_ROUNDS = 12
 MAX_HALVINGS = 24
 DAMPING = 5e-3
@@ -37,15 +40,17 @@ def correct_position(
     start: Array | None = None,
     shift: ArrayLike = (0.0, 0.0, 0.0),
     precision: float = CONVERGED,
+    slope: float = np.inf,
 ) -> Array:
     """Axis positions `(n, axes)`, mm and rad, whose actual tool point is where the nominal one is at `nominal`.
 
     tool `(n, 3)` mm; movable `(n, axes)`: axes that may move, of which only the translators do. start `(n, axes)`:
     positions that all other axes take (default: nominal). shift `(n, 3)`, mm, workpiece frame: from the nominal tool
     point to the target. The target of the nominal machine is shifted by the tool point error of the exact model until
-    this error vanishes: each iteration reduces it by about the slope of the errors (1e-4). A row stops after a step
-    below `precision`, mm, whatever the rows beside it need. If the errors jump and the target lies in the jump, the
-    side with the smaller error is taken. UserError if the iteration does not converge.
+    this error vanishes: each step is about the slope of the errors (1e-4) times the one before. A row stops where its
+    next step would be below `precision`, mm, whatever the rows beside it need. slope: largest change of the errors by
+    way, mm/mm; where it is infinite the errors may jump, and a row stops after such a step. If the target lies in a
+    jump, the side with the smaller error is taken. UserError if the iteration does not converge.
     """
     n, tip = len(nominal), vector(tool)
     translators = machine.translators
@@ -54,9 +59,10 @@ def correct_position(
     others = nominal if start is None else start
     unmoved = others.copy()
     unmoved[:, translators] = 0.0
-    fixed, target = ChainColumns(machine, unmoved), plus(ChainColumns(machine, nominal).point(tip), vector(shift))
-    aim, base, q = target, fixed.point(tip), np.ascontiguousarray(others.T)
-    unsettled = np.ones(n, bool)
+    fixed, there = ChainColumns(machine, unmoved), ChainColumns(machine, nominal).point(tip)
+    aim = there if start is None else ChainColumns(machine, others, fixed).point(tip)
+    target, base, q = plus(there, vector(shift)), fixed.point(tip), np.ascontiguousarray(others.T)
+    unsettled, before = np.ones(n, bool), np.full(n, precision)
     for _ in range(MAX_ROUNDS):
         aim = minus(aim, minus(ChainColumns(machine, q.T, fixed).point(tip, errors(q.T)), target))
         following, steps = q.copy(), np.zeros(n)
@@ -64,7 +70,9 @@ def correct_position(
             following[k] = np.where(moving[:, k] & unsettled, position, q[k])
             steps = np.maximum(steps, np.abs(following[k] - q[k]))
         q = following
-        unsettled &= steps >= precision
+        reduced = np.minimum(np.maximum(TURNING * steps / before, LEAST_RATIO), slope) if slope < 1.0 else 1.0
+        unsettled &= steps * reduced >= precision
+        before = np.maximum(steps, precision)
         if not unsettled.any():
             return np.ascontiguousarray(q.T)
     targets = rows_of(target, n), np.broadcast_to(tool, (n, 3)), moving, others

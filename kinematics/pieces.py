@@ -31,6 +31,9 @@ ENDLESS_TURNS, ENDLESS_MM = 2.0, 5000.0
 """Reach of the tables of axes without end on either side of zero."""
 MOST_FEATURES = 500.0
 """Features of an effect along the travel, above which it is not put into a table."""
+ARM = 1000.0
+"""Distance, mm, of the tool point from the axes whose error motions turn it, about."""
+SAMPLES = 1025
 HALVINGS = 12
 FEW = 24
 """Pieces among rows up to which they are evaluated one after the other."""
@@ -168,6 +171,25 @@ class ErrorMotions:
     def curvatures(self) -> dict[int, Curvature]:
         """By column of the axis."""
         return {i: Curvature(table) for i, table in self.tables.items()}
+
+    @cached_property
+    def slope(self) -> float:
+        """About the largest change of tool point errors, mm, by way of the linear axes, mm; infinite if errors jump.
+
+        Sampled over the travel, for a tool point that is ARM away from the axes.
+        """
+        jumps = (bounds.steps.max() > EXACT * len(bounds.breaks) for bounds in self.curvatures.values())
+        if not self.complete or any(jumps):
+            return np.inf
+        total = 0.0
+        for i, table in self.tables.items():
+            x, step = np.linspace(table.breaks[0], table.breaks[-1], SAMPLES, retstep=True)
+            inside = (x >= self.machine.travel[0, i]) & (x <= self.machine.travel[1, i])
+            values = table.at(x[inside], np.zeros(inside.sum()))
+            total += _lengths(values)[1].max()
+            if i in self.machine.translators:
+                total += np.dot((1.0, ARM), _lengths(np.diff(values)).max(axis=1)) / step
+        return float(total)
 
     def _in_table(self, effect: Effect) -> bool:
         """True for the effects in tables and for constants of the tool."""

@@ -8,6 +8,7 @@ reason, because its socket is then closed.
 from __future__ import annotations
 
 import multiprocessing
+import os
 import pickle
 import queue
 import signal
@@ -28,6 +29,9 @@ BUFFERS = 5
 """Protocol of pickle that leaves the memory of columns where it is."""
 SIZE = struct.Struct("<Q")
 """A number before a message: of its parts, and of their bytes."""
+
+GIVES_WAY = 10
+"""Niceness of the process: this one does the longest part of the work, and should never wait for a processor."""
 
 
 class LostProcess(Exception):
@@ -119,6 +123,8 @@ def _bytes_from(source: socket.socket, size: int) -> memoryview:
 def _serve(other: socket.socket, work: Callable[[Any], Any]) -> None:
     """In the process: do the tasks until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all processes; the first one decides
+    if hasattr(os, "nice"):
+        os.nice(GIVES_WAY)
     with suppress(EOFError, OSError):
         while True:
             task = _received(other)

@@ -67,7 +67,7 @@ def correct_ends(
     approach: Array | None = None,
     precision: float = CONVERGED,
 ) -> Correction:
-    """As `correct`, for the end points alone. precision: last step of the iteration, mm."""
+    """As `correct`, for the end points alone. precision: as of `correct_position`."""
     nominal, states = motions.machine_target, conditions.states(approach)
     shift = datum_shifts(motions, model, conditions)
     corrected = corrected_positions(
@@ -89,14 +89,15 @@ def corrected_positions(
     """Axis positions `(n, axes)`, mm and rad, with the actual pose equal to the nominal pose at `nominal` `(n, axes)`.
 
     models: of the tool point and, for movable rotary axes, of the orientation. tool `(n, 3)`, mm. shift `(n, 3)`, mm,
-    workpiece frame: displacement of the part from its nominal position. precision: last step of the iteration, mm.
+    workpiece frame: displacement of the part from its nominal position. precision: as of `correct_position`.
     """
 
     model, orientation = models
     start = None
     if orientation is not None:
         start = correct_orientation(machine, states.errors(machine, orientation), nominal, movable)
-    return correct_position(machine, states.errors(machine, model), nominal, tool, movable, start, shift, precision)
+    errors, slope = states.errors(machine, model), states.conditions.errors(machine, model).slope
+    return correct_position(machine, errors, nominal, tool, movable, start, shift, precision, slope)
 
 
 @dataclass(frozen=True)
