@@ -31,6 +31,9 @@ def comparison_report(found: Comparison, models: Sequence[ErrorModel], names: tu
         f"{aligned.largest:.2f} um, after alignment; standard uncertainty {found.volume.u_rms_um:.2f} um RMS.\n"
         f"{_significant(found)}"
     )
+    demonstrations = [letter for letter, model in zip("AB", models, strict=True) if model.demonstration]
+    if demonstrations:
+        verdict = f"DEMONSTRATION CALIBRATION {' and '.join(demonstrations)}: it describes no real machine.\n{verdict}"
     lead = f"A: {names[0]} · B: {names[1]}"
     both = "; ".join(f"{letter}: {calibration_text(model)}" for letter, model in zip("AB", models, strict=True))
     head = found.machine.report.filled(machine=found.machine.name, calibration=both, command=command)

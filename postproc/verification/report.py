@@ -8,6 +8,7 @@ from functools import partial
 from kinematics.files.report_head import calibration_text
 from kinematics.machine import Machine
 from postproc.correct.classes import ClassResiduals
+from postproc.correct.report import DEMONSTRATION
 from postproc.correct.report_figures import path_sections
 from postproc.evaluation.predicted_errors import Statistic
 from postproc.verification.verify import Verdict
@@ -25,7 +26,9 @@ def verification_report(done: Verification, programs: str, machine: Machine) -> 
     """The result for people; `programs`: names of both programs."""
     models = "; ".join(calibration_text(model) for model, _ in done.models.by_key().values())
     head = machine.report.filled(machine=machine.name, calibration=models)
-    return Report("Verification", programs, list(_sections(done)), _verdict(done.verdict), head=head)
+    shown = [model for model, _ in done.models.by_key().values() if model.demonstration]
+    verdict = "\n".join([*([DEMONSTRATION] if shown else []), _verdict(done.verdict)])
+    return Report("Verification", programs, list(_sections(done)), verdict, head=head)
 
 
 def _verdict(verdict: Verdict) -> str:

@@ -20,6 +20,7 @@ from postproc.commands.programs.folder import (
     present_programs,
 )
 from postproc.commands.programs.request import Request
+from postproc.correct.report import DEMONSTRATION
 
 LOOKS = 4
 """Looks at the folder within the time for which a file must not change."""
@@ -37,6 +38,7 @@ class Watch:
         self._inputs = request.inputs
         found, model, self._correction = request.prepared()
         self._title = f"machine {found.name}, calibration {model.id}"
+        self._warning = DEMONSTRATION if model.demonstration else ""
         self._done: dict[Path, Fingerprint] = {}
         self._seen: dict[Path, tuple[Fingerprint | None, float]] = {}
         self._counts: Counter[str] = Counter()
@@ -46,6 +48,8 @@ class Watch:
     def run(self, idle: float | None) -> None:
         """Watch until the process is told to end, or for a time, s, without work."""
         self._say(f"watching {self._folder}, {self._title}; Ctrl-C ends")
+        if self._warning:
+            self._say(self._warning)
         try:
             while True:
                 for program in self._complete():
