@@ -12,7 +12,7 @@ from support.virtual_measurements import THREE, measured, positions, truth
 from calibration.diagnosis.acceptance import against_learned
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.residual.dependence import Unexplained
-from calibration.diagnosis.widening import unseen_errors
+from calibration.diagnosis.widening import moments, unseen_errors, widened
 from calibration.fit.acceptance import without_clamp
 from calibration.fit.prediction import relative
 from kinematics.deviation import exact_deviation
@@ -54,6 +54,18 @@ def test_an_unexplained_part_that_is_added_to_the_model_does_not_widen_it():
     found = diagnose(data_with(warped, n=240), left_over="add")
     assert found.with_unnamed
     assert found.widened == 1.0
+
+
+def test_widened_predictions_reach_their_errors():
+    """Parameters that move the tool in one direction move it in others too."""
+    data = data_with(n=120)
+    model = diagnose(data).model
+    own = widened(model, data, np.zeros(3))
+    assert own.factor == 1.0
+    design = np.concatenate([moment.design(model) for moment in moments(data)])
+    before = np.mean(model.propagated(design) ** 2, axis=0)
+    after = np.mean(widened(model, data, 9.0 * before).model.propagated(design) ** 2, axis=0)
+    np.testing.assert_allclose(after, 9.0 * before, rtol=0.05)
 
 
 @pytest.mark.parametrize("walks", [True, False])

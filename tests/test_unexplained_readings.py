@@ -76,3 +76,15 @@ def test_an_error_of_an_encoder_stays_a_cause():
     stage = stage_of(data_with(AngleHarmonic("azimuth", 2, 90.0, -40.0), n=N), "tracker-angle")
     assert stage.accepted[0].score.delta_bic < WORTH
     assert misread(stage) == []
+
+
+def test_a_function_of_a_direction_is_none_of_readings():
+    """No error of the tool can depend on a direction; a fine function of the readings imitates some of it."""
+    data = data_with(n=N)
+    side = data.state.approach[:, CFRAME.index("Y")]
+    u = 2.0 * (data.state.position(CFRAME, "Z") - TRAVELS[2][0]) / np.ptp(TRAVELS[2]) - 1.0
+    observed = data.observed + 0.02 * (side * np.sin(np.pi * u))[:, None] * [1.0, 0.5, 0.0]
+    linearised = (
+        selector(replace(data, observed=observed, state=replace(data.state, observed=observed))).stage([]).linearised
+    )
+    assert {"Z", "direction of Y"} <= set(unexplained(linearised).variables)

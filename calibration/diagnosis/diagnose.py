@@ -39,7 +39,7 @@ from calibration.diagnosis.verdict import (
     outliers,
     with_changed_lines,
 )
-from calibration.diagnosis.widening import unseen_errors, widened
+from calibration.diagnosis.widening import errors_by_choice, unseen_errors, widened
 from calibration.fit.acceptance import disagreement
 from calibration.fit.curves.between_positions import with_curves_between
 from calibration.fit.fit import Fit
@@ -169,6 +169,8 @@ def _concluded(
     model, factor = new_calibration(selector.base, curved, added, calibration), 1.0
     if unseen is not None:
         model, factor = widened(model, selector.measurement, unseen.squares)
+    elif dependence is None and (finer_fit := selector.with_finer_turns(after)) is not None:
+        model, factor = widened(model, selector.measurement, errors_by_choice(after.fit, finer_fit))
     given, change = before, None
     if first.base.present is not None and calibration is not None:
         given = first.on(first.base.as_it_is).bare

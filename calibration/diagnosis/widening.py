@@ -16,8 +16,11 @@ import numpy as np
 
 from calibration.diagnosis.residual.absorber import absorbing
 from calibration.diagnosis.residual.dependence import Unexplained
+from calibration.diagnosis.residual.unexplained import shared_squares
+from calibration.diagnosis.residual.unnamed import may_depend_on
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.fit.acceptance import usual_states, without_clamp
+from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
 from calibration.fit.prediction import MM, deviation_design
 from calibration.measurement.measurement import Measurement
@@ -96,7 +99,7 @@ def unseen_errors(linearised: LinearisedFit, dependence: Unexplained, present: E
     root = np.concatenate([_scaled(fit.prior, root[:p]), root[own[p:]]])
     given = no_errors(fit.measurement.machine) if present is None else present
     parts = []
-    for moment in _moments(fit.measurement):
+    for moment in moments(fit.measurement):
         design = moment.design(fit.model)
         lacking = moment.design(function) * beside.prior
         error = design @ moved + lacking @ values[own[p:]]
@@ -104,9 +107,28 @@ def unseen_errors(linearised: LinearisedFit, dependence: Unexplained, present: E
         before = moment.deviations(fit.model) - moment.deviations(given) + error
         parts.append(np.mean([error**2 + variance, error**2, before**2], axis=1))
     squares, after, without = np.mean(parts, axis=0)
+    if len(shared := shared_squares(linearised, dependence)) == 3 and not _of_tool(linearised, dependence):
+        squares = np.maximum(squares, shared)
     moves = any(name == TIME or name.startswith(TEMPERATURE) for name in dependence.variables)
     recurs = not moves and not dependence.of_readings
     return UnseenErrors(squares, float(np.sqrt(after.sum())), float(np.sqrt(without.sum())), recurs)
+
+
+def _of_tool(linearised: LinearisedFit, dependence: Unexplained) -> bool:
+    """True where the fit beside the function holds the whole of it."""
+    return dependence.of_readings or all(may_depend_on(linearised, name) for name in dependence.variables)
+
+
+def errors_by_choice(found: Fit, finer: Fit) -> Array:
+    """Mean squares `(3,)`, um^2, of the errors of a model at unseen states, by a fit with finer bases.
+
+    Few rows leave a choice between bases open: waves that the evidence tolerates have not left the machine.
+    """
+    parts = []
+    for moment in moments(found.measurement):
+        apart = moment.deviations(found.model) - moment.deviations(finer.model)
+        parts.append(np.mean(apart**2 + finer.model.propagated(moment.design(finer.model)) ** 2, axis=0))
+    return np.asarray(np.mean(parts, axis=0))
 
 
 def _solved(linearised: LinearisedFit, first: int) -> tuple[Array, Array]:
@@ -126,7 +148,7 @@ def _scaled(prior: Array, values: Array) -> Array:
     return np.asarray((np.where(np.isfinite(prior), prior, 1.0) * values.T).T)
 
 
-def _moments(measurement: Measurement) -> Iterator[_Moment]:
+def moments(measurement: Measurement) -> Iterator[_Moment]:
     """Random states within the measured ranges, at several moments of the measurement."""
     state, tool = usual_states(measurement)
     low, high = state.positions.min(axis=0), state.positions.max(axis=0)
@@ -149,15 +171,22 @@ def widened(model: ErrorModel, measurement: Measurement, squares: Array) -> Wide
     """
     if model.covariance is None:
         return Widened(model, 1.0)
-    design = np.concatenate([moment.design(model) for moment in _moments(measurement)])
+    from scipy.optimize import nnls
+
+    design = np.concatenate([moment.design(model) for moment in moments(measurement)])
     root = root_of(np.array(model.covariance))
     parts = np.moveaxis(design @ root, 1, 0)
     variance = np.mean(np.sum(parts**2, axis=2), axis=1)
-    more = np.zeros_like(root)
+    own = []
     for k in np.flatnonzero(variance):
         _, sizes, directions = np.linalg.svd(parts[k], full_matrices=False)
-        own = root @ directions[sizes > SEEN * sizes[0]].T
-        more += max(squares[k] / variance[k] - 1.0, 0.0) * own @ own.T
+        own.append(root @ directions[sizes > SEEN * sizes[0]].T)
+    if not own:
+        return Widened(model, 1.0)
+    # a combination of parameters moves the tool in other directions too
+    moved = np.stack([np.mean(np.sum((design @ each) ** 2, axis=2), axis=0) for each in own], axis=1)
+    factors, _ = nnls(moved, np.maximum(squares - variance, 0.0))
+    more = sum(factor * each @ each.T for factor, each in zip(factors.tolist(), own, strict=True))
     larger = model.with_parameters(model.parameters, np.array(model.covariance) + more)
     after = np.mean(larger.propagated(design) ** 2, axis=0)
     return Widened(larger, float(np.sqrt(after.mean() / variance.mean())))

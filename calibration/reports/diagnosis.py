@@ -394,7 +394,7 @@ def _tested(test: Test | None, marked: set[str]) -> tuple[str, str]:
 def _unexplained(found: Diagnosis) -> Section:
     left = found.unexplained
     if left is None:
-        return Section("Unexplained", found.conclusion.unexplained)
+        return Section("Unexplained", f"{found.conclusion.unexplained}{_few_rows(found.widened)}")
     text = (
         f"{found.unexplained_um:.2f} um RMS depend on {left.listed} ({probability(left.p_value, 2)}), and no cause "
         f"of the library explains them.{_of_readings(left)}{_widened(found.widened)}\n"
@@ -406,6 +406,15 @@ def _unexplained(found: Diagnosis) -> Section:
     rows = [(o.variable, f"{o.correlation:.3f}", f"{o.p_value:.2g}", f"{o.adjusted:.2g}") for o in found.one_by_one]
     alone = Table(("variable", "distance correlation, squared", "p", "adjusted p"), rows)
     return Section("Unexplained", text, alone, partial(unexplained_shape, found))
+
+
+def _few_rows(factor: float) -> str:
+    if factor == 1.0:
+        return ""
+    return (
+        f" The rows are few and leave open how fine the waves of rotary axes are: the uncertainties of the calibration "
+        f"are {factor:.2g} times those that follow from the noise."
+    )
 
 
 def _of_readings(left: Unexplained) -> str:

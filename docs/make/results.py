@@ -293,7 +293,7 @@ MEANINGS = {
     "shape": "the fitted curve",
     "sign_confirmed": "true if the sign of the format is confirmed",
     "significant": "true if the difference exceeds its uncertainty",
-    "widened": "uncertainties of the calibration as a multiple of those that follow from the noise; 1 without an unexplained error",
+    "widened": "uncertainties of the calibration as a multiple of those that follow from the noise; 1 without an unexplained error, and with many rows",
     "significant_share": "share of the positions whose correction exceeds its uncertainty",
     "significant_share_of_improvement": "share of the improvement that exceeds its uncertainty",
     "significant_k": "coverage factor of significant_share",

@@ -103,6 +103,12 @@ def of_variables(
     return _shaped(kernels, white - white.mean(axis=0), names, {i: lengths[n] for i, n in enumerate(names)}, p_value)
 
 
+def log_odds(white: Array, variables: Mapping[str, Array], lengths: Mapping[str, float]) -> float:
+    """Log odds of a smooth function of given variables `(n,)` in residuals `(n, d)` against noise."""
+    kernels = Kernels([variables[name] for name in lengths], _centres(len(white), np.random.default_rng(0)))
+    return _evidence(kernels, dict(enumerate(lengths.values())), white - white.mean(axis=0))
+
+
 def _centres(n: int, rng: np.random.Generator) -> np.ndarray:
     return np.sort(rng.choice(n, min(CENTRES, n), replace=False))
 

@@ -14,7 +14,13 @@ from calibration.diagnosis.residual.absorber import (
     without_support,
 )
 from calibration.diagnosis.residual.chance_level import SEARCHES, SMOOTH, Chance
-from calibration.diagnosis.residual.dependence import EVIDENCE, Unexplained, explaining_variables, of_variables
+from calibration.diagnosis.residual.dependence import (
+    EVIDENCE,
+    Unexplained,
+    explaining_variables,
+    log_odds,
+    of_variables,
+)
 from calibration.diagnosis.residual.distance_correlation import Dependence, dependences
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.residual.readings import readings, with_function_of_readings
@@ -84,14 +90,16 @@ def unexplained(linearised: LinearisedFit) -> Unexplained | None:
     if set(lengths) != set(found.variables):
         found = of_variables(white, given, lengths, found.p_value, np.random.default_rng(SEED))
     misreading = with_function_of_readings(even)
-    if misreading.function is None or not any(may_depend_on(linearised, name) for name in found.variables):
+    if misreading.function is None:
         return found
-    if misreading.log_odds < absorbing(even, found, whole=True).log_odds + EVIDENCE:
-        return found
-    white = linearised.residual.reshape(len(linearised.rows), -1)
-    given = readings(linearised.measurement, linearised.rows)
-    lengths = dict(zip(*misreading.function, strict=True))
-    return of_variables(white, given, lengths, found.p_value, np.random.default_rng(SEED))
+    read, seen = linearised.residual.reshape(len(linearised.rows), -1), dict(zip(*misreading.function, strict=True))
+    angles = readings(linearised.measurement, linearised.rows)
+    if all(may_depend_on(linearised, name) for name in found.variables):
+        likelier = misreading.log_odds > absorbing(even, found, whole=True).log_odds + EVIDENCE
+    else:  # no error of the tool depends on all of the variables
+        own = dict(zip(found.variables, found.lengths, strict=True))
+        likelier = log_odds(read, angles, seen) > log_odds(white, given, own) + EVIDENCE
+    return of_variables(read, angles, seen, found.p_value, np.random.default_rng(SEED)) if likelier else found
 
 
 def one_by_one(linearised: LinearisedFit) -> list[Dependence]:

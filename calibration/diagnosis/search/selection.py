@@ -58,6 +58,8 @@ MANY = 8
 """Blocks from which the fit of the others has nearly all data, so that it judges bases as the whole does."""
 RECENT = 12
 """Most fits that are kept."""
+FEW = 4.0
+"""Observations per effective parameter up to which they leave the choice of bases open."""
 PASSES = 2
 """Most rounds in which a sibling replaces a cause."""
 
@@ -164,6 +166,12 @@ class Selector:
             replace(each, siblings=other.siblings) for each, other in zip(found.accepted, stage.accepted, strict=True)
         ]
         return found._replace(accepted=tuple(kept))
+
+    def with_finer_turns(self, stage: Stage) -> Fit | None:
+        """The fit of the causes of a stage with finer bases of rotary axes; None without these, and for many rows."""
+        few = stage.fit.observations < FEW * stage.fit.effective_parameters
+        base = stage.base.with_finer_turns(self.measurement) if few else None
+        return None if base is None else base.cautious_fit(self.measurement, chosen_of(stage.accepted), self.variance)
 
     def _stage_of(self, chosen: Sequence[tuple[Candidate, Array]], fit: Fit) -> Stage:
         linearised = LinearisedFit.of(fit)

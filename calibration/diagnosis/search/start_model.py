@@ -22,7 +22,7 @@ from calibration.diagnosis.search.candidates import Candidate, at_zero, changes,
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.refinement import GENEROUS, Refinement
 from calibration.fit.bases.search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
-from calibration.fit.bases.selection import choose
+from calibration.fit.bases.selection import choose, finer
 from calibration.fit.curves.between_positions import as_table
 from calibration.fit.fit import Fit, fit
 from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
@@ -54,6 +54,8 @@ CHANGED = 10.0
 """Logarithmic evidence, twice, for a change of a scale or of a location error since the calibration (Kass, Raftery)."""
 EXACT = 1e-3
 """Least standard uncertainty of a calibrated parameter, um or urad."""
+MARGIN = 1
+"""Sizes by which bases of rotary axes are finer in the uncertainty of their choice."""
 Origin = Literal["automatic", "refitted", "updated"]
 
 
@@ -114,6 +116,16 @@ class Base:
             if basis != bases[axis]
         ]
         return [_of_choice(measurement, choice, self.known) for choice in choices]
+
+    def with_finer_turns(self, measurement: Measurement) -> Base | None:
+        """The base with finer bases of rotary axes, whose next waves the evidence tolerates; None without any."""
+        if self.choice is None:
+            return None
+        finest = finer(self.choice, measurement, MARGIN)
+        bases = {axis: (finest if axis[0] in "ABC" else self.choice).bases[axis] for axis in self.choice.bases}
+        if bases == self.choice.bases:
+            return None
+        return _of_choice(measurement, replace(self.choice, bases=bases), self.known)
 
     def fine(self, measurement: Measurement) -> bool:
         """True where it may imitate a cause, so that its residuals may not show the cause."""
