@@ -186,6 +186,8 @@ def widened(model: ErrorModel, measurement: Measurement, squares: Array) -> Wide
     # a combination of parameters moves the tool in other directions too
     moved = np.stack([np.mean(np.sum((design @ each) ** 2, axis=2), axis=0) for each in own], axis=1)
     factors, _ = nnls(moved, np.maximum(squares - variance, 0.0))
+    if not factors.any():
+        return Widened(model, 1.0)
     more = sum(factor * each @ each.T for factor, each in zip(factors.tolist(), own, strict=True))
     larger = model.with_parameters(model.parameters, np.array(model.covariance) + more)
     after = np.mean(larger.propagated(design) ** 2, axis=0)
