@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from tests.mistakes.mistake import Mistake, change
 
-HEAD = 9
+HEAD = 10
 """Lines of the measurement file up to the names of its columns."""
 Change = tuple[str, str | bytes | Callable[[str], str | bytes]]
 
@@ -78,26 +78,26 @@ MISTAKES = (
     data("uncertainties forgotten", "data.csv", "the standard uncertainty (k=1) of the laser-tracker is missing", "header line '# u_", change("data.csv", "# u_angle_um: 10.0\n", ""), change("data.csv", "# u_angle_um_per_m: 2.5\n", "")),
     data("negative uncertainty", "data.csv:5 u_angle_um", "-10 is negative", "expected 0 or more", change("data.csv", "u_angle_um: 10.0", "u_angle_um: -10.0")),
     data("uncertainty with a comma", "data.csv:5 u_angle_um", "got '10,0'", "decimal point as '.'", change("data.csv", "u_angle_um: 10.0", "u_angle_um: 10,0")),
-    data("target not described", "data.csv:8 column target", "the position of no target", "write # target.1: x y z", change("data.csv", "# target.1: 0.0 0.0 0.0\n", "")),
-    data("column misspelled", "data.csv:9 column time", "not known", "did you mean time_s?", change("data.csv", "time_s,X,Y,Z", "time,X,Y,Z")),
-    data("column of an axis misspelled", "data.csv:9 column Q", "not known", "known are x, y, z, X, Y, Z", change("data.csv", "time_s,X,Y,Z", "time_s,X,Y,Q")),
-    data("semicolons and decimal commas", "data.csv:9", "separate cells by commas", "numbers with a decimal point", ("data.csv", _by_semicolons)),
-    data("names of columns forgotten", "data.csv:9", "the line with the names of columns", "above the numbers is missing", change("data.csv", "time_s,X,Y,Z,target,station,run,x,y,z\n", "")),
-    data("reading lost", "data.csv:11 column x", "empty", "fill it in, or delete the row", cell(2, "x", "")),
-    data("word in place of a reading", "data.csv:11 column x", "'beam lost' is no number", "correct it, or delete the row", cell(2, "x", "beam lost")),
-    data("last line cut off", "data.csv:129", "8 cells, but 10 columns", "or delete it", ("data.csv", lambda text: text[:-25])),
-    data("cell too many", "data.csv:11", "11 cells, but 10 columns have names", "a decimal comma?", cell(2, "x", "1255.2,7")),
+    data("target not described", "data.csv:9 column target", "the position of no target", "write # target.1: x y z", change("data.csv", "# target.1: 0.0 0.0 0.0\n", "")),
+    data("column misspelled", "data.csv:10 column time", "not known", "did you mean time_s?", change("data.csv", "time_s,X,Y,Z", "time,X,Y,Z")),
+    data("column of an axis misspelled", "data.csv:10 column Q", "not known", "known are x, y, z, X, Y, Z", change("data.csv", "time_s,X,Y,Z", "time_s,X,Y,Q")),
+    data("semicolons and decimal commas", "data.csv:10", "separate cells by commas", "numbers with a decimal point", ("data.csv", _by_semicolons)),
+    data("names of columns forgotten", "data.csv:10", "the line with the names of columns", "above the numbers is missing", change("data.csv", "time_s,X,Y,Z,target,station,run,x,y,z\n", "")),
+    data("reading lost", "data.csv:12 column x", "empty", "fill it in, or delete the row", cell(2, "x", "")),
+    data("word in place of a reading", "data.csv:12 column x", "'beam lost' is no number", "correct it, or delete the row", cell(2, "x", "beam lost")),
+    data("last line cut off", "data.csv:130", "8 cells, but 10 columns", "or delete it", ("data.csv", lambda text: text[:-25])),
+    data("cell too many", "data.csv:12", "11 cells, but 10 columns have names", "a decimal comma?", cell(2, "x", "1255.2,7")),
     data("readings in metres", "data.csv", "the points differ from the commanded positions", "m, mm or um mixed up", *(column(name, lambda value: value / 1000.0) for name in "xyz")),
     data("y and z exchanged", "data.csv", "the points differ from the commanded positions by", "or with columns Y and Z exchanged", change("data.csv", "run,x,y,z", "run,x,z,y")),
     data("readings of the next row", "data.csv", "no exchange of columns, targets, signs or units explains this", "are these points of this machine and of these positions?", ("data.csv", _shifted)),
     data("ten points only", "data.csv", "are too few for", "measure about", _cut(20)),
-    data("one point only", "data.csv", "no axis moves in these data", "measure at several positions", _cut(10)),
-    data("header only", "data.csv", "there are no rows", "below the names of columns", _cut(9)),
+    data("one point only", "data.csv", "no axis moves in these data", "measure at several positions", _cut(11)),
+    data("header only", "data.csv", "there are no rows", "below the names of columns", _cut(10)),
     data("saved as Unicode by a spreadsheet", "data.csv", "is UTF-16 text", "save it as plain text", ("data.csv", lambda text: text.encode("utf-16"))),
     data("packed data", "data.csv", "this is a packed archive", "give the data of an instrument", ("data.csv", b"\x1f\x8b\x08\0" + bytes(60))),
     data("empty file from a failed export", "data.csv", "is empty", "export it again", ("data.csv", "")),
     data("uncertainty stated twice", "data.csv:6 u_angle_um", "given before, in line 5", "delete one of them", change("data.csv", "# u_angle_um: 10.0", "# u_angle_um: 10.0\n# u_angle_um: 20.0")),
-    data("two columns of one name", "data.csv:9 column x", "twice", "delete or rename one", change("data.csv", "run,x,y,z", "run,x,x,z")),
+    data("two columns of one name", "data.csv:10 column x", "twice", "delete or rename one", change("data.csv", "run,x,y,z", "run,x,x,z")),
     Mistake("data given twice", "fit data.csv data.csv --machine gantry -o new.json", "data.csv and data.csv", "contain the same data", "give each measurement once"),
     Mistake("calibration cut off by the mail", f"{CORRECT}", "calibration cal.json", "the file is incomplete", "take an unchanged copy", (("cal.json", lambda text: text[:-40]),)),
     Mistake("entry twice in a calibration", f"{CORRECT}", "calibration cal.json", "'effects' is given twice", "delete one of them", (("cal.json", lambda text: text.replace('"effects"', '"effects": [], "effects"', 1)),)),
