@@ -33,7 +33,8 @@ MOST_FEATURES = 500.0
 """Features of an effect along the travel, above which it is not put into a table."""
 ARM = 1000.0
 """Distance, mm, of the tool point from the axes whose error motions turn it, about."""
-SAMPLES = 1025
+STEP = 4.0 * EXACT
+"""Difference between the ends of two pieces that meet in a smooth error, mm and rad, at most."""
 HALVINGS = 12
 FEW = 24
 """Pieces among rows up to which they are evaluated one after the other."""
@@ -77,6 +78,16 @@ class Table(NamedTuple):
             rows = np.flatnonzero(piece == one)
             values[:, rows] = self._in(np.array([one]), x[rows])
         return values
+
+    def largest(self, low: float, high: float) -> Array:
+        """Largest sizes and slopes `(2, 2)` of the translations and of the rotations, from the pieces between."""
+        pieces = len(self.breaks) - 1
+        inside = np.tile((self.breaks[1:] > low) & (self.breaks[:-1] < high), self.coefficients.shape[2] // pieces)
+        half = np.tile(np.diff(self.breaks) / 2.0, self.coefficients.shape[2] // pieces)[inside]
+        coefficients, powers = self.coefficients[:, :, inside], np.arange(DEGREE + 1.0)[:, None, None]
+        values = np.einsum("sd,dcp->csp", AT_TESTS, coefficients)
+        slopes = np.einsum("sd,dcp->csp", AT_TESTS[:, :-1], powers[1:] * coefficients[1:]) / half
+        return np.stack([_lengths(each.reshape(6, -1)).max(axis=1) for each in (values, slopes)])
 
     def _in(self, piece: np.ndarray, x: Array) -> Array:
         """Error motions `(6, n)` at positions `(n,)` in pieces `(n,)`, or in one piece `(1,)` (Horner)."""
@@ -176,19 +187,15 @@ class ErrorMotions:
     def slope(self) -> float:
         """About the largest change of tool point errors, mm, by way of the linear axes, mm; infinite if errors jump.
 
-        Sampled over the travel, for a tool point that is ARM away from the axes.
+        Over the travel, for a tool point that is ARM away from the axes.
         """
-        jumps = (bounds.steps.max() > EXACT * len(bounds.breaks) for bounds in self.curvatures.values())
+        jumps = (bounds.steps.max() > STEP * len(bounds.breaks) for bounds in self.curvatures.values())
         if not self.complete or any(jumps):
             return np.inf
         total = 0.0
         for i, table in self.tables.items():
-            x, step = np.linspace(table.breaks[0], table.breaks[-1], SAMPLES, retstep=True)
-            inside = (x >= self.machine.travel[0, i]) & (x <= self.machine.travel[1, i])
-            values = table.at(x[inside], np.zeros(inside.sum()))
-            total += _lengths(values)[1].max()
-            if i in self.machine.translators:
-                total += np.dot((1.0, ARM), _lengths(np.diff(values)).max(axis=1)) / step
+            sizes, slopes = table.largest(*self.machine.travel[:, i])
+            total += sizes[1] + (slopes[0] + ARM * slopes[1] if i in self.machine.translators else 0.0)
         return float(total)
 
     def _in_table(self, effect: Effect) -> bool:

@@ -12,7 +12,7 @@ from support.tiers import drawn
 
 import machines
 from kinematics.basis import BSpline, Fourier, Harmonics, Legendre
-from kinematics.effects import Backlash, CrossAxis, ErrorMotion, Reversal
+from kinematics.effects import Backlash, CrossAxis, Cyclic, ErrorMotion, QuantisedCompensation, Reversal
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import Machine
 from kinematics.pieces import ErrorMotions
@@ -134,3 +134,15 @@ def test_a_row_does_not_depend_on_the_rows_beside_it():
         motions = ErrorMotions(DMU50, model, constant)
         for first in range(0, len(q), size):
             np.testing.assert_array_equal(motions.at(q[first : first + size]), together[first : first + size])
+
+
+@pytest.mark.parametrize("pitch", [3.0, 7.0, 23.0])
+def test_slope_of_short_waves(pitch):
+    """The slope of a wave, however its length goes into the travel."""
+    cyclic = Cyclic("X", "X", pitch, (3.0,), (0.0,))
+    found = ErrorMotions(DMU50, model_of(DMU50, cyclic), constant).slope
+    assert found == pytest.approx(2.0 * np.pi * 3e-3 / pitch, rel=0.05)
+
+
+def test_slope_of_errors_that_jump():
+    assert ErrorMotions(DMU50, model_of(DMU50, QuantisedCompensation("X", 2.0, 50.0, 0.0)), constant).slope == np.inf
