@@ -72,8 +72,10 @@ def test_a_cause_that_imitates_a_misreading_is_none(there):
     assert misread(stage) == ([] if there else list(stage.accepted))
 
 
-def test_an_error_of_an_encoder_stays_a_cause():
-    stage = stage_of(data_with(AngleHarmonic("azimuth", 2, 90.0, -40.0), n=N), "tracker-angle")
+@pytest.mark.parametrize("urad", [0.0, 25.0, 50.0])
+def test_an_error_of_an_encoder_stays_a_cause(urad):
+    """Also beside an error of the readings without a name, which a function can describe together with it."""
+    stage = stage_of(misreading(urad, AngleHarmonic("azimuth", 2, 90.0, -40.0)), "tracker-angle")
     assert stage.accepted[0].score.delta_bic < WORTH
     assert misread(stage) == []
 

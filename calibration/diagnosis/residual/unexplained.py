@@ -129,8 +129,9 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
 def misread(stage: Stage) -> list[Accepted]:
     """Accepted causes that only imitate an error of the tracker's readings: all together, else each of them.
 
-    A smooth function of what the tracker reads is likelier than they are; than causes of the instrument alone, which
-    are such functions themselves, only if it is needed beside them too.
+    A smooth function of what the tracker reads is likelier than they are. Causes of the instrument alone are such
+    functions themselves: these fall only if one is needed beside them too, and is likelier alone than together with
+    them.
     """
     even = stage._replace(linearised=stage.linearised.evenly_noisy)
     static = [i for i, each in enumerate(stage.accepted) if each.candidate.kind in STATIC]
@@ -138,9 +139,10 @@ def misread(stage: Stage) -> list[Accepted]:
         without = even.without(*group)
         free = sum(stage.accepted[i].score.effective_parameters for i in group)
         own = 0.5 * (without.squares - even.linearised.squares - free * np.log(without.scalars))
-        likelier = with_function_of_readings(without).log_odds > own + EVIDENCE
-        of_machine = any(stage.accepted[i].candidate.effect.ACTS_ON != "instrument" for i in group)
-        if likelier and (of_machine or with_function_of_readings(even.linearised).function):
+        if all(stage.accepted[i].candidate.effect.ACTS_ON == "instrument" for i in group):
+            beside = with_function_of_readings(even.linearised)
+            own += beside.log_odds if beside.function else np.inf
+        if with_function_of_readings(without).log_odds > own + EVIDENCE:
             return [stage.accepted[i] for i in group]
     return []
 
