@@ -27,6 +27,7 @@ from calibration.simulation.simulate import observe, tracker_pose
 from kinematics.basis import Legendre
 from kinematics.effects import (
     AirDrift,
+    AngleStep,
     Backlash,
     DistortionWithSensor,
     DistortionWithTime,
@@ -53,6 +54,7 @@ from kinematics.effects import (
     Wobble,
     WorkpieceDrift,
 )
+from kinematics.effects.instrument import beam
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
 from kinematics.transforms import Pose, rotation_vector_matrix
@@ -63,6 +65,7 @@ WARM = {"temperatures": {"column": 6.0 * np.sin(np.arange(N) / 12.0) ** 2}}
 MOVING = {"velocity": np.random.default_rng(5).normal(0.0, 40.0, (N, 3))}
 TURNING = {"spindle_speed": np.repeat([0.0, 9000.0, 3000.0, 0.0, 12000.0], N // 5)}
 MIDDLE = 15.0 * N / 2
+ANGLES = np.degrees(np.median(beam(data_with(n=N).observed).angles, axis=0)).tolist()
 
 EXPLAINED = {
     "wind-up": (Backlash("X", 10.0, 60.0), {}),
@@ -85,6 +88,9 @@ EXPLAINED = {
     "spindle": (DriftWithDuty("Z", -4.0, 300.0), TURNING),
     "range drift": (RangeDrift(400.0), {}),
     "air drift": (AirDrift(40.0), {}),
+    "counts lost": (AngleStep("azimuth", "azimuth", ANGLES[0], 40.0), {}),
+    "counts lost by the other circle": (AngleStep("elevation", "azimuth", ANGLES[0], -40.0), {}),
+    "counts lost over the elevation": (AngleStep("azimuth", "elevation", ANGLES[1], 40.0), {}),
     "zero of an axis": (LocationJump("X", "X", 25.0, MIDDLE), {}),
     "squareness after a collision": (LocationJump("C", "Y", 90.0, MIDDLE), {}),
     "target seated again": (TargetOffset("2", (15.0, -10.0, 12.0), MIDDLE), {}),
@@ -96,7 +102,7 @@ def tried(data):
     """The linearised fit of cubic error motions, and all candidates of the library on it."""
     linearised = LinearisedFit.of(fitted(data))
     known, _ = library(data, linearised.fit.model)
-    events = [*proposed_shapes.breaks(linearised), *proposed_shapes.fixed_points(linearised, known)]
+    events = proposed_shapes.events(linearised, known)
     return linearised, evaluate(linearised, [*known, *events])
 
 
@@ -109,6 +115,9 @@ def test_a_cause_is_explained_by_its_candidate(effect, columns):
     assert best.score.delta_bic < -30.0
     if getattr(effect, "since_s", None) is not None:
         assert best.candidate.effect.since_s == pytest.approx(MIDDLE, abs=45.0)
+    if isinstance(effect, AngleStep):
+        assert best.candidate.effect.above_deg == pytest.approx(effect.above_deg, abs=3.0)
+        assert best.candidate.effect.circle == effect.circle
 
 
 def test_a_reversal_along_its_axis_is_a_backlash_and_no_rival_of_one():

@@ -7,6 +7,7 @@ from support.tiers import quick
 
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import at_zero, library
+from calibration.diagnosis.search.change_points import breaks
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import refined, saw_uncertainty
@@ -81,7 +82,7 @@ def test_the_moment_of_a_knock_is_found():
     data = data_with(n=120, stations=2)
     data.observed[90:] += [0.02, -0.015, 0.01]
     linearised = LinearisedFit.of(fitted(data))
-    knocks = [each for each in scans.breaks(linearised) if isinstance(each.effect, StationShift)]
+    knocks = [each for each in breaks(linearised) if isinstance(each.effect, StationShift)]
     found = best(linearised, knocks).candidate.effect
     assert found.station == "s2"
     assert found.since_s == pytest.approx(data.state.time[90], abs=45.0)

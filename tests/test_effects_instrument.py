@@ -10,6 +10,7 @@ from kinematics.effects import (
     AirDrift,
     AirScale,
     AngleHarmonic,
+    AngleStep,
     Effect,
     MeasuringMachineScale,
     MeasuringMachineSquareness,
@@ -87,6 +88,19 @@ def test_an_encoder_reads_too_much(harmonic):
     assert found == pytest.approx(placed(length, azimuth + too_much[0], elevation) - POINTS, abs=SECOND_ORDER)
     found = seen(AngleHarmonic("elevation", harmonic, 9.0, -4.0))
     assert found == pytest.approx(placed(length, azimuth, elevation + too_much[1]) - POINTS, abs=SECOND_ORDER)
+
+
+@pytest.mark.parametrize("above", [-170.0, 20.0, 160.0])
+def test_an_encoder_that_loses_counts_reads_too_much_within_half_a_turn(above):
+    length, azimuth, elevation = read(POINTS)
+    beyond = np.angle(np.exp(1j * (azimuth - np.radians(above)))) >= 0.0
+    assert 0 < np.count_nonzero(beyond) < len(POINTS)
+    found = seen(AngleStep("elevation", "azimuth", above, 9.0))
+    assert found == pytest.approx(placed(length, azimuth, elevation + 9e-6 * beyond) - POINTS, abs=SECOND_ORDER)
+    above = float(np.degrees(np.median(elevation)))
+    found = seen(AngleStep("azimuth", "elevation", above, -7.0))
+    beyond = elevation >= np.median(elevation)
+    assert found == pytest.approx(placed(length, azimuth - 7e-6 * beyond, elevation) - POINTS, abs=SECOND_ORDER)
 
 
 def test_a_target_that_sits_elsewhere_is_a_longer_tool():

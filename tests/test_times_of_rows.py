@@ -7,8 +7,8 @@ import pytest
 from support.diagnosis_cases import CFRAME, data_with, framed
 from support.virtual_measurements import ONE, positions
 
-from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.causes import causes
+from calibration.diagnosis.search.change_points import breaks
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.verdict import notes
 from calibration.fit.calibrate import calibrate
@@ -71,13 +71,13 @@ def test_a_jump_after_a_pause_is_the_likelier_one():
     data = at_times(data, data.state.time + later)
     model = rigid_model(data, dict.fromkeys("XYZ", BasisChoice("legendre", 3)))
     linearised = LinearisedFit.of(fit(data, model))
-    shifts = [each for each in proposed_shapes.breaks(linearised) if isinstance(each.effect, StationShift)]
+    shifts = [each for each in breaks(linearised) if isinstance(each.effect, StationShift)]
     assert [each.trials for each in shifts] == [90.0, 1.0]
     assert shifts[1].effect.since_s == 7800.0
 
 
 def test_without_a_pause_there_is_one_moment():
-    found = [each for each in proposed_shapes.breaks(framed(n=90)) if isinstance(each.effect, StationShift)]
+    found = [each for each in breaks(framed(n=90)) if isinstance(each.effect, StationShift)]
     assert len(found) == 1
 
 

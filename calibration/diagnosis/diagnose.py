@@ -287,7 +287,8 @@ def _without_impostors(
             found = without
             continue
         blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
-        blamed = blamed or unexplained_residual.misread(stage) or unexplained_residual.wandering(stage)
+        for doubted in (unexplained_residual.misread, unexplained_residual.wandering, unexplained_residual.smoothed):
+            blamed = blamed or doubted(stage)
         if not blamed:
             tests = unexplained_residual.tests(stage.linearised)
             dependence = _dependence(stage, tests)

@@ -141,6 +141,8 @@ class Named:
             "other",
             "sensor",
             "harmonic",
+            "over",
+            "above_deg",
             "station",
             "since_s",
             "target",

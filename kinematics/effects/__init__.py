@@ -36,6 +36,7 @@ from kinematics.effects.instrument import (
     AirDrift,
     AirScale,
     AngleHarmonic,
+    AngleStep,
     LateReadBack,
     MeasuringMachineScale,
     MeasuringMachineSquareness,
@@ -102,6 +103,7 @@ Effect = (
     | AirScale
     | AirDrift
     | AngleHarmonic
+    | AngleStep
     | TargetOffset
     | LateReadBack
     | MeasuringMachineScale
@@ -122,6 +124,7 @@ __all__ = [
     "AirDrift",
     "AirScale",
     "AngleHarmonic",
+    "AngleStep",
     "Backlash",
     "Columns",
     "Component",

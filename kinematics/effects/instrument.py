@@ -33,6 +33,9 @@ from kinematics.user_error import UserError
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
+Circle = Literal["azimuth", "elevation"]
+CIRCLES: tuple[Circle, ...] = ("azimuth", "elevation")
+"""Circles of a tracker, in the order of `Beam.angles`."""
 
 
 class _Instrument(EffectBase, frozen=True):
@@ -211,7 +214,7 @@ class AngleHarmonic(_Instrument, frozen=True, tag="tracker-angle"):
         Parameter("cosine_urad", "urad", 10.0),
     )
 
-    circle: Literal["azimuth", "elevation"]
+    circle: Circle
     harmonic: Annotated[int, msgspec.Meta(ge=1)]
     sine_urad: float
     cosine_urad: float
@@ -222,6 +225,32 @@ class AngleHarmonic(_Instrument, frozen=True, tag="tracker-angle"):
         arm, angle = (sideways, angles[:, 0]) if self.circle == "azimuth" else (upwards, angles[:, 1])
         waves = np.stack([np.sin(self.harmonic * angle), np.cos(self.harmonic * angle)], axis=1) * URAD
         yield from _observed(arm[:, :, None] * waves[:, None, :])
+
+
+class AngleStep(_Instrument, frozen=True, tag="tracker-angle-step"):
+    """An angle encoder of the tracker loses counts where a circle passes an angle, and gains them on its way back.
+
+    The circle reads step too much in all rows in which the other one, or the circle itself, is at `above_deg` or up to
+    half a turn beyond it.
+    """
+
+    TITLE: ClassVar[str] = "azimuth or elevation encoder of the tracker, a step at one angle (lost counts)"
+    LABEL: ClassVar[tuple[str, ...]] = ("circle", "over")
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("step_urad", "urad", 10.0),)
+
+    circle: Circle
+    over: Circle
+    """The circle whose reading decides."""
+    above_deg: float
+    step_urad: float
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `EffectBase.columns`."""
+        _, sideways, upwards, angles = beam(state.need("observed", self.name))
+        beyond = angles[:, CIRCLES.index(self.over)] - np.radians(self.above_deg)
+        here = np.mod(beyond, 2.0 * np.pi) < np.pi
+        arm = sideways if self.circle == "azimuth" else upwards
+        yield from _observed((arm * here[:, None])[:, :, None] * URAD)
 
 
 class TargetOffset(_Instrument, frozen=True, tag="target-offset"):

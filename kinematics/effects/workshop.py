@@ -127,6 +127,10 @@ WORKSHOP: Mapping[str, Workshop] = {
         "Eccentric angle encoder or axes of the instrument that are not square.",
         "Compensate the instrument (two-face test), and send it to its maker if the error stays.",
     ),
+    "tracker-angle-step": Workshop(
+        "Dirt on an angle encoder's disc, a damaged cable, or an axis of the instrument that gives way there.",
+        "Clean and compensate the instrument; measure again from another place.",
+    ),
     "target-offset": Workshop(
         "A reflector is not seated in its nest, or its position is stated wrong.", "Clean the nest; measure the target."
     ),

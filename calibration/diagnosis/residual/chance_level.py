@@ -17,6 +17,7 @@ import numpy as np
 from calibration.diagnosis.residual.found_again import found_again
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, Candidate
+from calibration.diagnosis.search.change_points import breaks, turning_points
 from calibration.diagnosis.search.evaluation import Evaluated
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 
@@ -32,12 +33,18 @@ SEED = 1
 SEARCHES: Mapping[str, Callable[[LinearisedFit], Iterable[Candidate]]] = {
     "cyclic": scans.waves,
     "quantised-compensation": scans.steps,
-    "station-shift": scans.breaks,
+    "station-shift": breaks,
+    "tracker-angle-step": turning_points,
     HIGHER_FREQUENCY: scans.finer,
 }
-"""Search for shapes, by kind of cause."""
+"""Search for shapes, by kind of effect."""
 PERIODIC = ("cyclic", "quantised-compensation")
 """Kinds of cause whose periods are searched for."""
+
+
+def searched(candidate: Candidate) -> str:
+    """Kind of the effect of a candidate, the key of its search for shapes; a finer error motion is one of its own."""
+    return HIGHER_FREQUENCY if candidate.replaces else candidate.effect.kind
 
 
 @dataclass
@@ -59,7 +66,7 @@ class Chance:
         """
         if gain > self.linearised.squares:
             return False  # no draw has as many squares
-        kind = candidate.kind
+        kind = searched(candidate)
         if kind not in self._draws:
             self._draws[kind] = self._shapes(SEARCHES[kind]) if kind in SEARCHES else self._of_library(candidate)
         known = self._known.setdefault(kind, [])
@@ -81,7 +88,7 @@ class Chance:
 
     def _of_library(self, candidate: Candidate) -> Iterator[float]:
         rng, linearised = np.random.default_rng(SEED), self.linearised
-        others = [each for each in self.library if each.effect.kind not in SMOOTH and each.kind not in SEARCHES]
+        others = [each for each in self.library if each.effect.kind not in SMOOTH and searched(each) not in SEARCHES]
         tried = [candidate, *others]
         responses = linearised.responses([each.effect for each in tried])
         for _ in range(DRAWS):
@@ -105,12 +112,12 @@ class ByChance:
 
     library: Sequence[Candidate]
     kinds: Collection[str] = tuple(SEARCHES)
-    """Kinds of cause that are doubted."""
+    """Kinds of effect that are doubted."""
     _latest: Chance | None = field(init=False, default=None)
 
     def __call__(self, linearised: LinearisedFit, evaluated: Evaluated) -> bool:
         """True for a candidate of these kinds whose gain on a linearised fit chance reaches."""
-        if evaluated.candidate.kind not in self.kinds:
+        if searched(evaluated.candidate) not in self.kinds:
             return False
         if not found_again(linearised, evaluated.candidate.effect):
             return True

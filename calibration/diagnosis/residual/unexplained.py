@@ -13,7 +13,7 @@ from calibration.diagnosis.residual.absorber import (
     with_walk,
     without_support,
 )
-from calibration.diagnosis.residual.chance_level import SEARCHES, SMOOTH, Chance
+from calibration.diagnosis.residual.chance_level import SEARCHES, SMOOTH, Chance, searched
 from calibration.diagnosis.residual.dependence import (
     EVIDENCE,
     Unexplained,
@@ -34,6 +34,7 @@ from calibration.measurement.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.observed_points import carried
 from calibration.observation.full_model import moving_axes
+from kinematics.effects import AngleStep
 from kinematics.state import TIME
 from kinematics.transforms import Array
 
@@ -121,7 +122,7 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
         each
         for each in stage.accepted
         if not any(each is other for other in blamed)
-        and (each.candidate.effect.kind not in SMOOTH or each.candidate.kind in SEARCHES)
+        and (each.candidate.effect.kind not in SMOOTH or searched(each.candidate) in SEARCHES)
         and chance.finds(each.candidate, each.score.gain)
     ]
 
@@ -165,6 +166,24 @@ def wandering(stage: Stage) -> list[Accepted]:
         if dependence is None or TIME not in dependence.variables:
             continue
         if log_odds_of_function(without, dependence) > max(-0.5 * score.delta_bic, in_full / FAR_MORE):
+            found.append(each)
+    return found
+
+
+def smoothed(stage: Stage) -> list[Accepted]:
+    """Accepted steps of a tracker's circles that only imitate an error of the machine, or of the readings.
+
+    A smooth function of the readings, or of the variables on which the residual depends without the step, is likelier.
+    """
+    even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
+    for i, each in enumerate(stage.accepted):
+        if not isinstance(each.candidate.effect, AngleStep):
+            continue
+        without = even.without(i)
+        score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
+        own, dependence = -0.5 * score.delta_bic, unexplained(without)
+        smooth = absorbing(without, dependence, whole=True, walk=False).log_odds
+        if max(smooth, with_function_of_readings(without).log_odds) > own:
             found.append(each)
     return found
 

@@ -45,6 +45,7 @@ KINDS = {
     "thermal-scale-sensor": "thermal-scale",
     "thermal-scale-quadratic": "thermal-scale",
     "thermal-distortion-sensor": "thermal-distortion",
+    "tracker-angle-step": "tracker-angle",
 }
 """Kinds in the contract of the diagnosis where the table of effects has other names."""
 HIGHER_FREQUENCY, BACKLASH = "higher-frequency", "backlash"
@@ -54,7 +55,7 @@ RARE_KINDS = (
     "settling", "first-cycle", "late-read-back", "tracker-drift", "reversal", "lateral-play", "hysteresis",
     "reversal-spike", "servo-mismatch", "location-jump", "thermal-distortion", "thermal-distortion-sensor",
     "thermal-scale-duty", "tracker-range-drift", "air-scale-drift", "racking", "wobble", "joint-compliance", "ram-sag",
-    "thermal-drift-workpiece", "thermal-drift-workpiece-sensor",
+    "thermal-drift-workpiece", "thermal-drift-workpiece-sensor", "tracker-angle-step",
 )  # fmt: skip
 """Kinds that also imitate a common cause: backlash, a thermal drift, a knock at the tracker, a change of geometry."""
 FEW = 3
@@ -122,7 +123,9 @@ class Candidate:
         """
         if isinstance(self.effect, Reversal) and self.effect.component == own_component(self.effect.axis):
             return BACKLASH, self.axis, None
-        fields = (getattr(self.effect, field, None) for field in ("component", "other", "degree", "motion", "side"))
+        fields = (
+            getattr(self.effect, field, None) for field in ("component", "other", "degree", "motion", "side", "over")
+        )
         moment = None if getattr(self.effect, "since_s", None) is None else "since"
         return self.kind, self.axis, "".join(str(field) for field in (*fields, moment) if field is not None) or None
 

@@ -21,6 +21,7 @@ from kinematics.effects import (
     AirDrift,
     AirScale,
     AngleHarmonic,
+    AngleStep,
     Backlash,
     Component,
     CrossAxis,
@@ -58,6 +59,7 @@ from kinematics.effects import (
 )
 from kinematics.effects.base import own_component
 from kinematics.effects.friction import way_since_reversal
+from kinematics.effects.instrument import CIRCLES
 from kinematics.effects.thermal import Direction
 from kinematics.forward import forward
 from kinematics.state import State
@@ -137,6 +139,12 @@ def jumps(measurement: Measurement) -> Iterator[Effect]:
         if measurement.axis is None:
             for component in _lateral(axis, "XYZ" if axis[0] in "ABC" else "ABC"):
                 yield LocationJump(component, axis, 0.0, start)
+
+
+def angle_steps(measurement: Measurement) -> Iterator[AngleStep]:
+    """Steps of the angles that a tracker reads, over one of its circles; the angle is to be searched for."""
+    if isinstance(measurement.instrument, LaserTracker):
+        yield from (AngleStep(circle, over, 0.0, 0.0) for circle in CIRCLES for over in CIRCLES)
 
 
 def given(state: State, column: str) -> bool:

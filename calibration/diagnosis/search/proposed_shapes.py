@@ -17,8 +17,8 @@ import numpy as np
 
 from calibration.cores import each
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.causes import jumps
-from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
+from calibration.diagnosis.search.change_points import breaks, turning_points
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import likeliest, refined, teeth
 from calibration.diagnosis.search.sensitivity import Sensitivity
 from calibration.diagnosis.search.spectra import SHORTEST, finest, peaks, resolved, strengths, usual_waves
@@ -29,12 +29,10 @@ from calibration.observation.full_model import (
     observed_components,
     repeated_targets,
 )
-from calibration.plausibility.times import pauses
 from kinematics.basis import BSpline
 from kinematics.effects import (
     Component,
     Cyclic,
-    Effect,
     ErrorMotion,
     GrowthWithDuty,
     GrowthWithSensor,
@@ -42,7 +40,6 @@ from kinematics.effects import (
     Reversal,
 )
 from kinematics.effects.base import own_component, unit_of
-from kinematics.transforms import Array
 
 WAVES = 8.0
 """Least number of waves over the travel: an error with fewer is a matter of the basis, not a cyclic error."""
@@ -70,14 +67,13 @@ FINE = (6, 8, 12, 16, 24, 32, 48)
 """Sizes of finer bases."""
 MOST = 0.5
 """Share of the squares beyond the noise that is most of them."""
-LEAST_ROWS = 8
-"""Least number of moments before and after a jump."""
 
 
 def events(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:
     """Candidates of the library with moments and fixed points proposed from the residual of a linearised fit."""
     some = linearised.thinned(SCANNED)
     yield from breaks(some, linearised)
+    yield from turning_points(some, linearised)
     yield from fixed_points(some, library)
     yield from reversals(some)
 
@@ -276,64 +272,6 @@ def reversals(linearised: LinearisedFit) -> Iterator[Candidate]:
         if isinstance(motion, ErrorMotion) and repeated_targets(measurement, motion.axis):
             zero = (0.0,) * motion.basis.size
             yield Candidate(Reversal(motion.component, motion.axis, motion.basis, zero))
-
-
-def breaks(linearised: LinearisedFit, whole: LinearisedFit | None = None) -> Iterator[Candidate]:
-    """Jumps, each at its likeliest moment, the change point at which it explains most, and after its likeliest pause.
-
-    There are fewer pauses than moments, so that the same gain is the better evidence after a pause. The moment is
-    refined on `whole`, the fit of all rows, between the rows beside it.
-    """
-    measurement = linearised.measurement
-    if measurement.state.time is None:
-        return
-    after_pauses = measurement.state.time[pauses(measurement)]
-    for effect in jumps(measurement):
-        moments, gains = _change_points(linearised, effect)
-        if len(moments) < 3 * LEAST_ROWS:
-            continue
-        inside = slice(LEAST_ROWS, len(moments) - LEAST_ROWS)
-        paused = np.isin(moments[inside], after_pauses)
-        for possible, trials in ((np.ones(len(paused), bool), len(moments)), (paused, np.count_nonzero(paused))):
-            if possible.any():
-                best = LEAST_ROWS + int(np.argmax(np.where(possible, gains[inside], -np.inf)))
-                since = float(moments[best])
-                if whole is not None and len(whole.rows) > len(linearised.rows):
-                    since = _refined_moment(whole, effect, (moments[best - 1], moments[best + 1]))
-                yield Candidate(msgspec.structs.replace(effect, since_s=since), 1, float(trials))
-
-
-def _refined_moment(whole: LinearisedFit, effect: Effect, between: tuple[float, float]) -> float:
-    """The moment, between two others, at which a jump explains most of the residual of a fit."""
-    moments, gains = _change_points(whole, effect)
-    return float(moments[np.argmax(np.where((moments > between[0]) & (moments < between[1]), gains, -np.inf))])
-
-
-def _change_points(linearised: LinearisedFit, effect: Effect) -> tuple[Array, Array]:
-    """Moments `(m,)`, s, of the rows on which a jump acts, and its gains `(m,)` if it begins at each of them."""
-    time = linearised.measurement.state.need("time", effect.name)[linearised.rows]
-    spanned = linearised.spanned.reshape(len(time), -1, linearised.spanned.shape[1])
-    residual = linearised.residual.reshape(len(time), -1)
-    columns = linearised.columns(effect).reshape(len(time), residual.shape[1], -1)
-    own = np.flatnonzero(columns.any(axis=(1, 2)))
-    moments = np.unique(time[own])
-    if not len(moments):
-        return moments, np.zeros(0)
-    order = own[np.argsort(time[own], kind="stable")]
-    starts = np.searchsorted(time[order], moments)
-    here = columns[order]
-    # sums over all rows from each moment on
-    along = _from_each(np.einsum("ndk,nd->nk", here, residual[order]), starts)
-    squares = _from_each(np.einsum("ndk,ndl->nkl", here, here), starts)
-    through = _from_each(np.einsum("ndq,ndk->nqk", spanned[order], here), starts)
-    schur = squares - np.swapaxes(through, 1, 2) @ through + np.eye(here.shape[2]) / GENEROUS**2
-    return moments, np.einsum("nk,nk->n", along, np.linalg.solve(schur, along[:, :, None])[:, :, 0])
-
-
-def _from_each(values: Array, starts: np.ndarray) -> Array:
-    """Sums `(m, ...)` of rows `(n, ...)` from each start to the end."""
-    parts = np.add.reduceat(values, starts, axis=0)
-    return np.cumsum(parts[::-1], axis=0)[::-1]
 
 
 def _wave(component: Component, axis: str, period: float, harmonics: int) -> Cyclic:

@@ -23,6 +23,7 @@ from kinematics.effects import (
     AirDrift,
     AirScale,
     AngleHarmonic,
+    AngleStep,
     Backlash,
     ControlTable,
     CrossAxis,
@@ -71,6 +72,7 @@ from kinematics.effects import (
 )
 from kinematics.effects.base import own_motion
 from kinematics.effects.friction import way_since_reversal
+from kinematics.effects.instrument import CIRCLES, beam
 from kinematics.effects.thermal import workpiece_direction
 from kinematics.state import REFERENCE, TIME, State
 from kinematics.transforms import Array
@@ -398,13 +400,23 @@ def _by_angle(cause: _Cause) -> Iterator[View]:
     )
 
 
+def _over_angle(cause: _Cause) -> Iterator[View]:
+    effect = cause.effect
+    _, *arms, angles = beam(cause.state.need("observed", effect.name))
+    here = np.linalg.norm(_beam_columns(cause)[:, :, 0], axis=1) > 0.0
+    title = f"{effect.circle} reading", f"{effect.circle} reading, urad"
+    over = np.degrees(angles[:, CIRCLES.index(effect.over)]), f"{effect.over}, deg"
+    arm = _white(cause, arms[CIRCLES.index(effect.circle)])
+    yield cause.along(arm, effect.step_urad * URAD * here, URAD, title, over)
+
+
 def _by_range(cause: _Cause) -> Iterator[View]:
     observed = cause.state.need("observed", cause.effect.name)
     length = np.linalg.norm(observed, axis=1)
     column = np.linalg.norm(_beam_columns(cause)[:, :, 0], axis=1)
-    beam = _white(cause, observed / length[:, None])
+    arm = _white(cause, observed / length[:, None])
     values = column * cause.effect.parameters[0]
-    yield _lined(cause.along(beam, values, UM, ("range", "range, um"), (length * 1e-3, "range, m")))
+    yield _lined(cause.along(arm, values, UM, ("range", "range, um"), (length * 1e-3, "range, m")))
 
 
 def _beam_columns(cause: _Cause) -> Array:
@@ -458,6 +470,7 @@ VIEWS: Mapping[type, Callable[[_Cause], Iterator[View]]] = {
     TrackerDrift: _by_time,
     TargetOffset: _by_target,
     AngleHarmonic: _by_angle,
+    AngleStep: _over_angle,
     RangeOffset: _by_range,
     AirScale: _by_range,
     Outliers: _outliers,

@@ -1,0 +1,61 @@
+"""Lost counts of a tracker's encoder: a step of its readings at one angle, told from errors of the machine."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from shop_floor.hidden import Hidden
+from shop_floor.question import ask
+from support.diagnosis_cases import data_with, selector
+
+import machines
+from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.residual.unexplained import smoothed
+from calibration.diagnosis.search.change_points import turning_points
+from calibration.diagnosis.search.evaluation import WORTH, evaluate
+from calibration.measurement.file import read_measurement
+from kinematics.effects import AngleStep
+from kinematics.effects.instrument import beam
+
+N = 240
+ABOVE = float(np.degrees(np.quantile(beam(data_with(n=N).observed).angles[:, 0], 0.4)))
+LOST = AngleStep("elevation", "azimuth", ABOVE, 40.0)
+
+
+@dataclass(frozen=True)
+class Pad(Hidden):
+    """A foundation that is higher in one corner: a step of the machine that no error motion of an axis holds."""
+
+    def tool(self, run):
+        corner = (run.share("X") > 0.4) & (run.share("Y") > 0.6)
+        return 1e-3 * self.size * corner[:, None] * [0.0, 0.0, 1.0]
+
+
+def likeliest_step(data, order):
+    """The fit that has the likeliest step of a circle besides error motions of this order."""
+    made = selector(data, order)
+    best = evaluate(bare := made.stage([]).linearised, list(turning_points(bare)))[0]
+    return made.stage([(best.candidate, best.score.size)])
+
+
+def test_lost_counts_are_likelier_than_a_smooth_error():
+    stage = likeliest_step(data_with(LOST, n=N), 4)
+    assert stage.accepted[0].score.delta_bic < 10.0 * WORTH
+    assert smoothed(stage) == []
+
+
+def test_a_step_that_imitates_a_pad_is_none(tmp_path):
+    (tmp_path / "data.csv").write_text(ask("lines", "none", "gantry", 0, 210001).having(Pad(60.0)).sheet())
+    stage = likeliest_step(read_measurement(tmp_path / "data.csv", machines.load("gantry")), 7)
+    assert stage.accepted[0].score.delta_bic < 10.0 * WORTH
+    assert smoothed(stage) == list(stage.accepted)
+
+
+@pytest.mark.statistical
+def test_rows_beyond_lost_counts_are_no_outliers_and_no_error_of_the_machine():
+    found = diagnose(data_with(LOST, n=N))
+    (cause,) = found.causes
+    assert (cause.kind, cause.axis, cause.verdict) == ("tracker-angle", "elevation", "strong")
+    assert cause.effect.parameters[0] == pytest.approx(40.0, abs=2.0 * cause.effect.u[0])
+    assert found.unexplained is None
+    assert found.volume.machine_rms < 3.0
