@@ -169,13 +169,13 @@ def speed(repeats: int) -> None:
 def _one_by_one(ready: Prepared, draws: int) -> list[float]:
     """The same draws by a loop of `lstsq`: registration and parameters, priors as rows."""
     drawn = ready.sample(Chunk(0, draws))
-    ((parts, scale), _), *_ = ready.choices(drawn).items()
+    ((parts, scales), _), *_ = ready.choices(drawn).items()
     columns = ready.fits.columns
     model = columns.model(parts)
     design = np.concatenate([columns.registration, columns.observed(model)], axis=1)
     seen_in, r = columns.evaluated(model), columns.registration.shape[1]
-    if np.isfinite(scale):
-        own = np.diag(1.0 / ready.fits.scale(parts, scale))
+    if np.isfinite(scales[0]):
+        own = np.diag(1.0 / ready.fits.scale(parts, scales))
         design = np.concatenate([design, np.concatenate([np.zeros((len(own), r)), own], axis=1)])
     errors = []
     for k in range(draws):

@@ -26,14 +26,12 @@ from calibration.fit.bases.search import Choice
 from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import cross_validate
 from calibration.fit.fit import fit
-from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import parse_basis, with_effects
-from calibration.simulation.simulate import observe
 from calibration.simulation.true_model import TABLE_1
 from calibration.study.cases import Case, read_cases
 from calibration.study.chunks import SIZE, Chunk, Prepared
 from calibration.study.definition import study_of
-from calibration.study.exact import compared
+from calibration.study.exact import compared, measurement_of
 from calibration.study.run import Draws, Result, run
 from calibration.study.spread import workers
 from calibration.study.stopping import enough, estimates
@@ -68,17 +66,6 @@ def results(cases: list[Case], draws: Draws | int, team=None, store: Store | Non
     number = Draws(draws) if isinstance(draws, int) else draws
     with nullcontext(team) if team else workers(1, None) as its:
         return run(cases, number, its, store or Store(None), **more)
-
-
-def measured_as(ready: Prepared, drawn: Sample, draw: int) -> Measurement:
-    """Readings of the instrument in a draw by the exact kinematics, with the noise of the draw."""
-    setup, nominal = ready.setup, ready.setup.measurement
-    seen = observe(
-        nominal.machine, ready.case.true_models.machine(drawn.coefficients[:, draw]), nominal.state, nominal.instrument,
-        np.random.default_rng(0), setup.poses, nominal.targets, run=nominal.run, noise_scale=0.0,
-    )  # fmt: skip
-    noise = np.linalg.solve(setup.white, drawn.noise[draw][..., None])[..., 0]
-    return replace(seen, observed=seen.observed + noise)
 
 
 # ---- the equations
@@ -123,13 +110,13 @@ def test_a_draw_is_what_the_fit_of_its_measurement_is():
     """The same noise through `calibration.fit.fit`, which shares neither factorisation nor elimination with a study."""
     ready = Prepared.of(case_of(C_FRAME))
     drawn = ready.sample(Chunk(0, 2))
-    (parts, scale), _ = next(iter(ready.choices(drawn).items()))
-    left = ready.fits.errors(parts, ready.fitted(parts, scale, drawn, np.arange(2)), drawn.coefficients)[0]
+    (parts, scales), _ = next(iter(ready.choices(drawn).items()))
+    left = ready.fits.errors(parts, ready.fitted(parts, scales, drawn, np.arange(2)), drawn.coefficients)[0]
     nominal, volume = ready.setup.measurement, ready.case.volumes[0]
     for number in range(2):
         truth, measured = (
             ready.case.true_models.machine(drawn.coefficients[:, number]),
-            measured_as(ready, drawn, number),
+            measurement_of(ready, drawn, number),
         )
         model, prior = with_effects(measured, dict.fromkeys("XYZ", parse_basis("cubic:5")), (), 1.0)
         found = fit(measured, model, prior=prior)
@@ -147,14 +134,59 @@ def test_evidence_prefers_as_the_fits_own_does():
     for sizes, scale in ((4, 1.0), (6, 0.5)):
         choice = Choice(dict.fromkeys("XYZ", parse_basis(f"cubic:{sizes}")), scale)
         parts = tuple((axis, f"cubic:{sizes}") for axis in "XYZ")
-        made = ready.fits.factorised(parts, scale)
+        made = ready.fits.factorised(parts, choice.scales)
         right = np.concatenate([ready.fits.right(part, drawn) for part in parts])[:, 0]
         own = 0.5 * (right @ made.solve(right[:, None])[:, 0] - made.log_determinant)
-        measured = measured_as(ready, drawn, 0)
+        measured = measurement_of(ready, drawn, 0)
         model, prior = with_effects(measured, choice.bases, (), scale)
         evidences.append((own, fit(measured, model, prior=prior).log_evidence))
     (a, other_a), (b, other_b) = evidences
     assert a - b == pytest.approx(other_a - other_b, abs=0.02 * abs(other_a - other_b) + 0.1)
+
+
+SPHERES = {
+    "machine": "dmu50",
+    "instrument": {"kind": "touch-probe", "u_um": 1.0},
+    "errors": {"location": 50, "E_XX": [0, 90], "E_YY": [0, 90], "E_ZZ": [0, 90]},
+    "fit": {"basis": "X=legendre:1,Y=legendre:1,Z=legendre:1,B=fourier:1,C=fourier:1", "prior": 30.0},
+    "volume": {"X": [-150, 150], "Y": [-150, 150], "Z": [100, 350], "B": [0, 110], "C": [0, 360]},
+}
+GRID_OF_SPHERES = {"strategy": "grid", "points": 16}
+DESIGNS = [
+    {**GRID_OF_SPHERES, "name": "one", "spheres": {"s1": [130, 20, 60]}},
+    {**GRID_OF_SPHERES, "name": "three"},
+    {**GRID_OF_SPHERES, "name": "three with distances", "distances": {"s1.s2": 0.5, "s3.s1": 0.5}},
+]
+
+
+def test_spheres_at_calibrated_distances_leave_least_and_one_sphere_most():
+    """Without a distance the common scale of the linear axes remains, as the notes state."""
+    found = results(read_cases(study_of({**SPHERES, "case": DESIGNS}, "test"), Path()), 30, check_draws=2)
+    one, three, with_distances = (each.after[0].mean() for each in found)
+    assert with_distances < 0.5 * three
+    assert three < 0.9 * one < 0.9 * found[0].before[0].mean()
+    scale = "E_XX and E_YY and E_ZZ"
+    assert [any(scale in note for note in each.notes) for each in found] == [True, True, False]
+    assert all(each.check.difference < 1e-3 * each.check.exact.mean() for each in found)
+
+
+@pytest.mark.parametrize("design", DESIGNS, ids=[design["name"] for design in DESIGNS])
+def test_draws_scatter_as_the_law_of_propagation(design):
+    """Mean square of the remaining error over draws against the exact propagation of errors and noise (GUM, 5.1)."""
+    ready = Prepared.of(case_of({**SPHERES, "case": [design]}))
+    parts, ones = ready.bases, np.eye(len(ready.case.true_models.low))
+    fitted = ready.fits.columns.evaluated(ready.fits.columns.model(parts))
+
+    def remaining(true: np.ndarray, observed: np.ndarray) -> np.ndarray:
+        right = np.concatenate([ready.fits.right(part, Sample(true, observed, None, None)) for part in parts])
+        return ready.fits.true_volume @ true - fitted @ ready.fits.factorised(parts, ready.scales).solve(right)
+
+    true_models, rows = ready.case.true_models, len(ready.fits.true_observed)
+    by_errors = remaining(ones, ready.fits.true_observed) * (true_models.high - true_models.low) / np.sqrt(12.0)
+    by_noise = remaining(np.zeros((len(ones), rows)), np.eye(rows))
+    expected = (np.sum(by_errors**2) + np.sum(by_noise**2)) / (len(fitted) / 3)
+    squares = np.concatenate([ready.outcome(Chunk(k, SIZE)).after[0] ** 2 for k in range(20)])
+    assert abs(squares.mean() - expected) < 4.0 * squares.std() / np.sqrt(len(squares))
 
 
 STATIONS = [[-1500, 1500, 300], [1500, -1500, 300], [4000, 1500, 300], [1500, 4500, 300]]
@@ -192,6 +224,7 @@ ALIKE = {
         },
         [0, 1],
     ),
+    "spheres": ({**SPHERES, "fit": {}, "case": DESIGNS[2:]}, [0]),
     "five axes": (
         {
             "machine": "dmu50",
@@ -217,14 +250,14 @@ def test_a_draw_chooses_its_basis_as_the_fit_of_its_measurement(name):
     content, draws = ALIKE[name]
     ready = Prepared.of(case_of(content))
     drawn = ready.sample(Chunk(0, 10))
-    chosen = {draw: (parts, scale) for (parts, scale), some in ready.choices(drawn).items() for draw in some.tolist()}
+    chosen = {draw: choice for choice, some in ready.choices(drawn).items() for draw in some.tolist()}
     for draw in draws:
-        measured = measured_as(ready, drawn, draw)
+        measured = measurement_of(ready, drawn, draw)
         basis = content.get("fit", {}).get("basis", "auto")
         found = calibrate(measured, basis=basis, effects=ready.case.other_effects, hold_out=False).choice
-        parts, scale = chosen[draw]
+        parts, scales = chosen[draw]
         assert {axis: str(basis) for axis, basis in found.bases.items()} == {axis: of for axis, of in parts if axis}
-        assert found.prior_scale == scale
+        assert found.scales == scales
 
 
 @pytest.mark.parametrize("changes", [{}, pytest.param({"runs": 3, "points": 50}, marks=pytest.mark.statistical)])
@@ -232,13 +265,13 @@ def test_fits_leave_of_lines_unseen_what_those_of_the_measurement_leave(changes)
     """By lines, or runs, that fits have not seen."""
     ready = on_diagonals(**changes)
     drawn, setup = ready.sample(Chunk(0, 1)), ready.setup
-    ((parts, scale), _), *_ = ready.choices(drawn).items()
-    measured, bases = measured_as(ready, drawn, 0), {axis: parse_basis(basis) for axis, basis in parts}
+    ((parts, (scale, _)), _), *_ = ready.choices(drawn).items()
+    measured, bases = measurement_of(ready, drawn, 0), {axis: parse_basis(basis) for axis, basis in parts}
     lefts, gains = [], []
     for each in (scale, 2.0):
         model, prior = with_effects(measured, bases, (), each)
         gains.append(cross_validate(measured, model, prior, np.ones(len(measured), bool)).improvement)
-        lefts.append(ready.held_out_lines.left(parts, each, drawn.observed)[0] / setup.white[:, 0].size)
+        lefts.append(ready.held_out_lines.left(parts, (each, None), drawn.observed)[0] / setup.white[:, 0].size)
     assert lefts[1] - lefts[0] == pytest.approx(gains[0] - gains[1], rel=1e-2)
 
 
@@ -486,9 +519,41 @@ def test_command(command, tmp_path):
     assert again.out == Path("r.csv").read_bytes()
 
 
-def test_examples_can_be_laid_out():
-    for path in EXAMPLES.glob("*.toml"):
-        assert read_cases(study_of(_toml(path.name), path.name), EXAMPLES)
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
+def test_examples_can_be_laid_out(path):
+    content = _toml(path.name)
+    # choosing the rotary positions of spheres takes seconds
+    cases = [case for case in content["case"] if path.stem != "spheres" or case["strategy"] != "optimised"]
+    assert read_cases(study_of({**content, "case": cases}, path.name), EXAMPLES)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"distances": {"s1.s9": 1.0}}, "no pair such as s1.s2"),
+        ({"distances": {"s1.s1": 1.0}}, "no pair such as s1.s2"),
+        ({"distances": {"s1.s2": 0.0}}, "distances: expected a number > 0"),
+        ({"spheres": 0}, "spheres"),
+        ({"spheres": {"s1": [2000, 0, 60]}}, "reaches the spheres at 0 of"),
+        ({"strategy": "hexahedron"}, "for a touch probe expected one of"),
+        ({"tracker": [0, 0, 0]}, "tracker: a case with a touch probe does not have this key"),
+        ({"tools": TOOLS}, "one target"),
+        ({"points": [8, 8]}, "one number of rotary positions"),
+        ({"instrument": {"kind": "laser-tracker", "u_range_um": 1, "u_angle_um": 1}, "spheres": 2}, "touch-probe"),
+    ],
+)
+def test_designs_of_spheres_that_cannot_be_used_are_refused(change, said):
+    with pytest.raises(UserError, match=re.escape(said)):
+        read_cases(study_of({**SPHERES, "case": [{**DESIGNS[1], **change}]}, "test"), Path())
+
+
+@pytest.mark.parametrize(
+    ("volume", "said"),
+    [({"Z": [-50, 100]}, "Z=-50:100"), ({"B": [0, 200]}, "B=0:200"), ({"W": [0, 1]}, "W"), ({"X": [9, 1]}, "X")],
+)
+def test_a_volume_beyond_the_travel_is_refused(volume, said):
+    with pytest.raises(UserError, match=re.escape(said)):
+        read_cases(study_of({**SPHERES, "volume": volume, "case": DESIGNS[:1]}, "test"), Path())
 
 
 @pytest.mark.parametrize(
@@ -509,6 +574,7 @@ def test_examples_can_be_laid_out():
         (("seed = 5", "[instrument]\nu_range_um = 1"), "u_angle_um"),
         (("seed = 5", "[instrument]\nu_um = 1"), "u_um"),
         (("seed = 5", '[errors]\nmodel = "fourier"'), "rows E_XX"),
+        (("seed = 5", '[errors]\nmodel = "none"\nE_XX = [0, 50]'), 'model = "none"'),
         (("seed = 5", "[errors]\nE_QX = [1, 2]"), "E_QX"),
         (("seed = 5", '[errors]\neffects = ["backlash:axis=Q,width=1"]'), "no axis Q"),
         (("seed = 5", '[instrument]\nu_range_um=1\nu_angle_um=1\nelevation = [80, 89]'), "observes none of the points"),
@@ -554,8 +620,8 @@ def test_what_a_correction_leaves_along_a_program(command):
     told = json.loads(Path("r.json").read_text())["cases"][1]
     ready = Prepared.of(read_cases(study_of(_tomllib(STUDY), "study"), Path())[1])
     drawn = ready.sample(Chunk(0, 1))
-    ((parts, scale), _), *_ = ready.choices(drawn).items()
-    parameters = ready.fitted(parts, scale, drawn, np.array([0]))[:, 0]
+    ((parts, scales), _), *_ = ready.choices(drawn).items()
+    parameters = ready.fitted(parts, scales, drawn, np.array([0]))[:, 0]
     found = ready.fits.columns.model(parts).with_parameters(parameters)
     write_model(found, Path("fitted.json"))
     corrected = command("part.nc", "--machine", "gantry", "--calibration", "fitted.json", "-o", "c.nc", "--set-up-zero")

@@ -13,7 +13,7 @@ from calibration.design.equations import OTHER_EFFECTS, Columns, Sample
 from calibration.design.held_out_lines import HeldOutLines
 from calibration.design.solver import Fits
 from calibration.fit.bases import search as basis_search
-from calibration.fit.bases.search import Choice, Evidence, Search, Unexplained
+from calibration.fit.bases.search import Choice, Evidence, Scales, Search, Unexplained
 from calibration.fit.linear import Part
 from calibration.observation.full_model import BasisChoice
 from kinematics.transforms import Array
@@ -21,12 +21,12 @@ from kinematics.transforms import Array
 
 def chosen(
     fits: Fits, drawn: Sample, search: Search, held_out_lines: HeldOutLines | None = None
-) -> dict[tuple[tuple[Part, ...], float], np.ndarray]:
-    """Numbers of the draws by the parts and the prior scale of their fits."""
+) -> dict[tuple[tuple[Part, ...], Scales], np.ndarray]:
+    """Numbers of the draws by the parts and the sizes of the errors of their fits."""
     number = drawn.observed.shape[1]
     unexplained = None if held_out_lines is None else _unexplained(held_out_lines, drawn)
     best = basis_search.chosen(search, number, _evidence(fits, drawn), unexplained)
-    return {(parts_of(fits, choice), choice.prior_scale): draws for choice, draws in basis_search.grouped(best)}
+    return {(parts_of(fits, choice), choice.scales): draws for choice, draws in basis_search.grouped(best)}
 
 
 def _evidence(fits: Fits, drawn: Sample) -> Evidence:
@@ -38,7 +38,7 @@ def _evidence(fits: Fits, drawn: Sample) -> Evidence:
             if part not in right:
                 right[part] = fits.right(part, drawn)
         sums = np.concatenate([right[part][:, draws] for part in parts])
-        made = fits.factorised(parts, choice.prior_scale)
+        made = fits.factorised(parts, choice.scales)
         return np.asarray(0.5 * (np.sum(sums * made.solve(sums), axis=0) - made.log_determinant))
 
     def evidence(choices: Sequence[Choice], draws: np.ndarray) -> Array:
@@ -50,7 +50,7 @@ def _evidence(fits: Fits, drawn: Sample) -> Evidence:
 def _unexplained(held_out_lines: HeldOutLines, drawn: Sample) -> Unexplained:
     def left(choice: Choice, draws: np.ndarray) -> Array:
         parts = parts_of(held_out_lines.fits, choice)
-        return held_out_lines.left(parts, choice.prior_scale, drawn.observed[:, draws])
+        return held_out_lines.left(parts, choice.scales, drawn.observed[:, draws])
 
     return left
 

@@ -19,7 +19,7 @@ from calibration.design.volume import Volume
 from calibration.fit.linear import Part, column_space
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
-from calibration.observation.full_model import axis_effects, parse_basis, priors
+from calibration.observation.full_model import axis_effects, least_priors, parse_basis, priors
 from kinematics.effects import Effect
 from kinematics.error_model.model import Design, ErrorModel, no_errors
 from kinematics.transforms import Array
@@ -41,6 +41,8 @@ class Made(NamedTuple):
     """Derivatives `(G, k)`, um, of the aligned deviations in all volumes."""
     prior: Array
     """Typical sizes `(k,)` of the parameters."""
+    least_prior: Array
+    """Smallest priors `(k,)`, whatever the size of the errors."""
 
 
 class Columns:
@@ -50,7 +52,8 @@ class Columns:
         self.measurement, self.volumes, self.other_effects = setup.measurement, tuple(volumes), tuple(other_effects)
         self._transform = setup.white @ equations.transform(setup.measurement, setup.registration)
         own = setup.white @ equations.registration_design(setup.measurement, setup.registration)
-        flat = own.reshape(-1, own.shape[2])
+        self._stated = setup.stated
+        flat = np.concatenate([own.reshape(-1, own.shape[2]), setup.stated])
         self._units = np.linalg.norm(flat, axis=0)
         self.registration = flat / self._units
         """Whitened derivatives `(N, r)` by the registration, of unit length."""
@@ -68,7 +71,7 @@ class Columns:
         before, observed = np.linalg.norm(whole, axis=0), self._registration.removed(whole)
         # a column that the registration absorbs leaves only rounding, which is no information
         observed[:, np.linalg.norm(observed, axis=0) < ROUNDING * before] = 0.0
-        return Made(observed, self.evaluated(model), priors(model))
+        return Made(observed, self.evaluated(model), priors(model), least_priors(self.measurement, model))
 
     def model(self, parts: Sequence[Part]) -> ErrorModel:
         """The model of these parts, all zero."""
@@ -84,9 +87,13 @@ class Columns:
         return np.concatenate([volume.columns(model) for volume in self.volumes])
 
     def observed(self, model: ErrorModel) -> Array:
-        """Whitened derivatives `(N, p)` of the observations by model parameters, registration not eliminated."""
+        """Whitened derivatives `(N, p)` of the observations by model parameters, registration not eliminated.
+
+        Behind the observations: those of the stated values of the registration, which are zero.
+        """
         design = Design(model, self.measurement.machine, self.measurement.state, with_instrument=True)
-        return np.asarray(design.of(slice(None), self._transform).reshape(self._transform[:, :, 0].size, -1))
+        own = design.of(slice(None), self._transform).reshape(self._transform[:, :, 0].size, -1)
+        return np.concatenate([own, np.zeros((len(self._stated), own.shape[1]))])
 
 
 def model_of(measurement: Measurement, parts: Sequence[Part], other_effects: Sequence[Effect]) -> ErrorModel:
@@ -107,12 +114,15 @@ class Sample:
     """Whitened deviations with noise `(N, draws)`, registration not eliminated."""
     noise: Array
     """Noise `(draws, n, d)` in `observed`."""
+    stated: Array
+    """Errors `(draws, k)` of the stated values of the registration, in standard uncertainties."""
 
 
 def sample(setup: Setup, observed_columns: Array, coefficients: Array, rng: np.random.Generator) -> Sample:
     """The observations of true models by the instrument; `observed_columns` `(N, t)`: as `Columns.of_true_models`."""
     n, d, _ = setup.noise.shape
     # one draw after the other: the first draws do not depend on their number
-    normal = rng.standard_normal((coefficients.shape[1], n, d))
-    noise = (setup.noise @ normal[..., None])[..., 0]
-    return Sample(coefficients, observed_columns @ coefficients + noise.reshape(len(noise), -1).T, noise)
+    normal = rng.standard_normal((coefficients.shape[1], n * d + len(setup.stated)))
+    noise, stated = (setup.noise @ normal[:, : n * d].reshape(-1, n, d, 1))[..., 0], normal[:, n * d :]
+    errors = np.concatenate([noise.reshape(len(noise), -1), stated], axis=1)
+    return Sample(coefficients, observed_columns @ coefficients + errors.T, noise, stated)

@@ -10,6 +10,7 @@ import numpy as np
 
 from calibration.design.equations import IDENTIFIABLE
 from calibration.design.solver import Fits
+from calibration.fit.bases.search import Scales
 from calibration.fit.cross_validation import diagonals, registered
 from calibration.fit.linear import Part, Posterior, column_space
 from calibration.observation.outliers import refuse_lines
@@ -69,10 +70,10 @@ class HeldOutLines:
             number += int(predicted.sum())
         return cls(fits, lines_held_out) if 2 * number >= len(measurement) else None
 
-    def left(self, parts: Sequence[Part], prior_scale: float, observed: Array) -> Array:
+    def left(self, parts: Sequence[Part], scales: Scales, observed: Array) -> Array:
         """Sums of squares `(draws,)` of the whitened residuals of the lines, for observations `(N, draws)`."""
         columns = np.concatenate([self._columns(part) for part in parts], axis=1)
-        columns *= self.fits.scale(parts, prior_scale)
+        columns *= self.fits.scale(parts, scales)
         total = np.zeros(observed.shape[1])
         for line in self.lines_held_out:
             (design, predicting), (fitted, left_out) = line.split(columns), line.split(observed)

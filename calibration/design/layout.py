@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker
-from calibration.measurement.measurement import Measurement
+from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, TouchProbe
+from calibration.measurement.measurement import Distance, Measurement
 from calibration.measurement.plan import Plan
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
@@ -43,6 +43,11 @@ class Setup:
     """Duration of the measurement, min."""
     notes: tuple[str, ...] = ()
 
+    @property
+    def stated(self) -> Array:
+        """Derivatives `(k, registration)` of stated values, such as calibrated distances, in standard uncertainties."""
+        return equations.stated_design(self.measurement, self.registration).reshape(-1, len(self.registration.names))
+
 
 def laid_out(
     plan: Plan,
@@ -51,10 +56,12 @@ def laid_out(
     reach: Reach | None = None,
     weighting: Weighting = "full",
     temperatures: Mapping[str, tuple[float, float]] | None = None,
+    distances: Sequence[Distance] = (),
 ) -> Setup:
     """The set-up of a plan, measured once from each tracker position; points out of reach are left out, with a note.
 
-    UserError for an instrument that observes nothing, or that is at a target.
+    distances: calibrated distances of the spheres of a touch probe. UserError for an instrument that observes nothing,
+    or that is at a target.
     """
     state, poses, notes = plan.state, None, list(plan.notes)
     minutes = plan.minutes
@@ -71,12 +78,14 @@ def laid_out(
         raise UserError(
             f"a position of a tracker is not allowed in a measurement by {type(instrument).__name__.lower()}"
         )
+    if isinstance(instrument, TouchProbe):
+        poses = {name: Pose(np.eye(3)[None], -np.array([centre])) for name, centre in plan.spheres.items()}
     if temperatures:
         state = with_temperatures(state, temperatures)
     repeat = len(state) // len(plan)
     axis = np.tile(plan.axis, repeat) if isinstance(instrument, Interferometer) and plan.axis is not None else None
     run, rows = np.tile(plan.run, repeat), np.arange(len(state))
-    if poses is not None and reach is not None:
+    if trackers and poses is not None and reach is not None:
         nothing = np.zeros((len(state), 3))
         visible = in_reach(Measurement(plan.machine, instrument, state, nothing, plan.targets), poses, reach)
         rows, notes = np.flatnonzero(visible.rows), [*notes, *visible.notes]
@@ -87,8 +96,8 @@ def laid_out(
         plan.machine, model, state.rows(rows), instrument, np.random.default_rng(0), poses, plan.targets,
         axis=None if axis is None else axis[rows], run=run[rows], noise_scale=0.0,
     )  # fmt: skip
-    nominal = replace(nominal, source=plan.strategy)
-    if poses is not None and np.linalg.norm(nominal.observed, axis=1).min() < NEAREST_MM:
+    nominal = replace(nominal, source=plan.strategy, spheres=plan.spheres, distances=tuple(distances))
+    if isinstance(instrument, LaserTracker) and np.linalg.norm(nominal.observed, axis=1).min() < NEAREST_MM:
         raise UserError(f"a target comes closer than {NEAREST_MM:g} mm to the tracker: move the tracker")
     registration = start(nominal, np.ones(len(nominal), bool))
     # rows out of reach cost no time

@@ -10,6 +10,7 @@ import numpy as np
 
 from calibration.design.equations import Columns, Made, Sample
 from calibration.design.random_machines import TrueModels
+from calibration.fit.bases.search import Scales, scale_of
 from calibration.fit.linear import NormalBlocks, Part, Posterior, of_columns, pseudo_inverse
 from kinematics.transforms import Array
 
@@ -46,19 +47,22 @@ class Fits:
         """The right-hand sides `(k, draws)` of a part, in units of its parameters."""
         return self._of(part).observed.T @ drawn.observed
 
-    def step(self, parts: tuple[Part, ...], prior_scale: float, left: Array, parameters: Array) -> Array:
+    def step(self, parts: tuple[Part, ...], scales: Scales, left: Array, parameters: Array) -> Array:
         """The step of parameters `(p,)` for whitened residuals `(N,)`, by the same factorisation."""
         right = np.concatenate([self._of(part).observed.T @ left for part in parts])
-        if np.isfinite(prior_scale):
-            right = right - parameters / self.scale(parts, prior_scale) ** 2
-        return self.factorised(parts, prior_scale).solve(right[:, None])[:, 0]
+        if np.isfinite(scales[0]):
+            right = right - parameters / self.scale(parts, scales) ** 2
+        return self.factorised(parts, scales).solve(right[:, None])[:, 0]
 
-    def scale(self, parts: Sequence[Part], prior_scale: float) -> Array:
-        """Prior standard deviations `(p,)`: typical sizes, for error motions times `prior_scale`."""
-        scales = [
-            self._of(part).prior * (prior_scale if part[0] and np.isfinite(prior_scale) else 1.0) for part in parts
-        ]
-        return np.concatenate(scales)
+    def scale(self, parts: Sequence[Part], scales: Scales) -> Array:
+        """Prior standard deviations `(p,)`: typical sizes, for error motions times their `scales`."""
+        return np.concatenate([self._scaled(part, scales) for part in parts])
+
+    def _scaled(self, part: Part, scales: Scales) -> Array:
+        own, axis = self._of(part), part[0]
+        if not axis or not np.isfinite(scales[0]):
+            return own.prior
+        return np.maximum(own.prior * scale_of(scales, axis), own.least_prior)
 
     def errors(self, parts: Sequence[Part], parameters: Array, coefficients: Array) -> Array:
         """RMS error `(volumes, draws)`, um, of true models `(t, draws)` after correction by fits `(p, draws)`."""
@@ -74,11 +78,11 @@ class Fits:
         ends = np.cumsum([len(volume.state) * 3 for volume in self.columns.volumes])[:-1]
         return np.stack([rms(part) for part in np.split(deviations, ends)])
 
-    def _factorised(self, parts: tuple[Part, ...], prior_scale: float) -> Factorised:
+    def _factorised(self, parts: tuple[Part, ...], scales: Scales) -> Factorised:
         matrix = self._blocks.matrix(parts)
-        if np.isinf(prior_scale):
+        if np.isinf(scales[0]):
             return _least_squares(matrix)
-        scale = self.scale(parts, prior_scale)
+        scale = self.scale(parts, scales)
         posterior, units = Posterior(matrix * np.outer(scale, scale), 1.0), scale[:, None]
         return Factorised(lambda right: posterior.solve(right * units) * units, posterior.log_determinant)
 

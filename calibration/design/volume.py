@@ -46,12 +46,15 @@ class Volume:
         tool: Vector,
         turned: Mapping[str, tuple[float, float]] | None = None,
         sensors: Iterable[str] = (),
+        ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> Volume:
         """The grid of the machine for a tool, mm; rotary axes at home, or spread over the ranges `turned`, degrees.
 
+        ranges: those of axes, mm and degrees; linear axes without one are spread over their travel.
+
         The states are those of `standing`: positions in their order, at rest, 20 degC, also at the `sensors`.
         """
-        positions = evaluation_grid(machine, GRID)
+        positions = evaluation_grid(machine, GRID, ranges)
         for step, (axis, (low, high)) in zip(WAVES, (turned or {}).items(), strict=False):
             i = machine.index(axis)
             positions[:, i] = (low + (np.arange(1, len(positions) + 1) * step % 1.0) * (high - low)) * machine.scale[i]

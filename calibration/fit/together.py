@@ -24,7 +24,7 @@ import numpy as np
 from scipy import special
 
 from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, reason_against, refuse_few
-from calibration.fit.bases.search import AUTO, Choice
+from calibration.fit.bases.search import AUTO, Choice, scale_of
 from calibration.fit.calibrate import in_datum, provenance
 from calibration.fit.cross_validation import CrossValidation, cross_validate
 from calibration.fit.datum import error_motions
@@ -155,7 +155,7 @@ def calibrate_together(
     model = _model(machine, starts)
     prior = priors(model)
     for motion, part in error_motions(model):
-        prior[part] *= max(choice.scale_of(motion.axis) for choice in choices)
+        prior[part] *= max(scale_of(choice.scales, motion.axis) for choice in choices)
     prior = np.maximum.reduce([prior, *(least_priors(measurement, model) for measurement in measurements)])
     numbered(progress, steps - 1, steps)("fitting all measurements together")
     joint = _Joint.fitted([_Share.of(own, model, prior) for own in alone], model, prior)

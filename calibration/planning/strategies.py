@@ -6,7 +6,7 @@ A strategy gives positions. The measuring sequence - order, approach, runs, targ
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import get_args, get_type_hints
 
@@ -67,10 +67,10 @@ def plan(
     return measuring_plan(laid, machine, strategy, choices, requested, reference)
 
 
-def evaluation_grid(machine: Machine, n: int = 9) -> Array:
-    """Positions `(n ** linear axes, axes)`, mm and rad, over the whole travel; rotary axes at home."""
+def evaluation_grid(machine: Machine, n: int = 9, ranges: Mapping[str, tuple[float, float]] | None = None) -> Array:
+    """Positions `(n ** linear axes, axes)`, mm and rad, over the travel, or stated ranges; rotary axes at home."""
     linear = [i for i, axis in enumerate(machine.axes) if not axis.rotary]
-    low, high = limits(machine, Choices())
+    low, high = limits(machine, Choices(ranges=ranges or {}))
     ticks = [np.linspace(low[i], high[i], n) for i in linear]
     for i in linear:
         need_ends(machine, i, low, high)

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from calibration.measurement.instruments import kind_of
 from calibration.study.definition import StudyEntry
 from calibration.study.results import standard_errors
 from calibration.study.run import Draws, Result
@@ -31,7 +32,8 @@ DOUBTFUL = 0.1
 
 def study_report(results: Sequence[Result], study: StudyEntry, draws: Draws, command: str) -> Report:
     """The result for people; `command`: the command that made it."""
-    head = ReportHead(machine=study.machine, instrument="virtual laser tracker", command=command)
+    instruments = sorted({kind_of(result.case.instrument).replace("-", " ") for result in results})
+    head = ReportHead(machine=study.machine, instrument=f"virtual {', '.join(instruments)}", command=command)
     return Report(
         f"Virtual calibration of {study.machine}",
         "",
@@ -65,7 +67,7 @@ def _sections(results: Sequence[Result], study: StudyEntry, draws: Draws) -> Ite
     if len({result.points for result in results}) >= CURVE:
         text = "Dots are means over the draws, and the band is the 95 % quantile."
         yield Section("Points and time", text, figure=partial(_curve, results))
-    text = "The figures show the positions of the target and of the tracker in the workpiece frame."
+    text = "The figures show the positions of the target, and of a tracker, in the workpiece frame."
     if len(results) > SCENES:
         text += f" The first {SCENES} of {len(results)} cases are drawn."
     yield Section("Measured positions", text, figure=partial(_position_figure, results))

@@ -88,7 +88,14 @@ def largest_true_model(machine: Machine, half_widths: HalfWidths = DEFAULT) -> l
 
 
 def random_location_errors(machine: Machine, rng: np.random.Generator, half_width: float) -> list[Effect]:
-    """Location errors, each uniform within a half-width, um and urad: squareness, position and tilt of rotary axes.
+    """Location errors, each uniform within a half-width, um and urad, as of `location_errors`."""
+    found = location_errors(machine, half_width)
+    values = rng.uniform(-half_width, half_width, len(found)).tolist()
+    return [msgspec.structs.replace(effect, value=value) for effect, value in zip(found, values, strict=True)]
+
+
+def location_errors(machine: Machine, value: float) -> list[LocationError]:
+    """Location errors of this value, um and urad: squareness, position and tilt of rotary axes.
 
     A rotary axis has the two shifts and the two tilts across its line (ISO 230-1); three linear axes have the
     squareness of the second to the first, and of the third to both.
@@ -100,8 +107,7 @@ def random_location_errors(machine: Machine, rng: np.random.Generator, half_widt
         if axis.rotary:
             along = "ABC".index(axis.name[0])
             found += [(component, axis.name) for k, component in enumerate(COMPONENTS) if k % 3 != along]
-    values = rng.uniform(-half_width, half_width, len(found)).tolist()
-    return [LocationError(c, name, v) for (c, name), v in zip(found, values, strict=True)]  # type: ignore[arg-type]
+    return [LocationError(c, name, value) for c, name in found]  # type: ignore[arg-type]
 
 
 def model_of(machine: Machine, effects: Sequence[Effect], source: str = "simulated") -> ErrorModel:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 
@@ -15,8 +15,8 @@ import machines
 from calibration.design.layout import Setup, laid_out
 from calibration.design.random_machines import TrueModels
 from calibration.design.volume import Volume
-from calibration.measurement.instruments import Instrument
-from calibration.measurement.measurement import SPINDLE_NOSE, Target
+from calibration.measurement.instruments import Instrument, TouchProbe
+from calibration.measurement.measurement import SPINDLE_NOSE, Distance, Target
 from calibration.measurement.plan import Choices, Plan, Timing
 from calibration.measurement.plan_file import read_plan
 from calibration.observation.reach import Reach
@@ -24,8 +24,23 @@ from calibration.optimal.candidates import obstacle_of
 from calibration.optimal.optimise import Request, optimised
 from calibration.planning.strategies import plan as plan_of
 from calibration.simulation.effect_text import read_effects
-from calibration.simulation.true_model import DEFAULT, HalfWidths, checked_half_widths, read_half_widths
-from calibration.study.definition import CaseEntry, ErrorsEntry, FitEntry, StudyEntry, instrument_of
+from calibration.simulation.true_model import (
+    DEFAULT,
+    HalfWidths,
+    checked_half_widths,
+    location_errors,
+    read_half_widths,
+)
+from calibration.study.definition import (
+    DEFAULT_SPHERES,
+    CaseEntry,
+    ErrorsEntry,
+    FitEntry,
+    Range,
+    StudyEntry,
+    instrument_of,
+)
+from calibration.study.spheres import sphere_plan
 from kinematics.effects import Effect
 from kinematics.machine import Machine, Vector
 from kinematics.running.workers import code
@@ -56,10 +71,14 @@ class Case:
     volumes: tuple[Volume, ...]
     """The grid, and other volumes of the evaluation."""
     seed: int
+    distances: tuple[Distance, ...] = ()
+    """Calibrated distances between the spheres of a touch probe."""
 
     def setup(self) -> Setup:
         """The case laid out."""
-        return laid_out(self.plan, self.instrument, self.trackers, self.reach, self.fit.weighting, self.temperatures)
+        return laid_out(
+            self.plan, self.instrument, self.trackers, self.reach, self.fit.weighting, self.temperatures, self.distances
+        )
 
     @property
     def key(self) -> str:
@@ -68,7 +87,8 @@ class Case:
         decisive = (
             plan.machine, plan.strategy, plan.state, plan.run, plan.axis, plan.targets, self.instrument, self.trackers,
             self.reach, self.temperatures, self.fit, self.other_effects, true_models.model.effects,
-            true_models.low, true_models.high, true_models.linear, self.volumes, self.seed,
+            true_models.low, true_models.high, true_models.linear, self.volumes, self.seed, plan.spheres,
+            self.distances,
         )  # fmt: skip
         digest = hashlib.sha256()
         for part in _content(decisive):
@@ -113,11 +133,17 @@ def _case(
     entry: CaseEntry, study: StudyEntry, machine: Machine, instrument: Instrument, true_models: TrueModels, folder: Path
 ) -> Case:
     try:
-        fit = entry.fit or study.fit
+        fit, distances = entry.fit or study.fit, tuple[Distance, ...]()
+        if entry.instrument is not None:
+            instrument = instrument_of(entry.instrument, "instrument", folder)
         trackers = _trackers(entry)
         reach = _reach(entry, study)
         other_effects = read_effects([_path(text, folder) for text in fit.effects], machine, "[fit] effects")
-        if entry.strategy == OPTIMISED:
+        if isinstance(instrument, TouchProbe):
+            plan, distances = sphere_plan(entry, machine, instrument, folder)
+        elif entry.distances or entry.spheres != DEFAULT_SPHERES:
+            raise UserError('spheres and distances are of instrument = { kind = "touch-probe" }')
+        elif entry.strategy == OPTIMISED:
             best = optimised(machine, instrument, _wish(entry, trackers, reach, machine))
             plan, trackers = best.plan, (best.tracker,)
         else:
@@ -126,7 +152,7 @@ def _case(
         sensors = {
             name: (start - REFERENCE, end - REFERENCE) for name, (start, end) in study.instrument.temperature.items()
         }
-        volume = Volume.of(machine, tool, _turned(plan), sensors)
+        volume = _volume(study.volume, machine, tool, plan, sensors)
         case = Case(
             entry.name,
             plan,
@@ -139,6 +165,7 @@ def _case(
             true_models,
             (volume,),
             study.seed,
+            distances,
         )
         case.setup()
     except UserError as fault:
@@ -240,14 +267,23 @@ def _turned(plan: Plan) -> dict[str, tuple[float, float]]:
     }
 
 
+def _volume(ranges: Mapping[str, Range], machine: Machine, tool: Vector, plan: Plan, sensors: Iterable[str]) -> Volume:
+    """The grid of the evaluation, over stated ranges of axes, or the travel and the rotary ranges of the plan."""
+    stated = {axis: own for axis, own in ranges.items() if machine.axes[machine.index(axis)].rotary}
+    return Volume.of(machine, tool, {**_turned(plan), **stated}, sensors, ranges)
+
+
 def _true_models(entry: ErrorsEntry, machine: Machine, folder: Path) -> TrueModels:
     drawn = read_effects([_path(text, folder) for text in entry.effects], machine, "[errors] effects")
     fixed = read_effects([_path(text, folder) for text in entry.fixed], machine, "[errors] fixed")
-    return TrueModels.of(machine, _half_widths(entry, folder), drawn, fixed)
+    locations = location_errors(machine, entry.location) if entry.location else []
+    return TrueModels.of(machine, _half_widths(entry, folder), [*locations, *drawn], fixed)
 
 
 def _half_widths(entry: ErrorsEntry, folder: Path) -> HalfWidths:
     if entry.model == "none":
+        if entry.half_widths is not None:
+            raise UserError('[errors] model = "none" has no rows E_XX and no half_widths: delete them or the model')
         return {}
     if isinstance(entry.half_widths, dict):
         return checked_half_widths(entry.half_widths, "[errors]")

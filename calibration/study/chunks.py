@@ -12,7 +12,7 @@ from calibration.design.equations import Columns, Sample, sample
 from calibration.design.held_out_lines import HeldOutLines
 from calibration.design.layout import Setup
 from calibration.design.solver import Fits
-from calibration.fit.bases.search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Search
+from calibration.fit.bases.search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Scales, Search
 from calibration.fit.linear import Part
 from calibration.observation.full_model import moving_axes, stated_bases
 from calibration.study.cases import Case
@@ -51,7 +51,8 @@ class Prepared:
     fits: Fits
     bases: tuple[Part, ...] | Search
     """The bases of all draws, or the search that chooses those of each draw."""
-    prior_scale: float
+    scales: Scales
+    """Sizes of the errors in all draws, if no search chooses them; infinite without a prior."""
     held_out_lines: HeldOutLines | None
     """Lines by which choices are evaluated, for data on a few diagonals."""
 
@@ -62,7 +63,8 @@ class Prepared:
         fits = Fits(Columns(setup, case.volumes, case.other_effects), case.true_models)
         prior = case.fit.prior
         scale = None if prior == "auto" else np.inf if prior == "none" else float(prior) / TYPICAL
-        return cls(case, setup, fits, _bases(case, fits, scale), 1.0 if scale is None else scale, HeldOutLines.of(fits))
+        scales = 1.0 if scale is None else scale, None
+        return cls(case, setup, fits, _bases(case, fits, scale), scales, HeldOutLines.of(fits))
 
     def sample(self, chunk: Chunk) -> Sample:
         """The virtual machines of a chunk and their observations."""
@@ -73,26 +75,26 @@ class Prepared:
         coefficients = self.case.true_models.draw(streams[0], chunk.draws)
         return sample(self.setup, self.fits.true_observed, coefficients, streams[1])
 
-    def choices(self, drawn: Sample) -> dict[tuple[tuple[Part, ...], float], np.ndarray]:
+    def choices(self, drawn: Sample) -> dict[tuple[tuple[Part, ...], Scales], np.ndarray]:
         """Numbers of the draws by the bases and the prior of their fits."""
         if isinstance(self.bases, Search):
             return chosen(self.fits, drawn, self.bases, self.held_out_lines)
-        return {(self.bases, self.prior_scale): np.arange(drawn.observed.shape[1])}
+        return {(self.bases, self.scales): np.arange(drawn.observed.shape[1])}
 
     def outcome(self, chunk: Chunk) -> Outcome:
         """All draws of a chunk, fitted and evaluated."""
         drawn = self.sample(chunk)
         before = self.fits.before(drawn.coefficients)
         after = np.empty_like(before)
-        for (parts, scale), draws in self.choices(drawn).items():
-            parameters = self.fitted(parts, scale, drawn, draws)
+        for (parts, scales), draws in self.choices(drawn).items():
+            parameters = self.fitted(parts, scales, drawn, draws)
             after[:, draws] = self.fits.errors(parts, parameters, drawn.coefficients[:, draws])
         return Outcome(before, after)
 
-    def fitted(self, parts: tuple[Part, ...], scale: float, drawn: Sample, draws: np.ndarray) -> Array:
+    def fitted(self, parts: tuple[Part, ...], scales: Scales, drawn: Sample, draws: np.ndarray) -> Array:
         """Fitted parameters `(p, draws)`, in their units."""
         right = np.concatenate([self.fits.right(part, drawn)[:, draws] for part in parts])
-        return self.fits.factorised(parts, scale).solve(right)
+        return self.fits.factorised(parts, scales).solve(right)
 
 
 def work(case: Case, chunk: Chunk) -> Outcome:

@@ -17,12 +17,14 @@ from kinematics.user_error import UserError
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Triple = tuple[float, float, float]
 Range = tuple[float, float]
+DEFAULT_SPHERES = 3
+"""Number of spheres of a touch probe, where the case states none."""
 
 
 class InstrumentEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The instrument: standard uncertainties (k=1) by their keys in a measurement file, and its reach."""
 
-    kind: Literal["laser-tracker", "interferometer", "part"] = "laser-tracker"
+    kind: Literal["laser-tracker", "interferometer", "part", "touch-probe"] = "laser-tracker"
     u_range_um: float | None = None
     u_range_um_per_m: float | None = None
     u_angle_um: float | None = None
@@ -45,6 +47,8 @@ class ErrorsEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model: Literal["fourier", "table-1", "none"] = "table-1"
     half_widths: str | dict[str, tuple[float, ...]] | None = None
     """`table-1`, the path of a table, or rows E_XX = [a0, a1, n1, b1, c1, ...] by error motion, um and urad."""
+    location: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    """Half-width of the location errors of rotary axes and of squareness, um and urad."""
     effects: tuple[str, ...] = ()
     """Effects whose amplitudes are uniform between plus and minus the given ones."""
     fixed: tuple[str, ...] = ()
@@ -99,6 +103,12 @@ class CaseEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     visible: tuple[str, ...] = ()
     """Required effects: the measurement has to show them."""
     fit: FitEntry | None = None
+    instrument: InstrumentEntry | None = None
+    """Another instrument than that of the study."""
+    spheres: dict[str, Triple] | Annotated[int, msgspec.Meta(ge=1)] = DEFAULT_SPHERES
+    """Spheres of a touch probe: centres by name, mm, workpiece frame with all axes at 0; or their number."""
+    distances: dict[str, Positive] = {}
+    """Standard uncertainties, um, of calibrated distances between two spheres, s1.s2."""
 
 
 class StudyEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -117,6 +127,8 @@ class StudyEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     instrument: InstrumentEntry = InstrumentEntry(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)
     errors: ErrorsEntry = ErrorsEntry()
     fit: FitEntry = FitEntry()
+    volume: dict[str, Range] = {}
+    """Ranges of axes, mm and degrees, in which machines are evaluated, instead of the travel and the plan's ranges."""
     common: dict[str, Any] = {}
     """Keys of a case that hold for every case that does not contain them."""
 

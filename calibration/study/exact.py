@@ -7,9 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calibration.design.equations import Sample
 from calibration.design.volume import Volume
 from calibration.evaluation.volumetric import volumetric_error_um
+from calibration.fit.bases.search import Scales
 from calibration.fit.linear import Part
+from calibration.measurement.measurement import Measurement
+from calibration.observation.equations import stated_residuals
 from calibration.observation.normal_equations import residuals, whitened
 from calibration.simulation.simulate import observe
 from calibration.study.chunks import Chunk, Prepared
@@ -39,33 +43,43 @@ def compared(prepared: Prepared, draws: int) -> Compared:
     """The first draws of a case by the linear equations, and by iterated exact kinematics, with the same noise."""
     drawn = prepared.sample(Chunk(0, draws))
     linear, exact = np.empty(draws), np.empty(draws)
-    for (parts, scale), numbers in prepared.choices(drawn).items():
-        parameters = prepared.fitted(parts, scale, drawn, numbers)
+    for (parts, scales), numbers in prepared.choices(drawn).items():
+        parameters = prepared.fitted(parts, scales, drawn, numbers)
         linear[numbers] = prepared.fits.errors(parts, parameters, drawn.coefficients[:, numbers])[0]
         for number in numbers.tolist():
             true_model = prepared.case.true_models.machine(drawn.coefficients[:, number])
-            found = _fitted(prepared, parts, scale, true_model, drawn.noise[number])
+            found = _fitted(prepared, parts, scales, drawn, number)
             exact[number] = _remaining_error(prepared.case.volumes[0], true_model, found)
     return Compared(linear, exact)
 
 
-def _fitted(
-    prepared: Prepared, parts: tuple[Part, ...], scale: float, true_model: ErrorModel, noise: Array
-) -> ErrorModel:
-    """The fit of one measurement: residuals by the exact matrix product, steps by the factorisation of the study."""
-    setup, nominal, fits = prepared.setup, prepared.setup.measurement, prepared.fits
+def measurement_of(prepared: Prepared, drawn: Sample, number: int) -> Measurement:
+    """The measurement of one draw: observations by the exact kinematics, with the errors of the instrument."""
+    setup, nominal = prepared.setup, prepared.setup.measurement
+    true_model = prepared.case.true_models.machine(drawn.coefficients[:, number])
     seen = observe(
         nominal.machine, true_model, nominal.state, nominal.instrument, np.random.default_rng(0), setup.poses,
         nominal.targets, axis=nominal.axis, run=nominal.run, noise_scale=0.0,
     )  # fmt: skip
     # the noise of a sample is weighted, that of observations is in mm
-    in_mm = np.linalg.solve(setup.white, noise[..., None])[..., 0]
-    measured = replace(seen, observed=seen.observed + in_mm)
+    in_mm = np.linalg.solve(setup.white, drawn.noise[number][..., None])[..., 0]
+    errors = drawn.stated[number].tolist()
+    distances = tuple(
+        each._replace(length=each.length + each.u * error)
+        for each, error in zip(nominal.distances, errors, strict=True)
+    )
+    return replace(seen, observed=seen.observed + in_mm, spheres=nominal.spheres, distances=distances)
+
+
+def _fitted(prepared: Prepared, parts: tuple[Part, ...], scales: Scales, drawn: Sample, number: int) -> ErrorModel:
+    """The fit of one draw: residuals by the exact matrix product, steps by the factorisation of the study."""
+    fits, setup, measured = prepared.fits, prepared.setup, measurement_of(prepared, drawn, number)
     model, registration = fits.columns.model(parts), setup.registration
     parameters = np.zeros(len(model.parameters))
     for _ in range(STEPS):
         residual = whitened(setup.white, residuals(measured, model, registration)).reshape(-1)
-        step = fits.step(parts, scale, residual, parameters)
+        residual = np.concatenate([residual, stated_residuals(measured, registration)])
+        step = fits.step(parts, scales, residual, parameters)
         registration = registration.moved(fits.columns.registered(parts, residual, step))
         parameters = parameters + step
         model = model.with_parameters(parameters)

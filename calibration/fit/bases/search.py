@@ -52,6 +52,16 @@ AT_TARGETS = 2
 """Largest number of nodes at repeated targets, as a multiple of the finest basis."""
 
 
+Scales = tuple[float, float | None]
+"""Sizes of the errors of linear and of rotary axes, as multiples of the typical ones; None where both are the same."""
+
+
+def scale_of(scales: Scales, axis: str) -> float:
+    """The size of the error motions of an axis."""
+    linear, rotary = scales
+    return linear if rotary is None or axis[0] not in ROTARY else rotary
+
+
 @dataclass(frozen=True)
 class Choice:
     """Basis of each axis, and the size of the errors as a multiple of the typical ones."""
@@ -62,13 +72,9 @@ class Choice:
     """The same of rotary axes, where it differs."""
 
     @property
-    def scales(self) -> tuple[float, float | None]:
+    def scales(self) -> Scales:
         """The sizes of the errors of linear and of rotary axes."""
         return self.prior_scale, self.rotary_scale
-
-    def scale_of(self, axis: str) -> float:
-        """The size of the error motions of an axis."""
-        return self.prior_scale if self.rotary_scale is None or axis[0] not in ROTARY else self.rotary_scale
 
     def variants(self, part: str, most: Mapping[str, int]) -> list[Choice]:
         """Choices that differ in one part: a prior, or an axis with at most the number of parameters in `most`."""

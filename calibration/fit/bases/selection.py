@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from calibration.cores import each
-from calibration.fit.bases.search import FINEST, SIZES, Choice, Search, Unexplained, chosen
+from calibration.fit.bases.search import FINEST, SIZES, Choice, Search, Unexplained, chosen, scale_of
 from calibration.fit.fit import DOUBTFUL_P, Fit, fit
 from calibration.fit.linear import NormalBlocks, Part
 from calibration.fit.problem import solution
@@ -135,7 +135,7 @@ class LinearEvidence:
         normal = NormalEquations(self._blocks.matrix(parts), np.concatenate([self._right(part) for part in parts]))
         normal.add_stated(self._measurement, self._registration)
         prior = np.concatenate(
-            [*(self._scaled(part, choice.scale_of(part[0])) for part in axes), self._priors(OTHER_EFFECTS)]
+            [*(self._scaled(part, scale_of(choice.scales, part[0])) for part in axes), self._priors(OTHER_EFFECTS)]
         )
         away = np.zeros(len(prior))
         away[len(prior) - len(self._moved) :] = self._moved
