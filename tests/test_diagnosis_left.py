@@ -176,7 +176,7 @@ def test_what_is_left_turns_back_into_lengths(machine):
     rng = np.random.default_rng(4)
     data = measured(made, positions(made, 80, rng), THREE, no_errors(made), rng)
     linearised = LinearisedFit.of(fit(data, rigid_model(data, dict.fromkeys(made.names, BasisChoice("legendre", 2)))))
-    left = Unexplained(("X",), (0.45,), 0.005, 1.0, remainder._of_machine(linearised))
+    left = Unexplained(("X",), (0.45,), 0.005, 1.0, remainder.of_machine(linearised, linearised.residual))
     residual = np.linalg.solve(linearised.white, linearised.residual.reshape(-1, 3, 1))[:, :, 0]
     np.testing.assert_allclose(
         remainder.in_lengths(linearised, left), residual * np.sqrt(linearised.weights)[:, None], atol=1e-12

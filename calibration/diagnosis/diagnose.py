@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Literal, NamedTuple
@@ -20,6 +20,7 @@ from calibration.diagnosis.residual.absorber import absorbed
 from calibration.diagnosis.residual.cancelling import cancelling
 from calibration.diagnosis.residual.chance_level import ByChance
 from calibration.diagnosis.residual.dependence import Unexplained
+from calibration.diagnosis.residual.modulation import Modulated, modulated, modulation
 from calibration.diagnosis.residual.unnamed import add_unnamed
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.result import LEFT, Diagnosis
@@ -56,6 +57,8 @@ GATE = 0.2
 """Chance that causes are searched for although the residuals are pure noise."""
 AGAIN = 3
 """Times that the bases are selected again with the causes found."""
+DOUBTS = (unexplained_residual.misread, unexplained_residual.wandering, unexplained_residual.smoothed)
+"""Each finds causes of a stage that only imitate another error; asked in turn."""
 LeftOver = Literal["report", "add"]
 
 
@@ -280,6 +283,7 @@ def _without_impostors(
     remains, the bases of the search stay only if they predict held-out rows as well as those of the result `without`
     the search, whose fit with the uncertainty of errors that the model lacks is `cautious`.
     """
+    imitated: list[Modulated] = []
     while True:
         stage, selector = found.stage, found.selector
         searched = not stage.accepted and selector is not without.selector
@@ -287,11 +291,15 @@ def _without_impostors(
             found = without
             continue
         blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
-        for doubted in (unexplained_residual.misread, unexplained_residual.wandering, unexplained_residual.smoothed):
+        if not blamed:
+            imitated += (more := modulated(stage))
+            blamed = [each.accepted for each in more]
+        for doubted in DOUBTS:
             blamed = blamed or doubted(stage)
+        blamed = blamed or _unsupported(selector, stage)
         if not blamed:
             tests = unexplained_residual.tests(stage.linearised)
-            dependence = _dependence(stage, tests)
+            dependence = _dependence(stage, tests) or next(filter(None, _imitated(stage, imitated)), None)
             blamed = unexplained_residual.impostors(stage, dependence, selector.library) if dependence else []
             if not blamed:
                 return found, tests, dependence
@@ -300,6 +308,18 @@ def _without_impostors(
         ]
         fewer = selector.pruned(selector.stage(kept)) if kept else selector.bare
         found = found._replace(stage=fewer, evaluated=())
+
+
+def _unsupported(selector: Selector, stage: Stage) -> list[Accepted]:
+    """Causes of a stage without evidence where errors that the model lacks are part of the noise."""
+    cautious = selector.cautious(stage)
+    both = zip(stage.accepted, cautious.accepted, strict=True)
+    return [each for each, other in both if other.score.delta_bic > 0.0]
+
+
+def _imitated(stage: Stage, imitated: Sequence[Modulated]) -> Iterator[Unexplained | None]:
+    """The error of two axes that each of some modulated causes imitates, in the residual of a stage without them."""
+    return (modulation(stage.linearised, each) for each in imitated)
 
 
 def _among(accepted: Accepted, others: Sequence[Accepted]) -> bool:

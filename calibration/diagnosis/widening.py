@@ -107,7 +107,8 @@ def unseen_errors(linearised: LinearisedFit, dependence: Unexplained, present: E
         before = moment.deviations(fit.model) - moment.deviations(given) + error
         parts.append(np.mean([error**2 + variance, error**2, before**2], axis=1))
     squares, after, without = np.mean(parts, axis=0)
-    if len(shared := shared_squares(linearised, dependence)) == 3 and not _of_tool(linearised, dependence):
+    held = beside.log_odds > 0.0 and _of_tool(linearised, dependence)
+    if len(shared := shared_squares(linearised, dependence)) == 3 and not held:
         squares = np.maximum(squares, shared)
     moves = any(name == TIME or name.startswith(TEMPERATURE) for name in dependence.variables)
     recurs = not moves and not dependence.of_readings

@@ -82,7 +82,7 @@ def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
 
 def unexplained(linearised: LinearisedFit) -> Unexplained | None:
     """A smooth function that explains the residuals of a linearised fit, and its variables; None where none does."""
-    given, white = variables(linearised.measurement, linearised.rows), _of_machine(linearised)
+    given, white = variables(linearised.measurement, linearised.rows), of_machine(linearised, linearised.residual)
     found = explaining_variables(white, given, np.random.default_rng(SEED))
     if found is None:
         return None
@@ -105,9 +105,8 @@ def unexplained(linearised: LinearisedFit) -> Unexplained | None:
 
 def one_by_one(linearised: LinearisedFit) -> list[Dependence]:
     """Dependence of the residuals of a linearised fit on each variable alone, the clearest first."""
-    return dependences(
-        _of_machine(linearised), variables(linearised.measurement, linearised.rows), np.random.default_rng(SEED)
-    )
+    given = variables(linearised.measurement, linearised.rows)
+    return dependences(of_machine(linearised, linearised.residual), given, np.random.default_rng(SEED))
 
 
 def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate]) -> list[Accepted]:
@@ -215,9 +214,9 @@ def shared_squares(linearised: LinearisedFit, dependence: Unexplained) -> Array:
     return np.asarray(shared[linearised.good].mean(axis=0))
 
 
-def _of_machine(linearised: LinearisedFit) -> Array:
-    """Residuals `(n, d)` in units of their noise; in the tool's directions where rotary axes turn the observations."""
-    white, turns = linearised.residual.reshape(len(linearised.rows), -1), _into_tool(linearised)
+def of_machine(linearised: LinearisedFit, values: Array) -> Array:
+    """White values `(N,)` as `(n, d)`, in units of noise; along the tool where rotary axes turn points."""
+    white, turns = values.reshape(len(linearised.rows), -1), _into_tool(linearised)
     if turns is None:
         return white
     unwhite = turns @ _noise(linearised)
