@@ -28,10 +28,15 @@ MUCH = 0.25
 """Squares that the modulation explains, as a share of those of the cause, from which these are much."""
 
 
+OfOneAxis = Backlash | Cyclic | Hysteresis | LateralPlay | QuantisedCompensation | ReversalSpike
+"""Effects that are the same wherever the other axes stand."""
+
+
 class Modulated(NamedTuple):
     """An accepted cause of one axis, and the other axis that modulates it."""
 
     accepted: Accepted
+    effect: OfOneAxis
     axis: str
 
 
@@ -40,7 +45,7 @@ def modulated(stage: Stage) -> list[Modulated]:
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
     for i, each in enumerate(stage.accepted):
         effect = each.candidate.effect
-        if not isinstance(effect, Backlash | Cyclic | Hysteresis | LateralPlay | QuantisedCompensation | ReversalSpike):
+        if not isinstance(effect, OfOneAxis):
             continue
         score = each.score
         if even.linearised is not stage.linearised:
@@ -52,14 +57,14 @@ def modulated(stage: Stage) -> list[Modulated]:
             more = even.linearised.projected(_times_polynomial(even.linearised, columns, axis))
             tried = even.linearised.score(more)
             if tried.delta_bic < WORTH and tried.squares > MUCH * score.squares:
-                found.append(Modulated(each, axis))
+                found.append(Modulated(each, effect, axis))
                 break
     return found
 
 
 def modulation(linearised: LinearisedFit, without: Modulated) -> Unexplained | None:
     """The error that a modulated cause imitates, in the residual of a fit without the cause; None below chance."""
-    effect = without.accepted.candidate.effect
+    effect = without.effect
     even = linearised.evenly_noisy
     score = even.score(even.projected(_with_modulation(even, without)))
     if score.delta_bic > WORTH:
@@ -75,7 +80,7 @@ def modulation(linearised: LinearisedFit, without: Modulated) -> Unexplained | N
 
 def _with_modulation(linearised: LinearisedFit, found: Modulated) -> Array:
     """White columns `(N, k)` of a modulated cause, and of its modulation."""
-    columns = linearised.columns(found.accepted.candidate.effect)
+    columns = linearised.columns(found.effect)
     return np.concatenate([columns, _times_polynomial(linearised, columns, found.axis)], axis=1)
 
 
