@@ -13,10 +13,12 @@ from support.virtual_measurements import written
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.repeatability import repeats
-from calibration.fit.bases.selection import LinearEvidence, choose
+from calibration.fit.bases.search import AUTOMATIC_KINDS, ROTARY_KIND
+from calibration.fit.bases.selection import LinearEvidence, choose, coarse_fit
 from calibration.fit.calibrate import calibrate
 from calibration.fit.calibrate import in_datum as fitted_in_datum
 from calibration.fit.fit import fit
+from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.measurement.balls.touch_probe import TIP as PROBE
 from calibration.measurement.file import read_measurement, write_measurement
 from calibration.measurement.instruments import TouchProbe
@@ -31,7 +33,7 @@ from calibration.simulation.measure_plan import VirtualInstrument, measure_plan,
 from calibration.simulation.touch_probe import PLACED_MM, Spheres
 from calibration.simulation.true_model import model_of, random_location_errors, random_true_model
 from kinematics.basis import BSpline
-from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError, StationShift
+from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError, StationShift, ThermalDrift
 from kinematics.forward import forward, tool_point
 from kinematics.inverse import linear_positions
 from kinematics.transforms import turn
@@ -409,6 +411,96 @@ def test_mistakes_are_found(name):
     assert not sanity(good)
     found = sanity(spoil(good))
     assert any(text in finding.message and finding.fatal == fatal for finding in found), found
+
+
+def shifted_rows(measured, rows, shift):
+    """The measurement with the tip farther by a shift, mm, workpiece frame, in some rows."""
+    machine = measured.machine
+    tips = tool_point(machine, measured.state.positions, measured.tool)
+    tips[rows] += shift
+    return at(measured, linear_positions(machine, measured.state.positions, tips, measured.tool))
+
+
+MOVES = [
+    ("trunnion_ac", 3, 34, 0.05, 17),
+    ("head_head", 2, 30, 0.2, 2),
+    ("head_table", 3, 12, 0.05, 9),
+    ("trunnion_bc", 1, 24, 0.02, 12),
+    ("dmu50", 1, 24, 5.0, 2),
+]
+
+
+@pytest.mark.parametrize(("name", "spheres", "count", "size", "moment"), MOVES)
+def test_a_sphere_that_moved_is_named_with_its_row(name, spheres, count, size, moment):
+    """Smaller steps than the errors of the machine, near the first, middle and last rows."""
+    measured, _ = probed(name, count, spheres=spheres_of(name, spheres), seed=7)
+    measured = replace(measured, source="d.csv", lines=np.arange(len(measured)) + 8)
+    assert not moved_spheres(measured)
+    first = np.flatnonzero(measured.groups == "s1")[moment]
+    behind = (measured.groups == "s1") & (np.arange(len(measured)) >= first)
+    text = moved_spheres(shifted_rows(measured, behind, size * np.array([0.6, -0.64, 0.48])))
+    assert f"before d.csv:{first + 8}: its clamping is loose" in text
+    number = float(text.removeprefix("sphere s1 moved by ").partition(" ")[0])
+    assert number == pytest.approx(1e3 * size, rel=0.06)
+
+
+def test_spheres_that_moved_together_are_named():
+    measured, _ = probed("trunnion_ac", 30)
+    text = moved_spheres(shifted_rows(measured, np.arange(len(measured)) >= 45, [0.03, 0.0, 0.04]))
+    assert text.startswith("spheres s1, s2, s3 moved by 5")
+
+
+def test_a_moved_sphere_is_refused_and_fitted_by_its_other_name():
+    measured, _ = probed("trunnion_ac", 30)
+    rows = (measured.groups == "s2") & (np.arange(len(measured)) > 50)
+    moved = shifted_rows(measured, rows, [0.0, 0.08, 0.0])
+    with pytest.raises(UserError, match="sphere s2 moved by 80 um"):
+        calibrate(moved, basis="legendre:1", hold_out=False)
+    renamed = np.where(rows, "s2b", measured.groups)
+    again = calibrate(replace(moved, state=replace(moved.state, station=renamed)), basis="legendre:1", hold_out=False)
+    assert again.accepted
+    assert not again.fit.outliers.size
+
+
+@pytest.mark.parametrize(
+    "drift", [{"rate": 60.0}, {"amplitudes": (40.0,), "time_constants_s": (600.0,)}], ids=["linear", "exponential"]
+)
+def test_a_drift_is_no_move(drift):
+    machine = machines.load("trunnion_ac")
+    effects = random_location_errors(machine, np.random.default_rng(1), 50.0)
+    measured, _ = probed("trunnion_ac", 34, effects=[*effects, ThermalDrift("Z", **drift)])
+    assert not moved_spheres(measured)
+
+
+@pytest.mark.parametrize(("name", "spheres", "count"), [("trunnion_bc", 1, 24), ("head_head", 2, 30)])
+@pytest.mark.parametrize("row", [0, 11, -1])
+def test_a_row_that_is_off_by_less_than_the_errors_is_found_before_the_bases(name, spheres, count, row):
+    """Fine bases would reach it."""
+    measured, _ = probed(name, count, spheres=spheres_of(name, spheres), seed=3)
+    assert coarse_fit(measured).kept.all()
+    off = np.arange(len(measured)) == np.arange(len(measured))[row]
+    kept = coarse_fit(shifted_rows(measured, off, [0.03, 0.04, 0.0])).kept
+    assert np.array_equal(kept, ~off)
+
+
+@pytest.mark.statistical
+def test_bases_are_those_without_a_row_that_is_off():
+    measured, _ = probed("trunnion_bc", 24, spheres=spheres_of("trunnion_bc", 1), seed=3)
+    off = np.arange(24) == 16
+    found = calibrate(shifted_rows(measured, off, [0.0, 0.05, 0.0]), hold_out=False)
+    assert found.fit.outliers.tolist() == [16]
+    assert found.choice == choose(measured.rows(~off), AUTOMATIC_KINDS, rotary_kind=ROTARY_KIND)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("u_um", [0.1, 1000.0])
+def test_a_wrong_uncertainty_in_the_header_is_stated(u_um):
+    """Rows that are too few for the bases of that uncertainty are fitted by coarse ones."""
+    measured, _ = probed("trunnion_bc", 24, spheres=spheres_of("trunnion_bc", 1), seed=3)
+    found = calibrate(replace(measured, instrument=TouchProbe(u_um=u_um)))
+    assert not 0.5 < found.fit.chi2_reduced < 2.0
+    assert found.fit.rms_um < 3.0
+    assert found.cross_validation.gains.better
 
 
 # ---- the commands

@@ -29,6 +29,7 @@ from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
 from calibration.fit.set_up.distances import distance_findings
+from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
@@ -112,6 +113,10 @@ def calibrate(
     NotAccepted for a calibration that is no improvement, or with which too many rows disagree, without `force`.
     """
     findings = usable(measurement)
+    moved = moved_spheres(measurement)
+    if moved and not force:
+        raise UserError(f"{measurement.source}: {moved}; --force fits the rows as they are")
+    findings += [Finding("spheres", moved, False)] if moved else []
     positions = target_positions(measurement)
     findings += target_findings(measurement, positions)
     measurement = at_positions(measurement, positions)

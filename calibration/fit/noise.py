@@ -148,6 +148,8 @@ def _likeliest(components: _Components, variances: Array, active: np.ndarray) ->
         slope = 0.5 * (moments.observed - moments.expected)
         shown = np.diag(moments.information) > 0.0  # not so for a table's axis, by targets on the tool from the bed
         free = np.flatnonzero(active & shown & ((variances > NOTHING) | (slope > 0.0)))
+        if not len(free):
+            break
         variances = variances.copy()
         scale = np.sqrt(np.diag(moments.information)[free])
         scaled = moments.information[np.ix_(free, free)] / np.outer(scale, scale)

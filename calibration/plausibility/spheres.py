@@ -29,7 +29,7 @@ def moved_spheres(measurement: Measurement) -> Iterator[Alternative]:
         rows = np.flatnonzero(measurement.groups == sphere)
         if len(rows) < 2 * LEAST:
             continue
-        first = rows[_moment(residual[rows])]
+        first = rows[moment(residual[rows])[0]]
         behind = rows[rows >= first]
         station = measurement.groups.astype(object)
         station[behind] = f"{sphere} moved"
@@ -70,15 +70,19 @@ def sphere_notes(measurement: Measurement) -> Iterator[str]:
             yield f"spheres {one} and {other} are at the same position: are they one sphere?"
 
 
-def _moment(residual: Array) -> int:
-    """The row of residuals `(n, 3)` from which on another mean explains most, LEAST rows from both ends."""
+def moment(residual: Array, least: int = LEAST) -> tuple[int, float]:
+    """The row of residuals `(n, 3)` from which on another mean explains most, and the squares that it explains.
+
+    least: number of rows from both ends.
+    """
     n = len(residual)
     sums = np.cumsum(residual, axis=0)
-    before = np.arange(LEAST, n - LEAST + 1)
+    before = np.arange(least, n - least + 1)
     mean_before = sums[before - 1] / before[:, None]
     mean_behind = (sums[-1] - sums[before - 1]) / (n - before)[:, None]
     gain = before * (n - before) / n * np.sum((mean_behind - mean_before) ** 2, axis=1)
-    return int(before[np.argmax(gain)])
+    best = int(np.argmax(gain))
+    return int(before[best]), float(gain[best])
 
 
 def _mm(position: Array) -> str:

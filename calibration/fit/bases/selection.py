@@ -14,11 +14,12 @@ import msgspec
 import numpy as np
 
 from calibration.cores import each
-from calibration.fit.bases.search import FINEST, SIZES, Choice, Search, Unexplained, chosen, scale_of
+from calibration.fit.bases.search import FINEST, ROTARY_KIND, SIZES, Choice, Search, Unexplained, chosen, scale_of
 from calibration.fit.fit import DOUBTFUL_P, Fit, fit
 from calibration.fit.linear import NormalBlocks, Part
 from calibration.fit.problem import solution
 from calibration.measurement.estimated_noise import Decorrelation
+from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.full_model import (
@@ -41,6 +42,8 @@ FINE = 24
 """Largest number of nodes of an axis in the first fit."""
 ROWS = 5000
 """Largest number of rows, evenly spread, in the evidence."""
+COARSE, COARSE_TURN = 3, 5
+"""Largest numbers of parameters of linear and rotary axes in the coarse fit."""
 REGISTRATION: Part = ("", "registration")
 OTHER_EFFECTS: Part = ("", "besides")
 
@@ -61,13 +64,32 @@ def choose(
 
     rotary_kind: kind of basis for rotary axes. effects: fitted in addition. A given prior_scale is not changed. A first
     fit finds outliers, registration and, where the specified uncertainties are too small (p < DOUBT), the size of the
-    noise.
+    noise. Spheres are few rows, with which fine bases reach a row that is off: it is found by a coarse fit.
     """
+    if isinstance(measurement.instrument, TouchProbe):
+        measurement = measurement.rows(np.flatnonzero(coarse_fit(measurement, effects).kept))
     search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest, finest_turn)
     fine = {axis: BasisChoice("b-spline", max(2, min(FINE, number))) for axis, number in search.most.items()}
     first = fit(measurement, with_effects(measurement, fine, effects, 1.0)[0], variance="estimate")
     evidence = LinearEvidence(first, effects)
     return chosen(search, 1, lambda choices, _: evidence.of_all(choices), unexplained, progress)[0]
+
+
+def coarse_fit(measurement: Measurement, effects: Sequence[Effect] = ()) -> Fit:
+    """A fit of coarse bases, which cannot imitate single rows, with the noise of its residuals."""
+    return _fitted(measurement, coarse_choice(measurement, effects), effects)
+
+
+def coarse_choice(measurement: Measurement, effects: Sequence[Effect] = (), prior_scale: float | None = None) -> Choice:
+    """The choice among coarse bases: parabolas of linear axes and two harmonics of rotary axes at most."""
+    search = Search.of(measurement, ("legendre",), ROTARY_KIND, prior_scale, COARSE, COARSE_TURN)
+    evidence = LinearEvidence(_fitted(measurement, search.start("legendre"), effects), effects)
+    return chosen(search, 1, lambda choices, _: evidence.of_all(choices))[0]
+
+
+def _fitted(measurement: Measurement, choice: Choice, effects: Sequence[Effect]) -> Fit:
+    model, prior = with_effects(measurement, choice.bases, effects, *choice.scales)
+    return fit(measurement, model, prior=prior, variance="estimate")
 
 
 def finer(choice: Choice, measurement: Measurement, margin: int) -> Choice:

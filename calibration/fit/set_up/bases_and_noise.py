@@ -12,11 +12,14 @@ from functools import partial
 
 import numpy as np
 
+from calibration.fit.acceptance import too_few
 from calibration.fit.bases.search import AUTO, AUTOMATIC_KINDS, FINEST, ROTARY_KIND, Choice
-from calibration.fit.bases.selection import choose, finer
+from calibration.fit.bases.selection import choose, coarse_choice, finer
 from calibration.fit.cross_validation import cross_validate, diagonals
 from calibration.fit.fit import Fit, fit
+from calibration.fit.identifiability import identifiability
 from calibration.fit.noise import with_estimated_noise
+from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import distinct_positions, moving_axes, stated_bases, with_effects
 from calibration.observation.outliers import Variance, duplicates
@@ -79,7 +82,21 @@ def with_bases_and_noise(measurement: Measurement, wanted: Wanted) -> tuple[Choi
         coarse = with_estimated_noise(wanted.fit(measurement, wanted.choice(measurement, COARSE)))
         if coarse.noise is not None and coarse.noise.arms.shape[2]:
             found.append(_again(coarse, wanted))
-    return max(found, key=lambda each: each[1].log_probability)
+    best = max(found, key=lambda each: each[1].log_probability)
+    if wanted.automatic and isinstance(measurement.instrument, TouchProbe):
+        return _determined(*best, wanted)
+    return best
+
+
+def _determined(choice: Choice, found: Fit, wanted: Wanted) -> tuple[Choice, Fit]:
+    """The fit, or one of coarse bases where the rows are too few for it: the noise of its residuals holds the rest."""
+    if not too_few([found], identifiability(found)):
+        return choice, found
+    measurement = replace(found.measurement, noise=None)
+    coarse = coarse_choice(measurement, wanted.effects, wanted.prior_scale)
+    first = wanted.fit(measurement, coarse)
+    noisy = with_estimated_noise(first)
+    return coarse, first if noisy.noise is None else wanted.fit(noisy, coarse, first)
 
 
 def _noisy(found: Fit, choice: Choice, wanted: Wanted) -> tuple[Choice, Fit]:
