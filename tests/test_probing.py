@@ -162,21 +162,22 @@ TOUCHES = {
 NO_MOVES = {
     "linuxcnc": r"O1 .*|G4 .*|M2|\(MSG.*|M0",
     "fanuc": r"IF.*|#.*|DPRNT.*|POPEN|PCLOS|N90.*|M0|O\d+",
-    "siemens": r"IF.*|WRITE.*|DEF.*|STOPRE|M0|MISSED:|MSG.*",
+    "siemens": r"IF.*|WRITE.*|DEF.*|STOPRE|M0|MISSED:|NOLOG:|MSG.*",
     "heidenhain": r"FN .*|TCH .*|Q\d.*|STOP|M129|LBL.*",
 }
 """Statements for results, checks and stops, which move nothing."""
+BACK = ("G91 G1", "SUPA G1 X=$AA_MM")
+"""Beginnings of the way back between both touches."""
 DIALECT = {"linuxcnc": "iso", "fanuc": "iso"}
 
 
 def plain_moves(lines, control):
     """The program with touches as plain moves, and without the statements that move nothing."""
-    back = r"G91|IX[-+\d. ]+IY[-+\d. ]+IZ[-+\d. ]+R0 F2000"
     kept, again = [], False
     for line in lines:
         number, text = re.match(r"(\d+ )?(.*)", line).groups() if control == "heidenhain" else ("", line)
         touch = re.search(TOUCHES[control][0], text)
-        if again and (touch or re.search(back, text)):
+        if again and (touch or text.startswith(BACK)):
             again = not touch
             continue  # the way back and the second touch end where the first one does
         again = again or bool(touch)
@@ -204,12 +205,35 @@ def test_programs_move_along_the_plan_by_ncomps_own_interpreters(name, control):
 def test_second_touches_go_back_along_the_normal(control):
     found = planned("dmu50")
     lines = list(probing_program(sequence_of(found), settings_of(control), control, "test"))
-    pattern = r"L I.* R0 F2000" if control == "heidenhain" else r"G91 G1.*"
-    back = [re.findall(r"I?[XYZ]([-+\d.]+)", line) for line in lines if re.search(pattern, line)]
+    if control == "heidenhain":  # the cycle goes back against its direction; its second touch needs no longer way
+        cycles = [re.search(r"DIST\+([\d.]+) F\d+ MB([\d.]+) ", line) for line in lines]
+        ways = [(float(found[1]), float(found[2])) for found in cycles if found]
+        assert {back for _, back in ways} == {1.0}
+        assert {length for length, _ in ways[1::2]} == {2.0}
+        assert min(length for length, _ in ways[::2]) > 2.0
+        return
+    back = [re.findall(r"[XYZ](?:=\S*\])?([-+\d.]+)", line) for line in lines if line.startswith(BACK)]
     k = np.flatnonzero(found.moves.kind == TOUCH)
     path = (found.moves.positions[k] - found.moves.positions[k - 1])[:, ~DMU50.rotary]
     expected = -path / np.linalg.norm(path, axis=1, keepdims=True)
     np.testing.assert_allclose(np.array(back, float), expected, atol=1e-4)
+
+
+def test_a_siemens_program_stops_where_its_log_is_not_written():
+    found = planned("dmu50")
+    lines = list(probing_program(sequence_of(found), settings_of("siemens"), "siemens", "test"))
+    after = [lines[k + 1] for k, line in enumerate(lines) if line.startswith("WRITE")]
+    assert len(after) == 1 + np.count_nonzero(found.moves.touch)
+    assert set(after) == {"IF ERR<>0 GOTOF NOLOG"}
+    stated = next(int(size[1]) for line in lines if (size := re.search(r"ABOUT (\d+) KB: MD11420", line)))
+    log = log_of(found, "siemens", contacts(found, model_of(DMU50, [])))
+    assert len(log) / 1024 < stated < 2.5 * len(log) / 1024 + 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_fanuc_programs_have_numbers_of_the_user(seed):
+    lines = list(probing_program(sequence_of(planned("dmu50", seed=seed)), settings_of("fanuc"), "fanuc", "test"))
+    assert 1 <= int(next(line for line in lines if re.fullmatch(r"O\d{4}", line))[1:]) <= 7999
 
 
 # ---- logs

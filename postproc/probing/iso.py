@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from postproc.generate import plain
 from postproc.probing.sequence import ProbingSequence, ProbingSettings, Touch, joined
 
+PROGRAMS = 7999
+"""Program numbers from 1 to this are the user's: 8000 to 9999 may be protected (Fanuc)."""
 MISSED = 900
 """Sequence number of the stop for a touch without contact (Fanuc)."""
 AT_START_MM = 0.001
@@ -85,7 +87,7 @@ class Fanuc:
         ]
         return [
             "%",
-            f"O{self.sequence.plan_id % 10000:04d}",
+            f"O{1 + self.sequence.plan_id % PROGRAMS:04d}",
             *(f"({plain(text)})" for text in remarks),
             "G21 G17 G90 G94",
             f"G40 G49 G80 {name}",

@@ -51,13 +51,11 @@ class Klartext:
             f"FN 18: SYSREAD Q{FOUND + len(linear) + k} = ID270 NR1 IDX{SYSTEM.index(name) + 1}"
             for k, name in enumerate(rotary)
         ]
-        back = " ".join(f"I{name}{value:+.4f}" for name, value in touch.back.items())
         output = f"TNC:\\ncomp{self.sequence.plan_id}"
         return self._blocks(
             *start,
             *self._cycle(touch, self.settings.probing, touch.length),
-            f"L {back} R0 F{self.settings.feed:g}",
-            *self._cycle(touch, self.settings.measuring, touch.length),
+            *self._cycle(touch, self.settings.measuring, 2.0 * self.settings.back_mm),
             *found,
             *turned,
             f"Q{ROW} = {touch.row}",
@@ -70,13 +68,16 @@ class Klartext:
         return self._blocks("M30", f"LBL {MISSED}", "; NO CONTACT", "STOP", "M30", "END PGM NCOMP MM")
 
     def _cycle(self, touch: Touch, feed: float, length: float) -> list[str]:
-        """A touch along the way to its end; it stops at the contact (MB0)."""
+        """A touch along the way to its end, and back from the contact by MB.
+
+        A move of the program would not do: the control refuses moves while the stylus is deflected, except by M141.
+        """
         way = " ".join(f"I{name}{value:+.4f}" for name, value in touch.path.items())
         return [
             "TCH PROBE 4.0 MEASURING IN 3-D",
             f"TCH PROBE 4.1 Q{RESULT}",
             f"TCH PROBE 4.2 {way}",
-            f"TCH PROBE 4.3 DIST+{length:.3f} F{feed:g} MB0 REFERENCE SYSTEM:0",
+            f"TCH PROBE 4.3 DIST+{length:.3f} F{feed:g} MB{self.settings.back_mm:g} REFERENCE SYSTEM:0",
             f"FN 9: IF +Q{RESULT + 3} EQU -1 GOTO LBL {MISSED}",
         ]
 
