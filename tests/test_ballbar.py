@@ -12,12 +12,14 @@ from support.virtual_measurements import written
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.fit.calibrate import calibrate
+from calibration.fit.cross_validation import cross_validate
 from calibration.measurement.balls.ballbar import in_runs
 from calibration.measurement.file import read_measurement
 from calibration.measurement.instruments import Ballbar
 from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Target
 from calibration.observation import equations
+from calibration.observation.full_model import priors
 from calibration.observation.normal_equations import residuals
 from calibration.observation.outliers import first_registration
 from calibration.plausibility.checks import sanity
@@ -246,6 +248,27 @@ def test_a_row_off_by_a_millimetre_is_noted_and_left_out():
     found = calibrate(bad).fit
     assert not found.kept[40]
     assert np.count_nonzero(~found.kept) == 1
+
+
+def test_a_feed_in_another_unit_than_positions_and_times_is_found():
+    measured, _ = circles_of(step=3.0)
+    slow = replace(measured, feed=measured.feed / 1000.0)
+    (text,) = (finding.message for finding in sanity(slow) if finding.fatal)
+    assert "column feed has 1 mm/min, but its positions and times give 1000 mm/min" in text
+    assert not any(f.fatal for f in sanity(replace(slow, state=replace(slow.state, time=None))))
+
+
+def test_held_out_regions_are_predicted_by_circles_that_leave_the_table_ball_free_across_them():
+    """Its distance is not linear across the circle: the nominal machine leaves what it leaves of all rows."""
+    bar = Ballbar(u_um=0.3, length_mm=100.0, length_u_um=0.5)
+    measured, _ = circles_of(
+        Backlash("X", 12.0), machine=machines.load("gantry"), feeds=(2000.0,), bar=bar, seed=8,
+        centre=(2500.0, 1500.0, 700.0),
+    )  # fmt: skip
+    none = no_errors(measured.machine)
+    for row in (17, 240):
+        held_out = cross_validate(measured, none, priors(none), np.arange(len(measured)) != row)
+        assert held_out.rms_um < 8.0
 
 
 def test_clean_circles_have_no_findings():

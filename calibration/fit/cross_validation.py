@@ -17,6 +17,7 @@ import numpy as np
 from calibration.fit.fit import Fit, fit
 from calibration.fit.problem import Point, Problem
 from calibration.measurement.estimated_noise import Decorrelation
+from calibration.measurement.instruments import Ballbar
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
@@ -152,8 +153,10 @@ def _refit(
     """Fits of a model to most rows of a measurement: without iterations, where the fit of all leaves no row out.
 
     near: a fit of which these are the kept rows. An interferometer's runs have zeros that their own rows determine.
+    Circles in one plane leave the table ball free across it, where the distance is not linear.
     """
-    if variance == "sheet" and good.axis is None and _is_linear(model):
+    linear = good.axis is None and not isinstance(good.instrument, Ballbar) and _is_linear(model)
+    if variance == "sheet" and linear:
         with suppress(UserError):
             whole = fit(good, model, prior=prior) if near is None else near
             if not whole.suspected.any() and (near is not None or whole.kept.all()):

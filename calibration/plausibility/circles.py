@@ -26,6 +26,8 @@ FAR_MM = 3.0
 LOST_MM = 20.0
 """Distance from which the data cannot be used."""
 INCH = 25.4
+OTHER_FEED = 3.0
+"""Factor between the feed and the speed by positions and times from which one of them is wrong."""
 
 
 def circle_mistakes(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
@@ -48,6 +50,7 @@ def circle_mistakes(measurement: Measurement) -> Iterator[tuple[str, str, bool]]
     if float(np.median(off)) > OFF_MM or abs(registration.zeros[LENGTH]) > LENGTH_OFF_MM:
         yield "radius", _wrong_radius(measurement, driven, length), True
         return
+    yield from _other_feeds(measurement)
     yield from _other_centres(measurement)
     for row in np.flatnonzero(off > OFF_MM).tolist()[:3]:
         away = f"radius_mm is {1e3 * residual[row, 0]:+.4g} um off its circle, and not used"
@@ -93,6 +96,28 @@ def _best_centre(measurement: Measurement) -> tuple[float, float]:
     radius = float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
     away = np.linalg.norm(points - middle - solution[:3], axis=1) - radius
     return radius, float(np.sqrt(np.mean(away**2)))
+
+
+def _other_feeds(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
+    """Runs whose feed is not that of their positions and times."""
+    time, feed = measurement.state.time, measurement.feed
+    if time is None or feed is None or measurement.run is None:
+        return
+    points = target_points(measurement, None, measurement.tool)
+    for run in dict.fromkeys(measurement.run.tolist()):
+        rows = np.flatnonzero(measurement.run == run)
+        steps, seconds = np.linalg.norm(np.diff(points[rows], axis=0), axis=1), np.diff(time[rows])
+        if len(rows) < 6 or seconds.min() <= 0.0:
+            continue
+        driven, stated = 60.0 * float(np.median(steps / seconds)), float(np.median(feed[rows]))
+        if not 1.0 / OTHER_FEED < driven / stated < OTHER_FEED:
+            yield (
+                "units",
+                f"run {run}: column feed has {stated:g} mm/min, but its positions and times give {driven:.4g} mm/min: "
+                "correct the feed, the unit of one of them, or leave out time_s",
+                True,
+            )
+            return
 
 
 def _other_centres(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
