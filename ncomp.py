@@ -120,15 +120,17 @@ def set_up(
     work_offset: Iterable[str] = (),
     tool_length: Iterable[str] = (),
     tool_table: Iterable[str | Path] = (),
+    table_unit: str | None = None,
     datum: Iterable[str] = (),
     zero: bool = False,
     pass_through: Iterable[str] = (),
 ) -> Setup:
     """The work offsets, mm and degrees, and the tool lengths, mm, of the control when a program starts.
 
-    work_offset: `G54=x,y,z`; tool_length: `T1=mm`; tool_table: tables of a control; datum: `G54=probed` (the default)
-    or `G54=true`; zero: offsets and lengths that are not given are zero; pass_through: constructs unknown to ncomp that
-    pass unchanged (`G234`).
+    work_offset: `G54=x,y,z`; tool_length: `T1=mm`; tool_table: tables of a control; table_unit: `mm` or `inch`, of
+    tables that contain none, before that of the machine file; datum: `G54=probed` (the default) or `G54=true`; zero:
+    offsets and lengths that are not given are zero; pass_through: constructs unknown to ncomp that pass unchanged
+    (`G234`).
 
     >>> set_up("dmu50", work_offset=["G54=-30,-20,150"]).work_offsets["G54"]["X"]
     -30.0
@@ -136,8 +138,8 @@ def set_up(
     from postproc.control.setup import make_setup
     from postproc.tool_tables import read_tool_tables
 
-    tables = read_tool_tables([Path(path) for path in tool_table])
     found = load_machine(machine)
+    tables = read_tool_tables([Path(path) for path in tool_table], table_unit or found.control.unit)
     return make_setup(found, work_offset, tool_length, tables, datum, probed=True, zero=zero, pass_through=pass_through)
 
 

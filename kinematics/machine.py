@@ -124,6 +124,9 @@ class Control:
     repeats: Literal["", "truncate", "round"] = ""
     """Number of repeats of Klartext `CALL LBL REP` with a parameter that is not whole: its integer part, or the nearest
     whole number (a half upwards); without it such programs are refused."""
+    unit: Literal["", "mm", "inch"] = ""
+    """Unit of the control: of its tables without a unit, and of programs before G20 or G21 (G70, G71). Where it is not
+    given, mm is assumed."""
 
 
 @dataclass(frozen=True)

@@ -151,7 +151,7 @@ FANUC = {
         "G10 L11 P1 R-.02 (WEAR)\nG10L12P1R5.\nG10 L13 P1 R.01\nG11\nM30\n%\n",
         {"1": 120.48}, {"1": 5.01}, {"G54": {"X": 10, "Y": -20, "Z": -300.5, "C": 30}, "G54.1P7": {"X": 5}},
     ),
-    "inches": ("G10 L10 P2 R10.\nG20 G10 L10 P1 R1.5\nG10 L2 P6 X1.\n", {"2": 10, "1": 38.1}, {}, {"G59": {"X": 25.4}}),
+    "inches": ("G21 G10 L10 P2 R10.\nG20 G10 L10 P1 R1.5\nG10 L2 P6 X1.\n", {"2": 10, "1": 38.1}, {}, {"G59": {"X": 25.4}}),
     "a list": ("(length wear)\nH1 120.5 -0.02\nH02 98.25\nD1 5.0 ; radius\nd2 .5 .1\n", {"1": 120.48, "2": 98.25}, {"1": 5, "2": 0.6}, {}),
 }  # fmt: skip
 
@@ -181,6 +181,7 @@ def test_fanuc(tmp_path, name, end):
         ("H1 twelve", "expected FANUC's offsets"),
         ("G10 L10 P1 P2 R5.", "an address is given twice"),
         ("H1 5.", "1 is given twice"),
+        ("G20 G10 L10 P2 R5.", "G20 follows lengths without a unit: write it before the first line of data"),
     ],
 )
 def test_fanuc_lines_that_are_refused(tmp_path, line, reason):

@@ -6,6 +6,8 @@ from postproc.motion.moves import Kind
 
 AXES = "XYZABCUVW"
 INCH = 25.4
+UNIT_NAMES = {"mm": 1.0, "inch": INCH}
+"""Units of a control, mm, by their names in options and machine files."""
 LARGEST = 1e9
 """No control has a number of this size."""
 

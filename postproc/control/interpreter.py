@@ -11,7 +11,7 @@ import numpy as np
 
 from kinematics.inverse import inverse
 from kinematics.machine import Machine, NDArrayBool
-from postproc.control.codes import DISTANCES, HARMLESS_M, INVERSE_TIME, MOTION, PLANES
+from postproc.control.codes import DISTANCES, HARMLESS_M, INCH, INVERSE_TIME, MOTION, PLANES, UNIT_NAMES
 from postproc.control.plain_arcs import ArcModes, arc_motion, plain_arcs
 from postproc.control.setup import Setup, construct
 from postproc.control.state import ControlState
@@ -61,7 +61,7 @@ class Interpreter(ABC):
         """G code of the motion in force."""
         self.plane = "XYZ"
         """First, second and normal axis of the working plane."""
-        self.unit = 1.0
+        self.unit = UNIT_NAMES[self.machine.control.unit or "mm"]
         """Unit of lengths, mm."""
         self.absolute, self.timed = True, False
         self.angle_axis = -1
@@ -198,6 +198,8 @@ class Interpreter(ABC):
             self.plane = PLANES[code]
         elif code in self.units:
             self.unit = self.units[code]
+            if self.unit == INCH:
+                self.control_state.refuse_inches(block)
         elif code in DISTANCES:
             self.absolute = code == 90.0
         elif code in self.feed_modes:

@@ -57,6 +57,8 @@ class Setup:
     """Lines of a datum table by number and axis, mm or degrees."""
     turned: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     """Work offsets that turn the coordinates, by name: degrees about X, Y, Z."""
+    without_unit: Mapping[str, str] = field(default_factory=dict)
+    """Files whose lengths are taken in mm because nothing states their unit, by `tool 5` or `offset G54`."""
     obtained: Mapping[str, Datum] = field(default_factory=dict)
     """Datum entries of work offsets that are given for this run, by name."""
     probed: bool = False
@@ -193,6 +195,11 @@ def make_setup(
         radii=table.radii,
         datums=table.datums,
         turned=table.turned,
+        without_unit={
+            name: path
+            for name, path in table.without_unit.items()
+            if name.removeprefix("tool ") not in lengths and name.removeprefix("offset ") not in given
+        },
         obtained=given_once((parse_datum(text, machine) for text in datums), "--datum "),
         probed=probed,
         zero=zero,

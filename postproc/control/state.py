@@ -152,6 +152,7 @@ class ControlState:
                 raise block.refuse(f"work offset {offset} is not given; " + _how(f"--work-offset {offset}=x,y,z"))
             if origin is Origin.ASSUMED:
                 self.assumed[f"work offset {offset}"] = f"{offset} {text}"
+            self._use_table(f"offset {offset}", f"{offset} {text}")
         if frame.tool_name and tool not in self.used_tools:
             origin, text, shown = self._tool_origin(tool), f"{self.tool_length(tool):g}", shown_tool(tool)
             self.used_tools[tool] = _with_origin(text, origin)
@@ -159,6 +160,20 @@ class ControlState:
                 raise block.refuse(f"length of tool {shown} is not given; " + _how(f"--tool-length {shown}=mm"))
             if origin is Origin.ASSUMED:
                 self.assumed[f"tool {shown}"] = f"{shown} {text} mm"
+            self._use_table(f"tool {tool}", f"{shown} {text}")
+
+    def _use_table(self, entry: str, text: str) -> None:
+        """Register the assumed unit of the table of an entry, with the first values that are used."""
+        if (table := self.setup.without_unit.get(entry)) is not None:
+            self.assumed.setdefault(f"unit of {table}", f"{text} in mm")
+
+    def refuse_inches(self, block: Block) -> None:
+        """Refusal of a program in inches beside a table without a unit."""
+        for table in self.setup.without_unit.values():
+            raise block.refuse(
+                f"the program is in inches, and {table} contains no unit: give it by --table-unit inch or mm, or by "
+                'unit = "inch" in [control] of the machine file'
+            )
 
     def _offset_text(self, name: str) -> str:
         return ", ".join(f"{axis} {value:g}" for axis, value in self._offset_values(name).items()) or "0"
@@ -190,7 +205,9 @@ class ControlState:
             return ""
         *others, last = self.assumed
         names = f"{', '.join(others)} and {last}" if others else last
-        options = [f"--{option}" for option in ("work-offset", "tool-length") if _gives(option, self.assumed)]
+        options = [
+            f"--{option}" for option in ("work-offset", "tool-length", "table-unit") if _gives(option, self.assumed)
+        ]
         return (
             f"{names[0].upper()}{names[1:]} {'are' if others else 'is'} assumed: {'; '.join(self.assumed.values())}; "
             f"give {' / '.join(options)}"
@@ -220,8 +237,8 @@ def _how(option: str) -> str:
 
 
 def _gives(option: str, names: Iterable[str]) -> bool:
-    """True where one of the names is a work offset, or a tool, that the option gives."""
-    return any(name.split()[0] == option.partition("-")[0] for name in names)
+    """True where the option gives one of the names: a work offset, a tool, or the unit of a table."""
+    return any(name.split()[0] in option.split("-") for name in names)
 
 
 def _with_origin(value: str, origin: Origin | None) -> str:

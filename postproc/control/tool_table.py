@@ -11,6 +11,7 @@ from pathlib import Path
 from kinematics.user_error import UserError
 
 _NUMBER = re.compile(r"\d+(\.\d+)?")
+_ROTARY = frozenset("ABC")
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,25 @@ class ToolTable:
     """Lines of a datum table, which shift within the work offset, by number and axis."""
     turned: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     """Work offsets that turn the coordinates, by name: about X, Y and Z, applied in this order, about fixed axes."""
+    without_unit: Mapping[str, str] = field(default_factory=dict)
+    """Files of tools and work offsets whose table contains no unit, and none was given, by `tool 5`, `offset G54`."""
+
+    def in_unit(self, unit: float) -> ToolTable:
+        """The table, read as if in mm, with its lengths in a unit, mm."""
+        return replace(
+            self,
+            tools={tool: length * unit for tool, length in self.tools.items()},
+            radii={tool: radius * unit for tool, radius in self.radii.items()},
+            work_offsets={
+                name: {axis: value * (1.0 if axis in _ROTARY else unit) for axis, value in values.items()}
+                for name, values in self.work_offsets.items()
+            },
+        )
+
+    def marked(self, path: Path) -> ToolTable:
+        """The table with the note that the file contains no unit."""
+        names = (*(f"tool {tool}" for tool in self.tools), *(f"offset {name}" for name in self.work_offsets))
+        return replace(self, without_unit=dict.fromkeys(names, str(path)))
 
 
 def checked(table: ToolTable, path: Path) -> ToolTable:
@@ -64,7 +84,7 @@ def joined(tables: Mapping[Path, ToolTable]) -> ToolTable:
     """Several tables as one; UserError for an entry that two of them have."""
     found: dict[str, dict[str, object]] = {}
     for path, table in tables.items():
-        for name in ("tools", "work_offsets", "radii", "datums", "turned"):
+        for name in ("tools", "work_offsets", "radii", "datums", "turned", "without_unit"):
             values, part = found.setdefault(name, {}), getattr(table, name)
             twice = sorted(values.keys() & part.keys())
             if twice:

@@ -130,6 +130,8 @@ class HeidenhainInterpreter(ModalState):
         if unit not in ("MM", "INCH"):
             self.notes.add("BEGIN PGM has no MM or INCH: the coordinates are taken in mm", block.line)
         self.unit = INCH if unit == "INCH" else 1.0
+        if self.unit == INCH:
+            self.control_state.refuse_inches(block)
 
     # ---- moves
 

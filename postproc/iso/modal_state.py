@@ -59,6 +59,8 @@ class ModalState(Interpreter):
         self.to_retract: bool | None = False if self.family == "fanuc" else None
         """Canned cycles end at R (G99) and not at the level before (G98)."""
         self.not_programmed = dict(DEFAULTS)
+        if control.unit:
+            del self.not_programmed["unit"]
         self.mode_assumed: set[str] = set()
         """Modes that moves have assumed, as the program had not set them."""
         self.offsets = Offsets(self.control_state)

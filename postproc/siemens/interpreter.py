@@ -70,6 +70,7 @@ class SiemensInterpreter(Interpreter):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.scope.passive = frozenset(self.machine.control.passive_axes)
+        self.scope.basic_unit_is_inch = self.machine.control.unit == "inch"
         self.work_offset, self.offset_programmed = "G500", False
         """Active work offset, and whether the program has named it: a named G500 that is not given is machine zero."""
         self.transformations = DatumTransformations(self.machine, self.notes)

@@ -128,6 +128,8 @@ class SiemensVariables:
     data: ControlData = field(default_factory=ControlData)
     passive: frozenset[str] = frozenset()
     """Names of axes outside the chain."""
+    basic_unit_is_inch: bool = False
+    """Tables of the control are in inches."""
 
     @property
     def depth(self) -> int:
@@ -164,6 +166,10 @@ class SiemensVariables:
         if name.startswith(DATA):
             if isinstance(value, NotKnown):
                 raise value
+            if self.basic_unit_is_inch:
+                raise NotKnown(
+                    f"{name} is in inches on this control, which is not supported: set it before the program"
+                )
             self.data.set(name, indices, value)
             return
         if name.startswith("$"):

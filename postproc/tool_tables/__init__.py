@@ -1,7 +1,9 @@
 """Tables of tools, work offsets and datums as controls write them, one module for each control's form.
 
-Every form is a module with `FORM`, its name in messages; `is_it(path, text)`, true for a file of that form; and
-`read(path, text)`, which gives the table, or raises UserError with the line that it does not understand.
+Every form is a module with `FORM`, its name in messages; `is_it(path, text)`, true for a file of that form;
+`contains_unit(text)`, true for a file whose lengths have a known unit; and `read(path, text)`, which gives the table,
+or raises UserError with the line that it does not understand. Lengths of a file without a unit are in the unit of the
+control.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from pathlib import Path
 
 from kinematics.files import read_input
 from kinematics.user_error import UserError
+from postproc.control.codes import UNIT_NAMES
 from postproc.control.tool_table import ToolTable, checked, joined
 
 FORMS = ("json_form", "heidenhain", "siemens", "fanuc", "linuxcnc")
@@ -20,19 +23,25 @@ FORMS = ("json_form", "heidenhain", "siemens", "fanuc", "linuxcnc")
 __all__ = ["ToolTable", "read_tool_table", "read_tool_tables"]
 
 
-def read_tool_table(path: Path) -> ToolTable:
-    """A table of any form; UserError with the line that is not understood."""
+def read_tool_table(path: Path, unit: str = "") -> ToolTable:
+    """A table of any form; UserError with the line that is not understood.
+
+    unit: `mm` or `inch`, of a table that contains none; without it its lengths are taken in mm, and its entries marked.
+    """
     text = read_input(path, "tool table").decode("latin-1").removeprefix("\xef\xbb\xbf")
     forms = (import_module(f".{name}", __package__) for name in FORMS)
     form = next(form for form in forms if form.is_it(path, text))
-    return checked(form.read(path, text), path)
+    table = checked(form.read(path, text), path)
+    if form.contains_unit(text):
+        return table
+    return table.in_unit(UNIT_NAMES[unit]) if unit else table.marked(path)
 
 
-def read_tool_tables(paths: Iterable[Path]) -> ToolTable:
-    """Several tables as one; UserError for an entry that two of them have."""
+def read_tool_tables(paths: Iterable[Path], unit: str = "") -> ToolTable:
+    """Several tables as one, unit as of `read_tool_table`; UserError for an entry that two of them have."""
     tables: dict[Path, ToolTable] = {}
     for path in paths:
         if path in tables:
             raise UserError(f"--tool-table {path} is given twice")
-        tables[path] = read_tool_table(path)
+        tables[path] = read_tool_table(path, unit)
     return joined(tables)

@@ -7,7 +7,8 @@
     H1 120.5                length of H1            H1 120.5 -0.02                  with its wear
     D1 5.0                  radius of D1
 
-mm, or inches after G20. Comments in parentheses or after a semicolon; `%`, `O1234`, G90, G21 and M30 are ignored.
+mm after G21, inches after G20, the unit of the control without either. Comments in parentheses or after a semicolon;
+`%`, `O1234`, G90, G21 and M30 are ignored.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from kinematics.user_error import UserError
 from postproc.control.tool_table import ToolTable
 
 FORM = "FANUC's offsets: G10 L10 P1 R120.5, or H1 120.5"
-_INCH = 25.4
+_UNITS = {"G20": 25.4, "G21": 1.0}
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
 _WORDS = re.compile(rf"(?:[A-Z]\s*{_NUMBER}\s*)+", re.I)
 _WORD = re.compile(rf"([A-Z])\s*({_NUMBER})", re.I)
 _ENTRY = re.compile(rf"([HD])(\d+)\s+({_NUMBER})(?:\s+({_NUMBER}))?", re.I)
-_BEGINS = re.compile(r"\s*(?:%|O\d+\s*$|(?:N\d+\s*)?(?:G\d+\s*)*G10\b|[HD]\d+\s+[+-.\d])", re.I)
+_BEGINS = re.compile(r"\s*(?:%|O\d+\s*$|(?:G(?:2[01]|90)\s*)+$|(?:N\d+\s*)?(?:G\d+\s*)*G10\b|[HD]\d+\s+[+-.\d])", re.I)
 _SILENT = frozenset(("G90", "G21", "G20", "G11", "M30", "M2", "M99"))
 _OFFSETS = {n: f"G{53 + n}" for n in range(1, 7)}
 _ROTARY = "ABC"
@@ -47,7 +48,8 @@ def _plain(line: str) -> str:
 class _Lists:
     """The values that have been read."""
 
-    unit: float = 1.0
+    unit: float | None = None
+    """mm; None until G20 or G21."""
     values: dict[str, dict[str, float]] = field(default_factory=lambda: defaultdict(lambda: defaultdict(float)))
     """Lengths and radii by number, mm: geometry and wear, added."""
     given: set[tuple[int, str]] = field(default_factory=set)
@@ -57,7 +59,12 @@ class _Lists:
         if (kind, number) in self.given:
             raise ValueError(f"{number} is given twice")
         self.given.add((kind, number))
-        self.values[_LISTS[kind]][number] += value * self.unit
+        self.values[_LISTS[kind]][number] += value * (self.unit or 1.0)
+
+
+def contains_unit(text: str) -> bool:
+    """True for a list with G20 or G21."""
+    return any(re.search(r"G2[01](?!\d)", _plain(line), re.I) for line in text.splitlines())
 
 
 def read(path: Path, text: str) -> ToolTable:
@@ -86,10 +93,10 @@ def _read_line(lists: _Lists, content: str) -> None:
         raise ValueError(f"expected {FORM}")
     words = [(address.upper(), value) for address, value in _WORD.findall(content) if address.upper() != "N"]
     codes = {f"{address}{float(value):g}" for address, value in words if address in "GM"}
-    if "G20" in codes:
-        lists.unit = _INCH
-    if "G21" in codes:
-        lists.unit = 1.0
+    for unit in codes & _UNITS.keys():
+        if lists.unit is None and (lists.values or lists.work_offsets):
+            raise ValueError(f"{unit} follows lengths without a unit: write it before the first line of data")
+        lists.unit = _UNITS[unit]
     others = {address: value for address, value in words if address not in "GM"}
     if len(others) + sum(address in "GM" for address, _ in words) < len(words):
         raise ValueError("an address is given twice")
@@ -111,7 +118,7 @@ def _read_data(lists: _Lists, words: dict[str, str]) -> None:
     name = f"G54.1P{number}" if kind == 20 else _OFFSETS.get(number) if kind == 2 else None
     if name is None or not words.keys() <= set("XYZABCUVW"):
         raise ValueError("this kind of data is unknown: expected L2, L20 with axes, or L10 to L13 with R")
-    positions = {axis: float(value) * (1.0 if axis in _ROTARY else lists.unit) for axis, value in words.items()}
+    positions = {axis: float(value) * (1.0 if axis in _ROTARY else lists.unit or 1.0) for axis, value in words.items()}
     lists.work_offsets.setdefault(name, {}).update(positions)
 
 

@@ -59,6 +59,11 @@ def is_it(_: Path, text: str) -> bool:
     return _BEGIN.match(text) is not None
 
 
+def contains_unit(_: str) -> bool:
+    """True: the first line names the unit."""
+    return True
+
+
 def read(path: Path, text: str) -> ToolTable:
     """The table; UserError with the line that is not understood."""
     match = _BEGIN.match(text)

@@ -24,6 +24,11 @@ def is_it(path: Path, _: str) -> bool:
     return path.suffix.lower() == ".json"
 
 
+def contains_unit(_: str) -> bool:
+    """True: this form is in mm."""
+    return True
+
+
 def read(path: Path, text: str) -> ToolTable:
     """The table; UserError for JSON of another form."""
     try:

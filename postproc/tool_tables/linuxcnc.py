@@ -1,4 +1,4 @@
-"""LinuxCNC's `tool.tbl`: `T1 P1 D10 Z120.5 ;mill`."""
+"""LinuxCNC's `tool.tbl`: `T1 P1 D10 Z120.5 ;mill`, lengths in the unit of the machine (its INI file, LINEAR_UNITS)."""
 
 from __future__ import annotations
 
@@ -19,6 +19,11 @@ _SIDEWAYS = re.compile(r"\b([XYABCUVW])\s*[+-]?[\d.]*[1-9]", re.I)
 def is_it(_: Path, __: str) -> bool:
     """True: a table of no other form is read as this one."""
     return True
+
+
+def contains_unit(_: str) -> bool:
+    """False: the unit is that of the machine's INI file."""
+    return False
 
 
 def read(path: Path, text: str) -> ToolTable:

@@ -1,6 +1,6 @@
 """Siemens' archives of tools and work offsets: `$TC_DP3[1,1]=120.5`, `$P_UIFR[1]=CTRANS(X,10)`, `$P_UIFR[1,X,TR]=10`.
 
-Lines that set anything else are passed over. Lengths in mm.
+Lines that set anything else are passed over. Lengths are in the basic system of the control: mm or inches.
 """
 
 from __future__ import annotations
@@ -24,6 +24,11 @@ _CHANNEL = re.compile(r"^\s*CHANDATA", re.I)
 def is_it(_: Path, text: str) -> bool:
     """True where something in it is set that this form knows."""
     return _DATA.search(text) is not None
+
+
+def contains_unit(_: str) -> bool:
+    """False: the unit is the basic system of the control."""
+    return False
 
 
 def read(path: Path, text: str) -> ToolTable:

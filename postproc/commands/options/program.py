@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import ncomp
 from postproc.commands.options.declared import argument, option
@@ -36,12 +36,20 @@ class ToolOptions:
 
     tool_length: tuple[str, ...] = option("Length of a tool, mm.", "T1=mm")
     tool_table: tuple[Path, ...] = option("Table of tools, presets or datums of a control.", "FILE")
+    table_unit: Literal["mm", "inch"] | None = option(
+        "Unit of the lengths in a table that contains none. Default: that of the machine file, or mm."
+    )
     set_up_zero: bool = option("Use zero for every work offset and tool length that is not given.", default=False)
 
     def set_up(self, machine: Machine, **more: Sequence[str]) -> Setup:
         """The set-up of the control; more: the other arguments of `ncomp.set_up`. UserError for an unusable option."""
         return ncomp.set_up(
-            machine, tool_length=self.tool_length, tool_table=self.tool_table, zero=self.set_up_zero, **more
+            machine,
+            tool_length=self.tool_length,
+            tool_table=self.tool_table,
+            table_unit=self.table_unit,
+            zero=self.set_up_zero,
+            **more,
         )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 
@@ -37,6 +37,7 @@ class _Content(msgspec.Struct, forbid_unknown_fields=True):
     calibration: str | None = None
     dialect: str = "auto"
     tool_tables: tuple[str, ...] = ()
+    table_unit: Literal["mm", "inch"] | None = None
     set_up_zero: bool = False
     pass_through: tuple[str, ...] = ()
     work_offsets: dict[str, dict[str, float | str]] = {}
@@ -201,6 +202,7 @@ class _Reader:
             datum=tuple(datums),
             tool_length=tuple(tools),
             tool_table=tuple(self._file(name, "tool_tables") for name in content.tool_tables),
+            table_unit=content.table_unit,
             set_up_zero=content.set_up_zero,
         )
 
