@@ -484,7 +484,7 @@ def test_a_plan_of_all_options_is_simulated(ncomp):
     assert ncomp("plan", "--machine", "dmu50", "--strategy", "hexahedron", "--points", "40", "--rotary", "random",
                  "--approach", "positive", "--target", "t1=0,0,-120", "--target", "t2=90,40,-180", "-o", "plan.csv").status == 0  # fmt: skip
     result = ncomp("simulate", "--machine", "dmu50", "--strategy", "plan.csv", "--effect", "backlash:axis=X,width=12",
-                   "--errors", "none", "--noise", "0", "-o", "data.csv")  # fmt: skip
+                   "--errors", "none", "--noise-scale", "0", "-o", "data.csv")  # fmt: skip
     assert result.status == 0, result.err
     measured = read_measurement(Path("data.csv"), DMU50)
     assert np.all(measured.state.approach == 1)
@@ -498,7 +498,7 @@ def test_the_truth_predicts_what_is_observed(ncomp):
         ncomp("plan", "--machine", "gantry", "--strategy", "diagonals", "--points", "30", "-o", "plan.csv").status == 0
     )
     simulated = ncomp(
-        "simulate", "--machine", "gantry", "--strategy", "plan.csv", "--noise", "0", "-o", "d.csv", "--truth", "t.json"
+        "simulate", "--machine", "gantry", "--strategy", "plan.csv", "--noise-scale", "0", "-o", "d.csv", "--truth", "t.json"
     )
     predicted = ncomp("predict", "plan.csv", "--machine", "gantry", "-c", "t.json", "-o", "p.csv")
     assert (simulated.status, predicted.status) == (0, 0), predicted.err

@@ -67,7 +67,7 @@ class LaserOptions:
     PANEL: ClassVar[str] = "Laser"
 
     rate: float = option("Sampling rate, Hz.", "Hz", default=100.0, min=1.0)
-    noise: float = option("Standard deviation of a sample, um.", "um", default=0.1, min=0.0)
+    noise_um: float = option("Standard deviation of a sample, um.", "um", default=0.1, min=0.0)
     vibration: tuple[str, ...] = option("Permanent vibration of the machine, frequency and amplitude: 35:0.3.", "Hz:um")
     settling: str | None = option(
         "Decaying vibration after each ramp, frequency, amplitude and time constant: 18:20:0.2.", "Hz:um:s"
@@ -79,7 +79,7 @@ class LaserOptions:
         """The laser in the units of the library."""
         from calibration.continuous.virtual import Laser
 
-        return Laser(self.rate, self.noise, self._vibrations(), self._settling(), self.jitter * 1e-6, self.dropped)
+        return Laser(self.rate, self.noise_um, self._vibrations(), self._settling(), self.jitter * 1e-6, self.dropped)
 
     def _vibrations(self) -> tuple[tuple[float, float], ...]:
         found = []

@@ -113,7 +113,7 @@ class InstrumentOptions(TrackerOptions):
     distance: tuple[str, ...] = option(
         "Calibrated distance between two spheres, with its standard uncertainty (k=1), um.", "s1.s2=u_um"
     )
-    noise: float = option("Noise, as a multiple of the uncertainties; 0: no noise.", default=1.0, min=0.0)
+    noise_scale: float = option("Multiple of the uncertainties in the data; 0: no noise.", default=1.0, min=0.0)
 
     def virtual_instrument(self, faults: Faults, temperatures: Mapping[str, tuple[float, float]]) -> VirtualInstrument:
         """The instrument, its stations and the faults of its data."""
@@ -125,7 +125,7 @@ class InstrumentOptions(TrackerOptions):
             self.stands_on,
             self.reach,
             self._letters(),
-            self.noise,
+            self.noise_scale,
             faults,
             temperatures,
             self._spheres(),
