@@ -17,14 +17,16 @@ from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.start_model import base_of
 from calibration.fit.acceptance import refuse_few, too_few
 from calibration.fit.identifiability import identifiability
+from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
-from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import is_log, moving_axes
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
 from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress
+from kinematics.user_error import UserError
 
 QUIET = 1e-2
 """Least ratio of the repeats' variance to the specified variance: rounded readings repeat exactly."""
@@ -86,11 +88,17 @@ def prepared(
 def _determined(selector: Selector) -> Selector:
     """The selector, with the coarser bases of the search where the rows are too few for its own.
 
-    UserError where they are too few for these too.
+    Rows of spheres have still coarser ones. UserError where they are too few for these too, or a sphere moved.
     """
     if not too_few([selector.bare.fit], identifiability(selector.bare.fit)):
         return selector
-    coarser = selector.on(selector.base.coarser(selector.measurement, selector.progress))
+    measurement = selector.measurement
+    moved = moved_spheres(measurement)
+    if moved:
+        raise UserError(f"{measurement.source}: {moved}")
+    of_spheres = isinstance(measurement.instrument, TouchProbe)
+    base = selector.base
+    coarser = selector.on(base.coarsest(measurement) if of_spheres else base.coarser(measurement, selector.progress))
     refuse_few([coarser.bare.fit], identifiability(coarser.bare.fit))
     return coarser
 

@@ -22,7 +22,7 @@ from calibration.diagnosis.search.candidates import Candidate, at_zero, changes,
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.refinement import GENEROUS, Refinement
 from calibration.fit.bases.search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
-from calibration.fit.bases.selection import choose, finer
+from calibration.fit.bases.selection import choose, coarse_choice, finer
 from calibration.fit.curves.between_positions import as_table
 from calibration.fit.fit import Fit, fit
 from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
@@ -141,6 +141,10 @@ class Base:
             return self
         most = coarse(measurement)
         return _automatic(measurement, (), (most, float(most)), progress, self.known)
+
+    def coarsest(self, measurement: Measurement) -> Base:
+        """The base of bases that cannot imitate single rows, for few rows of spheres."""
+        return _of_choice(measurement, coarse_choice(measurement), self.known)
 
     def fit(
         self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
