@@ -498,7 +498,17 @@ def test_the_truth_predicts_what_is_observed(ncomp):
         ncomp("plan", "--machine", "gantry", "--strategy", "diagonals", "--points", "30", "-o", "plan.csv").status == 0
     )
     simulated = ncomp(
-        "simulate", "--machine", "gantry", "--strategy", "plan.csv", "--noise-scale", "0", "-o", "d.csv", "--truth", "t.json"
+        "simulate",
+        "--machine",
+        "gantry",
+        "--strategy",
+        "plan.csv",
+        "--noise-scale",
+        "0",
+        "-o",
+        "d.csv",
+        "--truth",
+        "t.json",
     )
     predicted = ncomp("predict", "plan.csv", "--machine", "gantry", "-c", "t.json", "-o", "p.csv")
     assert (simulated.status, predicted.status) == (0, 0), predicted.err

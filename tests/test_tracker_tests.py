@@ -11,6 +11,7 @@ from support.command import succeed
 
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.tracker_tests import PARAMETERS, fit_tests, read_tests
+from calibration.reports.tracker import tracker_report
 from calibration.study.cases import read_cases
 from calibration.study.definition import study_of
 from kinematics.transforms import Array
@@ -129,3 +130,7 @@ def test_a_systematic_error_is_said(tmp_path: Path) -> None:
     ]
     found = fit_tests(read_tests(written(tmp_path, "\n".join(spoiled) + "\n")))
     assert found.doubtful("length") or found.doubtful("two-face")
+    kinds = [kind for kind in ("ranging", "length", "two-face") if found.doubtful(kind)]
+    verdict = tracker_report(found, "b89.csv").verdict
+    assert f"The {' and '.join(kinds)} tests scatter more than they explain" in verdict
+    assert f"{found.parameters[0]:.2f} um + {found.parameters[1]:.2f} um/m along the beam" in verdict

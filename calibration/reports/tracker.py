@@ -10,6 +10,14 @@ import numpy as np
 from calibration.measurement.tracker_tests import KINDS, PARAMETERS, Fitted
 from rendering.report import Report, Section, Table, facts
 
+MEANINGS = {
+    "u_range_um": "range, um",
+    "u_range_um_per_m": "range, um per m of range",
+    "u_angle_um": "across the beam, um",
+    "u_angle_um_per_m": "across the beam, um per m of range",
+}
+"""Quantity of each parameter, with its unit."""
+
 
 def tracker_json(found: Fitted) -> dict[str, Any]:
     """The result for programs."""
@@ -25,12 +33,25 @@ def tracker_json(found: Fitted) -> dict[str, Any]:
 def tracker_report(found: Fitted, name: str) -> Report:
     """The result for people; name: that of the file of the tests."""
     rows = [
-        (name, f"{value:.3f}", f"{u:.3f}")
+        (MEANINGS[name], name, f"{value:.3f}", f"{u:.3f}")
         for name, value, u in zip(PARAMETERS, found.parameters.tolist(), found.u.tolist(), strict=True)
     ]
-    table = Table(("standard uncertainty (k=1)", "value", "u (k=1)"), rows)
+    table = Table(("standard uncertainty (k=1)", "name in files", "value", "u (k=1)"), rows)
     sections = [Section("Parameters", table=table), facts("Tests", list(_facts(found)))]
-    return Report("Uncertainties of a laser tracker, ASME B89.4.19", name, sections)
+    return Report("Uncertainties of a laser tracker, ASME B89.4.19", name, sections, verdict=_verdict(found))
+
+
+def _verdict(found: Fitted) -> str:
+    """The uncertainties in a sentence, and a second one if a kind of tests contradicts them."""
+    range_um, range_per_m, angle_um, angle_per_m = found.parameters.tolist()
+    doubtful = [kind for kind in KINDS if found.doubtful(kind)]
+    more = "The tests do not contradict them."
+    if doubtful:
+        more = f"The {' and '.join(doubtful)} tests scatter more than they explain: look for systematic errors."
+    return (
+        f"Standard uncertainties (k=1): {range_um:.2f} um + {range_per_m:.2f} um/m along the beam, "
+        f"{angle_um:.1f} um + {angle_per_m:.1f} um/m across it.\n{more}"
+    )
 
 
 def _facts(found: Fitted) -> Iterator[tuple[str, str]]:

@@ -37,7 +37,7 @@ def _figure(machine: Machine) -> Figure:
     panel = Panel("x, mm", "y, mm", z="z, mm", kind="scene", traces=[])
     for shape in shapes(machine):
         panel.traces += list(_traces(shape))
-    return Figure([panel], height=620)
+    return Figure([panel], height=480)
 
 
 def _traces(shape: Shape) -> list[dict[str, Any]]:
