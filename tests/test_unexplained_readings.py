@@ -7,8 +7,9 @@ import pytest
 from support.diagnosis_cases import CFRAME, data_with, selector
 
 from calibration.diagnosis.next.ranking import proposed_measurements
+from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.readings import readings, with_function_of_readings
-from calibration.diagnosis.residual.unexplained import in_lengths, misread, shared_rms, unexplained
+from calibration.diagnosis.residual.unexplained import in_lengths, misread, nearly_of_readings, shared_rms, unexplained
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.widening import unseen_errors
 from kinematics.effects import AngleHarmonic, CrossAxis, Unnamed
@@ -62,6 +63,20 @@ def test_errors_of_machine_and_readings_are_told_apart(of_machine):
     errors = unseen_errors(stage.linearised, found, None)
     assert errors.recurs == of_machine
     assert (np.sqrt(errors.squares.sum()) > 0.8 * 3**0.5 * shared_rms(stage.linearised, found)) == of_machine
+
+
+@pytest.mark.parametrize("of_machine", [True, False])
+def test_uncertainties_hold_an_error_of_the_readings_that_is_nearly_as_likely(of_machine):
+    """Also where the dependence is one of positions."""
+    warped = Unnamed("Z", ("X", "Y", "Z"), TRAVELS, ((1, 1, 1),), (120.0,))
+    linearised = selector(data_with(warped, n=N) if of_machine else misreading(200.0)).stage([]).linearised
+    residual = linearised.residual.reshape(len(linearised.rows), -1)
+    positions = Unexplained(("X", "Y", "Z"), (0.45,) * 3, 0.005, 1.0, residual)
+    found = nearly_of_readings(linearised, positions)
+    assert (found is None) == of_machine
+    assert found is None or found.of_readings
+    without = unseen_errors(linearised, positions, None).squares
+    assert found is None or np.all(without >= 0.999 * unseen_errors(linearised, found, None).squares)
 
 
 @pytest.mark.parametrize("there", [True, False])

@@ -16,7 +16,7 @@ import numpy as np
 
 from calibration.diagnosis.residual.absorber import absorbing
 from calibration.diagnosis.residual.dependence import Unexplained
-from calibration.diagnosis.residual.unexplained import shared_squares
+from calibration.diagnosis.residual.unexplained import nearly_of_readings, shared_squares
 from calibration.diagnosis.residual.unnamed import may_depend_on
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.fit.acceptance import usual_states, without_clamp
@@ -88,8 +88,17 @@ def unseen_errors(linearised: LinearisedFit, dependence: Unexplained, present: E
     An error of the machine is the function itself, as far as the model has not learned it; an error of the tracker's
     readings, or a common shift that moves with time, only the part that the model has learned.
 
-    present: the calibration that the model replaces; None for the nominal machine.
+    present: the calibration that the model replaces; None for the nominal machine. Where an error of the readings is
+    nearly as likely as one of the machine, the squares are the larger ones of both.
     """
+    found, misread = _errors_beside(linearised, dependence, present), nearly_of_readings(linearised, dependence)
+    if misread is None:
+        return found
+    return found._replace(squares=np.maximum(found.squares, _errors_beside(linearised, misread, present).squares))
+
+
+def _errors_beside(linearised: LinearisedFit, dependence: Unexplained, present: ErrorModel | None) -> UnseenErrors:
+    """`unseen_errors` beside the unexplained function as it is."""
     fit, beside = linearised.fit, absorbing(linearised.evenly_noisy, dependence, whole=True)
     first, p = len(fit.registration.names), len(fit.model.parameters)
     function = msgspec.structs.replace(fit.model, effects=beside.effects, covariance=None)

@@ -44,7 +44,8 @@ STATIC = ("cross-axis", "tracker-range", "air-scale", "tracker-angle", "cyclic",
 FAR_MORE = 1.5
 """Ratio of the log odds of a jump to those of a function of time above which the function only imitates the jump.
 
-Also the ratio of the log odds of a random walk to those of a jump above which the jump is a part of the walk."""
+Also the ratio of the log odds of a random walk to those of a jump above which the jump is a part of the walk, and of an
+error of the machine to one of the readings above which it is no error of the readings."""
 
 
 def tests(linearised: LinearisedFit) -> list[Test]:
@@ -101,6 +102,22 @@ def unexplained(linearised: LinearisedFit) -> Unexplained | None:
         own = dict(zip(found.variables, found.lengths, strict=True))
         likelier = log_odds(read, angles, seen) > log_odds(white, given, own) + EVIDENCE
     return of_variables(read, angles, seen, found.p_value, np.random.default_rng(SEED)) if likelier else found
+
+
+def nearly_of_readings(linearised: LinearisedFit, dependence: Unexplained) -> Unexplained | None:
+    """A function of the tracker's readings that explains nearly as much as one of positions does; None without one."""
+    machine = linearised.measurement.machine
+    if dependence.of_readings or not set(dependence.variables) <= set(machine.names):
+        return None
+    even = linearised.evenly_noisy
+    misreading = with_function_of_readings(even)
+    if misreading.function is None:
+        return None
+    if FAR_MORE * misreading.log_odds < absorbing(even, dependence, whole=True).log_odds:
+        return None
+    read, seen = linearised.residual.reshape(len(linearised.rows), -1), dict(zip(*misreading.function, strict=True))
+    angles = readings(linearised.measurement, linearised.rows)
+    return of_variables(read, angles, seen, dependence.p_value, np.random.default_rng(SEED))
 
 
 def one_by_one(linearised: LinearisedFit) -> list[Dependence]:

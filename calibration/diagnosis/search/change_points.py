@@ -93,8 +93,10 @@ def _change_points(linearised: LinearisedFit, effect: Effect, along: Array) -> t
     points = np.unique(values[own])
     if not len(points):
         return points, np.zeros(0)
-    order = own[np.argsort(values[own], kind="stable")]
-    starts = np.searchsorted(values[order], points)
+    in_order = own[np.argsort(values[own], kind="stable")]
+    starts = np.searchsorted(values[in_order], points)
+    # without a copy of the rows where all of them act in order
+    order = slice(None) if np.array_equal(in_order, np.arange(len(values))) else in_order
     here = columns[order]
     # sums over all rows from each point on
     slopes = _from_each(np.einsum("ndk,nd->nk", here, residual[order]), starts)
@@ -106,5 +108,5 @@ def _change_points(linearised: LinearisedFit, effect: Effect, along: Array) -> t
 
 def _from_each(values: Array, starts: np.ndarray) -> Array:
     """Sums `(m, ...)` of rows `(n, ...)` from each start to the end."""
-    parts = np.add.reduceat(values, starts, axis=0)
+    parts = values if len(starts) == len(values) else np.add.reduceat(values, starts, axis=0)
     return np.cumsum(parts[::-1], axis=0)[::-1]
