@@ -10,22 +10,13 @@ from support.diagnosis_cases import data_with, framed, selector
 
 from calibration.diagnosis import diagnose
 from calibration.diagnosis.search import evaluation, selection
-from calibration.diagnosis.search.candidates import RARE, Candidate, at_zero
+from calibration.diagnosis.search.candidates import RARE, Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling, evaluate, passing, predicts, siblings
 from calibration.diagnosis.search.proposed_shapes import finer, joined
 from calibration.diagnosis.search.stage import chosen_of
 from calibration.diagnosis.search.start_model import Base
 from kinematics.basis import Fourier
-from kinematics.effects import (
-    Backlash,
-    Cyclic,
-    ErrorMotion,
-    GrowthWithTime,
-    LocationJump,
-    StationShift,
-    ThermalDrift,
-    TrackerDrift,
-)
+from kinematics.effects import Backlash, Cyclic, ErrorMotion, GrowthWithTime, LocationJump, ThermalDrift, TrackerDrift
 
 BACKLASH = Backlash("X", 12.0)
 SECOND = Backlash("Z", 16.0)
@@ -296,19 +287,3 @@ def test_the_same_causes_are_fitted_once(monkeypatch):
     assert len(fits) == selection.RECENT + 1
     assert len(made.recent) == selection.RECENT
     assert made.stage([(cause, np.ones(1))]).fit is not first.fit
-
-
-@pytest.mark.parametrize("knocked", [True, False])
-def test_jumps_at_one_moment_are_a_knock_where_one_explains_them(knocked):
-    moment = 15.0 * 60
-    truth = [StationShift("s1", (15.0, -12.0, 0.0), since_s=moment)]
-    if not knocked:
-        truth = [LocationJump("X", "X", 15.0, moment), LocationJump("C", "Y", 90.0, moment)]
-    made = replace(selector(data_with(*truth, n=120)), library=())
-    jumps = [LocationJump("X", "X", 0.0, moment), LocationJump("Y", "Y", 0.0, moment)]
-    if not knocked:
-        jumps = [at_zero(effect) for effect in truth]
-    found = evaluate(made.bare.linearised, [Candidate(effect, 1, 100.0) for effect in jumps])
-    jumping = made.stage([(each.candidate, each.score.size) for each in found])
-    stage = made.commoner(jumping)
-    assert {each.candidate.kind for each in stage.accepted} == {"station-shift" if knocked else "location-jump"}

@@ -17,7 +17,6 @@ import numpy as np
 
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import RARE, Candidate, at_zero
-from calibration.diagnosis.search.causes import jumps
 from calibration.diagnosis.search.evaluation import (
     EVEN,
     SEEN,
@@ -37,7 +36,7 @@ from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.observation.stops_and_lines import stops
-from kinematics.effects import Cyclic, LocationJump, StationShift
+from kinematics.effects import Cyclic, LocationJump
 from kinematics.running.progress import Progress
 from kinematics.transforms import Array
 
@@ -256,10 +255,8 @@ class Selector:
     def commoner(self, stage: Stage) -> Stage:
         """The stage with common causes in place of a rare one, where these explain as much.
 
-        Also with a drift along X, Y and Z in place of a growth beside a part of this drift, where it explains more, and
-        with a knock at the instrument in place of several jumps of the machine.
+        Also with a drift along X, Y and Z in place of a growth beside a part of this drift, where it explains more.
         """
-        stage = self._knocked(stage)
         for i, own in enumerate(stage.accepted):
             others = [each for each in stage.accepted if each is not own]
             beside = own.candidate.kind == "thermal-scale" and any(each.candidate.shifts_tool for each in others)
@@ -271,22 +268,6 @@ class Selector:
                 trial = lacking.select(known).stages[-1]
                 if trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity:
                     return self.commoner(trial)
-        return stage
-
-    def _knocked(self, stage: Stage) -> Stage:
-        """The stage with one knock at the instrument in place of several jumps of the machine, where it is likelier."""
-        jumping = [i for i, each in enumerate(stage.accepted) if isinstance(each.candidate.effect, LocationJump)]
-        if len(jumping) < 2:
-            return stage
-        first, without = stage.accepted[jumping[0]].candidate, stage.without(*jumping)
-        others = chosen_of([each for i, each in enumerate(stage.accepted) if i not in jumping])
-        since = getattr(first.effect, "since_s", None)
-        for knock in jumps(self.measurement):
-            if isinstance(knock, StationShift):
-                (tried,) = evaluate(without, [replace(first, effect=msgspec.structs.replace(knock, since_s=since))])
-                trial = self.stage([*others, (tried.candidate, tried.score.size)])
-                if _by_complexity(trial) < _by_complexity(stage):
-                    return trial
         return stage
 
     def _drifting(self, stage: Stage, index: int) -> Iterator[Sequence[Accepted]]:
@@ -437,13 +418,6 @@ def _at_once(candidate: Candidate, accepted: Sequence[Accepted]) -> Candidate:
     if not moments or not isinstance(candidate.effect, LocationJump):
         return candidate
     return replace(candidate, effect=msgspec.structs.replace(candidate.effect, since_s=moments[0]), trials=1.0)
-
-
-def _by_complexity(stage: Stage) -> float:
-    """BIC of a stage with its rarity, by the free choices of its causes: a vector of the instrument is one."""
-    choices = sum(complexity(each.candidate) for each in stage.accepted)
-    fitted = stage.linearised.squares + stage.linearised.spread
-    return fitted + choices * float(np.log(stage.linearised.scalars)) + 2.0 * stage.rarity
 
 
 def _listed(accepted: Sequence[Accepted]) -> str:
