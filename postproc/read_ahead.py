@@ -5,12 +5,15 @@ from __future__ import annotations
 import itertools
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from postproc.second_process import LostProcess, SecondProcess
 from postproc.text.plain_lines import PlainLines, PlainStyle, whole, whole_lines
 
 AHEAD = 3
 """Pieces of a program that are read ahead, at most: each takes some megabytes."""
+PATIENCE_S = 0.02
+"""Time in which the lines of about one piece are read."""
 
 
 def read_ahead(pieces: Iterator[bytes], axes: str, style: PlainStyle) -> Iterator[tuple[bytes, PlainLines]]:
@@ -19,7 +22,7 @@ def read_ahead(pieces: Iterator[bytes], axes: str, style: PlainStyle) -> Iterato
     This process reads them itself until the other one has begun, and where that one is lost.
     """
     reader = _Reader(axes, style)
-    waiting: deque[bytes] = deque()
+    waiting: deque[_Waiting] = deque()
     process = SecondProcess(_OtherReader(axes, style))
     try:
         yield from _by(process, reader, pieces, waiting)
@@ -27,7 +30,7 @@ def read_ahead(pieces: Iterator[bytes], axes: str, style: PlainStyle) -> Iterato
         pass
     finally:
         process.end()
-    for piece in itertools.chain(waiting, pieces):
+    for piece in itertools.chain((left.piece for left in waiting), pieces):
         yield piece, reader(piece)
 
 
@@ -53,31 +56,44 @@ class _OtherReader(_Reader):
         return lines
 
 
+@dataclass
+class _Waiting:
+    """A piece whose lines are not used yet."""
+
+    piece: bytes
+    given: bool = False
+    """True if the other process reads its lines."""
+    lines: PlainLines | None = None
+    """Its lines, if this process has read them."""
+
+
 def _by(
-    process: SecondProcess, reader: _Reader, pieces: Iterator[bytes], waiting: deque[bytes]
+    process: SecondProcess, reader: _Reader, pieces: Iterator[bytes], waiting: deque[_Waiting]
 ) -> Iterator[tuple[bytes, PlainLines]]:
     """The pieces and their lines; LostProcess where the process is lost.
 
-    waiting: becomes the next pieces; the piece in work is the first.
+    waiting: becomes the next pieces; the piece in work is the first. The last one is given to nobody: this process
+    reads it itself instead of waiting for the other one.
     """
     process.give(b"")  # its answer shows that the process has begun
-    begun, given = False, 0
+    begun = False
     while True:
-        waiting.extend(itertools.islice(pieces, AHEAD + 1 - len(waiting)))
+        waiting.extend(map(_Waiting, itertools.islice(pieces, AHEAD + 2 - len(waiting))))
         if not waiting:
             return
-        if not begun and process.has_answer:
+        if not begun and process.answers_within(0.0):
             process.answer()
             begun = True
-        if begun:
-            for piece in itertools.islice(waiting, max(given, 1), None):
-                process.give(piece)
-        piece = waiting[0]
-        if given:
-            lines = process.answer()
-            lines.data = whole(piece)
-        else:
-            lines = reader(piece)
+        first, last = waiting[0], waiting[-1]
+        for ahead in itertools.islice(waiting, 1, AHEAD + 1) if begun else ():
+            if not ahead.given and ahead.lines is None:
+                process.give(ahead.piece)
+                ahead.given = True
+        if first.given:
+            if not (last.given or last.lines or process.answers_within(PATIENCE_S)):
+                last.lines = reader(last.piece)
+            first.lines = process.answer()
+            first.lines.data = whole(first.piece)
+        lines = first.lines or reader(first.piece)
         waiting.popleft()
-        given = len(waiting) if begun else 0
-        yield piece, lines
+        yield first.piece, lines

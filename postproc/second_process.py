@@ -70,11 +70,10 @@ class SecondProcess:
             raise answer
         return answer
 
-    @property
-    def has_answer(self) -> bool:
-        """True if `answer` would not wait."""
+    def answers_within(self, seconds: float) -> bool:
+        """True if `answer` waits for this time at most."""
         try:
-            return bool(wait([self._socket], 0.0))
+            return bool(wait([self._socket], seconds))
         except OSError:
             return True
 

@@ -66,9 +66,8 @@ def late_process(begin, lost):
             Late.open_tasks -= 1
             return super().answer()
 
-        @property
-        def has_answer(self):
-            return next(self._asked) >= begin and super().has_answer
+        def answers_within(self, seconds):
+            return next(self._asked) >= begin and super().answers_within(seconds)
 
     return Late
 
@@ -127,3 +126,21 @@ def test_a_reader_that_is_not_used_to_its_end_leaves_no_process():
         next(reading)
         reading.close()
     assert ended
+
+
+def test_a_slow_process_is_helped(monkeypatch):
+    """While the other process has no answer, this one reads a piece behind those that it has given away."""
+    given = []
+
+    class Slow(Here):
+        def give(self, task):
+            given.append(task)
+            super().give(task)
+
+        def answers_within(self, seconds):
+            return seconds == 0.0
+
+    monkeypatch.setattr("postproc.read_ahead.SecondProcess", Slow)
+    pieces = divided("".join(f"G1 X{i}.\n" for i in range(60)), 1)
+    check_all(pieces, read_ahead(iter(pieces), AXES, STYLE))
+    assert 20 < len(given) < 50

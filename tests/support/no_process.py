@@ -24,8 +24,7 @@ class Here:
             raise answer
         return answer
 
-    @property
-    def has_answer(self):
+    def answers_within(self, seconds):
         return bool(self._answers)
 
     def end(self):
