@@ -65,6 +65,33 @@ def length(a: Vector) -> Array:
     return np.asarray(np.sqrt(dot(a, a)))
 
 
+class _Motion:
+    """Error motions of n rows."""
+
+    def __init__(self, translation: Vector, rotation: Vector) -> None:
+        """Translation, mm, and rotation vectors, rad."""
+        self.translation, self._rotation = translation, rotation
+        square = dot(rotation, rotation)
+        sine, versed = 1.0 - square * (1.0 / 6.0 - square / 120.0), 0.5 - square * (1.0 / 24.0 - square / 720.0)
+        large = square >= SMALL
+        if large.any():
+            angle = np.sqrt(square)
+            sine = np.where(large, np.sinc(angle / np.pi), sine)
+            versed = np.where(large, 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2, versed)
+        self._sine, self._versed = sine, versed
+
+    def turned(self, p: Vector) -> Vector:
+        """Vectors turned by the rotation (Rodrigues)."""
+        once = cross(self._rotation, p)
+        twice = cross(self._rotation, once)
+        sine, versed = self._sine, self._versed
+        return (
+            p[0] + sine * once[0] + versed * twice[0],
+            p[1] + sine * once[1] + versed * twice[1],
+            p[2] + sine * once[2] + versed * twice[2],
+        )
+
+
 class ChainColumns:
     """A machine at axis positions."""
 
@@ -80,6 +107,9 @@ class ChainColumns:
                 for axis, x in zip(machine.axes, self.columns, strict=True)
             ]
         )
+        self._errors: Array | None = None
+        self._kept: dict[int, _Motion | None] = {}
+        """The motions of these errors, by axis."""
 
     def __len__(self) -> int:
         return int(self.columns.shape[1])
@@ -98,8 +128,8 @@ class ChainColumns:
         """
         axes = self.machine.axes
         p = tool
-        if errors is not None and errors.shape[1] > len(axes) and (own := errors[:, -1]).any():
-            p = plus(_turned(vector(own[:, 3:]), p), vector(own[:, :3]))
+        if (own := self._motion(len(axes), errors)) is not None:
+            p = plus(own.turned(p), own.translation)
         for i in range(len(axes) - 1, -1, -1):
             axis, x, motion = axes[i], self.columns[i], self._motion(i, errors)
             if motion is None:
@@ -111,8 +141,7 @@ class ChainColumns:
                 p = self._turn(i, p)
             elif not axis.rotary:
                 p = _shifted(axis.unit_direction.tolist(), x, p)
-            displacement, rotation = motion
-            p = plus(_turned(rotation, p), displacement)
+            p = plus(motion.turned(p), motion.translation)
             if not head:
                 p = self._turn(i, p)
             elif not axis.rotary:
@@ -124,28 +153,49 @@ class ChainColumns:
         """Directions of the tool axis from the tip, workpiece frame: the third column of the rotation of `forward`."""
         axes = self.machine.axes
         v = _Z
-        if errors is not None and errors.shape[1] > len(axes) and (own := errors[:, -1]).any():
-            v = _turned(vector(own[:, 3:]), v)
+        if (own := self._motion(len(axes), errors)) is not None:
+            v = own.turned(v)
         for i in range(len(axes) - 1, -1, -1):
             motion, head = self._motion(i, errors), axes[i].side == "tool"
             if head:
                 v = self._turn(i, v)
             if motion is not None:
-                v = _turned(motion[1], v)
+                v = motion.turned(v)
             if not head:
                 v = self._turn(i, v)
         return v
 
-    def _motion(self, i: int, errors: Array | None) -> tuple[Vector, Vector] | None:
-        """Translation, mm, and rotation, rad, of the error motions of one axis in the directions of the machine."""
-        if errors is None or not (motion := errors[:, i].T).any():
+    @cached_property
+    def nominal_tool_axis(self) -> Vector:
+        """As `tool_axis`, of a machine without errors."""
+        return self.tool_axis()
+
+    def _motion(self, i: int, errors: Array | None) -> _Motion | None:
+        """The error motions of one axis, or last of the tool, in the directions of the machine; None if there are none.
+
+        Those of the last errors are kept, because a point and a direction are turned alike.
+        """
+        if errors is None or i == errors.shape[1]:
+            return None
+        if self._errors is not errors:
+            self._errors, self._kept = errors, {}
+        if i not in self._kept:
+            self._kept[i] = self._acting(i, errors[:, i])
+        return self._kept[i]
+
+    def _acting(self, i: int, errors: Array) -> _Motion | None:
+        """As `_motion`, of the error motions `(n, 6)` of one axis."""
+        if i == len(self.machine.axes):
+            return _Motion(vector(errors[:, :3]), vector(errors[:, 3:])) if errors.any() else None
+        motion = errors.T
+        if not (motion[:, :1].any() or motion.any()):  # the first row is mostly enough to see it
             return None
         frame = self.machine.axes[i].error_frame
         translation: Vector = (motion[0], motion[1], motion[2])
         rotation: Vector = (motion[3], motion[4], motion[5])
-        if not np.array_equal(frame, _UPRIGHT):
-            return _in_frame(frame.tolist(), translation), _in_frame(frame.tolist(), rotation)
-        return translation, rotation
+        if np.array_equal(frame, _UPRIGHT):
+            return _Motion(translation, rotation)
+        return _Motion(_in_frame(frame.tolist(), translation), _in_frame(frame.tolist(), rotation))
 
     @cached_property
     def linear_inverse(self) -> tuple[Vector, Vector, Vector]:
@@ -220,21 +270,3 @@ def _shifted(direction: Sequence[float], distance: Array, p: Vector) -> Vector:
         for column, d in zip(p, direction, strict=True)
     )
     return x, y, z
-
-
-def _turned(rotation: Vector, p: Vector) -> Vector:
-    """Vectors turned by rotation vectors, rad (Rodrigues)."""
-    square = dot(rotation, rotation)
-    sine, versed = 1.0 - square * (1.0 / 6.0 - square / 120.0), 0.5 - square * (1.0 / 24.0 - square / 720.0)
-    large = square >= SMALL
-    if large.any():
-        angle = np.sqrt(square)
-        sine = np.where(large, np.sinc(angle / np.pi), sine)
-        versed = np.where(large, 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2, versed)
-    once = cross(rotation, p)
-    twice = cross(rotation, once)
-    return (
-        p[0] + sine * once[0] + versed * twice[0],
-        p[1] + sine * once[1] + versed * twice[1],
-        p[2] + sine * once[2] + versed * twice[2],
-    )

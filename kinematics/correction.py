@@ -59,7 +59,8 @@ def correct_position(
     others = nominal if start is None else start
     unmoved = others.copy()
     unmoved[:, translators] = 0.0
-    fixed, there = ChainColumns(machine, unmoved), ChainColumns(machine, nominal).point(tip)
+    fixed = ChainColumns(machine, unmoved)
+    there = ChainColumns(machine, nominal, fixed if start is None else None).point(tip)
     aim = there if start is None else ChainColumns(machine, others, fixed).point(tip)
     target, base, q = plus(there, vector(shift)), fixed.point(tip), np.ascontiguousarray(others.T)
     unsettled, before = np.ones(n, bool), np.full(n, precision)

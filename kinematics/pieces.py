@@ -33,6 +33,8 @@ MOST_FEATURES = 500.0
 """Features of an effect along the travel, above which it is not put into a table."""
 ARM = 1000.0
 """Distance, mm, of the tool point from the axes whose error motions turn it, about."""
+ROUNDING = EXACT / 1000.0
+"""Coefficients of the highest powers, mm and rad, that are rounding of the fit and left out."""
 STEP = 4.0 * EXACT
 """Difference between the ends of two pieces that meet in a smooth error, mm and rad, at most."""
 HALVINGS = 12
@@ -55,7 +57,7 @@ class Table(NamedTuple):
     breaks: Array
     """Ends of the pieces `(pieces + 1,)`, mm or rad."""
     coefficients: Array
-    """`(DEGREE + 1, 6, directions * pieces)`, mm and rad, by powers of the coordinate of a piece."""
+    """`(degree + 1, 6, directions * pieces)`, mm and rad, by powers of the coordinate of a piece, at least 1."""
     directed: bool
 
     def at(self, x: Array, approach: Array | None) -> Array:
@@ -84,9 +86,9 @@ class Table(NamedTuple):
         pieces = len(self.breaks) - 1
         inside = np.tile((self.breaks[1:] > low) & (self.breaks[:-1] < high), self.coefficients.shape[2] // pieces)
         half = np.tile(np.diff(self.breaks) / 2.0, self.coefficients.shape[2] // pieces)[inside]
-        coefficients, powers = self.coefficients[:, :, inside], np.arange(DEGREE + 1.0)[:, None, None]
-        values = np.einsum("sd,dcp->csp", AT_TESTS, coefficients)
-        slopes = np.einsum("sd,dcp->csp", AT_TESTS[:, :-1], powers[1:] * coefficients[1:]) / half
+        coefficients, powers = self.coefficients[:, :, inside], np.arange(float(len(self.coefficients)))[:, None, None]
+        values = np.einsum("sd,dcp->csp", AT_TESTS[:, : len(coefficients)], coefficients)
+        slopes = np.einsum("sd,dcp->csp", AT_TESTS[:, : len(powers) - 1], powers[1:] * coefficients[1:]) / half
         return np.stack([_lengths(each.reshape(6, -1)).max(axis=1) for each in (values, slopes)])
 
     def _in(self, piece: np.ndarray, x: Array) -> Array:
@@ -94,11 +96,12 @@ class Table(NamedTuple):
         first = piece % (len(self.breaks) - 1)
         low, high = self.breaks[first], self.breaks[first + 1]
         u = (x - (low + high) / 2.0) / ((high - low) / 2.0)
-        values = self.coefficients[DEGREE][:, piece] * u
-        for power in range(DEGREE - 1, 0, -1):
-            values += self.coefficients[power][:, piece]
+        constant, *coefficients, last = self.coefficients
+        values = last[:, piece] * u
+        for coefficient in reversed(coefficients):
+            values += coefficient[:, piece]
             values *= u
-        values += self.coefficients[0][:, piece]
+        values += constant[:, piece]
         return np.asarray(values)
 
 
@@ -108,7 +111,7 @@ class Curvature:
     def __init__(self, table: Table) -> None:
         self.breaks = table.breaks
         pieces = len(table.breaks) - 1
-        powers = np.arange(DEGREE + 1.0)[:, None, None]
+        powers = np.arange(float(len(table.coefficients)))[:, None, None]
         half = np.tile(np.diff(table.breaks) / 2.0, table.coefficients.shape[2] // pieces)
         sizes = np.abs(table.coefficients)
         self.size, self.slope, self.second = (
@@ -230,9 +233,9 @@ class ErrorMotions:
     def _by_tables(self, q: Array, approach: Array | None) -> Array:
         """Error motions `(n, axes + 1, 6)` of the effects in tables and of the tool."""
         axes = len(self.machine.axes)
-        errors = np.zeros((axes + 1, 6, len(q)))
-        for i, table in self.tables.items():
-            errors[i] = self._of(i, table, q, approach)
+        errors = np.empty((axes + 1, 6, len(q)))
+        for i in range(axes):
+            errors[i] = self._of(i, self.tables[i], q, approach) if i in self.tables else 0.0
         errors[axes] = self.tool
         return np.moveaxis(errors, 2, 0)
 
@@ -313,8 +316,11 @@ def _tables(machine: Machine, model: ErrorModel, state: ConstantConditions) -> t
         first, last, coefficients = (np.concatenate(column, axis=-1) for column in zip(*parts, strict=True))
         order = np.argsort(first)
         ordered = coefficients[..., order].swapaxes(0, 2).swapaxes(0, 1)  # degree, components, directions, pieces
-        flat = np.ascontiguousarray(ordered.reshape(DEGREE + 1, 6, -1))
-        tables[i] = Table(np.append(first[order], last[order][-1:]), flat, i in directed)
+        flat = ordered.reshape(DEGREE + 1, 6, -1)
+        sizes = np.abs(flat).max(axis=(1, 2), initial=0.0)
+        degree = int(np.flatnonzero(sizes >= ROUNDING).max(initial=1))
+        nodes = np.append(first[order], last[order][-1:])
+        tables[i] = Table(nodes, np.ascontiguousarray(flat[: degree + 1]), i in directed)
     return tables, set(open_pieces)
 
 

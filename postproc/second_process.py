@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from kinematics.running.memory import keep_freed_memory
 from kinematics.running.workers import stops_wait
 
 BUFFERS = 5
@@ -124,6 +125,7 @@ def _serve(other: socket.socket, work: Callable[[Any], Any]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all processes; the first one decides
     if hasattr(os, "nice"):
         os.nice(GIVES_WAY)
+    keep_freed_memory()
     with suppress(EOFError, OSError):
         while True:
             task = _received(other)

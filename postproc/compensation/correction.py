@@ -131,7 +131,7 @@ class PoseErrors:
     @cached_property
     def axis_urad(self) -> Array:
         """Angle of the tool axis `(n,)`, urad."""
-        return length(minus(self.actual.tool_axis(self.errors), self.aim.tool_axis())) * 1e6
+        return length(minus(self.actual.tool_axis(self.errors), self.aim.nominal_tool_axis)) * 1e6
 
 
 def pose_errors(

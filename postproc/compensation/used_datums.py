@@ -104,7 +104,7 @@ class UsedDatums:
     def add(self, motions: Motions) -> None:
         """Add the moves of a chunk with programmed coordinates."""
         self._compare_rotary_positions(motions)
-        for index in dict.fromkeys(motions.frame[motions.programmed].tolist()):
+        for index in motions.frames_of(motions.programmed):
             frame = motions.frames[index]
             touch_off = frame.touch_off
             if touch_off is None or touch_off in self._known:
@@ -116,7 +116,7 @@ class UsedDatums:
     def _compare_rotary_positions(self, motions: Motions) -> None:
         """Compare the rotary positions in the first move of each work offset with its assumed touch-off."""
         machine, evaluated = motions.machine, np.flatnonzero(motions.evaluated)
-        for index in dict.fromkeys(motions.frame[evaluated].tolist()):
+        for index in motions.frames_of(evaluated):
             frame = motions.frames[index]
             touch_off = frame.touch_off
             if touch_off is None or touch_off.name in self._turned_notes:

@@ -20,6 +20,7 @@ import numpy as np
 from kinematics.error_model.classes import ORIENTATION, select
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, NDArrayBool
+from kinematics.running.memory import keep_freed_memory
 from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.correction import COLD, Correction, correct
@@ -147,6 +148,8 @@ class Pipeline:
     def _run(self, out: BinaryIO, progress: Callable[[int], None]) -> CorrectionResult:
         """As `run`; Turns for a jump, a loop or a call in a program that is not stored."""
         job = self.job
+        if job.source.size >= LARGE:
+            keep_freed_memory()
         if self.model.effects:
             self.plausibility.check_calibration(job.model, job.conditions, datetime.datetime.now(datetime.UTC))
         with self._evaluation() as self.evaluation, tempfile.SpooledTemporaryFile(SPOOLED) as rest:

@@ -143,8 +143,8 @@ class CorrectionLimit:
 
         Nominal and corrected positions `(n, axes)`, mm and rad.
         """
-        used = set(motions.frame.tolist())
-        limits = np.array([self.um(frame) if i in used else 0.0 for i, frame in enumerate(motions.frames)])
+        used = np.bincount(motions.frame, minlength=len(motions.frames)) > 0
+        limits = np.array([self.um(frame) if used[i] else 0.0 for i, frame in enumerate(motions.frames)])
         columns = motions.machine.translators
         size = np.abs(corrected - nominal)[:, columns] * 1e3
         resolution = np.array([motions.machine.axes[i].resolution for i in columns]) * 1e3

@@ -121,6 +121,12 @@ class Motions:
         """Rows `(n,)` in which a programmed coordinate may move several axes of the machine."""
         return np.asarray(np.array([frame.tcp or frame.couples for frame in self.frames], bool)[self.frame])
 
+    def frames_of(self, rows: np.ndarray) -> list[int]:
+        """Numbers of the frames of rows, by a mask or by their numbers, in the order in which they first appear."""
+        found = self.frame[rows]
+        present: list[int] = np.flatnonzero(np.bincount(found)).tolist()
+        return present if len(present) < 2 else list(dict.fromkeys(found.tolist()))
+
     @column
     def intermediate(self) -> NDArrayBool:
         """Rows `(n,)` that end inside a programmed move: backlash take-ups, and all segments except the last."""

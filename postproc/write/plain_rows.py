@@ -303,10 +303,11 @@ def _put_in_place(text: np.ndarray, words: PlainWords, start: np.ndarray, end: n
     fits = (signed + digits + (words.decimals > 0) + words.decimals == end - start) & (words.letter == 0)
     # groups with digits, decimals and signs at the same positions
     layout = (digits * len(POWERS) + words.decimals) * 2 + signed
+    kind = np.uint32 if sizes.max(initial=0.0) < 2.0**32 else np.uint64
     for one in np.flatnonzero(np.bincount(layout[fits])).tolist():
         rows = np.flatnonzero(fits & (layout == one))
         decimals, length = int(words.decimals[rows[0]]), int(end[rows[0]] - start[rows[0]])
-        first, rest = start[rows], np.asarray(sizes[rows].astype(np.uint64))
+        first, rest = start[rows], np.asarray(sizes[rows].astype(kind))
         if signed[rows[0]]:
             text[first] = np.where(words.counts[rows] < 0.0, ord("-"), ord("+"))
         if decimals:
