@@ -204,7 +204,7 @@ EXAMPLES = [
     Example(AirScale(-1.5), "air-scale", "um/m", "scale_um_per_m", XYZ),
     Example(AngleHarmonic("azimuth", 1, 6.0, -3.0), "tracker-angle azimuth 1", "urad urad", "sine_urad cosine_urad", XYZ),
     Example(AngleHarmonic("elevation", 2, 6.0, -3.0), "tracker-angle elevation 2", "urad urad", "sine_urad cosine_urad", XYZ),
-    Example(AngleStep("elevation", "azimuth", 20.0, 6.0), "tracker-angle-step elevation azimuth", "urad", "step_urad", XYZ),
+    Example(AngleStep("elevation", "azimuth", -40.0, 6.0), "tracker-angle-step elevation azimuth", "urad", "step_urad", XYZ),
     Example(TargetOffset("t1", (30.0, -20.0, 10.0)), "target-offset t1", "um um um", "offset_um", "tool X, tool Y, tool Z"),
     Example(UnknownApproach("Y", 4.0), "unknown-approach Y", "um", "offset_um", "E_YY"),
     Example(UnknownApproach("C", 4.0), "unknown-approach C", "urad", "offset_urad", "E_CC"),
