@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -21,7 +22,7 @@ from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
 from postproc.evaluation.guard import Guard, WorseMove
-from postproc.second_process import LostProcess, SecondProcess
+from postproc.second_process import GIVES_WAY, LostProcess, SecondProcess
 
 GANTRY, DMU50 = load("gantry"), load("dmu50")
 RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from postproc.cli import run; run()"
@@ -194,6 +195,18 @@ def evaluating(process: int) -> set[int]:
     return found
 
 
+def begun(process: int) -> set[int]:
+    """Those of them that wait for tasks already, which gives them a lower priority."""
+    theirs = min(_niceness(process) + GIVES_WAY, 19)
+    return {child for child in evaluating(process) if _niceness(child) == theirs}
+
+
+def _niceness(process: int) -> int | None:
+    with suppress(FileNotFoundError, ProcessLookupError):
+        return int(Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[16])
+    return None
+
+
 def wait_until(true):
     end = time.monotonic() + PATIENCE_S
     while not true():
@@ -203,7 +216,7 @@ def wait_until(true):
 
 @pytest.fixture(name="started")
 def _started(tmp_path, monkeypatch):
-    """A long program in work, with a second process and some of the output written."""
+    """A long program in work, with processes that read and evaluate, and some of the output written."""
     write_model(model_of(GANTRY, LocationError("C", "Y", 100.0)), tmp_path / "cal.json")
     (tmp_path / "in.nc").write_text(LONG)
     monkeypatch.chdir(tmp_path)
@@ -211,7 +224,7 @@ def _started(tmp_path, monkeypatch):
     words = [sys.executable, "-c", RUN, "in.nc", "-m", "gantry", "-c", "cal.json", "--set-up-zero", "-o", "out.nc",
              "--jobs", "2", "--json", "out.json"]  # fmt: skip
     with subprocess.Popen(words, stderr=subprocess.PIPE) as process:
-        wait_until(lambda: evaluating(process.pid))
+        wait_until(lambda: len(begun(process.pid)) == 2)
         yield process
         process.kill()
 
