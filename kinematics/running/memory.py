@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-KEPT = 128 << 20
+KEPT = 32 << 20
 """Bytes of freed memory that the process keeps."""
 FROM_HEAP = 32 << 20
 """Size of a column in bytes up to which it comes from there; the C library allows no more."""
