@@ -52,6 +52,9 @@ class Interpreter(Protocol):
         It reads each block before it requests the next: the next block may depend on the position of the tool.
         """
 
+    def read_to_refusal(self, blocks: Iterable[Block | PlainRun]) -> tuple[Motions, Refusal | None]:
+        """As `read`, for the blocks before the first one that is not fully understood, and its refusal."""
+
 
 @dataclass(frozen=True)
 class Dialect:

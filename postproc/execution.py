@@ -51,13 +51,19 @@ def joined_before_rotary_moves(parts: Iterable[Part]) -> Iterator[Part]:
     Such a part begins with a feed move of rotary axes alone (`postproc/correct/rotary_moves.py`), or has no moves.
     """
     held: list[Part] = []
-    for part in parts:
-        if held and len(part.motions) and not part.motions.rotary_only[0]:
-            yield _joined(held)
-            held = []
-        held.append(part)
+    refused = None
+    try:
+        for part in parts:
+            if held and len(part.motions) and not part.motions.rotary_only[0]:
+                yield _joined(held)
+                held = []
+            held.append(part)
+    except UserError as refusal:
+        refused = refusal  # a refusal of a move before it comes first
     if held:
         yield _joined(held)
+    if refused is not None:
+        raise refused
 
 
 def _joined(parts: list[Part]) -> Part:
@@ -107,13 +113,17 @@ class StreamedProgram:
         """
         try:
             chunks = _Chunks(read_blocks(self.source, self.dialect, self._axes, ahead=self.ahead), self.dialect.leads)
-            while (motions := self._read(_without_turns(chunks.next()))).blocks:
-                yield Part(motions, motions.blocks.size)
+            while True:
+                items = straight(_without_turns(chunks.next()), self.interpreter.scope)
+                motions, refusal = self.interpreter.read_to_refusal(items)
+                if motions.blocks:
+                    yield Part(motions, motions.blocks.size)
+                if refusal is not None:
+                    raise refusal
+                if not motions.blocks:
+                    return
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
-
-    def _read(self, items: Iterator[Block | PlainRun]) -> Motions:
-        return self.interpreter.read(straight(items, self.interpreter.scope))
 
     @property
     def _axes(self) -> str:

@@ -179,7 +179,7 @@ def test_an_internal_fault_is_that_of_one_program(ncomp, monkeypatch):
     def broken(*_):
         raise ZeroDivisionError("a fault")
 
-    monkeypatch.setattr(IsoInterpreter, "read", broken)
+    monkeypatch.setattr(IsoInterpreter, "_read_all", broken)
     done = ncomp("batch", "in", "out", *GANTRY, "-j", 1, "--json", "summary.json")
     assert done.status == 1
     assert states()["a.nc"] == "failed"

@@ -331,16 +331,22 @@ REFUSED_TWICE = "G90\nG0 X0.0000 Y0.0000 Z200.0000\nG2 X-0.00000 Y-0.00002 Z200.
 
 @drawn(5, 800, also=ONE_MOVE, text=arc_programs() | st.just(REFUSED_TWICE), size=st.sampled_from([1, 2, 3, 7]))
 def test_chunks_of_any_size_give_the_same_arcs(text, size):
-    """A chunk is read before it is corrected: of two refusals, a small chunk finds the earlier one."""
     model = model_of_errors(1)
     whole = outcome(text, DMU50, model)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("postproc.execution.CHUNK", size)
-        found = outcome(text, DMU50, model)
-    if isinstance(found, str) and isinstance(whole, str) and found != whole:
-        assert int(found.split(":")[1]) < int(whole.split(":")[1])
-    else:
-        assert found == whole
+        assert outcome(text, DMU50, model) == whole
+
+
+@pytest.mark.parametrize("before", ["", "F100\n" * 30])
+def test_of_two_refusals_the_first_line_is_named(before):
+    """One of them is found by the correction, the other one by reading."""
+    text = REFUSED_TWICE.replace("G90\n", "G90\n" + before)
+    line = 3 + before.count("\n")
+    for plain in (True, False):
+        found = outcome(text, DMU50, model_of_errors(1), plain=plain)
+        assert isinstance(found, str)
+        assert found.startswith(f"test.nc:{line}:")
 
 
 @pytest.mark.parametrize(("programs", "lines"), [(3, 20), pytest.param(14, 60, marks=pytest.mark.statistical)])

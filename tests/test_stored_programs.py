@@ -31,8 +31,8 @@ def corrected(text, *effects, **options):
 
     def interpreter(*given):
         made = iso.interpreter(*given)
-        read = made.read
-        made.read = lambda blocks: read(item for item in blocks if runs.append(lines(item)) is None)
+        read = made._read_all
+        made._read_all = lambda blocks, done: read((item for item in blocks if runs.append(lines(item)) is None), done)
         return made
 
     def lines(item):

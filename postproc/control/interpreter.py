@@ -20,8 +20,8 @@ from postproc.motion.frames import Frame, cartesian, in_workpiece, to_machine
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, AxisWord, Kind, Known
 from postproc.motion.recorder import PlainMoves, Recorder
-from postproc.text.block import Block
-from postproc.text.blocks import PlainRun
+from postproc.text.block import Block, Refusal
+from postproc.text.blocks import Blocks, PlainRun
 from postproc.text.flow import Variables
 from postproc.text.notes import Notes
 
@@ -88,15 +88,31 @@ class Interpreter(ABC):
         The next block may depend on the position of the tool. Refusal at the first block that is not fully understood.
         """
         done: list[Block | PlainRun] = []
+        self._read_all(blocks, done)
+        return self.recorder.finish(done)
+
+    def read_to_refusal(self, blocks: Iterable[Block | PlainRun]) -> tuple[Motions, Refusal | None]:
+        """As `read`, for the blocks before the first one that is not fully understood, and its refusal."""
+        done: list[Block | PlainRun] = []
+        refused = None
+        try:
+            self._read_all(blocks, done)
+        except Refusal as refusal:
+            refused = refusal
+            self.recorder.drop(len(Blocks(done)))
+        return self.recorder.finish(done), refused
+
+    def _read_all(self, blocks: Iterable[Block | PlainRun], done: list[Block | PlainRun]) -> None:
+        """Read blocks; `done` becomes those that have been read."""
         index = 0
         for item in blocks:
             if isinstance(item, PlainRun):
-                done += self._read_run(index, item)
+                for part in self._read_run(index, item):
+                    done.append(part)  # one by one: those before a refusal stay
                 index += len(item)
             else:
                 done.append(self._read_single(index, item))
                 index += 1
-        return self.recorder.finish(done)
 
     def _read_single(self, index: int, block: Block) -> Block:
         self.no_insertion, self._frame_before = False, self.recorder.frame
@@ -150,9 +166,9 @@ class Interpreter(ABC):
     ) -> None:
         """Take over lines, as `_read_block` does one by one; motion `(lines,)`: in force, arcs: by line."""
         self.motion = float(motion[-1])
+        if not self.control_state.uses(self.recorder.frame):
+            self.control_state.use(run.block(0), self.recorder.frame)
         self.recorder.append(index, run, moves, np.minimum(motion, int(Kind.ARC)), arcs, self.unit, timed=self.timed)
-        if not self.control_state.uses(self.recorder.used):
-            self.control_state.use(run.block(0), self.recorder.used)
 
     @abstractmethod
     def _read_block(self, index: int, block: Block) -> Block:

@@ -319,6 +319,16 @@ class Recorder:
             self.known[axis] = Known.ASSUMED
         self.position = to_program(self.machine, self.frame, q[None])[0].tolist()
 
+    def drop(self, block: int) -> None:
+        """Remove what has been recorded of the last block, which is refused, by its index."""
+        while self._rows and self._rows[-1][0] >= block:
+            self._rows.pop()
+            self._words.pop()
+        for of_rows in self._by_row.values():
+            for row in [row for row in of_rows if row >= self._row]:
+                del of_rows[row]
+        self._polar_ends.pop(block, None)
+
     def finish(self, blocks: Iterable[Block | PlainRun]) -> Motions:
         """The rows recorded since the last call, for these blocks."""
         self._join_rows()
