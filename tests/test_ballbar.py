@@ -259,7 +259,7 @@ def test_a_feed_in_another_unit_than_positions_and_times_is_found():
 
 
 def test_held_out_regions_are_predicted_by_circles_that_leave_the_table_ball_free_across_them():
-    """Its distance is not linear across the circle: the nominal machine leaves what it leaves of all rows."""
+    """Its distance is not linear across the circle: the nominal machine has the same residuals as with all rows."""
     bar = Ballbar(u_um=0.3, length_mm=100.0, length_u_um=0.5)
     measured, _ = circles_of(
         Backlash("X", 12.0), machine=machines.load("gantry"), feeds=(2000.0,), bar=bar, seed=8,

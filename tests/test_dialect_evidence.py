@@ -5,7 +5,6 @@ import pytest
 from postproc.dialects import find_dialect
 from postproc.text.dialect_evidence import without_comments
 
-HEAD = "G21 G90 G17 G54\nG0 X1000. Y1000. Z-500.\n"
 FOUND = {
     # the contents of comments, parentheses and strings are no evidence
     "(a semicolon; X=5 stands in here)\nG0 X1. Y2.\n": ("iso", "because no line at its beginning"),
@@ -45,7 +44,7 @@ def test_what_is_spoken():
 
 def test_a_refusal_says_how_it_was_read(command, tmp_path):
     """A semicolon inside a parenthesis: read as ISO, and refused for its own fault alone."""
-    (tmp_path / "a.nc").write_text("(depth; X=5 first)\n" + HEAD + "G999\n")
+    (tmp_path / "a.nc").write_text("(depth; X=5 first)\nG21 G90 G54\nG999\n")
     for arguments in (("check", "a.nc"), ("a.nc", "-o", "out.nc", "--calibration", "none")):
         done = command(*arguments, "--machine", "gantry")
         text = done.out.decode() + " ".join(done.err.split())

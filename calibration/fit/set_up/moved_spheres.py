@@ -28,7 +28,6 @@ SIZE = 5.0
 """Least step, in units of the RMS residual."""
 DRIFT = 0.35
 """Largest second step, as a share of the first: a drift has steps of half its size before and behind each moment."""
-
 LIKELIER = 4.0
 """Factor by which the residuals of a drift of the tool must exceed those of a step, in squares."""
 ALIKE = 0.5
