@@ -162,11 +162,14 @@ def ranked(rows: Sequence[tuple[str, float, str]], label: str, unit: str = "%") 
     return Figure([panel], height=70 + (46 if len(rows) <= FEW else 36) * len(rows))
 
 
-def extent(panel: Panel, x: float, low: float, high: float, label: str, colour: str = INK) -> None:
-    """A vertical line between two values, with a label at its upper end."""
+def extent(
+    panel: Panel, x: float, low: float, high: float, label: str, colour: str = INK, *, below: bool = False
+) -> None:
+    """A vertical line between two values, with a label at its upper end, or at the lower one."""
     form = {"color": colour, "width": 2}
     panel.shapes.append({"type": "line", "x0": x, "x1": x, "y0": low, "y1": high, "line": form})
-    panel.notes.append({"x": x, "y": high, "yanchor": "bottom", "text": label})
+    end = {"y": low, "yanchor": "top"} if below else {"y": high, "yanchor": "bottom"}
+    panel.notes.append({"x": x, "text": label} | end)
 
 
 def level(

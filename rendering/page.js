@@ -9,9 +9,10 @@ const LIGHT = {ink: "#1d2127", grey: "#8a8f98", paper: "#ffffff", veil: "rgba(25
 const DARK = {ink: "#e6e8ec", grey: "#8a919e", paper: "#14171c", veil: "rgba(20,23,28,0.75)", card: "#1e232b", grid: "#2d333d",
   sizes: scale(["#6d8fe0", "#9f7fe6", "#dc72c4", "#f58a7a", "#ffd24d"])};
 // `sizes`: colours from zero to the largest value, all of them visible on the paper.
-const LEAST = {xy: 250, polar: 330, scene: 330};  // px, least width of a panel
-const PRINTED = 1000;                             // px, width of a figure for the printer
+const LEAST = {xy: 250, polar: 330, scene: 300};  // px, least width of a panel
+const PRINTED = {width: 900, height: 0.9};        // px, width of a figure for the printer; share of the height of its panels
 const GAP = {left: 62, right: 16, top: 12, bottom: 46, title: 22, scale: 58};
+const BUTTONS = {least: 560, width: 110, high: 30}; // px: least width of a figure with buttons, and their size, top right
 const FONT = 12;
 
 const system = window.matchMedia("(prefers-color-scheme: dark)");
@@ -61,9 +62,44 @@ function axis(palette, own, title) {
   return merged(plain, own);
 }
 
+const SIGHT = {right: [0.739, 0.674, 0], up: [-0.246, 0.269, 0.931], toViewer: [0.627, -0.688, 0.364]};
+const TAN = Math.tan(Math.PI / 8);                // of half the angle of view from top to bottom
+const ROOM = {across: 48, top: 12, bottom: 42};   // px, of the labels of a scene
+
+const along = (point, direction) => point[0] * direction[0] + point[1] * direction[1] + point[2] * direction[2];
+
+// Ends of the axes of a scene: those of its points, with a margin; cones reach beyond their points.
+function endsOf(traces) {
+  const margin = traces.some(trace => trace.type === "cone") ? 0.1 : 0.04;
+  const ends = ["x", "y", "z"].map(name => traces.flatMap(trace => [trace[name] || []].flat(2)).filter(Number.isFinite)
+    .reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]))
+    .map(([low, high]) => low <= high ? [low, high] : [0, 0]);
+  const longest = Math.max(...ends.map(([low, high]) => high - low)) || 20;
+  return ends.map(([low, high]) => {
+    const more = Math.max(margin * (high - low), 0.05 * longest - (high - low) / 2);
+    return [low - more, high + more];
+  });
+}
+
+// Camera of a scene of this size, px: as near as its box with these sides, and the labels around it, allow.
+function camera(sides, width, height) {
+  const mean = Math.cbrt(sides[0] * sides[1] * sides[2]), half = sides.map(side => 0.5 * side / mean);
+  const free = {across: Math.max(0.3, 1 - 2 * ROOM.across / width), up: Math.max(0.3, 1 - (ROOM.top + ROOM.bottom) / height)};
+  let away = 0;
+  for (let corner = 0; corner < 8; corner++) {
+    const point = half.map((length, k) => corner >> k & 1 ? length : -length), depth = along(point, SIGHT.toViewer);
+    away = Math.max(away, depth + Math.abs(along(point, SIGHT.right)) / (TAN * width / height * free.across),
+      depth + Math.abs(along(point, SIGHT.up)) / (TAN * free.up));
+  }
+  const shift = (ROOM.bottom - ROOM.top) / height * TAN * away, names = ["x", "y", "z"];
+  const at = distance => Object.fromEntries(names.map((name, k) => [name, distance * SIGHT.toViewer[k] - shift * SIGHT.up[k]]));
+  return {center: at(0), eye: at(away)};
+}
+
 // Panel `i` in its cell (px: x0, x1 from the left, y0, y1 from the top) of a figure of this size.
 function place(layout, panel, i, cell, size, palette, spec, across) {
-  const kind = panel.kind, own = panel.axes || {}, title = wrapped(panel.title, cell.x1 - cell.x0 - 8, FONT * 1.08);
+  const kind = panel.kind, own = panel.axes || {}, tools = size.buttons && cell.y0 <= BUTTONS.high && cell.x1 >= size.width - 1 ? BUTTONS.width : 0;
+  const title = wrapped(panel.title, cell.x1 - cell.x0 - 8 - tools, FONT * 1.08);
   const label = wrapped(panel.x, cell.x1 - cell.x0 - 20, FONT + 2);
   const top = cell.y0 + (panel.title ? GAP.title + more(title) : 0);
   if (panel.title) layout.annotations.push({text: `<b>${title}</b>`, align: "left", showarrow: false, xref: "paper", yref: "paper",
@@ -76,11 +112,14 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
   const domain = {x: box.x.map(x => Math.min(Math.max(x / size.width, 0), 1)),
     y: box.y.map(y => Math.min(Math.max(1 - y / size.height, 0), 1))};
   if (kind === "scene") {
-    const plain = {backgroundcolor: palette.card, showbackground: true, nticks: 6};
-    const side = name => merged(axis(palette, plain, panel[name]), own[`${name}axis`]);
-    const broad = cell.x1 - cell.x0, away = broad < 370 ? 1.45 : broad < 420 ? 1.2 : 1;  // the labels of a narrow scene need more room
-    layout[`scene${n}`] = merged({domain, xaxis: side("x"), yaxis: side("y"), zaxis: side("z"), aspectmode: "data",
-      dragmode: "turntable", camera: {center: {x: 0, y: 0, z: -0.12}, eye: {x: 1.55 * away, y: -1.7 * away, z: 0.9 * away}}}, own.scene);
+    const width = box.x[1] - box.x[0], height = box.y[0] - box.y[1], ends = endsOf(panel.traces);
+    const sides = ends.map(([low, high]) => high - low);
+    const most = (width < 420 ? 4 : 6) / Math.max(...sides);  // ticks of a length
+    const plain = {backgroundcolor: palette.card, showbackground: true};
+    const side = (name, k) => merged(axis(palette, {...plain, range: ends[k],
+      nticks: Math.max(2, Math.round(most * sides[k]))}, panel[name]), own[`${name}axis`]);
+    layout[`scene${n}`] = merged({domain, xaxis: side("x", 0), yaxis: side("y", 1), zaxis: side("z", 2), aspectmode: "data",
+      dragmode: "turntable", camera: camera(sides, width, height)}, own.scene);
   } else if (kind === "polar") {
     layout[`polar${n}`] = merged({domain, bgcolor: palette.paper, angularaxis: axis(palette), radialaxis: axis(palette)}, own.polar);
   } else {
@@ -101,16 +140,16 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
   }
 }
 
-// Data and layout of a figure at this width, px.
-function arranged(spec, width, palette) {
+// Data and layout of a figure at this width, px, on the screen or for the printer.
+function arranged(spec, width, palette, printed = false) {
   const panels = spec.panels.map(panel => ({kind: "xy", traces: [], ...panel}));
   const least = Math.max(...panels.map(panel => LEAST[panel.kind]));
   const most = Math.max(1, Math.min(spec.across, Math.floor(width / least)));
   const down = Math.ceil(panels.length / most), across = Math.ceil(panels.length / down);
   const names = legend(panels, width), flat = panels.some(panel => panel.kind !== "scene");
-  const high = flat ? spec.height : Math.min(spec.height, Math.max(280, 0.85 * width / across));  // a narrow scene is not high
-  const size = {width, height: names.height + down * high + (spec.colours ? GAP.scale : 0)};
-  const layout = {...size, margin: {l: 0, r: 0, t: 0, b: 0, autoexpand: false}, paper_bgcolor: palette.paper,
+  const high = flat ? (printed ? PRINTED.height : 1) * spec.height : Math.min(spec.height, Math.max(280, 0.85 * width / across));  // a narrow scene is not high
+  const size = {width, buttons: !printed && width >= BUTTONS.least, height: names.height + down * high + (spec.colours ? GAP.scale : 0)};
+  const layout = {width, height: size.height, margin: {l: 0, r: 0, t: 0, b: 0, autoexpand: false}, paper_bgcolor: palette.paper,
     plot_bgcolor: palette.paper, font: {color: palette.ink, size: FONT, family: "system-ui, 'DejaVu Sans', sans-serif"},
     annotations: [], shapes: [], showlegend: names.shown, bargap: 0.35, hovermode: "closest",
     dragmode: window.matchMedia("(pointer: coarse)").matches ? false : "zoom",
@@ -153,11 +192,11 @@ async function draw(plot, spec) {
   if (!width) return;  // inside a closed <details>
   plot.shownWidth = width;
   const {data, layout} = arranged(spec, width, isDark() ? DARK : LIGHT);
-  await Plotly.react(plot, data, layout, {...configOf(spec), ...(width < 560 ? {displayModeBar: false} : {})});
+  await Plotly.react(plot, data, layout, {...configOf(spec), ...(width < BUTTONS.least ? {displayModeBar: false} : {})});
 }
 
 async function picture(plot, spec) {
-  const {data, layout, edges} = arranged(spec, PRINTED, LIGHT);
+  const {data, layout, edges} = arranged(spec, PRINTED.width, LIGHT, true);
   const solid = is3d(spec), printed = document.createElement("div");
   const source = await Plotly.toImage({data, layout, config: {plotGlPixelRatio: 1.5}},
     {format: solid ? "png" : "svg", scale: solid ? 1.5 : 1, width: layout.width, height: layout.height});
@@ -204,6 +243,11 @@ async function all() {
   root.dataset.ready = "printable";
 }
 
+// A browser breaks a line behind a hyphen too: the words of a command stay whole.
+for (const command of document.querySelectorAll(".command dd")) {
+  const words = command.textContent.split(" ").map(text => Object.assign(document.createElement("span"), {textContent: text}));
+  command.replaceChildren(...words.flatMap(word => [word, " "]));
+}
 const button = document.getElementById("theme");
 button.hidden = false;
 button.addEventListener("click", () => {

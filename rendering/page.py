@@ -21,8 +21,14 @@ WORD = 16
 """Length of a word, in characters, from which it may be broken."""
 PHONE = 364
 """Width of the page of a phone, px."""
-USUAL, TIGHT = (7.4, 7.0), (6.9, 4.5)
+USUAL, TIGHT = (8.0, 7.2), (7.0, 4.0)
 """Width, px, of a letter of a table there and of the gap behind a column, in usual and in small print."""
+BROAD, SLIM = "mwMWOQGµ", "iljtfrI.,:;|()[]/-"
+"""Letters that are wider and narrower than others, by half of a letter."""
+BOLD = 1.13
+"""Width of a letter of the heading row, in letters."""
+SHORT = 26
+"""Most characters of the cells of a first column that are not broken on a wide page."""
 NUMBER = re.compile(r"[-+<>≤≥ ]*\d[\d.,]*(e[-+]?\d+)?( ± [\d.,]+)?( ?%)?")
 HERE = Path(__file__).parent
 
@@ -35,6 +41,8 @@ class Form(NamedTuple):
     phone: str
     """Class for a table that is too wide for a phone: `tight` for small print; `cards`: each row is a card with named
     values; empty for others."""
+    short: bool
+    """True for short cells in the first column."""
 
 
 def page(report: Report, done: Callable[[float], None] = lambda _: None) -> bytes:
@@ -77,9 +85,21 @@ def _unbroken(text: str) -> bool:
 def _form(table: Table) -> Form:
     columns = [[name, *cells] for name, *cells in zip(table.head, *table.rows, strict=True)]
     numeric = [number > 0 and _numbers(cells[1:]) for number, cells in enumerate(columns)]
-    words = [max((min(len(word), WORD) for cell in cells for word in cell.split()), default=0) for cells in columns]
+    words = [max(BOLD * _widest(cells[:1]), _widest(cells[1:])) for cells in columns]
     fits = [sum(letter * letters + gap for letters in words) <= PHONE for letter, gap in (USUAL, TIGHT)]
-    return Form(numeric, "" if fits[0] else "tight" if fits[1] else "cards")
+    short = max((len(cell) for cell in columns[0]), default=0) <= SHORT
+    return Form(numeric, "" if fits[0] else "tight" if fits[1] else "cards", short)
+
+
+def _widest(cells: Sequence[str]) -> float:
+    """Width of the widest word, in letters."""
+    return max((_letters(word) for cell in cells for word in cell.split()), default=0.0)
+
+
+def _letters(word: str) -> float:
+    """Width of a word, in letters; a long word may be broken."""
+    broad, slim = (sum(letter in kind for letter in word[:WORD]) for kind in (BROAD, SLIM))
+    return min(len(word), WORD) + (broad - slim) / 2.0
 
 
 def _numbers(cells: Sequence[str]) -> bool:

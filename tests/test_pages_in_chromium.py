@@ -4,6 +4,7 @@ import base64
 import re
 import shlex
 import shutil
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -12,12 +13,18 @@ from pypdf import PdfReader
 from support.command import succeed
 from support.pages import figures, panels
 
+from rendering.page import page as page_of
+from rendering.report import Report, Section, Table
+
 BOX = Path(__file__).parents[1] / "examples" / "box.nc"
 A4 = (595, 842)
 """Points."""
 DRAWN = "return [...document.querySelectorAll('.plot')].map(p => p.querySelectorAll('.main-svg').length)"
 OVERFLOW = """return [...document.querySelectorAll('body *')].filter(e => !e.closest('.scroll') && !e.closest('.plot')
   && e.getBoundingClientRect().right > innerWidth + 1).map(e => e.tagName + '.' + e.className)"""
+SIDEWAYS = """return [...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth)
+  .map(e => e.textContent.slice(0, 80))"""
+"""Tables that scroll sideways."""
 CAMERA = "return document.querySelector('.plot')._fullLayout.scene._scene.getCamera().eye"
 
 
@@ -48,6 +55,7 @@ def check_screens(chromium, page, screens=((PHONE, False), (DESKTOP, True))):
         assert all(shown)
         assert chromium.run("return document.documentElement.scrollWidth") <= width
         assert chromium.run(OVERFLOW) == []
+        assert chromium.run(SIDEWAYS) == []
         colour = chromium.run("return getComputedStyle(document.documentElement).backgroundColor")
         assert (sum(map(int, re.findall(r"\d+", colour))) < 200) == night
     assert chromium.errors() == []
@@ -189,6 +197,78 @@ def test_every_kind_of_page(chromium, tmp_path, monkeypatch):
             check_screens(chromium, page)
         elif kind == "fit":  # 3-D figures take long without a graphics card
             check_screens(chromium, page, ((PHONE, False),))
+
+
+TESTS = """\
+test,range_mm,range_2_mm,length_mm,error_um
+ranging,2000,10000,,2.4
+ranging,2000,20000,,-4.1
+ranging,2000,35000,,6.0
+length,3000,,2300,-22.5
+length,6000,,2300,31.0
+length,12000,,2300,-60.0
+two-face,3000,,,21.0
+two-face,15000,,,85.0
+"""
+
+
+def test_page_of_a_tracker(chromium, tmp_path):
+    (tmp_path / "b89.csv").write_text(TESTS)
+    page = tmp_path / "tracker.html"
+    succeed("tracker", tmp_path / "b89.csv", "--report", page)
+    check_screens(chromium, page)
+    (text,) = printed(page)
+    assert "along the beam" in text
+    assert "u_angle_um_per_m" in text
+
+
+@pytest.mark.statistical
+def test_page_of_a_machine(chromium, tmp_path):
+    page = tmp_path / "dmu50.html"
+    succeed("machines", "dmu50", "--draw", page)
+    check_screens(chromium, page, ((PHONE, False),))
+    (text,) = printed(page)  # one sheet
+    assert all(row in text for row in ("direction of the tool", "the tool moves along the arrow", "page 1 of 1"))
+
+
+LABELS = """const boxes = [...document.querySelectorAll('text')].map(t => [t.textContent, t.getBBox()])
+  .filter(([name, b]) => b.y > 100 && b.y < 600);
+const lines = [...document.querySelectorAll('path:not(.leader)')].flatMap(line =>
+  [...Array(Math.ceil(line.getTotalLength())).keys()].map(k => line.getPointAtLength(k)));
+return boxes.map(([name, b]) => [name, b.x, b.y, b.x + b.width, b.y + b.height,
+  lines.filter(p => p.x > b.x && p.x < b.x + b.width && p.y > b.y && p.y < b.y + b.height).length])"""
+"""Labels in the scene of a drawing: text, left, upper, right and lower edge, and the length of lines below it, px."""
+
+
+@pytest.mark.parametrize("machine", ["dmu50", "head_head", "head_table", "trunnion_ac", "cframe"])
+def test_labels_on_the_drawing_of_a_machine_can_be_read(chromium, tmp_path, machine):
+    drawing = tmp_path / f"{machine}.svg"
+    succeed("machines", machine, "--draw", drawing)
+    (tmp_path / "a.html").write_text(f'<html data-ready="drawn"><body>{drawing.read_text()}')
+    chromium.open(tmp_path / "a.html")
+    labels = chromium.run(LABELS)
+    assert len(labels) >= 5
+    for i, (name, left, top, right, bottom, crossed) in enumerate(labels):
+        assert left >= 0, name
+        assert right <= 900, name
+        assert crossed <= 20, name
+        for other, *edges, _ in labels[:i]:
+            assert right <= edges[0] or left >= edges[2] or bottom <= edges[1] or top >= edges[3], (name, other)
+
+
+def test_a_short_table_is_not_cut_and_a_long_one_leaves_three_rows(chromium, tmp_path):  # noqa: ARG001
+    rows = [(f"row {number}", "1.0") for number in range(1, 200)]
+    tables = [Table(("name", "value"), rows[:count]) for count in (51, 8, 12, 7, 60, 8)]
+    page = tmp_path / "tables.html"
+    page.write_bytes(page_of(Report("Tables", "", [Section(f"T{i}", table=each) for i, each in enumerate(tables)])))
+    left = Counter()
+    for text in printed(page):
+        for part in re.split(r"^T(?=\d)", text, flags=re.MULTILINE):
+            left[len(re.findall(r"^row \d+", part, re.MULTILINE))] += 1
+    assert sum(count * times for count, times in left.items()) == 146
+    assert not {1, 2} & set(left)
+    assert left[8] >= 2
+    assert left[7] >= 1
 
 
 def test_a_page_without_figures_prints_too(chromium, tmp_path):  # noqa: ARG001

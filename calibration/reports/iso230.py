@@ -17,11 +17,18 @@ IN_THE_VERDICT = ("A", "R", "B")
 """Symbols of the values of the verdict."""
 LINES = {"A": ("dash", 1.0), "E": ("dot", 0.0), "M": ("dashdot", 0.5)}
 """Form of the lines at the ends of each value, and the place of its label."""
+CURVES = (
+    "The curves are the means of each direction, with bands of twice the estimator s. Horizontal lines show the "
+    "ends of the accuracy A (dashed), of the systematic deviation E (dotted) and of the mean deviation M "
+    "(dash-dotted) of both directions. Vertical lines mark the targets with the largest reversal value B and "
+    "repeatability R."
+)
+"""Meaning of the lines of all charts."""
 
 
 def iso230_report(tests: Sequence[AxisTest], lead: str, head: ReportHead) -> Report:
     """The result for people; `lead`: the data, for the page."""
-    sections = [section for test in tests for section in _sections(test)]
+    sections = [section for test in tests for section in _sections(test, CURVES if test is tests[0] else "")]
     return Report("Positioning test, ISO 230-2:2014", lead, sections, "\n".join(map(_verdict, tests)), head=head)
 
 
@@ -36,14 +43,9 @@ def _verdict(test: AxisTest) -> str:
     return f"Axis {test.axis}: {', '.join(parts) or 'no target has readings in both directions'}."
 
 
-def _sections(test: AxisTest) -> Iterator[Section]:
+def _sections(test: AxisTest, text: str) -> Iterator[Section]:
+    """Chart and tables of an axis; `text`: above the chart."""
     unit = test.unit
-    text = (
-        "The curves are the means of each direction, with bands of twice the estimator s. Horizontal lines show the "
-        "ends of the accuracy A (dashed), of the systematic deviation E (dotted) and of the mean deviation M "
-        "(dash-dotted) of both directions. Vertical lines mark the targets with the largest reversal value B and "
-        "repeatability R."
-    )
     yield Section(f"Axis {test.axis}: chart", text, figure=partial(_chart, test))
     values = [(value.symbol, value.title, number(value.value), number(value.U)) for value in test.values]
     head = [f"value, {unit}", f"U (k=2, instrument), {unit}"]
@@ -69,7 +71,7 @@ def _chart(test: AxisTest) -> Figure:
             dots(panel, x, mean, colour, size=6, opacity=1)
     if test.both.any():
         _ends(panel, test, {value.symbol: number(value.value) for value in test.values if not math.isnan(value.value)})
-    return Figure([panel], height=420)
+    return Figure([panel], height=380)
 
 
 def _ends(panel: Panel, test: AxisTest, values: Mapping[str, str]) -> None:
@@ -86,7 +88,7 @@ def _ends(panel: Panel, test: AxisTest, values: Mapping[str, str]) -> None:
         if symbol in values:
             at = int(np.argmax(high.max(axis=0) - low.min(axis=0)))
             ends = float(low[:, at].min()), float(high[:, at].max())
-            extent(panel, float(positions[at]), *ends, f"{symbol} {values[symbol]}")
+            extent(panel, float(positions[at]), *ends, f"{symbol} {values[symbol]}", below=symbol == "B")
 
 
 def _cells(test: AxisTest, direction: int, i: int) -> tuple[str, str, str]:

@@ -20,6 +20,8 @@ from rendering.report import Report, Section, Table
 
 MANY = 2000
 """Most points, and most draws, that are drawn of one case."""
+FAR = 2000.0
+"""Extent of positions, mm, above which they are shown in m."""
 SCENES = 6
 """Most cases whose positions are drawn: a browser draws few 3-D figures."""
 SHOWN = 1e-3
@@ -117,7 +119,7 @@ def _distributions(results: Sequence[Result]) -> Figure:
     """Distribution of the errors over the draws of each case, before above after, with its mean and 95 % quantile."""
     names = [result.case.name for result in results]
     panel = Panel("RMS volumetric error, um", axes={"bare": True, "xaxis": {"rangemode": "tozero"}})
-    panel.axes["yaxis"] = {"visible": False, "range": [len(results) - 0.4, -0.9]}
+    panel.axes["yaxis"] = {"visible": False, "range": [len(results) - 0.55, -0.65]}
     for k, result in enumerate(results):
         for values, colour, side, name in (
             (result.before[0], BEFORE, "negative", "before"),
@@ -125,18 +127,18 @@ def _distributions(results: Sequence[Result]) -> Figure:
         ):
             _half(panel, k, values, colour, side, name)
         panel.notes.append(
-            {"xref": "domain", "x": 0, "y": k - 0.55, "text": f"<b>case {names[k]}</b>", "xanchor": "left"}
+            {"xref": "domain", "x": 0, "y": k - 0.5, "text": f"<b>case {names[k]}</b>", "xanchor": "left"}
         )
     return Figure([panel], height=70 + 78 * len(results))
 
 
 def _half(panel: Panel, row: int, values: Array, colour: str, side: str, name: str) -> None:
     """One side of a row: the distribution, its mean and its quantile."""
-    form = {"type": "violin", "orientation": "h", "side": side, "points": False, "spanmode": "hard", "width": 0.9}
+    form = {"type": "violin", "orientation": "h", "side": side, "points": False, "spanmode": "hard", "width": 0.7}
     look = {"line": {"color": colour, "width": 1}, "fillcolor": rgba(colour, 0.4), "hoverinfo": "skip"}
     drawn = some(np.sort(values), MANY)
     panel.traces.append(form | look | {"x": drawn, "y": np.full(len(drawn), float(row)), "name": name})
-    end = row + (-0.4 if side == "negative" else 0.4)
+    end = row + (-0.33 if side == "negative" else 0.33)
     for value, dash, title in ((values.mean(), "solid", "mean"), (np.quantile(values, LEVEL), "dot", "95 % quantile")):
         line(panel, np.full(2, value), np.array([row, end]), colour, width=2, dash=dash)
         panel.traces[-1]["hovertemplate"] = f"{name}, {title}: %{{x:.2f}} um<extra></extra>"
@@ -165,13 +167,15 @@ def _position_figure(results: Sequence[Result]) -> Figure:
 
 
 def _positions(result: Result) -> Panel:
-    """Positions of the target, and the trackers, of one case, m."""
-    panel = Panel("x, m", "y, m", result.case.name, "z, m", kind="scene")
+    """Positions of the target, and the trackers, of one case."""
+    targets, trackers = _targets(result), np.array(result.case.trackers, float).reshape(-1, 3)
+    unit, length = ("m", 1e3) if np.ptp(np.vstack([targets, trackers]), axis=0).max() > FAR else ("mm", 1.0)
+    panel = Panel(f"x, {unit}", f"y, {unit}", result.case.name, f"z, {unit}", kind="scene")
     for points, colour, size, symbol, name in (
-        (_targets(result), BEFORE, 2, "circle", "target"),
-        (np.array(result.case.trackers, float).reshape(-1, 3), RED, 5, "diamond", "tracker"),
+        (targets, BEFORE, 2, "circle", "target"),
+        (trackers, RED, 5, "diamond", "tracker"),
     ):
-        x, y, z = points.T / 1e3
+        x, y, z = points.T / length
         trace = {"type": "scatter3d", "mode": "markers", "x": x, "y": y, "z": z, "name": name}
         panel.traces.append(trace | {"marker": {"size": size, "color": colour, "symbol": symbol}})
     return panel

@@ -38,11 +38,11 @@ class ReportHead:
     measured: str = ""
     """Date of the measurement."""
     order: str = ""
+    made: str = ""
+    """Date and time at which the report was made."""
     remarks: str = ""
     calibration: str = ""
     """Identifier of the calibration, and the date at which it was made."""
-    made: str = ""
-    """Date and time at which the report was made."""
     command: str = ""
 
     def filled(self, **known: str) -> ReportHead:

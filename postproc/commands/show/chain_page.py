@@ -16,8 +16,8 @@ SIGNS = (
     "The arrows show the motion of the tool relative to the workpiece for a positive command (ISO 841). Lengths are in "
     "mm, in the machine frame."
 )
-PLACES = {"part": "middle left", "turn": "middle right"}
-"""Positions of the labels of shapes beside their last points."""
+PLACES = {"part": "middle left", "turn": "top left"}
+"""Positions of the labels of shapes beside their points."""
 DASHES = {"line": "dash", "opposite": "dot"}
 
 
@@ -34,23 +34,27 @@ def chain_report(machine: Machine) -> Report:
 def _figure(machine: Machine) -> Figure:
     from rendering.figures import Figure, Panel
 
-    panel = Panel("x, mm", "y, mm", z="z, mm", kind="scene", traces=[])
-    for shape in shapes(machine):
-        panel.traces += list(_traces(shape))
+    panel, found = Panel("x, mm", "y, mm", z="z, mm", kind="scene", traces=[]), list(shapes(machine))
+    for shape in found:
+        same = [each.axis for each in found if each.kind == "pivot" and each.points.tolist() == shape.points.tolist()]
+        if shape.axis in same[1:]:
+            continue  # the dot of the first of these axes has the names of all
+        panel.traces += list(_traces(shape, ", ".join(same)))
     return Figure([panel], height=480)
 
 
-def _traces(shape: Shape) -> list[dict[str, Any]]:
-    """A shape as a line, with its label and the head of its arrow at the last point."""
+def _traces(shape: Shape, axes: str) -> list[dict[str, Any]]:
+    """A shape as a line, with its label, and the head of its arrow at the last point; axes: names at a pivot."""
     colour = colour_of(shape.axis) if shape.axis else "#8a8f98"
     x, y, z = shape.points.T
     trace = {"type": "scatter3d", "x": x, "y": y, "z": z, "showlegend": False, "hoverinfo": "text", "name": shape.label}
-    text = [*[""] * (len(x) - 1), shape.label]
+    at = len(x) // 2 if shape.kind == "turn" else len(x) - 1  # the ends of several turns and axes may be close together
+    text = [shape.label if i == at else "" for i in range(len(x))]
     hover = [shape.label or shape.axis] * len(x)
     if shape.kind == "pivot":
         marker = {"color": colour, "size": 6}
         form = {"mode": "markers+text", "marker": marker, "textposition": "bottom right"}
-        return [trace | form | {"text": [shape.axis], "hovertext": hover}]
+        return [trace | form | {"text": [axes], "hovertext": [f"{axes} {shape.label.partition(' ')[2]}"]}]
     line = {
         "color": colour,
         "width": 6 if shape.kind in ("axis", "turn") else 3,

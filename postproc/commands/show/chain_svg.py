@@ -10,6 +10,7 @@ import numpy as np
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from postproc.commands.show.chain import Shape, moved, shapes, travel_of
+from postproc.commands.show.labels import BASE, leader, placed
 
 WIDTH, SCENE = 900, 520
 """Sizes, px."""
@@ -20,7 +21,7 @@ COLOURS = {"X": "#3b7dd8", "Y": "#d9700a", "Z": "#4e9a06", "A": "#1d4f9c", "B": 
 OTHER = "#8b5fbf"
 STYLE = (
     "svg{background:#fff;font:13px sans-serif;fill:#222}.link{fill:#f3f4f6;stroke:#888}.head{font-size:20px}"
-    ".part{fill:none;stroke:#888;stroke-width:2}.small{font-size:12px;fill:#555}"
+    ".part{fill:none;stroke:#888;stroke-width:2}.leader{stroke:#aaa}.small{font-size:12px;fill:#555}"
 )
 HEAD = ("axis", "for a positive command", "direction of the tool", "point, mm", "travel", "home")
 COLUMNS = (20, 70, 330, 480, 650, 800)
@@ -74,18 +75,16 @@ def _scene(found: Sequence[Shape]) -> Iterator[str]:
     low, high = every.min(axis=0), every.max(axis=0)
     scale = float(np.min([WIDTH - 2 * MARGIN, SCENE - MARGIN] / np.maximum(high - low, 1e-9)))
     middle = (low + high) / 2.0
-    labels = list[Array]()
-    for shape, points in zip(found, flat, strict=True):
-        at = (points - middle) * [scale, -scale] + [WIDTH / 2, 110 + SCENE / 2]
-        yield from _drawn(shape, at)
-        if shape.label:
-            where = at[-1] + [8.0, 16.0 if shape.kind == "pivot" else -6.0]
-            while any(np.all(np.abs(where - other) < [90.0, 14.0]) for other in labels):
-                where += [0.0, 15.0]
-            labels.append(where)
-            yield _text(
-                float(where[0]), float(where[1]), shape.label, "" if shape.kind in ("axis", "turn") else "small"
-            )
+    lines = [(points - middle) * [scale, -scale] + [WIDTH / 2, 110 + SCENE / 2] for points in flat]
+    for shape, line in zip(found, lines, strict=True):
+        yield from _drawn(shape, line)
+    named = [(shape, line[-1]) for shape, line in zip(found, lines, strict=True) if shape.label]
+    boxes = placed([(shape.label, at) for shape, at in named], lines, WIDTH)
+    for (shape, at), box in zip(named, boxes, strict=True):
+        ends = leader(box, at)
+        if ends is not None:
+            yield f'<path class="leader" d="M{ends[0, 0]:.1f} {ends[0, 1]:.1f}L{ends[1, 0]:.1f} {ends[1, 1]:.1f}"/>'
+        yield _text(box[0], box[1] + BASE, shape.label, "" if shape.kind in ("axis", "turn") else "small")
 
 
 def _projected(points: Array) -> Array:
