@@ -29,6 +29,8 @@ def command_line() -> None:
     if words in (["--version", "--json"], ["--version", "--json", "-"]):
         _print_versions()
         return
+    if words[:1] == ["help"] and not Path("help").exists():
+        words = [*words[1:2], "--help"]
     if words and words[0] not in COMMANDS:
         _refuse_misspelled(words[0])
     name, others = named(words)
@@ -94,7 +96,9 @@ def run() -> None:
     except BrokenPipeError:
         _end(1)
     except OSError as fault:
-        _end(2, f"cannot use {fault.filename or 'standard output'}: {fault.strerror or fault}")
+        from kinematics.files import reason_of
+
+        _end(2, f"cannot use {fault.filename or 'standard output'}: {reason_of(fault)}")
     except Exception as fault:
         import traceback
 

@@ -67,7 +67,7 @@ def page(report: Report, done: Callable[[float], None] = lambda _: None) -> byte
             figures=as_script(si_labels(figures)) if figures else "",
             library=_library() if figures else "",
         )
-        .encode()
+        .encode(errors="replace")  # a name of a file may hold bytes that are no text
     )
 
 

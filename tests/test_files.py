@@ -85,7 +85,7 @@ def test_a_full_disk_leaves_the_old_and_no_trace(file, monkeypatch, step, fault,
 def test_a_folder_that_is_missing_or_none_is_refused(file):
     for path, reason in {
         file.parent / "missing" / "out.nc": "No such file or directory",
-        file / "out.nc": "Not a directory",
+        file / "out.nc": "Not a directory: a part of the path is a file; name a folder",
     }.items():
         with pytest.raises(UserError) as refusal:
             write_whole(path, b"new")

@@ -336,7 +336,7 @@ def test_age():
 REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "not ncomp's": (
         lambda data: data.pop("ncomp_calibration"),
-        "no ncomp calibration (it has no 'ncomp_calibration')",
+        "no ncomp calibration (it has no 'ncomp_calibration'): give a file of ncomp fit",
     ),
     "newer version": (
         lambda data: data.update(ncomp_calibration=2),
@@ -394,11 +394,11 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     ),
     "no such axis": (
         lambda data: data["effects"][3].update(axis="A"),
-        "E_C0A is of an axis that w C B b X Y Z t lacks",
+        "E_C0A is of an axis that w C B b X Y Z t lacks: " + CURE,
     ),
     "bed as an axis": (
         lambda data: data["effects"][3].update(axis="b"),
-        "E_C0b is of an axis that w C B b X Y Z t lacks",
+        "E_C0b is of an axis that w C B b X Y Z t lacks: " + CURE,
     ),
     "negative u": (
         lambda data: data["effects"][0]["u"].__setitem__(2, -0.1),

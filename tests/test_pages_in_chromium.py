@@ -212,6 +212,7 @@ two-face,15000,,,85.0
 """
 
 
+@pytest.mark.statistical
 def test_page_of_a_tracker(chromium, tmp_path):
     (tmp_path / "b89.csv").write_text(TESTS)
     page = tmp_path / "tracker.html"

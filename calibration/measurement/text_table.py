@@ -189,7 +189,7 @@ def body(table: Table, lines: Sequence[str]) -> Table:
     first = table.names_line
     filled = [(number, line) for number, line in enumerate(lines[first:], start=first + 1) if line and line.strip()]
     if not filled:
-        raise UserError(f"{table.source}: there are no rows below the names of columns")
+        raise UserError(f"{table.source}: there are no rows below the names of columns: export it again with its rows")
     numbers, rows = zip(*filled, strict=True)
     expected, delimiter = len(table.names), table.delimiter
     for number, row in filled:
@@ -200,7 +200,7 @@ def body(table: Table, lines: Sequence[str]) -> Table:
 
 def _check_row(row: str, where: str, expected: int, delimiter: str) -> None:
     if row.lstrip().startswith("#"):
-        raise UserError(f"{where}: header lines must be above the names of columns")
+        raise UserError(f"{where}: header lines must be above the names of columns: move it there, or delete it")
     try:
         count = len(next(csv.reader([row], delimiter=delimiter, strict=True)))
     except csv.Error as fault:
@@ -222,10 +222,12 @@ def text_lines(data: bytes, source: str) -> list[str]:
     """Lines of UTF-8 text, with any line ends, with or without a byte order mark; UserError for other content."""
     try:
         text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise UserError(f"{source}: not UTF-8 text") from None
+    except UnicodeDecodeError as fault:
+        line = data[: fault.start].count(b"\n") + 1
+        raise UserError(f"{source}:{line}: not UTF-8 text: save the file as UTF-8") from None
     if "\0" in text:
-        raise UserError(f"{source}: not text")
+        line = text[: text.index("\0")].count("\n") + 1
+        raise UserError(f"{source}:{line}: a zero byte, so the file is damaged or no text: export it again")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 

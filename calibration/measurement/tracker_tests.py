@@ -21,7 +21,9 @@ import numpy as np
 from scipy import special
 
 from calibration.measurement.instruments import LaserTracker
-from calibration.measurement.text_table import Table, read_table
+from calibration.measurement.text_table import Table, parse_table
+from kinematics.files import read_input
+from kinematics.files.mistaken import kind_of_file
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -107,7 +109,10 @@ def read_tests(path: Path) -> TrackerTests:
 
     UserError with line and column for unusable cells.
     """
-    table = read_table(path, "tests of a tracker")
+    data = read_input(path, "tests of a tracker")
+    if kind := kind_of_file(data):
+        raise UserError(f"{path}: this is {kind}, no tests of a tracker: give a CSV file with the columns of the tests")
+    table = parse_table(data, str(path))
     known = ["test", "range_mm", "range_2_mm", "length_mm", "error_um", "stated_um"]
     table.allow_columns(lambda name: name in known, known)
     table.need_columns(["test", "range_mm"], "tests of a tracker")

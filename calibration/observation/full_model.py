@@ -69,8 +69,9 @@ def parse_basis(text: str) -> BasisChoice:
         raise UserError(f"basis {text!r} is none of {_KINDS}")
     choice = BasisChoice(found[1], int(found[2]))
     least = 2 if choice.kind in ("b-spline", "cubic", TARGETS) else 0
-    if not least <= choice.size <= (1000 if least else 50):
-        raise UserError(f"basis {text!r}: the number is out of range")
+    most = 1000 if least else 50
+    if not least <= choice.size <= most:
+        raise UserError(f"basis {text!r}: the number is out of range: expected {least} to {most}")
     return choice
 
 

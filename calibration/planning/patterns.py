@@ -170,4 +170,6 @@ def _once(positions: Array, line: np.ndarray) -> Points:
 
 def _check(points: float) -> None:
     if points > LARGEST:
-        raise UserError(f"a spacing that makes {points:.3g} points, more than the limit of {LARGEST}")
+        raise UserError(
+            f"a spacing that makes {points:.3g} points, more than the limit of {LARGEST}: choose a larger spacing"
+        )

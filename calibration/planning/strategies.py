@@ -180,10 +180,12 @@ def limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
         first, last = choices.ranges.get(axis.name, (axis.travel[0] + margin, axis.travel[1] - margin))
         if first < axis.travel[0] or last > axis.travel[1]:
             raise UserError(
-                f"range {axis.name}={first:g}:{last:g} is not inside its travel {axis.travel[0]:g}..{axis.travel[1]:g}"
+                f"range {axis.name}={first:g}:{last:g} is not inside its travel {axis.travel[0]:g}..{axis.travel[1]:g}: "
+                "choose a range within it"
             )
         if first > last or (first == last and axis.name not in choices.ranges):
-            raise UserError(f"axis {axis.name}: nothing is left between {first:g} and {last:g} {axis.unit}")
+            cure = "write the lower end first" if axis.name in choices.ranges else "choose a smaller margin"
+            raise UserError(f"axis {axis.name}: nothing is left between {first:g} and {last:g} {axis.unit}: {cure}")
         low[i], high[i] = first, last
         if first < last:
             low[i] = max(first, axis.travel[0] + run_in[0])

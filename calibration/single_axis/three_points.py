@@ -214,7 +214,8 @@ def _check(measurement: Measurement) -> None:
     if measurement.stands_on != "bed":
         raise UserError(
             f"{measurement.source}: three-point identification needs the tracker on the bed (stands_on: bed), "
-            "where it observes one axis at a time"
+            "where it observes one axis at a time: write # stands_on: bed into the header if it stood there; ncomp fit "
+            "takes all other measurements"
         )
     for name, target in measurement.targets.items():
         if target.free:

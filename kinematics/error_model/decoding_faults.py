@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import re
 from typing import Any
 
 from kinematics.files.toml_entries import NOUNS
+from kinematics.user_error import UserError
 
 CURE = "take an unchanged copy of the file, or make the calibration anew (ncomp fit)"
 REASONS = {
@@ -16,6 +18,13 @@ REASONS = {
     "`": "",
 }
 """Words of the decoder, each with those for people."""
+
+
+def utf8_content(data: bytes, source: str) -> bytes:
+    """The content without the mark of its encoding; UserError for UTF-16."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise UserError(f"calibration {source} is UTF-16 text: save it as UTF-8")
+    return data.removeprefix(codecs.BOM_UTF8)
 
 
 def given_twice(content: dict[str, Any], data: bytes) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from kinematics.effects import COMPONENTS, INSTRUMENT, Effect, ErrorMotion
 from kinematics.effects.base import Columns, unit_of
-from kinematics.error_model.decoding_faults import CURE, given_twice, hint, reason_of_fault
+from kinematics.error_model.decoding_faults import CURE, given_twice, hint, reason_of_fault, utf8_content
 from kinematics.error_model.layout import to_json
 from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.files.mistaken import kind_of_file
@@ -320,12 +320,14 @@ def read_model(path: Path, machine: Machine) -> ErrorModel:
 def decode_model(data: bytes, source: str) -> ErrorModel:
     """The calibration in JSON; `source` names it in the UserError for anything that is wrong with it."""
     try:
+        data = utf8_content(data, source)
         content = msgspec.json.decode(data, type=dict[str, Any])
         if key := given_twice(content, data):
             raise UserError(f"calibration {source}: {key!r} is given twice in one place: delete one of them")
         version = content.get("ncomp_calibration")
         if version is None:
-            raise UserError(f"calibration {source}: no ncomp calibration (it has no 'ncomp_calibration')")
+            none = "no ncomp calibration (it has no 'ncomp_calibration')"
+            raise UserError(f"calibration {source}: {none}: give a file of ncomp fit")
         if version != 1 or type(version) is not int:
             raise UserError(
                 f"calibration {source}: version {version} is not one this ncomp reads (1): use a newer ncomp"
@@ -420,7 +422,8 @@ def _check(model: ErrorModel, units: list[Any], source: str) -> None:
     axes = set(model.machine.chain.split()) - {"w", "b", "t"}
     for effect, given in zip(model.effects, units, strict=True):
         if not axes.issuperset(effect.axes):
-            raise UserError(f"calibration {source}: {effect.name} is of an axis that {model.machine.chain} lacks")
+            of = f"{effect.name} is of an axis that {model.machine.chain} lacks"
+            raise UserError(f"calibration {source}: {of}: {CURE}")
         if min(effect.uncertainties, default=0.0) < 0:
             raise UserError(f"calibration {source}: {effect.name} has a negative standard uncertainty u: {CURE}")
         if given is not None and given != _units(effect):

@@ -21,6 +21,10 @@ CURES = {
     errno.ENOSPC: "make room on the disk, or name a file on another one",
     errno.EACCES: "change its permissions, or name another file",
     errno.EROFS: "name a file on a disk that can be written",
+    errno.ENOTDIR: "a part of the path is a file; name a folder",
+    errno.ENAMETOOLONG: "choose a shorter name",
+    errno.ELOOP: "the link points to itself; name the file",
+    errno.EEXIST: "name another one",
 }
 """Cures of system errors."""
 
@@ -134,7 +138,9 @@ def whole_folder(path: Path, files: Mapping[str, bytes]) -> Iterator[None]:
     is removed.
     """
     if path.exists() and not path.is_dir():
-        raise UserError(f"cannot write {path}: it is no folder")
+        raise UserError(f"cannot write {path}: it is no folder; name a new folder")
+    if not path.parent.exists():
+        raise UserError(f"cannot write {path}: No such file or directory{missing(path)}: make the folder")
     with writing(path):
         if path.is_dir() and any(path.iterdir()):
             raise UserError(f"cannot write {path}: it is not empty; name a new folder")
@@ -155,6 +161,8 @@ def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
 
 def read_input(path: Path, contents: str) -> bytes:
     """The bytes of a user's file; UserError, with the expected `contents`, if it cannot be read."""
+    if str(path) == "-" and not path.exists():
+        raise UserError(f"{contents} -: it is not read from standard input; write it into a file and name the file")
     try:
         return path.read_bytes()
     except OSError as fault:

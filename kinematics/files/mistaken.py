@@ -63,9 +63,13 @@ def missing(path: str | Path) -> str:
     try:
         if path.exists():
             return ""
+        if path.is_symlink():
+            return f" (it is a link to {path.readlink()})"
         if not path.parent.is_dir():
             return f" (the folder {path.parent} does not exist)"
-        return did_you_mean(path.name, (each.name for each in path.parent.iterdir() if not each.name.startswith(".")))
+        there = [each for each in path.parent.iterdir() if not each.name.startswith(".")]
+        alike = (each.name for each in there if path.stem == each.stem or path.suffix.lower() == each.suffix.lower())
+        return did_you_mean(path.name, alike)
     except OSError:
         return ""
 

@@ -52,6 +52,8 @@ def read_table(text: str, where: str) -> dict[str, Any]:
         shown = text.splitlines()[int(place[2]) - 1].strip() if place and text.splitlines()[int(place[2]) - 1 :] else ""
         reason = f"column {place[3]}: {place[1]}{_typing_hint(shown)}" if place else reason
         raise UserError(f"{where}{line}: {shown!r}: {reason}") from None
+    except RecursionError:
+        raise UserError(f"{where}: its lists and tables are nested too deeply: delete the surplus brackets") from None
 
 
 def _typing_hint(line: str) -> str:
@@ -153,4 +155,6 @@ def _for_people(message: str, where: str, kind: Any) -> str:
     for name, noun in NOUNS.items():
         reason = re.sub(rf"`([^`]*)\b{name}\b([^`]*)`", rf"`\1{noun}\2`", reason)
     reason = reason.replace(", got ", ", not ").replace("`", "").replace(" | ", " or ")
+    if reason.endswith(", not a table") and path:
+        reason += "; write a name with a point in it in quotes"
     return f"{path}: {reason[:1].lower()}{reason[1:]}" if path else reason

@@ -77,6 +77,6 @@ def given_once(pairs: Iterable[tuple[str, Value]], option: str) -> dict[str, Val
     found: dict[str, Value] = {}
     for name, value in pairs:
         if name in found:
-            raise UserError(f"{option}{name} is given twice")
+            raise UserError(f"{option}{name} is given twice: give it once")
         found[name] = value
     return found

@@ -145,6 +145,8 @@ class Source:
 def open_source(path: str) -> Source:
     """The program in a file, `-` for standard input; UserError when it cannot be read or is no NC text."""
     if path == "-":
+        if sys.stdin is None:
+            raise UserError("program -: standard input is closed: name a file, or give the program by a pipe")
         data = sys.stdin.buffer.read()
         source = Source("<stdin>", data[:HEAD_SIZE].decode(ENCODING), data)
     else:
@@ -194,7 +196,10 @@ def _check(source: Source) -> None:
     head = source.head.encode(ENCODING)
     if not head.strip(b"\0 \t\r\n"):
         if len(head) == HEAD_SIZE:
-            raise UserError(f"program {source.name} begins with {HEAD_SIZE} blank or NUL characters: no NC text")
+            raise UserError(
+                f"program {source.name} begins with {HEAD_SIZE} blank or NUL characters: no NC text; give the file "
+                "that the CAM has posted"
+            )
         raise UserError(f"program {source.name} is empty: write it again from the CAM")
     kind = kind_of_file(head)
     if kind not in ("", PROGRAM):

@@ -42,6 +42,6 @@ def read_tool_tables(paths: Iterable[Path], unit: str = "") -> ToolTable:
     tables: dict[Path, ToolTable] = {}
     for path in paths:
         if path in tables:
-            raise UserError(f"--tool-table {path} is given twice")
+            raise UserError(f"--tool-table {path} is given twice: give it once")
         tables[path] = read_tool_table(path, unit)
     return joined(tables)

@@ -36,4 +36,7 @@ MISTAKES = (
     Mistake("saved as Unicode", "job.toml", "job file job.toml", "not UTF-8 text", "save it as UTF-8", (("job.toml", 'machine = "gantry"\n'.encode("utf-16")),)),
     Mistake("job file misspelled", "jb.toml", "job file jb.toml", "No such file", "did you mean 'job.toml'?"),
     Mistake("machine file in place of the job file", "mill.toml", "job file mill.toml", "this is a machine file", "(--machine)"),
+    entry("program without quotes", '"in.nc" =', "in.nc =", 14, "expected a text in quotes, not a table", "write a name with a point in it in quotes"),
+    entry("number in place of an output", '"out/out.nc"', "5", 14, 'programs."in.nc"', "expected a text in quotes, not a whole number"),
+    entry("job file as its machine", '"gantry"', '"job.toml"', 1, "machine file job.toml:1: machine is not known", "did you mean 'chain'?"),
 )  # fmt: skip

@@ -40,4 +40,10 @@ MISTAKES = (
     Mistake("program in place of the machine file", "machines in.nc", "machine file in.nc", "this is an NC program", "no machine file"),
     Mistake("machine file misspelled", "machines mil.toml", "machine file mil.toml", "No such file", "did you mean 'mill.toml'?"),
     Mistake("saved in Latin-1", "machines mill.toml", "machine file mill.toml", "not UTF-8 text", "save it as UTF-8", (("mill.toml", 'name = "Fr\xe4se"'.encode("latin-1")),)),
+    entry("two axes of one letter", '"w C B b X Y Z t"', '"w C B b X X Y Z t"', 3, "axis X appears twice", "chain 'w C B b X X Y Z t'"),
+    entry("home that is no number", "home = 400", "home = nan", 21, "home nan is outside its travel", "expected a position within it"),
+    entry("date as a tool length", "5 = 96.3", "5 = 2026-11-03", 30, "tools.5", "expected a number, not date"),
+    entry("tool with a point in its name", "5 = 96.3", "5.5 = 96.3", 30, "not a table", "write a name with a point in it in quotes"),
+    Mistake("brackets without end", "machines mill.toml", "machine file mill.toml", "nested too deeply", "delete the surplus brackets", (("mill.toml", f"a = {'[' * 3000}{']' * 3000}\n"),)),
+    Mistake("zero byte of a damaged disk", "machines mill.toml", "machine file mill.toml:2", "Illegal character", "expected name = value", (change("mill.toml", "Trunnion", "Trun\0nion"),)),
 )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -72,6 +74,19 @@ def study(made: str, old: str, new: str, line: int | None, cause: str, cure: str
     return Mistake(made, "study s.toml -o results.csv", place, cause, cure, (("s.toml", STUDY.replace(old, new)),))
 
 
+def _remark(text: str) -> str:
+    """A remark in the second row."""
+    lines = text.split("\n")
+    return "\n".join([*lines[: HEAD + 1], "# pause", *lines[HEAD + 1 :]])
+
+
+def _with_effect(text: str, **entries: object) -> str:
+    """A calibration with backlash, written by hand."""
+    content = json.loads(text)
+    content["effects"].append({"kind": "backlash", **entries})
+    return json.dumps(content)
+
+
 MISTAKES = (
     data("instrument misspelled", "data.csv:2 instrument", "'laser-traker' is none of", "did you mean 'laser-tracker'?", change("data.csv", "laser-tracker", "laser-traker")),
     data("data of another machine", "data.csv:1 machine", "the file is of 'cframe', not of gantry", "give its machine", change("data.csv", "machine: gantry", "machine: cframe")),
@@ -117,4 +132,15 @@ MISTAKES = (
     study("entry of a case misspelled", "points =", "point =", 7, "case[0].point is not known", "did you mean 'points'?"),
     study("strategy misspelled", '"grid"', '"gird"', None, "'gird' is none of", "did you mean 'grid'?"),
     study("no case", '[[case]]\nname = "a"\nstrategy = "grid"\npoints = 60\n', "", None, "case is missing", "write [[case]] with name, strategy and points"),
+    data("remark between the rows", "data.csv:12", "header lines must be above", "move it there, or delete it", ("data.csv", _remark)),
+    data("name in Latin-1", "data.csv:1", "not UTF-8 text", "save the file as UTF-8", ("data.csv", lambda text: b"# operator: M\xfcller\n" + text.encode())),
+    data("zero byte of a damaged disk", "data.csv:15", "a zero byte", "export it again", ("data.csv", lambda text: "\n".join([*text.split("\n")[:14], "\0", *text.split("\n")[14:]]))),
+    Mistake("program in place of tests", "tracker in.nc", "in.nc", "this is an NC program", "give a CSV file with the columns of the tests"),
+    Mistake("three points of a tracker on the table", "three-points data.csv --machine gantry -o t.json", "data.csv", "needs the tracker on the bed", "# stands_on: bed"),
+    Mistake("calibration saved as Unicode", CORRECT, "calibration cal.json", "is UTF-16 text", "save it as UTF-8", (("cal.json", lambda text: text.encode("utf-16")),)),
+    Mistake("remark of C in a calibration", CORRECT, "calibration cal.json", "JSON is malformed", "take an unchanged copy", (("cal.json", lambda text: "// of May\n" + text),)),
+    Mistake("empty calibration", CORRECT, "calibration cal.json", "no ncomp calibration", "give a file of ncomp fit", (("cal.json", "{}"),)),
+    Mistake("value in quotes in a calibration", CORRECT, "calibration cal.json: effects[0]", "expected a number, not a text in quotes", "make the calibration anew", (("cal.json", lambda text: re.sub(r"-?\d+\.\d+", '"1.5"', text, count=1)),)),
+    Mistake("effect of an axis that is not there", CORRECT, "calibration cal.json", "backlash Q is of an axis that", "make the calibration anew", (("cal.json", lambda text: _with_effect(text, axis="Q", width=1.0)),)),
+    Mistake("backlash in nanometres", CORRECT, "in.nc:9", "more than 500 um", "check calibration, machine and set-up", (("cal.json", lambda text: _with_effect(text, axis="X", width=1e6)),)),
 )  # fmt: skip

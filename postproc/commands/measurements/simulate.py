@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import ncomp
+from kinematics.files.mistaken import missing
 from kinematics.user_error import UserError
 from postproc.commands.measurements.simulate_on_the_fly import MotionOptions, simulate_on_path
 from postproc.commands.options.ballbar import BallbarOptions
@@ -148,7 +149,7 @@ def _plan(machine: Machine, options: StrategyOptions) -> Plan:
     if not strategy.lower().endswith(".csv") and not Path(strategy).is_file():
         return options.plan(machine, options.choices(machine))
     if not Path(strategy).exists():
-        raise UserError(f"--strategy {strategy}: there is no such file")
+        raise UserError(f"--strategy {strategy}: there is no such file{missing(strategy)}")
     reason = f"does not apply to --strategy {strategy}: the plan has its positions and targets"
     refuse_given(reason, options, "points", "spacing", "ranges", "target")
     plan = read_plan(Path(strategy), machine)

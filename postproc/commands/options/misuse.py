@@ -81,7 +81,7 @@ class Misuse:
             each = self.options[name]
         if each is None and name not in self.refusals:
             if all_mistakes:
-                self._refuse(f"unknown option {name}{did_you_mean(self._likely(name), self.names)}")
+                self._refuse(f"unknown option {name}{did_you_mean(self._likely(name), [*self.names, '--version'])}")
             return
         if each is None or each.kind is bool:
             if equals and all_mistakes:

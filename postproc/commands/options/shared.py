@@ -149,11 +149,14 @@ def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str |
             continue
         if where in read:
             raise UserError(f"{output} is an input and would be overwritten; name another file")
+        if name == "--report" and path.suffix.lower() == ".pdf":
+            html = path.with_suffix(".html")
+            raise UserError(f"--report {output}: a page is HTML; name {html}, and ncomp report {html} --pdf {output}")
         if path.is_dir():
             raise UserError(f"cannot write {output}: Is a directory: give the name of a file")
         if not path.parent.is_dir():
             if path.parent.exists():
-                raise UserError(f"cannot write {output}: Not a directory")
+                raise UserError(f"cannot write {output}: Not a directory: {path.parent} is a file; name a folder")
             raise UserError(f"cannot write {output}: No such file or directory{missing(path)}: make the folder")
     return given
 

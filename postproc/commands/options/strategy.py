@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import ncomp
+from kinematics.files.mistaken import missing
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import numbers, option
 from postproc.commands.options.shared import Seed
@@ -86,7 +87,8 @@ class StrategyOptions:
 
         strategy = str(self.strategy)
         if strategy.lower().endswith(".csv"):
-            reason = "a plan is an input of ncomp simulate" if Path(strategy).exists() else "there is no such file"
+            none = f"there is no such file{missing(strategy)}"
+            reason = "a plan is an input of ncomp simulate" if Path(strategy).exists() else none
             raise UserError(f"--strategy {strategy}: {reason}")
         made = ncomp.plan(machine, strategy, counts(self.points), self.spacing, choices)
         for note in made.notes:

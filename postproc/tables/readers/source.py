@@ -90,7 +90,11 @@ class Source:
         """Name of the only file with this suffix; UserError unless there is exactly one."""
         names = [name for name in self.files if name.lower().endswith(suffix)]
         if len(names) != 1:
-            raise UserError(f"{control} tables: expected one file *{suffix} with {content}, found {len(names)}")
+            found = ", ".join(names) or f"none among {', '.join(sorted(self.files)) or 'no files'}"
+            raise UserError(
+                f"{control} tables: expected one file *{suffix} with {content}, found {found}; name the folder or all "
+                "files of the tables"
+            )
         return names[0]
 
     def rows(self, name: str, columns: int) -> list[tuple[int, list[str]]]:
