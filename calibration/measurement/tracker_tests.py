@@ -110,8 +110,8 @@ def read_tests(path: Path) -> TrackerTests:
     UserError with line and column for unusable cells.
     """
     data = read_input(path, "tests of a tracker")
-    if kind := kind_of_file(data):
-        raise UserError(f"{path}: this is {kind}, no tests of a tracker: give a CSV file with the columns of the tests")
+    if found := kind_of_file(data):
+        raise UserError(f"{path}: this is {found}, no tests of a tracker: give a CSV file of the tests")
     table = parse_table(data, str(path))
     known = ["test", "range_mm", "range_2_mm", "length_mm", "error_um", "stated_um"]
     table.allow_columns(lambda name: name in known, known)

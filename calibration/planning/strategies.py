@@ -180,8 +180,8 @@ def limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
         first, last = choices.ranges.get(axis.name, (axis.travel[0] + margin, axis.travel[1] - margin))
         if first < axis.travel[0] or last > axis.travel[1]:
             raise UserError(
-                f"range {axis.name}={first:g}:{last:g} is not inside its travel {axis.travel[0]:g}..{axis.travel[1]:g}: "
-                "choose a range within it"
+                f"range {axis.name}={first:g}:{last:g} is not inside its travel {axis.travel[0]:g}..{axis.travel[1]:g}"
+                ": choose a range within it"
             )
         if first > last or (first == last and axis.name not in choices.ranges):
             cure = "write the lower end first" if axis.name in choices.ranges else "choose a smaller margin"

@@ -135,7 +135,7 @@ MISTAKES = (
     data("remark between the rows", "data.csv:12", "header lines must be above", "move it there, or delete it", ("data.csv", _remark)),
     data("name in Latin-1", "data.csv:1", "not UTF-8 text", "save the file as UTF-8", ("data.csv", lambda text: b"# operator: M\xfcller\n" + text.encode())),
     data("zero byte of a damaged disk", "data.csv:15", "a zero byte", "export it again", ("data.csv", lambda text: "\n".join([*text.split("\n")[:14], "\0", *text.split("\n")[14:]]))),
-    Mistake("program in place of tests", "tracker in.nc", "in.nc", "this is an NC program", "give a CSV file with the columns of the tests"),
+    Mistake("program in place of tests", "tracker in.nc", "in.nc", "this is an NC program", "give a CSV file of the tests"),
     Mistake("three points of a tracker on the table", "three-points data.csv --machine gantry -o t.json", "data.csv", "needs the tracker on the bed", "# stands_on: bed"),
     Mistake("calibration saved as Unicode", CORRECT, "calibration cal.json", "is UTF-16 text", "save it as UTF-8", (("cal.json", lambda text: text.encode("utf-16")),)),
     Mistake("remark of C in a calibration", CORRECT, "calibration cal.json", "JSON is malformed", "take an unchanged copy", (("cal.json", lambda text: "// of May\n" + text),)),
