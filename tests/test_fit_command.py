@@ -163,3 +163,18 @@ def test_a_calibration_by_an_instrument_that_is_nearly_exact_is_read_again(comma
     assert u == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-12)
     done = command("export", "-m", machine, "-c", "cal.json", "--format", "csv", "-o", "tables")
     assert done.status == 0, done.err
+
+
+def test_a_calibration_from_simulated_data_is_announced_when_a_program_is_corrected(command, tmp_path):
+    (tmp_path / "a.nc").write_text("G21 G90\nG0 X100. Y100. Z100.\n")
+    measuring = ("--strategy", "random", "--points", "30", "--target", "t1=0,0,-120", "--target", "t2=90,40,-180")
+    for data, real in (("virtual.csv", False), ("real.csv", True)):
+        assert command("simulate", "-m", "cframe", *measuring, "-o", data).status == 0
+        if real:
+            text = (tmp_path / data).read_text()
+            (tmp_path / data).write_text(text.replace(", simulated\n", "\n"))
+        assert command("fit", data, "-m", "cframe", "--basis", "legendre:1", "-o", "cal.json").status == 0
+        set_up = ("--set-up-zero", "--accept", "insignificant,worse")
+        done = command("a.nc", "-m", "cframe", "-c", "cal.json", *set_up, "-o", "out.nc")
+        assert done.status == 0, done.err
+        assert ("it describes no real machine" in done.err) is not real

@@ -18,7 +18,7 @@ from calibration.fit.location_errors import split_locations, transformed
 from calibration.observation.full_model import priors
 from kinematics.effects import UM, Effect, ErrorMotion, LocationJump, Scale
 from kinematics.effects.base import own_component, own_motion
-from kinematics.error_model.model import ErrorModel, Provenance
+from kinematics.error_model.model import SIMULATED, ErrorModel, Provenance
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.version import VERSION
@@ -33,10 +33,12 @@ def new_calibration(base: Base, fit: Fit, causes: Sequence[str], present: ErrorM
         model = merged(fit.measurement.machine, fit.model, len(calibrated.model.effects))
     found = f"; added: {', '.join(causes)}" if causes else ""
     before = {} if present is None else {**present.provenance.inputs, "present calibration": present.id}
+    simulated = fit.measurement.simulated or (present is not None and present.invented)
     provenance = Provenance(
         made_by=f"ncomp {VERSION}",
         made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
-        source=f"diagnosis of {fit.observations} observations, chi2/dof {fit.chi2_reduced:.3g}{found}",
+        source=f"diagnosis of {fit.observations} observations, chi2/dof {fit.chi2_reduced:.3g}{found}"
+        f"{f', {SIMULATED}' if simulated else ''}",
         inputs={**before, fit.measurement.source: fit.measurement.fingerprint},
         valid_days=msgspec.UNSET if present is None else present.provenance.valid_days,
         temperatures_degC=_temperatures(fit, present) or msgspec.UNSET,

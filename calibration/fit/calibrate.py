@@ -39,7 +39,7 @@ from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
 from kinematics.effects import Effect
-from kinematics.error_model.model import ErrorModel, Provenance
+from kinematics.error_model.model import SIMULATED, ErrorModel, Provenance
 from kinematics.running.progress import Progress, numbered, silent
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
@@ -188,7 +188,7 @@ def provenance(measurements: Sequence[Measurement], source: str, valid_days: flo
     return Provenance(
         made_by=f"ncomp {VERSION}",
         made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
-        source=source,
+        source=f"{source}, {SIMULATED}" if any(each.simulated for each in measurements) else source,
         inputs={each.source: each.fingerprint for each in measurements},
         valid_days=msgspec.UNSET if valid_days is None else valid_days,
         temperatures_degC=temperatures or msgspec.UNSET,

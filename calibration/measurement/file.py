@@ -152,6 +152,7 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
         scatter=_scatter(table),
         spheres=spheres,
         distances=distances,
+        simulated=MADE_BY in table.entries and "simulated" in table.entries[MADE_BY].value,
     )
 
 

@@ -64,6 +64,7 @@ def joined(measurements: Sequence[Measurement]) -> Measurement:
         scatter=_together("the scatter of the readings", [m.scatter for m in measurements], names, notes),
         fingerprint=fingerprint("\n".join(m.fingerprint for m in measurements).encode()),
         notes=tuple(notes),
+        simulated=any(m.simulated for m in measurements),
     )
 
 

@@ -125,6 +125,8 @@ class Measurement:
     """Calibrated distances between spheres."""
     noise: EstimatedNoise | None = None
     """Noise estimated from the data; None for that of the instrument's specification."""
+    simulated: bool = False
+    """True for data of a virtual machine."""
 
     def __len__(self) -> int:
         return len(self.observed)

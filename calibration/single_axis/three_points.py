@@ -43,7 +43,7 @@ from calibration.single_axis.rigid_motions import UNITS, RigidMotions, error_des
 from kinematics.basis import Interval
 from kinematics.effects import COMPONENTS, Effect
 from kinematics.error_model.covariance import propagated
-from kinematics.error_model.model import ErrorModel, Provenance, reference
+from kinematics.error_model.model import SIMULATED, ErrorModel, Provenance, reference
 from kinematics.machine import Axis, Machine
 from kinematics.transforms import IDENTITY, Array, Pose
 from kinematics.user_error import UserError
@@ -465,7 +465,8 @@ def _model(
         choice = one.curves.choice_covariance(one.motions.errors, results[name].covariance)
         chosen.append(propagated(wider, choice))
     inputs = {measurement.source: measurement.fingerprint} if measurement.fingerprint else {}
-    made = Provenance("ncomp three-points", datetime.datetime.now(datetime.UTC), "three-point identification", inputs)
+    source = f"three-point identification{f', {SIMULATED}' if measurement.simulated else ''}"
+    made = Provenance("ncomp three-points", datetime.datetime.now(datetime.UTC), source, inputs)
     model = ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
     every = np.concatenate(by_points)
     covariance = propagated(every, points.covariance) + block_diag(*chosen)

@@ -29,6 +29,8 @@ ROUNDING = 1e-9
 """Positions, mm or degrees, come back from rad with an error far below this."""
 LONGEST_FEATURE = np.deg2rad(40.0)
 """rad."""
+SIMULATED = "simulated data"
+"""Words in the source of a calibration that was fitted to such data."""
 VALID_DAYS = 365.0
 """Validity of a calibration without `valid_days`, days."""
 
@@ -108,6 +110,11 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         )
         rows = None if covariance is None else tuple(map(tuple, covariance.tolist()))
         return msgspec.structs.replace(self, effects=effects, covariance=rows)
+
+    @property
+    def invented(self) -> bool:
+        """True where no real machine was measured: a demonstration, and a calibration fitted to simulated data."""
+        return self.demonstration or SIMULATED in self.provenance.source
 
     def age_days(self, now: datetime.datetime) -> float:
         """Days since the calibration was made."""

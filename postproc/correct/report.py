@@ -42,7 +42,7 @@ def correction_report(job: Job, result: CorrectionResult, trace: Trace | None, c
         calibration=f"{result.calibration['id']}{calibrated}",
         command=command,
     )
-    warnings = [result.assumption, DEMONSTRATION if result.calibration["demonstration"] else ""]
+    warnings = [result.assumption, DEMONSTRATION if job.model.invented else ""]
     verdict = "\n".join(line for line in (*warnings, _verdict(result)) if line)
     return Report(
         f"Correction of {Path(result.program['name']).name}",

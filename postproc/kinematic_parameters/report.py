@@ -23,7 +23,7 @@ def parameters_report(
     machine, whole, point = exported.machine, exported.whole, volume["tool_point_um"]
     stage = AFTER if AFTER in point else "after_parameters"
     verdict = [
-        *([DEMONSTRATION] if whole.demonstration else []),
+        *([DEMONSTRATION] if whole.invented else []),
         f"Tool point error over the volume: {point['before']['rms']:.2f} -> {point[stage]['rms']:.2f} um RMS, at most "
         f"{point['before']['max']:.2f} -> {point[stage]['max']:.2f} um, {STAGES[stage]}.",
         f"Work offset: {offset_shift(exported)}.",

@@ -37,7 +37,7 @@ def _lines(exported: ExportedParameters, left: Iterable[Unrepresented], volume: 
     yield f"# {form.title}: machine {exported.machine.name}"
     yield ""
     yield f"Calibration {whole.id} of {whole.provenance.made_at:%Y-%m-%d}, tool length {-exported.tool[2]:zg} mm."
-    if whole.demonstration:
+    if whole.invented:
         yield "**Demonstration calibration: it describes no real machine. Do not load these parameters.**"
     yield from ["", WHERE, "", f"**Work offset: {offset_shift(exported)}.**"]
     origin = "known for this format" if form.sign else "as given by --sign; no source confirms it"

@@ -32,7 +32,7 @@ def export_report(
     warning = shift_warning(exported.datum, point)
     stage = "after_tables_and_datum_shift" if exported.datum else "after_tables"
     verdict = [
-        *([DEMONSTRATION] if whole.demonstration else []),
+        *([DEMONSTRATION] if whole.invented else []),
         f"Tool point error over the volume: {point['before']['rms']:.2f} -> {point[stage]['rms']:.2f} um RMS, at most "
         f"{point['before']['max']:.2f} -> {point[stage]['max']:.2f} um, {STAGES[stage]}."
         f"{' The largest error does not become smaller.' if point[stage]['max'] >= point['before']['max'] else ''}",

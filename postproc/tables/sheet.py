@@ -33,7 +33,7 @@ def _lines(exported: Exported, left: Iterable[Unrepresented], volume: dict[str, 
     yield ""
     yield f"Calibration {whole.id} of {whole.provenance.made_at:%Y-%m-%d}, tool tip at ({x:zg}, {y:zg}, {z:zg}) mm"
     yield "from the spindle nose. Positions are in machine coordinates."
-    if whole.demonstration:
+    if whole.invented:
         yield "**Demonstration calibration: it describes no real machine. Do not load these tables.**"
     warning = shift_warning(exported.datum, volume["tool_point_um"])
     if warning:

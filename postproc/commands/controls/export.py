@@ -205,7 +205,7 @@ def _show(
     from postproc.tables.sheet import STAGES, shift_warning, table_rows
 
     to = (screen if to_screen else console).rich
-    if exported.whole.demonstration:
+    if exported.whole.invented:
         say("demonstration calibration", "it describes no real machine; do not load its tables")
     warning = shift_warning(exported.datum, errors["volume"]["tool_point_um"])
     if warning:

@@ -129,7 +129,7 @@ def _show(
     from postproc.kinematic_parameters.sheet import STAGES, line_rows, number_rows, offset_shift
 
     to = (screen if to_screen else console).rich
-    if exported.whole.demonstration:
+    if exported.whole.invented:
         say("demonstration calibration", "it describes no real machine; do not load its parameters")
     say("work offset", offset_shift(exported))
     changed = Table("parameter", "before", "new", "change", "unit", title=exported.format.name)

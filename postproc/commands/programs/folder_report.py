@@ -72,7 +72,7 @@ class Summary:
 
     def _verdict(self) -> Iterator[str]:
         yield from sorted({outcome.assumption for outcome in self.outcomes.values() if outcome.assumption})
-        if self.model.demonstration:
+        if self.model.invented:
             yield DEMONSTRATION
         numbers = ", ".join(f"{number} {state}" for state, number in sorted(self.counts.items()))
         yield f"{len(self.outcomes)} programs in {self.seconds:.1f} s: {numbers}."

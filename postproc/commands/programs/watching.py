@@ -38,7 +38,7 @@ class Watch:
         self._inputs = request.inputs
         found, model, self._correction = request.prepared()
         self._title = f"machine {found.name}, calibration {model.id}"
-        self._warning = DEMONSTRATION if model.demonstration else ""
+        self._warning = DEMONSTRATION if model.invented else ""
         self._done: dict[Path, Fingerprint] = {}
         self._seen: dict[Path, tuple[Fingerprint | None, float]] = {}
         self._counts: Counter[str] = Counter()
