@@ -19,17 +19,23 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 
 from kinematics.running.memory import keep_freed_memory
-from kinematics.running.workers import stops_wait
+from kinematics.running.workers import STOPS, stops_wait
 
 BUFFERS = 5
 """Protocol of pickle that leaves the memory of columns where it is."""
 SIZE = struct.Struct("<Q")
 """A number before a message: of its parts, and of their bytes."""
+
+THREADS = Path("/proc/self/task")
+"""Folder with an entry for each thread of this process, in Linux."""
 
 GIVES_WAY = 10
 """Niceness of the process: this one does the longest part of the work, and should never wait for a processor."""
@@ -39,26 +45,31 @@ class LostProcess(Exception):
     """The process has ended before its tasks were done."""
 
 
+_own_ends: WeakSet[socket.socket] = WeakSet()
+"""Ends that this process holds of the sockets of its second processes."""
+
+
 class SecondProcess:
     """A process that calls a function with one task after the other."""
 
     def __init__(self, work: Callable[[Any], Any]) -> None:
         """`work` is sent to the process: its own state is there, and not in this process."""
-        # spawned, because a fork keeps locks that other threads of this process hold
-        context = multiprocessing.get_context("spawn")
         self._socket, other = socket.socketpair()
-        self._process = context.Process(target=_serve, args=(other, work), daemon=True)
+        _own_ends.add(self._socket)
+        self._process = _process_class()(target=_serve, args=(other, work), daemon=True)
         with stops_wait():
             self._process.start()
         other.close()
         self._tasks: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._sender = threading.Thread(target=self._send_all, daemon=True)
-        self._sender.start()
+        self._sender: threading.Thread | None = None
 
     def give(self, task: Any) -> None:
         """A further task, whose columns must not change any more; LostProcess where the process has ended."""
         if not self._process.is_alive():
             raise LostProcess
+        if self._sender is None:
+            self._sender = threading.Thread(target=self._send_all, daemon=True)
+            self._sender.start()
         self._tasks.put((task,))
 
     def answer(self) -> Any:
@@ -81,15 +92,27 @@ class SecondProcess:
     def end(self) -> None:
         """End the process, in the midst of its work if it has any."""
         self._tasks.put(None)
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)  # ends a process that has just begun, and has lost the signal
         self._process.terminate()
         self._process.join()
-        self._sender.join()
+        if self._sender is not None:
+            self._sender.join()
         self._socket.close()
 
     def _send_all(self) -> None:
         with suppress(OSError):  # the process has ended: `answer` finds it
             while (given := self._tasks.get()) is not None:
                 _send(self._socket, given[0])
+
+
+def _process_class() -> type[BaseProcess]:
+    """A fork of this process where it has no other thread, with which the new one need not load its modules again.
+
+    Otherwise a new interpreter: a fork keeps the locks that other threads hold, for ever.
+    """
+    alone = THREADS.is_dir() and len(list(THREADS.iterdir())) == 1
+    return multiprocessing.get_context("fork").Process if alone else multiprocessing.get_context("spawn").Process
 
 
 def _send(to: socket.socket, item: Any) -> None:
@@ -122,6 +145,10 @@ def _bytes_from(source: socket.socket, size: int) -> memoryview:
 
 def _serve(other: socket.socket, work: Callable[[Any], Any]) -> None:
     """In the process: do the tasks until the other end is closed."""
+    for end in tuple(_own_ends):  # of the first process, which would not be seen to end
+        end.close()
+    for stop in STOPS:
+        signal.signal(stop, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all processes; the first one decides
     if hasattr(os, "nice"):
         os.nice(GIVES_WAY)

@@ -27,6 +27,8 @@ from postproc.second_process import GIVES_WAY, LostProcess, SecondProcess
 GANTRY, DMU50 = load("gantry"), load("dmu50")
 RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from postproc.cli import run; run()"
 """The command; a shell's background processes ignore SIGINT, and so do those that they start."""
+THREAD = "import threading; threading.Thread(target=threading.Event().wait, daemon=True).start(); "
+"""Begin of a program with a second thread, which starts its processes as new interpreters instead of forks."""
 HEAD = "G21 G90 G17 G54 G94\nG0 X100. Y100. Z100.\n"
 LONG = HEAD + "G1 X200. F500\nX100.\nY300.\nX150.\nY100.\n" * 200_000 + "M30\n"
 MOVES = "G1 X30. Y30. Z41. B5. C9. F100\nX20.\nX40. C30.\nG2 X45. I2.5 J0.\nG1 X30. Y31.\n"
@@ -175,9 +177,52 @@ SecondProcess(len)
 """
 
 
-def test_a_stop_while_the_process_starts_ends_both_without_a_traceback():
-    ended = subprocess.run([sys.executable, "-c", STOPPED_AT_THE_START], capture_output=True, check=False, cwd=ROOT)
+STOPPED_AT_THE_FORK = """
+import os, signal, sys
+from postproc.second_process import SecondProcess
+fork = os.fork
+def fork_and_stop():
+    process = fork()
+    if process:
+        signal.raise_signal(signal.SIGTERM)
+    return process
+os.fork = fork_and_stop
+signal.signal(signal.SIGTERM, lambda number, _: sys.exit(3))
+SecondProcess(len)
+"""
+
+
+@pytest.mark.parametrize(
+    "program",
+    [THREAD + STOPPED_AT_THE_START, pytest.param(STOPPED_AT_THE_FORK, marks=NEEDS_PROC)],
+    ids=["interpreter", "fork"],
+)
+def test_a_stop_while_the_process_starts_ends_both_without_a_traceback(program):
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False, cwd=ROOT)
     assert (ended.returncode, ended.stderr) == (3, b"")
+
+
+ENDED_AT_ONCE = """
+import os, signal, sys, time
+from postproc.second_process import SecondProcess
+fork = os.fork
+def slow_fork():
+    process = fork()
+    if not process:
+        time.sleep(0.3)
+    return process
+os.fork = slow_fork
+signal.signal(signal.SIGTERM, lambda number, _: sys.exit(3))
+SecondProcess(len).end()
+"""
+
+
+@NEEDS_PROC
+def test_a_process_that_has_just_begun_ends_at_once():
+    """It still ignores the signal then."""
+    words = [sys.executable, "-c", ENDED_AT_ONCE]
+    ended = subprocess.run(words, capture_output=True, check=False, cwd=ROOT, timeout=PATIENCE_S)
+    assert (ended.returncode, ended.stderr) == (0, b"")
 
 
 # ---- killed
@@ -191,7 +236,7 @@ def evaluating(process: int) -> set[int]:
             words = Path(f"/proc/{child}/cmdline").read_text()
         except (FileNotFoundError, ProcessLookupError):
             continue
-        found |= {child} if "spawn_main" in words else set()
+        found |= {child} if "resource_tracker" not in words else set()
     return found
 
 
@@ -214,17 +259,20 @@ def wait_until(true):
         time.sleep(0.01)
 
 
-@pytest.fixture(name="started")
-def _started(tmp_path, monkeypatch):
+@pytest.fixture(name="started", params=["fork", "interpreter"])
+def _started(request, tmp_path, monkeypatch):
     """A long program in work, with processes that read and evaluate, and some of the output written."""
+    run = RUN if request.param == "fork" else THREAD + RUN
     write_model(model_of(GANTRY, LocationError("C", "Y", 100.0)), tmp_path / "cal.json")
     (tmp_path / "in.nc").write_text(LONG)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    words = [sys.executable, "-c", RUN, "in.nc", "-m", "gantry", "-c", "cal.json", "--set-up-zero", "-o", "out.nc",
+    words = [sys.executable, "-c", run, "in.nc", "-m", "gantry", "-c", "cal.json", "--set-up-zero", "-o", "out.nc",
              "--jobs", "2", "--json", "out.json"]  # fmt: skip
     with subprocess.Popen(words, stderr=subprocess.PIPE) as process:
         wait_until(lambda: len(begun(process.pid)) == 2)
+        forked = {"spawn_main" not in Path(f"/proc/{child}/cmdline").read_text() for child in begun(process.pid)}
+        assert forked == {request.param == "fork"}
         yield process
         process.kill()
 
