@@ -93,6 +93,7 @@ EXPLAINED = {
     "counts lost over the elevation": (AngleStep("azimuth", "elevation", ANGLES[1], 40.0), {}),
     "zero of an axis": (LocationJump("X", "X", 25.0, MIDDLE), {}),
     "squareness after a collision": (LocationJump("C", "Y", 90.0, MIDDLE), {}),
+    "squareness about the middle": (LocationJump("C", "Y", 250.0, MIDDLE, 225.0), {}),
     "target seated again": (TargetOffset("2", (15.0, -10.0, 12.0), MIDDLE), {}),
     "knock": (StationShift("s1", (15.0, -10.0, 12.0), since_s=MIDDLE), {}),
 }  # fmt: skip
@@ -115,6 +116,8 @@ def test_a_cause_is_explained_by_its_candidate(effect, columns):
     assert best.score.delta_bic < -30.0
     if getattr(effect, "since_s", None) is not None:
         assert best.candidate.effect.since_s == pytest.approx(MIDDLE, abs=45.0)
+    if isinstance(effect, LocationJump):
+        assert best.candidate.effect.fixed_point == pytest.approx(effect.fixed_point, abs=20.0)
     if isinstance(effect, AngleStep):
         assert best.candidate.effect.above_deg == pytest.approx(effect.above_deg, abs=3.0)
         assert best.candidate.effect.circle == effect.circle

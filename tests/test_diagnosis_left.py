@@ -7,7 +7,7 @@ from itertools import pairwise, product
 import msgspec
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, data_with, selector
+from support.diagnosis_cases import CFRAME, data_with, fitted, selector
 from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions
 
@@ -25,6 +25,7 @@ from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.proposed_shapes import waves
 from calibration.fit.fit import fit
+from calibration.fit.noise import with_noise_of_visits
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.observation.stops_and_lines import visited
 from kinematics.basis import BSpline
@@ -225,6 +226,20 @@ def test_a_walk_is_not_fitted_by_a_basis_that_leaves_no_row_to_check_it():
     assert not found.causes
     assert found.unexplained is not None
     assert found.unexplained.variables == ("time",)
+
+
+@pytest.mark.parametrize("walks", [True, False])
+def test_a_random_walk_of_the_spindle_depends_on_time_and_is_no_noise_of_an_axis(walks):
+    """The same errors in another order are noise of Z from stop to stop."""
+    data, rng = data_with(n=120), np.random.default_rng(2)
+    course = np.cumsum(rng.normal(scale=0.01, size=120))
+    course = course if walks else rng.permutation(course)
+    along = fitted(data).registration.rotations(data)[:, :, 2] * course[:, None]
+    moved = replace(data, observed=data.observed + along, state=replace(data.state, observed=data.observed + along))
+    noisy = with_noise_of_visits(fitted(moved))
+    assert set(noisy.noise.non_repeatability) == {"Z"}
+    walk = remainder.random_walk(LinearisedFit.of(fitted(noisy)))
+    assert (walk.variables if walk else ()) == (("time",) if walks else ())
 
 
 @pytest.mark.parametrize(("variables", "stands"), [(("X", "time"), False), (("X",), True), (("Y", "time"), True)])

@@ -16,7 +16,16 @@ from calibration.diagnosis.search.proposed_shapes import finer, joined
 from calibration.diagnosis.search.stage import chosen_of
 from calibration.diagnosis.search.start_model import Base
 from kinematics.basis import Fourier
-from kinematics.effects import Backlash, Cyclic, ErrorMotion, GrowthWithTime, LocationJump, ThermalDrift, TrackerDrift
+from kinematics.effects import (
+    Backlash,
+    Cyclic,
+    ErrorMotion,
+    GrowthWithSensor,
+    GrowthWithTime,
+    LocationJump,
+    ThermalDrift,
+    TrackerDrift,
+)
 
 BACKLASH = Backlash("X", 12.0)
 SECOND = Backlash("Z", 16.0)
@@ -215,6 +224,19 @@ def test_a_drift_along_three_axes_is_not_one_of_the_tracker():
     assert len(drift) == len(sizes)
     found = made.commoner(tracker)
     assert {each.candidate.kind for each in found.accepted} == {"thermal-drift"}
+
+
+def test_a_growth_is_refined_to_the_fixed_point_that_the_data_show():
+    """The point was proposed before other errors were known; what it lacks would be called a drift along the axis."""
+    warm = {"temperatures": {"column": np.linspace(0.0, 3.0, 100)}}
+    data = data_with(GrowthWithSensor(axis="X", sensor="column", coefficient=90.0, fixed_point=200.0), **warm)
+    (found,) = evaluate(
+        (made := alone([], data)).bare.linearised,
+        [Candidate(GrowthWithSensor(axis="X", sensor="column", coefficient=0.0, fixed_point=80.0), 1)],
+    )
+    refined = made.refined(made.stage([(found.candidate, found.score.size)]))
+    assert refined.accepted[0].candidate.effect.fixed_point == pytest.approx(200.0, abs=10.0)
+    assert refined.accepted[0].candidate.shapes == 1
 
 
 @pytest.mark.usefixtures("no_shapes")

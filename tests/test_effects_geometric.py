@@ -131,3 +131,13 @@ def test_a_jump_is_a_location_error_from_its_moment_on_and_ever_after_in_a_calib
     assert late == pytest.approx(np.where((state.time >= 300.0)[:, None], always, 0.0))
     permanent = deviation_of(LocationJump(component, axis, 40.0), BACKWARD, State(q)).position
     assert permanent == pytest.approx(always)
+
+
+@pytest.mark.parametrize(("component", "axis"), [("C", "Y"), ("B", "Z"), ("B", "X")])
+def test_a_line_that_turns_about_a_position_of_its_axis_stays_there(component, axis):
+    q = np.zeros((3, 5))
+    q[:, BACKWARD.index(axis)] = [0.0, 120.0, 300.0]
+    always = deviation_of(LocationJump(component, axis, 40.0), BACKWARD, State(q)).position
+    found = deviation_of(LocationJump(component, axis, 40.0, None, 120.0), BACKWARD, State(q)).position
+    assert found == pytest.approx(always - always[1], abs=1e-9)
+    assert np.abs(always).max() > 1e-3

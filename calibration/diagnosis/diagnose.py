@@ -271,7 +271,8 @@ def _dependence(stage: Stage, tests: Sequence[Test]) -> Unexplained | None:
     """
     if not _unrepeatable(stage) and not combined(tests, LEFT):
         return None
-    return unexplained_residual.unexplained(stage.linearised)
+    linearised = stage.linearised
+    return unexplained_residual.unexplained(linearised) or unexplained_residual.random_walk(linearised)
 
 
 def _without_impostors(

@@ -111,7 +111,8 @@ class LocationJump(EffectBase, frozen=True, tag="location-jump"):
     """A location error (see `location`) that appears at a moment: the reference of an axis is lost, its zero jumps
     (E_X0X); squareness changes in a collision (E_C0Y); a table is shifted (E_X0C).
 
-    Zero before `since_s`; without it the jump has happened before the data and is permanent, as in a calibration.
+    Zero before `since_s`; without it the jump has happened before the data and is permanent, as in a calibration. The
+    line of a linear axis turns about the position `fixed_point` of its axis.
     ISO 230-1:2012 (location errors); Schwenke et al., CIRP Annals 57/2 (2008): drift and sudden changes of geometry.
     """
 
@@ -123,6 +124,13 @@ class LocationJump(EffectBase, frozen=True, tag="location-jump"):
     axis: str
     value: float
     since_s: float | None = None
+    fixed_point: float = 0.0
+    """Position of a linear axis, mm, that the turn of its line leaves where it is."""
+
+    @property
+    def turns(self) -> bool:
+        """True where the line of a linear axis turns."""
+        return self.axis[0] not in "ABC" and self.component in "ABC"
 
     @property
     def name(self) -> str:
@@ -142,7 +150,7 @@ class LocationJump(EffectBase, frozen=True, tag="location-jump"):
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
         after = 1.0 if self.since_s is None else (state.need("time", self.name) >= self.since_s)[:, None]
-        for column in _of_line(machine, state, self.component, self.axis):
+        for column in _of_line(machine, state, self.component, self.axis, self.fixed_point):
             yield column._replace(values=column.values * after)
 
 
@@ -338,8 +346,10 @@ class Wobble(EffectBase, frozen=True, tag="wobble"):
         yield Columns(i, first + (own + 2) % 3, self.sense * np.stack([sin, -cos], axis=1))
 
 
-def _of_line(machine: Machine, state: State, component: Component, axis_name: str) -> Iterator[Columns]:
-    """Errors of a location error of 1 um or 1 urad of an axis line."""
+def _of_line(
+    machine: Machine, state: State, component: Component, axis_name: str, fixed_point: float = 0.0
+) -> Iterator[Columns]:
+    """Errors of a location error of 1 um or 1 urad of an axis line, which turns about a position of a linear axis."""
     i, j, size = machine.index(axis_name), COMPONENTS.index(component), unit_of(component)[1]
     axis = machine.axes[i]
     if axis.rotary or j < 3:
@@ -348,4 +358,4 @@ def _of_line(machine: Machine, state: State, component: Component, axis_name: st
     tilt = axis.error_frame[:, j - 3]
     sideways = axis.error_frame.T @ np.cross(tilt, axis.unit_direction) * size
     for k in np.flatnonzero(sideways):
-        yield Columns(i, int(k), sideways[k] * state.positions[:, [i]])
+        yield Columns(i, int(k), sideways[k] * (state.positions[:, [i]] - fixed_point))

@@ -16,6 +16,7 @@ from calibration.diagnosis.residual.absorber import (
 from calibration.diagnosis.residual.chance_level import SEARCHES, SMOOTH, Chance, searched
 from calibration.diagnosis.residual.dependence import (
     EVIDENCE,
+    LENGTHS,
     Unexplained,
     explaining_variables,
     log_odds,
@@ -25,7 +26,7 @@ from calibration.diagnosis.residual.distance_correlation import Dependence, depe
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.residual.readings import readings, with_function_of_readings
 from calibration.diagnosis.residual.unnamed import may_depend_on
-from calibration.diagnosis.residual.whiteness import Columns, Test, whiteness
+from calibration.diagnosis.residual.whiteness import ALONG_TIME, Columns, Test, whiteness
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
@@ -41,6 +42,8 @@ from kinematics.transforms import Array
 SEED = 1
 STATIC = ("cross-axis", "tracker-range", "air-scale", "tracker-angle", "cyclic", "quantised-compensation")
 """Kinds of causes that depend on positions alone, and not on the axis of one error motion of the model."""
+WALK_LEVEL = 1e-6
+"""Chance of neighbours in time that deviate alike, below which a residual may be a random walk."""
 FAR_MORE = 1.5
 """Ratio of the log odds of a jump to those of a function of time above which the function only imitates the jump.
 
@@ -102,6 +105,25 @@ def unexplained(linearised: LinearisedFit) -> Unexplained | None:
         own = dict(zip(found.variables, found.lengths, strict=True))
         likelier = log_odds(read, angles, seen) > log_odds(white, given, own) + EVIDENCE
     return of_variables(read, angles, seen, found.p_value, np.random.default_rng(SEED)) if likelier else found
+
+
+def random_walk(linearised: LinearisedFit) -> Unexplained | None:
+    """A dependence on time without a smooth form: the residuals of a linearised fit are a random walk; else None.
+
+    Neighbours in time deviate alike, more clearly than neighbours along any axis, where no noise of an axis hides it;
+    beside this noise a random walk of the tool is far likelier than none. A permutation of blocks can't show it: such
+    residuals have hardly any blocks that are independent.
+    """
+    if linearised.state.time is None:
+        return None
+    along = {test.name: test.p_value for test in tests(linearised.evenly_noisy) if test.name.startswith("along ")}
+    own = along.pop(ALONG_TIME, 1.0)
+    if own > WALK_LEVEL or own > min(along.values(), default=1.0):
+        return None
+    if with_walk(linearised).log_odds < 2.0 * EVIDENCE:
+        return None
+    white, given = of_machine(linearised, linearised.residual), variables(linearised.measurement, linearised.rows)
+    return of_variables(white, given, {TIME: min(LENGTHS)}, own, np.random.default_rng(SEED))
 
 
 def nearly_of_readings(linearised: LinearisedFit, dependence: Unexplained) -> Unexplained | None:

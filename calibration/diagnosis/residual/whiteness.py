@@ -30,6 +30,8 @@ FEWEST = 10
 """Number of rows below which nothing is tested."""
 ABSORBED = 0.05
 """Share of a test's variance below which the fit has absorbed its signal; its p-value is then 1."""
+ALONG_TIME = "along time"
+"""Name of the test whether neighbours in time deviate alike."""
 SIZE = "size (chi2)"
 """Name of the test of the residuals' size against the instrument specification."""
 STRAIGHT = 1e-5
@@ -115,7 +117,7 @@ def _centred(white: Array, effective_parameters: float, absorbed: Array | None) 
 
 def _neighbours(noise: _Noise, columns: Columns) -> Iterator[Test]:
     if columns.time is not None and np.ptp(columns.time) > 0.0:
-        yield _along(noise, columns.time, "along time", "drift: a term in time or temperature; noise with a memory")
+        yield _along(noise, columns.time, ALONG_TIME, "drift: a term in time or temperature; noise with a memory")
     for axis, position in columns.positions.items():
         if np.ptp(position) > 0.0:
             yield _along(noise, position, f"along {axis}", f"a finer basis for the error motions of {axis}, or cyclic")

@@ -6,6 +6,7 @@ All change points of a jump are compared at once: its columns are summed over al
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -13,13 +14,18 @@ import numpy as np
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.causes import angle_steps, jumps
 from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
+from calibration.observation.full_model import moving_axes
 from calibration.plausibility.times import pauses
-from kinematics.effects import AngleStep, Effect
+from kinematics.effects import AngleStep, Effect, GrowthWithDuty, GrowthWithSensor, GrowthWithTime, LocationJump
 from kinematics.effects.instrument import CIRCLES, beam
 from kinematics.transforms import Array
 
+APART = 1e3
+"""Factor on the difference of two effects whose fixed points are 1 mm apart, so that it is of the size of an effect."""
 LEAST_ROWS = 8
 """Least number of moments, or angles, on each side of a jump."""
+Fixed = GrowthWithSensor | GrowthWithTime | GrowthWithDuty | LocationJump
+"""Effects that leave a position of their axis where it is."""
 OPPOSITE = 180.0
 """Range of an angle, deg, from which a step over it has two sides for no row."""
 
@@ -44,7 +50,46 @@ def breaks(linearised: LinearisedFit, whole: LinearisedFit | None = None) -> Ite
             if possible.any():
                 best = LEAST_ROWS + int(np.argmax(np.where(possible, gains[inside], -np.inf)))
                 since = _refined(whole, linearised, effect, measurement.state.time, moments[best - 1 : best + 2])
-                yield Candidate(msgspec.structs.replace(effect, since_s=since), 1, float(trials))
+                jump = msgspec.structs.replace(effect, since_s=since)
+                yield Candidate(jump, 1, float(trials))
+                turned = about_fixed_point(linearised, jump) if isinstance(jump, LocationJump) else None
+                if turned is not None:
+                    yield Candidate(turned, 2, float(trials))
+
+
+def about_fixed_point(linearised: LinearisedFit, effect: Fixed) -> Effect | None:
+    """A growth, or the turn of a linear axis, about the position of its axis that the data show; None without one.
+
+    The position is rounded to 0.1 mm, and at most as far outside the travel as this is long.
+    """
+    columns = _about_any_point(linearised, effect)
+    size = linearised.score(linearised.projected(columns)).size
+    if len(size) != 2 or not size[0]:
+        return None
+    point = effect.fixed_point - APART * float(size[1] / size[0])
+    low, high = moving_axes(linearised.measurement)[effect.axis]
+    if not 2 * low - high < point < 2 * high - low:
+        return None
+    return msgspec.structs.replace(effect, fixed_point=round(point, 1))
+
+
+def about_another_point(linearised: LinearisedFit, candidate: Candidate) -> list[Candidate]:
+    """A cause about the fixed point that the data show beside all others; empty for causes without such a point."""
+    effect = candidate.effect
+    moved = about_fixed_point(linearised, effect) if isinstance(effect, Fixed) else None
+    if not isinstance(effect, Fixed) or moved is None or moved == effect:
+        return []
+    searched = candidate.shapes + (effect.fixed_point == 0.0)
+    return [replace(candidate, effect=moved, shapes=searched)]
+
+
+def _about_any_point(linearised: LinearisedFit, effect: Effect) -> Array:
+    """White columns `(N, k)` of an effect; where it has a fixed point, also of its change by another point."""
+    here = linearised.columns(effect)
+    if not isinstance(effect, Fixed) or (isinstance(effect, LocationJump) and not effect.turns):
+        return here
+    there = linearised.columns(msgspec.structs.replace(effect, fixed_point=effect.fixed_point + 1.0))
+    return np.concatenate([here, (here - there) * APART], axis=1)
 
 
 def turning_points(linearised: LinearisedFit, whole: LinearisedFit | None = None) -> Iterator[Candidate]:
@@ -88,7 +133,7 @@ def _change_points(linearised: LinearisedFit, effect: Effect, along: Array) -> t
     values = along[linearised.rows]
     spanned = linearised.spanned.reshape(len(values), -1, linearised.spanned.shape[1])
     residual = linearised.residual.reshape(len(values), -1)
-    columns = linearised.columns(effect).reshape(len(values), residual.shape[1], -1)
+    columns = _about_any_point(linearised, effect).reshape(len(values), residual.shape[1], -1)
     own = np.flatnonzero(columns.any(axis=(1, 2)))
     points = np.unique(values[own])
     if not len(points):

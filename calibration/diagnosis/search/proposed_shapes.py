@@ -12,12 +12,11 @@ from functools import partial
 from itertools import chain
 from typing import get_args
 
-import msgspec
 import numpy as np
 
 from calibration.cores import each
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.change_points import breaks, turning_points
+from calibration.diagnosis.search.change_points import about_fixed_point, breaks, turning_points
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import likeliest, refined, teeth
 from calibration.diagnosis.search.sensitivity import Sensitivity
@@ -253,16 +252,9 @@ def fixed_points(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> 
         if (
             isinstance(effect, (GrowthWithSensor, GrowthWithTime, GrowthWithDuty))
             and len(effect.parameter_table) == candidate.shapes + 1
+            and (moved := about_fixed_point(linearised, effect)) is not None
         ):
-            one = msgspec.structs.replace(effect, fixed_point=effect.fixed_point + 1.0)
-            here, there = linearised.columns(effect), linearised.columns(one)
-            both = linearised.score(linearised.projected(np.concatenate([here, (here - there) * 1e3], axis=1)))
-            if both.size[0]:
-                point = effect.fixed_point - 1e3 * float(both.size[1] / both.size[0])
-                low, high = moving_axes(linearised.measurement)[effect.axis]
-                if 2 * low - high < point < 2 * high - low:
-                    moved = msgspec.structs.replace(effect, fixed_point=float(np.round(point, 1)))
-                    yield Candidate(moved, candidate.shapes + 1, candidate.trials)
+            yield Candidate(moved, candidate.shapes + 1, candidate.trials)
 
 
 def reversals(linearised: LinearisedFit) -> Iterator[Candidate]:

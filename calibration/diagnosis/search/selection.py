@@ -17,6 +17,7 @@ import numpy as np
 
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import RARE, Candidate, at_zero
+from calibration.diagnosis.search.change_points import about_another_point
 from calibration.diagnosis.search.evaluation import (
     EVEN,
     SEEN,
@@ -238,12 +239,14 @@ class Selector:
         return sibling._replace(log_odds=(self.stage(chosen).cost - stage.cost) / 2 + rarer)
 
     def refined(self, stage: Stage) -> Stage:
-        """The stage with another form of a cause (time constants, course along an axis) that explains more."""
+        """The stage with another form of a cause (time constants, course, fixed point) that explains more."""
         for i, own in enumerate(stage.accepted):
+            without = stage.without(i)
             others = [c for c in self.library if c.cause == own.candidate.cause and _key(c) != _key(own.candidate)]
+            others += about_another_point(without, own.candidate)
             if not others:
                 continue
-            best = evaluate(stage.without(i), others)[0]
+            best = evaluate(without, others)[0]
             if best.score.delta_bic < own.score.delta_bic + BETTER:
                 chosen = chosen_of(stage.accepted)
                 chosen[i] = (best.candidate, best.score.size)

@@ -148,6 +148,8 @@ def _given(effect: Effect) -> Iterator[str]:
     """Conditions of a size: the moment of a jump, the fixed point of a growth."""
     if isinstance(effect, (StationShift, TargetOffset, LocationJump)) and effect.since_s is not None:
         yield f"from {effect.since_s / HOUR:.4g} h on"
+    if isinstance(effect, LocationJump) and effect.turns and effect.fixed_point:
+        yield f"about {effect.axis} {effect.fixed_point:.5g} mm"
     if isinstance(effect, AngleStep):
         yield f"from {effect.over} {effect.above_deg:.4g} deg on"
     if isinstance(effect, (GrowthWithSensor, GrowthWithTime, QuadraticGrowth, GrowthWithDuty)):
