@@ -99,15 +99,14 @@ def measuring_program(
     yield from form.end()
 
 
-def path_program(
-    machine: Machine, corners: Array, settings: ProgramSettings, dialect: str, title: str
-) -> Iterator[str]:
+def path_program(machine: Machine, corners: Array, settings: ProgramSettings, dialect: str) -> Iterator[str]:
     """The lines of the program along corners `(m, axes)`, mm and degrees; UserError as by `program_format`."""
     settings = replace(settings, dwell_s=PATH_DWELL_S)
     form, offset = program_format(machine, settings, dialect), settings.offset_of(machine)
     yield from form.head(
         [
-            f"{title} - MACHINE {machine.name} - {len(corners)} CORNERS - FEED {settings.feed:g} MM/MIN",
+            f"ncomp path to be measured on the fly - MACHINE {machine.name} - {len(corners)} CORNERS - FEED "
+            f"{settings.feed:g} MM/MIN",
             "RUN IT FROM START TO END ONCE FOR EACH TARGET - STATION AND FEED - RECORDING ALL THE TIME",
             "SPINDLE OFF - MOVES ARE STRAIGHT LINES FROM CORNER TO CORNER: TRY IT AT LOW OVERRIDE",
             *assumptions(dialect, settings),

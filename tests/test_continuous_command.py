@@ -175,6 +175,17 @@ def test_spoilt_files_are_refused(command, files, spoil, says):
     assert not (files / "out.json").exists()
 
 
+@pytest.mark.parametrize("kind", ["run.csv", "targets.csv"])
+def test_two_files_of_one_name_are_refused(command, files, kind):
+    (files / "second").mkdir()
+    other = (files / kind).read_text().splitlines()
+    (files / "second" / kind).write_text("\n".join(other[:-1]) + "\n")  # without its last row, so that it is no copy
+    failed = command("continuous", "run.csv", "targets.csv", f"second/{kind}", "-o", "table.csv")
+    assert failed.status == 2
+    assert f"second/{kind} has the file name of {kind}" in " ".join(failed.err.split())
+    assert not (files / "table.csv").exists()
+
+
 def test_the_same_seed_makes_the_same_files(command, tmp_path):
     for _ in range(2):
         assert command(*SIMULATED, "--seed", 7, "--end-effect", "3:20", "--settling", "18:5:0.1").status == 0

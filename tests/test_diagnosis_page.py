@@ -23,7 +23,8 @@ from calibration.observation import equations
 from calibration.reports.causes.figures import cause_figure
 from calibration.reports.causes.text import in_full, quantity_name, with_uncertainty
 from calibration.reports.causes.views import VIEWS, views
-from calibration.reports.diagnosis import diagnosis_json, diagnosis_report
+from calibration.reports.diagnosis import diagnosis_report
+from calibration.reports.diagnosis_json import diagnosis_json
 from calibration.reports.separability import separability_section
 from kinematics.effects import (
     EFFECTS,

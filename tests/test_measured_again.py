@@ -11,7 +11,8 @@ from calibration.diagnosis.search.nested_bases import refined
 from calibration.diagnosis.updated_model import merged
 from calibration.evaluation.volumetric import aligned
 from calibration.fit.calibrate import calibrate
-from calibration.reports.diagnosis import diagnosis_json, diagnosis_report
+from calibration.reports.diagnosis import diagnosis_report
+from calibration.reports.diagnosis_json import diagnosis_json
 from kinematics.effects import Backlash, ErrorMotion, LocationError, Scale
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point

@@ -12,7 +12,7 @@ from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.residual.unnamed import OWN, evidence, surviving, terms_of
 from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.measurement.file import read_measurement
-from calibration.reports.diagnosis import diagnosis_json
+from calibration.reports.diagnosis_json import diagnosis_json
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Unnamed
 from kinematics.forward import tool_point

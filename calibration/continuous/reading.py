@@ -79,6 +79,8 @@ def read_all(paths: Sequence[Path], header: Mapping[str, str]) -> Data:
     axis = _axis(runs)
     quasi_static = [_quasi_static_table(file, axis, header, notes) for file in files if not file.continuous]
     _refuse_copies([*runs, *quasi_static])
+    _refuse_same_names(runs)
+    _refuse_same_names(quasi_static)
     _refuse_other_machines([*runs, *quasi_static])
     records = tuple(record for table in runs for record in _records(table, len(runs) > 1, notes))
     parts = [
@@ -138,6 +140,18 @@ def _refuse_copies(tables: Sequence[Table]) -> None:
         if table.fingerprint in earlier:
             raise UserError(f"{table.source} contains the same data as {earlier[table.fingerprint]}")
         earlier[table.fingerprint] = table.source
+
+
+def _refuse_same_names(tables: Sequence[Table]) -> None:
+    """UserError for two files of one name, in two folders: the names of their runs begin with it."""
+    earlier: dict[str, str] = {}
+    for table in tables:
+        name = Path(table.source).name
+        if name in earlier:
+            raise UserError(
+                f"{table.source} has the file name of {earlier[name]}, so their runs have one name: rename it"
+            )
+        earlier[name] = table.source
 
 
 def _axis(runs: Sequence[Table]) -> str:
@@ -219,14 +233,6 @@ def _directions(table: Table) -> np.ndarray:
         table.fault(row, "direction", f"{str(texts[row])!r} is none of {', '.join(DIRECTIONS)}")
     names, which = np.unique(texts, return_inverse=True)
     return np.array([DIRECTIONS[str(name)] for name in names])[which]
-
-
-def _refuse_same_names(records: Sequence[Record]) -> None:
-    earlier: dict[str, Record] = {}
-    for record in records:
-        if record.name in earlier:
-            raise UserError(f"{record.source}: run {record.name} was read before, from {earlier[record.name].source}")
-        earlier[record.name] = record
 
 
 # ---- quasi-static data

@@ -55,8 +55,6 @@ class Segment(NamedTuple):
     """Speed, mm/s, positive."""
     sample_s: float
     """Median time between samples, s."""
-    moving_mm: float
-    """Whole travel of the record, without rests, mm."""
     notes: tuple[str, ...]
 
 
@@ -78,7 +76,6 @@ def constant_velocity(record: Record) -> Segment:
     tolerance = min(max(LEAST_TOLERANCE, 4.0 * spread), MOST_TOLERANCE)
     first, stop = _longest(off <= tolerance, max(4 * span, len(off) // BRIDGED))
     notes = []
-    moving = np.flatnonzero(speed > 0.02 * usual)
     elsewhere = np.count_nonzero(off <= tolerance) - (stop - first)
     if elsewhere > 0.05 * (stop - first):
         notes.append(
@@ -93,8 +90,7 @@ def constant_velocity(record: Record) -> Segment:
             f"{record.source}: run {record.name} moves at constant velocity for {max(stop - first, 0)} samples only, "
             f"at least {LEAST_SAMPLES} needed: a longer travel, a lower feed, or a higher sampling rate"
         )
-    moved = float(travelled[moving[-1]] - travelled[moving[0]])
-    return Segment(first, stop, usual, sample, moved, tuple(notes))
+    return Segment(first, stop, usual, sample, tuple(notes))
 
 
 def noise_of(values: Array) -> float:

@@ -19,6 +19,7 @@ from calibration.observation.reach import Reach, in_reach
 from calibration.simulation.simulate import at_stations, observe, tracker_pose, with_temperatures
 from kinematics.error_model.model import no_errors
 from kinematics.machine import Vector
+from kinematics.state import State
 from kinematics.transforms import Array, Pose
 from kinematics.user_error import UserError
 
@@ -63,34 +64,16 @@ def laid_out(
     distances: calibrated distances of the spheres of a touch probe. UserError for an instrument that observes nothing,
     or that is at a target.
     """
-    state, poses, notes = plan.state, None, list(plan.notes)
-    minutes = plan.minutes
-    if isinstance(instrument, LaserTracker):
-        if not trackers:
-            raise UserError("the position of the laser tracker is missing: state tracker = [x, y, z]")
-        # the rotation of a levelled tracker about its vertical has no effect: it need not be drawn
-        poses = {
-            f"s{k}": tracker_pose(tracker, np.random.default_rng(0)) for k, tracker in enumerate(trackers, start=1)
-        }
-        state = at_stations(state, list(poses))
-        minutes *= len(poses)
-    elif trackers:
-        raise UserError(
-            f"a position of a tracker is not allowed in a measurement by {type(instrument).__name__.lower()}"
-        )
-    if isinstance(instrument, TouchProbe):
-        poses = {name: Pose(np.eye(3)[None], -np.array([centre])) for name, centre in plan.spheres.items()}
+    poses = _poses(plan, instrument, trackers)
+    state = at_stations(plan.state, list(poses)) if trackers and poses else plan.state
     if temperatures:
         state = with_temperatures(state, temperatures)
     repeat = len(state) // len(plan)
     axis = np.tile(plan.axis, repeat) if isinstance(instrument, Interferometer) and plan.axis is not None else None
-    run, rows = np.tile(plan.run, repeat), np.arange(len(state))
+    run, rows, notes = np.tile(plan.run, repeat), np.arange(len(state)), plan.notes
     if trackers and poses is not None and reach is not None:
-        nothing = np.zeros((len(state), 3))
-        visible = in_reach(Measurement(plan.machine, instrument, state, nothing, plan.targets), poses, reach)
-        rows, notes = np.flatnonzero(visible.rows), [*notes, *visible.notes]
-        if not len(rows):
-            raise UserError("the tracker observes none of the points from its position")
+        rows, out_of_reach = _in_reach(plan, instrument, state, poses, reach)
+        notes = (*notes, *out_of_reach)
     model = no_errors(plan.machine)
     nominal = observe(
         plan.machine, model, state.rows(rows), instrument, np.random.default_rng(0), poses, plan.targets,
@@ -101,8 +84,39 @@ def laid_out(
         raise UserError(f"a target comes closer than {NEAREST_MM:g} mm to the tracker: move the tracker")
     registration = start(nominal, np.ones(len(nominal), bool))
     # rows out of reach cost no time
-    minutes *= len(rows) / len(state)
+    minutes = plan.minutes * max(len(trackers), 1) * (len(rows) / len(state))
     return Setup(nominal, registration, poses, *_weights(nominal, weighting), minutes, tuple(notes))
+
+
+def _poses(plan: Plan, instrument: Instrument, trackers: Sequence[Vector]) -> Mapping[str, Pose] | None:
+    """Poses of the trackers by station, or of the spheres by name; None for other instruments.
+
+    UserError for a tracker without a position, and for a position of another instrument.
+    """
+    if isinstance(instrument, LaserTracker):
+        if not trackers:
+            raise UserError("the position of the laser tracker is missing: state tracker = [x, y, z]")
+        # the rotation of a levelled tracker about its vertical has no effect: it need not be drawn
+        return {f"s{k}": tracker_pose(tracker, np.random.default_rng(0)) for k, tracker in enumerate(trackers, start=1)}
+    if trackers:
+        raise UserError(
+            f"a position of a tracker is not allowed in a measurement by {type(instrument).__name__.lower()}"
+        )
+    if isinstance(instrument, TouchProbe):
+        return {name: Pose(np.eye(3)[None], -np.array([centre])) for name, centre in plan.spheres.items()}
+    return None
+
+
+def _in_reach(
+    plan: Plan, instrument: Instrument, state: State, poses: Mapping[str, Pose], reach: Reach
+) -> tuple[np.ndarray, Sequence[str]]:
+    """The rows that the trackers observe, and notes on the others; UserError if they observe none."""
+    measurement = Measurement(plan.machine, instrument, state, np.zeros((len(state), 3)), plan.targets)
+    visible = in_reach(measurement, poses, reach)
+    rows = np.flatnonzero(visible.rows)
+    if not len(rows):
+        raise UserError("the tracker observes none of the points from its position")
+    return rows, visible.notes
 
 
 def _weights(measurement: Measurement, weighting: Weighting) -> tuple[Array, Array]:

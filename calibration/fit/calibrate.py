@@ -41,6 +41,7 @@ from calibration.plausibility.checks import Finding, usable
 from kinematics.effects import Effect
 from kinematics.error_model.model import SIMULATED, ErrorModel, Provenance
 from kinematics.running.progress import Progress, numbered, silent
+from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
 
@@ -112,58 +113,80 @@ def calibrate(
 
     NotAccepted for a calibration that is no improvement, or with which too many rows disagree, without `force`.
     """
+    findings, positions = _checked(measurement, force=force)
+    steps = 3 if hold_out else 2
+    wanted = Wanted(basis, margin, tuple(effects), prior_scale, variance, numbered(progress, 1, steps))
+    choice, found = with_bases_and_noise(at_positions(measurement, positions), wanted)
+    numbered(progress, 2, steps)("identifiability")
+    identified = identifiability(found)
+    refuse_few([found], identified)
+    held_out = _held_out(found, choice, wanted, numbered(progress, steps, steps)) if hold_out else None
+    before = nominal_residuals(found)
+    before_rms_um, before_max_um, before_chi2_reduced = _sizes(found, before)
+    too_many = disagreement(found)
+    curved, between = with_curves_between(found) if wanted.automatic else (found, ())
+    written = _written(curved, valid_days)
+    result = Calibration(
+        fit=found,
+        model=written,
+        choice=choice,
+        identifiability=identified,
+        before_rms_um=before_rms_um,
+        before_max_um=before_max_um,
+        before_chi2_reduced=before_chi2_reduced,
+        dependences=tuple(dependences(found)),
+        cross_validation=held_out,
+        between_positions=between,
+        findings=(*findings, *_findings(found, too_many)),
+        targets=tuple(positions),
+        relative_deviation=relative_deviations(written, found.measurement.rows(np.flatnonzero(found.kept))),
+        objection=too_many or reason_against(found, before, held_out),
+        forced=force,
+    )
+    if not result.accepted:
+        raise NotAccepted(result)
+    return result
+
+
+def _checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], list[TargetPosition]]:
+    """Anomalies of the data before any fit, and the targets that are not at a stated position.
+
+    UserError for data that cannot be used, and for a sphere that moved, without `force`.
+    """
     findings = usable(measurement)
     moved = moved_spheres(measurement)
     if moved and not force:
         raise UserError(f"{measurement.source}: {moved}; --force fits the rows as they are")
     findings += [Finding("spheres", moved, False)] if moved else []
     positions = target_positions(measurement)
-    findings += target_findings(measurement, positions)
-    measurement = at_positions(measurement, positions)
-    steps = 3 if hold_out else 2
-    wanted = Wanted(basis, margin, tuple(effects), prior_scale, variance, numbered(progress, 1, steps))
-    choice, found = with_bases_and_noise(measurement, wanted)
-    measurement, prior = found.measurement, found.prior
-    variance = variance if measurement.noise is None else "sheet"
-    before = nominal_residuals(found)
-    numbered(progress, 2, steps)("identifiability")
-    identified = identifiability(found)
-    refuse_few([found], identified)
-    start, _ = with_effects(measurement, choice.bases, effects, *choice.scales)
-    held_out = None
-    if hold_out:
-        last = numbered(progress, steps, steps)
-        last("held-out residuals")
-        held_out = cross_validate(measurement, start, prior, found.kept, variance, found, last)
-    too_many = disagreement(found)
-    findings += [*zero_findings(run_zeros(found)), *distance_findings(found)]
-    if too_many:
-        findings.append(Finding("outliers", too_many, False))
-    curved, between = with_curves_between(found) if wanted.automatic else (found, ())
-    written = _written(curved, valid_days)
-    kept = measurement.rows(np.flatnonzero(found.kept))
-    before_um = before * kept.per_micro
-    freedom = max(found.observations - len(found.registration.names), 1)
-    result = Calibration(
-        found,
-        written,
-        choice,
-        identified,
-        float(np.sqrt(np.mean(before_um**2))),
-        float(np.linalg.norm(before_um, axis=1).max()),
-        float(np.sum(whitened(whiteners(replace(kept, noise=None)), before) ** 2)) / freedom,
-        tuple(dependences(found)),
-        held_out,
-        between,
-        tuple(findings),
-        tuple(positions),
-        relative_deviations(written, kept),
-        too_many or reason_against(found, before, held_out),
-        force,
-    )
-    if not result.accepted:
-        raise NotAccepted(result)
-    return result
+    return [*findings, *target_findings(measurement, positions)], positions
+
+
+def _findings(found: Fit, too_many: str) -> list[Finding]:
+    """Anomalies of the data that a fit shows; too_many: the statement that too many rows disagree, or empty."""
+    outliers = [Finding("outliers", too_many, False)] if too_many else []
+    return [*zero_findings(run_zeros(found)), *distance_findings(found), *outliers]
+
+
+def _held_out(found: Fit, choice: Choice, wanted: Wanted, progress: Progress) -> CrossValidation | None:
+    """The cross-validation of a fit."""
+    progress("held-out residuals")
+    start, _ = with_effects(found.measurement, choice.bases, wanted.effects, *choice.scales)
+    variance = wanted.variance if found.measurement.noise is None else "sheet"
+    return cross_validate(found.measurement, start, found.prior, found.kept, variance, found, progress)
+
+
+def _sizes(found: Fit, residual: Array) -> tuple[float, float, float]:
+    """RMS per scalar and largest length, um, and chi2 per degree of freedom, of the residuals `(kept, d)` of a fit.
+
+    found: another fit of the same registration, which kept these rows; chi2 is by the instrument specification.
+    """
+    kept = found.measurement.rows(np.flatnonzero(found.kept))
+    in_um = residual * kept.per_micro
+    chi2 = float(np.sum(whitened(whiteners(replace(kept, noise=None)), residual) ** 2))
+    degrees_of_freedom = max(found.observations - len(found.registration.names), 1)
+    rms, largest = float(np.sqrt(np.mean(in_um**2))), float(np.linalg.norm(in_um, axis=1).max())
+    return rms, largest, chi2 / degrees_of_freedom
 
 
 def in_datum(found: Fit) -> ErrorModel:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
@@ -45,6 +46,8 @@ SPARE = 0.2
 ENOUGH_ROWS = 20_000
 """Largest number of rows in the iterations; the last step uses all rows."""
 STEPS = 30
+STEPS_OF_OUTLIERS = 10
+"""Largest number of steps with all rows, each with the outliers that the last one showed."""
 CONVERGED = 1e-3
 """Length of a step, in standard uncertainties, below which the iteration ends."""
 RENEWED = 3
@@ -197,36 +200,12 @@ def fit(
     """
     problem = Problem.of(measurement, model, priors(model) if prior is None else prior)
     refuse_lines(measurement)
-    copies = duplicates(measurement)
-    registration, trusted = first_registration(measurement)
-    some = _some(np.flatnonzero(trusted & ~copies))
+    copies, stop = duplicates(measurement), stops(measurement)
     progress("iterating")
-    iterated = problem.rows(some)
-    stop = stops(measurement)
-    if near is None:
-        first = iterated.point(np.array(model.parameters), registration)
-    else:
-        first = iterated.point(near.model.parameters, near.registration)
-    converged, factor, solved = _iterate(iterated, first, variance, stop[some], shapes_held=near is None)
+    first, least = _converged(problem, copies, stop, variance, near)
     progress("solving")
-    point = problem.point(converged.parameters, converged.registration)
-    least = _least(solved, len(some) * measurement.components, variance)
-    left_out = _left_out(problem, point, copies, solved.effective_parameters, least, stop)
-    for _ in range(10):
-        kept = ~left_out.rows
-        _refuse_too_few(measurement, kept, point)
-        weights = kept * _weights(problem, point, solved.effective_parameters, least, left_out, stop)
-        solved = problem.solve(point, weights, factor)
-        point = problem.moved(point, solved.step)
-        if variance == "estimate":
-            factor = max(_estimated(problem, point, kept, solved), least)
-        stay = bool(left_out.suspected.any())
-        again = _left_out(problem, point, copies, solved.effective_parameters, least, stop, stay=stay)
-        # a fit of all rows hides some of those that disagree
-        left_out = again._replace(suspected=left_out.suspected) if stay else again
-        if np.array_equal(left_out.rows, ~kept):
-            break
-    chi2 = problem.squares(point, kept.astype(float))
+    solution, kept, left_out = _of_all_rows(problem, first, least, copies, stop, variance)
+    point, factor, solved = solution
     found = Fit(
         measurement,
         problem.at(point.parameters),
@@ -239,17 +218,64 @@ def fit(
         problem.away(point.parameters),
         problem.prior,
         solved,
-        chi2,
+        problem.squares(point, kept.astype(float)),
         factor,
     )
     covariance = problem.covariance(solved, found.widening)
     return replace(found, model=found.model.with_parameters(point.parameters, covariance))
 
 
-def _iterate(
-    problem: Problem, point: Point, variance: Variance, stop: np.ndarray, *, shapes_held: bool
-) -> tuple[Point, float, Solved]:
-    """The point to which Gauss-Newton with Huber's weights converges; variance factor and last solution there.
+class _Solution(NamedTuple):
+    """A point of the iteration, the variance factor there, and the normal equations solved last."""
+
+    point: Point
+    factor: float
+    solved: Solved
+
+
+def _converged(
+    problem: Problem, copies: np.ndarray, stop: np.ndarray, variance: Variance, near: Fit | None
+) -> tuple[_Solution, float]:
+    """The solution by at most ENOUGH_ROWS of the trusted rows, and the smallest variance factor that they permit.
+
+    stop: number `(n,)` of the stop of each row.
+    """
+    registration, trusted = first_registration(problem.measurement)
+    some = _some(np.flatnonzero(trusted & ~copies))
+    iterated = problem.rows(some)
+    if near is None:
+        first = iterated.point(np.array(problem.model.parameters), registration)
+    else:
+        first = iterated.point(near.model.parameters, near.registration)
+    found = _iterate(iterated, first, variance, stop[some], shapes_held=near is None)
+    return found, _least(found.solved, len(some) * problem.measurement.components, variance)
+
+
+def _of_all_rows(
+    problem: Problem, first: _Solution, least: float, copies: np.ndarray, stop: np.ndarray, variance: Variance
+) -> tuple[_Solution, np.ndarray, LeftOut]:
+    """The solution by all rows but the outliers, the kept rows `(n,)`, and the rows that the solution leaves out."""
+    point, factor, solved = problem.point(first.point.parameters, first.point.registration), first.factor, first.solved
+    left_out = _left_out(problem, point, copies, solved.effective_parameters, least, stop)
+    for _ in range(STEPS_OF_OUTLIERS):
+        kept = ~left_out.rows
+        _refuse_too_few(problem.measurement, kept, point)
+        weights = kept * _weights(problem, point, solved.effective_parameters, least, left_out, stop)
+        solved = problem.solve(point, weights, factor)
+        point = problem.moved(point, solved.step)
+        if variance == "estimate":
+            factor = max(_estimated(problem, point, kept, solved), least)
+        stay = bool(left_out.suspected.any())
+        again = _left_out(problem, point, copies, solved.effective_parameters, least, stop, stay=stay)
+        # a fit of all rows hides some of those that disagree
+        left_out = again._replace(suspected=left_out.suspected) if stay else again
+        if np.array_equal(left_out.rows, ~kept):
+            break
+    return _Solution(point, factor, solved), kept, left_out
+
+
+def _iterate(problem: Problem, point: Point, variance: Variance, stop: np.ndarray, *, shapes_held: bool) -> _Solution:
+    """The point to which Gauss-Newton with Huber's weights converges.
 
     stop: number `(n,)` of the stop of each row. shapes_held: in the first step, which begins with no amplitudes.
     """
@@ -277,7 +303,7 @@ def _iterate(
             factor = robust_factor(problem.distances(point), components, effective_parameters, least, stop)
         if step and (solved.length < CONVERGED or (anew and point is before)):
             break
-    return point, factor, solved
+    return _Solution(point, factor, solved)
 
 
 def _least(solved: Solved, scalars: int, variance: Variance) -> float:

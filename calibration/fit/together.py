@@ -85,6 +85,12 @@ class Part:
         """True where it differs from the prediction by the others more than the uncertainties allow."""
         return self.p_value < CONTRADICTED
 
+    @property
+    def objection(self) -> str:
+        """Reason against the calibration that this measurement shows, with the name of its file; empty without one."""
+        reason = disagreement(self.together) or reason_against(self.together, self.before, self.held_out)
+        return f"{self.alone.measurement.source}: {reason}" if reason else ""
+
 
 @dataclass(frozen=True)
 class Together(Judged):
@@ -137,53 +143,75 @@ def calibrate_together(
     improvement for one of the measurements, or with which too many of its rows disagree, without `force`.
     """
     machine = _machine(measurements)
-    alone, starts, choices, findings = list[Fit](), list[ErrorModel](), list[Choice](), list[Finding]()
     steps = len(measurements) + 2
+    singles = []
     for number, measurement in enumerate(measurements, start=1):
-        name, found = measurement.source, usable(measurement)
-        positions = target_positions(measurement)
-        found += target_findings(measurement, positions)
-        alone_of = numbered(progress, number, steps)
-        alone_of(f"fitting {name} alone")
-        wanted = Wanted(basis, 0, tuple(effects), prior_scale, variance, alone_of)
-        choice, own = with_bases_and_noise(at_positions(measurement, positions), wanted)
-        alone.append(own)
-        starts.append(with_effects(own.measurement, choice.bases, effects, *choice.scales)[0])
-        choices.append(choice)
-        found += [*zero_findings(run_zeros(own)), *distance_findings(own)]
-        findings += [each._replace(message=f"{name}: {each.message}") for each in found]
-    model = _model(machine, starts)
-    prior = priors(model)
-    for motion, part in error_motions(model):
-        prior[part] *= max(scale_of(choice.scales, motion.axis) for choice in choices)
-    prior = np.maximum.reduce([prior, *(least_priors(measurement, model) for measurement in measurements)])
+        step = numbered(progress, number, steps)
+        step(f"fitting {measurement.source} alone")
+        singles.append(_Single.of(measurement, Wanted(basis, 0, tuple(effects), prior_scale, variance, step)))
+    model = _model(machine, [single.start for single in singles])
+    prior = _prior(model, singles, measurements)
     numbered(progress, steps - 1, steps)("fitting all measurements together")
-    joint = _Joint.fitted([_Share.of(own, model, prior) for own in alone], model, prior)
+    joint = _Joint.fitted([_Share.of(single.fit, model, prior) for single in singles], model, prior)
     whole = joint.whole
     identified = identifiability(whole)
-    refuse_few(alone, identified)
+    refuse_few([single.fit for single in singles], identified)
     parts = []
-    for k in range(len(alone)):
-        numbered(progress, steps, steps)("predicting each measurement by the others", k / len(alone))
+    for k in range(len(singles)):
+        numbered(progress, steps, steps)("predicting each measurement by the others", k / len(singles))
         parts.append(joint.part(k, hold_out=hold_out))
-    objections = [
-        f"{part.alone.measurement.source}: {reason}"
-        for part in parts
-        if (reason := disagreement(part.together) or reason_against(part.together, part.before, part.held_out))
-    ]
-    observations = sum(part.together.observations for part in parts)
-    source = f"fit of {observations} observations by {len(parts)} instruments"
-    made = provenance([own.measurement for own in alone], source, valid_days)
-    written = msgspec.structs.replace(in_datum(whole), provenance=made)
-    result = Together(tuple(parts), whole, written, identified, tuple(findings), "; ".join(objections), force)
+    findings = chain.from_iterable(single.findings for single in singles)
+    objection = "; ".join(part.objection for part in parts if part.objection)
+    written = _written(whole, parts, valid_days)
+    result = Together(tuple(parts), whole, written, identified, tuple(findings), objection, force)
     if not result.accepted:
         raise TogetherNotAccepted(result)
     return result
 
 
 @dataclass(frozen=True)
+class _Single:
+    """The fit of one measurement alone."""
+
+    fit: Fit
+    start: ErrorModel
+    """The model of this fit before it."""
+    choice: Choice
+    findings: tuple[Finding, ...]
+    """Anomalies of the data, each with the name of the file."""
+
+    @classmethod
+    def of(cls, measurement: Measurement, wanted: Wanted) -> _Single:
+        """The fit of a measurement alone; UserError for data that cannot be used."""
+        findings = usable(measurement)
+        positions = target_positions(measurement)
+        findings += target_findings(measurement, positions)
+        choice, own = with_bases_and_noise(at_positions(measurement, positions), wanted)
+        start, _ = with_effects(own.measurement, choice.bases, wanted.effects, *choice.scales)
+        findings += [*zero_findings(run_zeros(own)), *distance_findings(own)]
+        named = (each._replace(message=f"{measurement.source}: {each.message}") for each in findings)
+        return cls(own, start, choice, tuple(named))
+
+
+def _prior(model: ErrorModel, singles: Sequence[_Single], measurements: Sequence[Measurement]) -> Array:
+    """Prior standard deviations `(p,)` of the parameters: the largest that one of the measurements has alone."""
+    prior = priors(model)
+    for motion, part in error_motions(model):
+        prior[part] *= max(scale_of(single.choice.scales, motion.axis) for single in singles)
+    return np.asarray(np.maximum.reduce([prior, *(least_priors(each, model) for each in measurements)]))
+
+
+def _written(whole: Fit, parts: Sequence[Part], valid_days: float | None) -> ErrorModel:
+    """The fitted model in the datum, with its location errors and its provenance."""
+    observations = sum(part.together.observations for part in parts)
+    source = f"fit of {observations} observations by {len(parts)} instruments"
+    made = provenance([part.alone.measurement for part in parts], source, valid_days)
+    return msgspec.structs.replace(in_datum(whole), provenance=made)
+
+
+@dataclass(frozen=True)
 class _Share:
-    """What one measurement says of the parameters, linearised at parameters; all in units of their priors."""
+    """The information of one measurement on the parameters, linearised at a model; all in units of their priors."""
 
     alone: Fit
     information: Array

@@ -12,6 +12,7 @@ from typing import BinaryIO
 import msgspec
 import numpy as np
 
+from calibration.measurement.axis_positions import by_kind
 from calibration.measurement.balls.ballbar import (
     BALLBAR,
     CENTRE,
@@ -47,7 +48,6 @@ from calibration.measurement.states import (
     PLAIN_NAME,
     MeasurementStates,
     allow_columns,
-    by_kind,
     check_machine,
     note_unknown_keys,
     read_states,

@@ -17,7 +17,7 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 HIGHER_MM = (0.0, 25.0, 50.0, 100.0, 150.0, 200.0, 300.0, 400.0)
-"""Distances above the raised position, along the spindle axis, of the corner of a way to another position, mm."""
+"""Distances above the raised position, along the spindle axis, of the corner of a path to another position, mm."""
 TURNS = 60
 """Number of random turns by which a parking position is chosen."""
 MOVE, TOUCH = 0, 1
@@ -42,7 +42,7 @@ class Moves:
 
 @dataclass
 class Ways:
-    """The centres that are within reach, with the ways to them from one parking position."""
+    """The centres that are within reach, with the paths to them from one parking position."""
 
     bodies: Bodies
     approach: Approach
@@ -73,18 +73,14 @@ class Ways:
         return np.asarray(np.where(self.bodies.machine.rotary, rotary, self.park))
 
     def reached(self, rotary: Array, sphere: int) -> Reached | None:
-        """A sphere in an orientation with its touches and the way from the parking position; None out of reach."""
+        """A sphere in an orientation with its touches and the path from the parking position; None out of reach."""
         key = (rotary.tobytes(), sphere)
         if key not in self._found:
             self._found[key] = self._reach(rotary, sphere)
         return self._found[key]
 
-    def turns_clear(self, start: Array, end: Array) -> bool:
-        """True if the turn at the parking position between two rotary positions `(axes,)` is clear."""
-        return _is_clear(self.bodies, self.parked(start)[None], self.parked(end)[None], self.approach.margin)
-
     def across(self, one: Reached, other: Reached) -> list[Array]:
-        """Corners of the way from one centre to another one in the same orientation, without both raised positions."""
+        """Corners of the path from one centre to another one in the same orientation, without both raised positions."""
         for higher in HIGHER_MM:
             corners = [self._higher(one.centre, higher), self._higher(other.centre, higher)]
             whole = [one.centre.raised, *corners, other.centre.raised]
@@ -136,7 +132,7 @@ class Ways:
 
 @dataclass(frozen=True)
 class Reached:
-    """A centre with its touches, and the way to it."""
+    """A centre with its touches, and the path to it."""
 
     centre: Centre
     way: list[Array]

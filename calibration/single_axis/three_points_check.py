@@ -16,14 +16,8 @@ from calibration.fit.cross_validation import CrossValidation, predicted_by_other
 from calibration.fit.fit import Fit, fit
 from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
-from calibration.single_axis.three_points import (
-    LEAST_POSITIONS,
-    Choice,
-    ThreePoints,
-    all_series,
-    identified,
-    physical_points,
-)
+from calibration.single_axis.series import LEAST_POSITIONS, all_series, physical_points
+from calibration.single_axis.three_points import Choice, ThreePoints, identified
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 

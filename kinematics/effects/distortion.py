@@ -16,7 +16,7 @@ from kinematics.effects.base import (
     Parameter,
     unit_of,
 )
-from kinematics.effects.thermal import MINUTES_30, Course, CourseOfSensor
+from kinematics.effects.thermal_course import MINUTES_30, Course, CourseOfSensor
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array

@@ -1,4 +1,4 @@
-"""The G and M codes of ISO / Fanuc / LinuxCNC programs, by what they do to the path: followed, harmless or refused."""
+"""The G and M codes of ISO / Fanuc / LinuxCNC programs, by their effect on the path: followed, harmless or refused."""
 
 from __future__ import annotations
 
@@ -41,10 +41,8 @@ FRAME_CODES = LENGTH_CODES | OFFSET_CODES
 
 COMPENSATION, COMPENSATION_END = frozenset((41.0, 42.0, 41.1, 42.1)), 40.0
 POLAR, POLAR_END = 16.0, 15.0
-SPLINE_OR_SPEED = frozenset((5.0, 5.1))
-"""Splines, or the mode of a fast path, by their words."""
 NOT_MOVING = frozenset((DWELL, 5.0, 5.1))
-"""Codes that use the coordinates of their block for something else than a move."""
+"""Codes that use the coordinates of their block for something else than a move: a dwell, splines, fast path modes."""
 DATA, GIVEN_LENGTH, LOCAL, UPRIGHT = 10.0, 43.1, 52.0, 53.1
 SCALE, SCALE_END, MIRROR, MIRROR_END = 51.0, 50.0, 51.1, 50.1
 ROTATION, TILT, ROTATION_END = 68.0, 68.2, 69.0

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 
-from kinematics.correction import correct_position
 from kinematics.effects import Effect, LocationError
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
-from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
-from postproc.compensation.correction import COLD, PoseErrors, pose_errors
+from postproc.compensation.correction import PoseErrors
 from postproc.kinematic_parameters.as_errors import errors_of_lines
 from postproc.kinematic_parameters.best import Best, Volume, best_lines, unheld
 from postproc.kinematic_parameters.format import Number, ParameterFormat, signed
@@ -130,17 +128,10 @@ class ExportedParameters:
         rest = joined(model, self.taken.effects, -1.0)
         nominal = np.broadcast_to(self.tool, points.tool.shape)
 
-        def left(q: Array) -> PoseErrors:
-            return pose_errors(machine, model, q, points.q, points.tool, COLD.states(points.approach))
+        left = partial(points.errors, machine, model)
 
         def lines(q: Array, frame: Array | None = None) -> Array:
             return positions_with(machine, self.moved, q, nominal, frame)
-
-        def corrected(by: ErrorModel) -> Array:
-            def errors(q: Array) -> Array:
-                return by.errors(machine, State(q, points.approach))
-
-            return correct_position(machine, errors, points.q, points.tool, np.ones(points.q.shape, bool))
 
         found = {
             "before": left(points.q),
@@ -153,8 +144,8 @@ class ExportedParameters:
             shift = np.array([tables.datum.get(axis.name, 0.0) for axis in machine.axes]) * machine.scale
             commands = lines(points.q, self.best.frame)
             found["after_parameters_datum_shift_and_tables"] = left(tables.moves(commands, points.approach) + shift)
-        found["after_nc_correction"] = left(corrected(model))
-        found["after_parameters_and_nc_correction_of_the_rest"] = left(lines(corrected(rest)))
+        found["after_nc_correction"] = left(points.corrected(machine, model))
+        found["after_parameters_and_nc_correction_of_the_rest"] = left(lines(points.corrected(machine, rest)))
         return found
 
     def _tables(self, model: ErrorModel) -> Exported | None:

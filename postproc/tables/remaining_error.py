@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from kinematics.correction import correct_position
 from kinematics.error_model.model import ErrorModel
+from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.compensation.correction import COLD, PoseErrors, pose_errors
@@ -22,6 +24,7 @@ from postproc.tables.target import Target
 GRID = 4096
 """Positions of the volume at which errors are calculated."""
 SEED = 230
+TOLERANCE_UM = 1.0
 
 Move = Callable[[Array, Array], Array]
 """Actual axis positions `(n, axes)` for commands `(n, axes)`, mm and rad, and their directions of approach."""
@@ -35,6 +38,18 @@ class EvaluationPoints:
     approach: Array
     tool: Array
 
+    def errors(self, machine: Machine, model: ErrorModel, q: Array) -> PoseErrors:
+        """Pose errors of a machine at actual axis positions `(n, axes)`, mm and rad, for these commands."""
+        return pose_errors(machine, model, q, self.q, self.tool, COLD.states(self.approach))
+
+    def corrected(self, machine: Machine, model: ErrorModel) -> Array:
+        """Commands `(n, axes)`, mm and rad, corrected for the errors of a model."""
+
+        def errors(q: Array) -> Array:
+            return model.errors(machine, State(q, self.approach))
+
+        return correct_position(machine, errors, self.q, self.tool, np.ones(self.q.shape, bool))
+
 
 def volume_points(target: Target) -> EvaluationPoints:
     """Points evenly spread over the travels of all axes, approached from either side."""
@@ -43,10 +58,10 @@ def volume_points(target: Target) -> EvaluationPoints:
     return EvaluationPoints(q, approach, np.broadcast_to(target.tool, (len(q), 3)))
 
 
-def program_points(motions: Motions, model: ErrorModel, tolerance_um: float = 1.0) -> EvaluationPoints:
-    """Positions of all moves with known ends and paths; half the tolerance is no reversal."""
+def program_points(motions: Motions, model: ErrorModel) -> EvaluationPoints:
+    """Positions of all moves with known ends and paths; half of TOLERANCE_UM is no reversal."""
     machine = motions.machine
-    directions = MachineStates(model, machine, COLD, tolerance_um).along(motions)
+    directions = MachineStates(model, machine, COLD, TOLERANCE_UM).along(motions)
     q, approach, tool = [], [], []
     shares = [(share, i, motions.evaluated_paths) for i, share in enumerate(INNER)]
     for share, i, rows in [*shares, (1.0, -1, motions.evaluated)]:
@@ -66,24 +81,15 @@ def stages(
     """
     machine, model = target.machine, target.model
     rest = joined(model, taken.effects, -1.0)
-
-    def corrected(by: ErrorModel) -> Array:
-        def errors(q: Array) -> Array:
-            return by.errors(machine, State(q, points.approach))
-
-        return correct_position(machine, errors, points.q, points.tool, np.ones(points.q.shape, bool))
-
-    def left(q: Array) -> PoseErrors:
-        return pose_errors(machine, model, q, points.q, points.tool, COLD.states(points.approach))
-
+    left = partial(points.errors, machine, model)
     with_tables = tables(points.q, points.approach)
     shift = np.array([datum.get(axis.name, 0.0) for axis in machine.axes]) * machine.scale
     return {
         "before": left(points.q),
         "after_tables": left(with_tables),
         **({"after_tables_and_datum_shift": left(with_tables + shift)} if datum else {}),
-        "after_nc_correction": left(corrected(model)),
-        "after_tables_and_nc_correction_of_the_rest": left(tables(corrected(rest), points.approach)),
+        "after_nc_correction": left(points.corrected(machine, model)),
+        "after_tables_and_nc_correction_of_the_rest": left(tables(points.corrected(machine, rest), points.approach)),
     }
 
 

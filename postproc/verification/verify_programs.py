@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -20,7 +20,7 @@ from postproc.dialects import find_dialect
 from postproc.evaluation.trace import DrawnPaths
 from postproc.text.notes import Notes
 from postproc.text.source import Source
-from postproc.verification.in_step import DifferentMoves, in_step
+from postproc.verification.in_step import DifferentMoves, Matched, in_step
 from postproc.verification.verify import Verdict, Verifier, run_motions
 
 
@@ -109,16 +109,7 @@ def verify_programs(
     }
     datums = UsedDatums(setup)
     table = ClassTable(machine, models.evaluated, conditions) if classes else None
-    different = None
-    try:
-        for moves in in_step(nominal, commanded):
-            for verifier in verifiers.values():
-                verifier.add(moves)
-            datums.add(moves.nominal)
-            if table is not None:
-                table.add(moves.nominal)
-    except DifferentMoves as fault:
-        different = fault
+    different = _evaluated(in_step(nominal, commanded), [*verifiers.values()], datums, table)
     states = [interpreter.control_state for interpreter in interpreters]
     here = mark_of(models.calibration, states[0])
     notes += _mark_notes(programs[1].name, corrected, here, models.earlier, accepted)
@@ -135,6 +126,22 @@ def verify_programs(
         [*notes, *datums.notes()],
         verifiers[""].paths,
     )
+
+
+def _evaluated(
+    steps: Iterator[Matched], verifiers: Sequence[Verifier], datums: UsedDatums, table: ClassTable | None
+) -> DifferentMoves | None:
+    """Evaluate the moves of both programs; returns the first difference of the moves, None without one."""
+    try:
+        for moves in steps:
+            for verifier in verifiers:
+                verifier.add(moves)
+            datums.add(moves.nominal)
+            if table is not None:
+                table.add(moves.nominal)
+    except DifferentMoves as fault:
+        return fault
+    return None
 
 
 def _mark_of_the_second(programs: tuple[Source, Source]) -> Mark | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from postproc.motion.circles import Point
+from postproc.motion.circles import Point, point_around
 from postproc.motion.moves import Arc, PolarEnd
 from postproc.text.editing import WordEditor
 from postproc.text.number_style import decimals_for
@@ -29,7 +29,7 @@ def write_line_end(
     angle = _set_angle(
         editor, polar, (start[1], end[1]), _programmed_angle(editor, polar), angle_decimals(resolution, radius)
     )
-    return at_polar(pole, radius, angle)
+    return point_around(pole, radius, angle)
 
 
 def write_arc_end(
@@ -42,7 +42,7 @@ def write_arc_end(
     """
     (radius, begun), (_, ended) = (_seen_from(pole, point) for point in ends)
     angle = _set_angle(editor, polar, (begun, ended), turned, angle_decimals(resolution, radius))
-    return at_polar(pole, radius, angle)
+    return point_around(pole, radius, angle)
 
 
 def add_helix_end(added: AddedBlock, axes: list[str], arc: Arc, ends: tuple[Point, Point], resolution: float) -> Point:
@@ -51,7 +51,7 @@ def add_helix_end(added: AddedBlock, axes: list[str], arc: Arc, ends: tuple[Poin
     decimals = angle_decimals(resolution, radius)
     turned = round(arc.sense * ((arc.sense * (ended - begun)) % 360.0), decimals)
     added.end_by_angle(axes, turned, decimals)
-    return at_polar(arc.centre, radius, begun + turned)
+    return point_around(arc.centre, radius, begun + turned)
 
 
 def write_circle_as_helix(
@@ -73,7 +73,7 @@ def write_circle_as_helix(
         editor.remove(index)
     if block.kind in ("tangent", "polar_tangent"):
         _write_sense(editor, arc.sense)
-    return at_polar(arc.centre, radius, begun + angle)
+    return point_around(arc.centre, radius, begun + angle)
 
 
 def write_tangent_as_circle(
@@ -107,12 +107,6 @@ def _write_sense(editor: WordEditor, sense: int) -> None:
 def angle_decimals(resolution: float, radius: float) -> int:
     """Decimals of an angle, degrees, for the resolution of the coordinates, mm, at a radius, mm."""
     return min(FINEST, decimals_for(math.degrees(resolution / max(radius, resolution))))
-
-
-def at_polar(pole: Point, radius: float, degrees: float) -> Point:
-    """The point at a radius, mm, and angle, degrees, about a pole."""
-    angle = math.radians(degrees)
-    return pole[0] + radius * math.cos(angle), pole[1] + radius * math.sin(angle)
 
 
 def _seen_from(pole: Point, point: Point) -> tuple[float, float]:

@@ -58,7 +58,7 @@ class Unexplained(NamedTuple):
 
     @property
     def of_readings(self) -> bool:
-        """True for a function of what the tracker reads: an error of the instrument."""
+        """True for a function of the tracker's readings: an error of the instrument."""
         return set(self.variables) <= set(READINGS)
 
     @property
@@ -67,14 +67,12 @@ class Unexplained(NamedTuple):
         return ", ".join(self.variables) + " of the tracker's readings" * self.of_readings
 
 
-def explaining_variables(
-    white: Array, variables: Mapping[str, Array], rng: np.random.Generator, blocks: np.ndarray | None = None
-) -> Unexplained | None:
+def explaining_variables(white: Array, variables: Mapping[str, Array], rng: np.random.Generator) -> Unexplained | None:
     """The smallest set of variables `(n,)` of which a smooth function explains residuals `(n, d)`; None for noise.
 
     All singles, pairs and triples are tried, and must explain more than they explain of the permuted residuals. Then
-    variables are added, exchanged and dropped by their evidence, `EVIDENCE` each. blocks: labels `(n,)` of rows that
-    are permuted together; by `blocks_in_time` when None.
+    variables are added, exchanged and dropped by their evidence, `EVIDENCE` each. Rows are permuted in blocks, by
+    `blocks_in_time`.
     """
     names = [name for name, values in variables.items() if np.ptp(values) > 0.0]
     residual = white - white.mean(axis=0)
@@ -83,8 +81,7 @@ def explaining_variables(
     kernels = Kernels([variables[name] for name in names], _centres(len(white), rng))
     sets = [each for size in (1, 2, 3) for each in combinations(range(len(names)), size)]
     starts = [dict.fromkeys(each, length) for each in sets for length in FIRST_LENGTHS]
-    labels = blocks_in_time(white) if blocks is None else blocks
-    evidence, p_value = _against_permuted(kernels, starts, residual, labels, rng)
+    evidence, p_value = _against_permuted(kernels, starts, residual, blocks_in_time(white), rng)
     if p_value > LEVEL:
         return None
     lengths = _best_set(kernels, [starts[i] for i in _best_of_each_size(starts, evidence)], residual, len(names))

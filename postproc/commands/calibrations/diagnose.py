@@ -47,7 +47,8 @@ def diagnose(
     the measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
     """
     from calibration.fit.beyond_measured import calibration_file
-    from calibration.reports.diagnosis import Files, diagnosis_json, diagnosis_report
+    from calibration.reports.diagnosis import Files, diagnosis_report
+    from calibration.reports.diagnosis_json import diagnosis_json
     from postproc.commands.show.terminal import console, show
 
     inputs = check_files((*data, form.plan, calibration), {"--output": output, **others.by_option})

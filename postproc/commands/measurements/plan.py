@@ -164,7 +164,7 @@ def plan(
         )
         made = plan_of_path(nominal, choices, settings.feed)
         corners = nominal.positions / found.scale
-        lines = path_program(found, corners, settings, dialect, "ncomp path to be measured on the fly")
+        lines = path_program(found, corners, settings, dialect)
         shown = path_report(nominal, evaluated_path(nominal, choices.targets), settings.feed, len(choices.targets))
     else:
         if optimising.optimise:
