@@ -1,6 +1,6 @@
 """Build hook of the wheel: the packages of this repository become packages of `ncomp`.
 
-In the repository they stand side by side (`kinematics`, `machines`, ...) and import one another by these names. In a
+In the repository they lie side by side (`kinematics`, `machines`, ...) and import one another by these names. In a
 wheel such names would lie beside the packages of other people, so each goes below `ncomp/`, `ncomp.py` becomes
 `ncomp/__init__.py`, and `kinematics` in an import becomes `ncomp.kinematics`. An editable installation keeps the
 repository as it is.

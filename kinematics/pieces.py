@@ -130,7 +130,7 @@ class Curvature:
     def along(self, low: Array, high: Array, way: Array, bend: Array) -> list[tuple[Array, Array, Array]]:
         """Bounds of the size, the change and the bend `(n,)` of the translations, and of the rotations.
 
-        Along ways of these lengths between positions `(n,)` from which the position in the middle deviates by
+        Along paths of these lengths between positions `(n,)` from which the position in the middle deviates by
         `bend` / 2; terms as in `kinematics.second_differences`.
         """
         inner = self.breaks[1:-1]
@@ -188,7 +188,7 @@ class ErrorMotions:
 
     @cached_property
     def slope(self) -> float:
-        """About the largest change of tool point errors, mm, by way of the linear axes, mm; infinite if errors jump.
+        """Largest change of tool point errors per distance of the linear axes, mm/mm; infinite if errors jump.
 
         Over the travel, for a tool point that is ARM away from the axes.
         """

@@ -21,7 +21,7 @@ def blocks(n: int) -> Iterator[slice]:
 
 
 def read_only(array: AnyArray) -> AnyArray:
-    """The same array, which nobody can change any more: for those that are kept and shared."""
+    """The same array, read-only: for those that are kept and shared."""
     array.setflags(write=False)
     return array
 

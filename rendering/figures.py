@@ -11,7 +11,7 @@ import numpy as np
 from kinematics.transforms import Array
 
 COLOURS = ("#3b7dd8", "#d9700a", "#4e9a06")
-"""Of x, y, z; of A and B; of forward and backward."""
+"""Colours of x, y and z; of A and B; of forward and backward."""
 INK, GREY, RED = "@ink", "@grey", "#d4372c"
 """Text and thin lines in the colours of the page, which is light or dark."""
 SIZES = "@sizes"

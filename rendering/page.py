@@ -72,7 +72,7 @@ def page(report: Report, done: Callable[[float], None] = lambda _: None) -> byte
 
 
 def as_script(value: object) -> str:
-    """JSON that can stand inside an element of HTML."""
+    """JSON for the inside of an element of HTML."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("</", "<\\/").replace("<!--", "<\\u0021--")
 

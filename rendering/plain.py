@@ -25,7 +25,7 @@ LATIN = "\u0300"
 
 
 def is_plain(stream: TextIO | None) -> bool:
-    """True for a pipe or a file, unless the environment says that it is shown on a terminal."""
+    """True for a pipe or a file, unless the environment states that it is shown on a terminal."""
     forced = os.environ.get("FORCE_COLOR") or os.environ.get("TTY_COMPATIBLE")
     return stream is None or not (stream.isatty() or forced)
 
@@ -58,17 +58,17 @@ class PlainText:
 
     @contextmanager
     def status(self, text: str) -> Iterator[PlainText]:  # noqa: ARG002
-        """A pipe does not show what a command is doing."""
+        """A pipe does not show the step in work."""
         yield self
 
     def update(self, text: str) -> None:
-        """A pipe does not show what a command is doing."""
+        """A pipe does not show the step in work."""
 
 
 def plain_table(table: Table, width: int) -> str | None:
     """A table as text, with cells over several lines where it would be wider.
 
-    None for a table that does not fit, and for characters of which only Rich knows the width.
+    None for a table that does not fit, and for characters whose width only Rich can calculate.
     """
     rows: Sequence[Sequence[str]] = [table.head, *table.rows]
     if not all(cell.isprintable() and max(cell, default="") < LATIN for row in rows for cell in row):

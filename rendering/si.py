@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 ALONE = (r"(?<![\w.\-=/\\])", r"(?![\w\-=])(?!\.\w)")
-"""A unit stands alone: it is no part of a name, an option, a path or a key."""
+"""A unit is a word of its own: it is no part of a name, an option, a path or a key."""
 SYMBOLS = [
     (re.compile(f"{ALONE[0]}{plain}{ALONE[1]}"), symbol)
     for plain, symbol in (

@@ -130,13 +130,13 @@ def other_motions(measurement: Measurement, rows: np.ndarray, circles: Sequence[
 
 
 def spike(measurement: Measurement, transform: Array, rows: np.ndarray, axis: str, length: float) -> Group:
-    """A reversal spike at both ends of an axis that decays over a way, mm, at all feeds."""
+    """A reversal spike at both ends of an axis that decays over a distance, mm, at all feeds."""
     columns = spike_columns(measurement, transform, rows, axis, dict.fromkeys(feeds_of(measurement, rows), length))
     return Group("reversal-spike", axis, HEIGHTS, columns, {"length_mm": length}, 6.0)
 
 
 def timed_spike(measurement: Measurement, transform: Array, rows: np.ndarray, axis: str, time_ms: float) -> Group:
-    """A reversal spike at both ends of an axis that decays over a time, ms: over a longer way at a higher feed."""
+    """A reversal spike at both ends of an axis that decays over a time, ms: over a longer distance at a higher feed."""
     ways = {feed: way_in(measurement, feed, time_ms) for feed in feeds_of(measurement, rows)}
     columns = spike_columns(measurement, transform, rows, axis, ways)
     return Group("reversal-spike", axis, HEIGHTS, columns, {"time_ms": time_ms}, 6.0)
@@ -145,7 +145,7 @@ def timed_spike(measurement: Measurement, transform: Array, rows: np.ndarray, ax
 def spike_columns(
     measurement: Measurement, transform: Array, rows: np.ndarray, axis: str, ways: Mapping[float, float]
 ) -> Array:
-    """Signals `(n, 2)` of unit spikes at the positive and at the negative end, with a way, mm, by feed; 0 at others."""
+    """Signals `(n, 2)` of unit spikes at the positive and at the negative end; ways: distances, mm, by feed."""
     assert measurement.feed is not None
     own = np.zeros((len(rows), 1))
     for way in set(ways.values()):
@@ -170,7 +170,7 @@ def radius_mm(measurement: Measurement) -> float:
 
 
 def time_of(measurement: Measurement, feed: float, way: float) -> float:
-    """Time, ms, in which an axis on a circle goes a way, mm, after its reversal: sqrt(2 r s) / v."""
+    """Time, ms, in which an axis on a circle moves a distance, mm, after its reversal: sqrt(2 r s) / v."""
     return float(6e4 * (2.0 * radius_mm(measurement) * way) ** 0.5 / feed)
 
 

@@ -66,7 +66,7 @@ class Share:
     tied_with: tuple[str, ...]
     """Other causes that explain the data nearly as well in its place."""
     by_feed: tuple[SpikeAtFeed, ...] = ()
-    """Of a reversal spike measured at several feeds: its decay at each."""
+    """Decay of a reversal spike at each feed, if it was measured at several."""
 
     @property
     def name(self) -> str:
@@ -90,7 +90,7 @@ class Limit:
 
     name: str
     smallest: float
-    """For the shape (period, way of decay) that is seen best."""
+    """For the shape (period, distance of decay) that is identified best."""
     largest: float
     """For the shape that is seen worst."""
     unit: str

@@ -1,6 +1,8 @@
-"""The way and the time over which a reversal spike decays at each feed: control keeps the time, mechanics the way.
+"""Distance and time over which a reversal spike decays at each feed.
 
-On a circle of radius r at feed v an axis has gone the way s after its reversal in the time sqrt(2 r s) / v.
+A spike of the control keeps its time, one of the mechanics its distance.
+
+On a circle of radius r at feed v an axis has moved the distance s after its reversal in the time sqrt(2 r s) / v.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from calibration.measurement.measurement import Measurement
 from kinematics.transforms import Array
 
 STEP = 0.02
-"""Step of the logarithm of a way for its uncertainty."""
+"""Step of the logarithm of a distance for its uncertainty."""
 SAME_KEPT = 2.0
 """Difference of two feeds in standard deviations up to which they agree."""
 
@@ -55,7 +57,7 @@ def spikes_by_feed(
     deviation: Array,
     noise_um: float,
 ) -> tuple[SpikeAtFeed, ...]:
-    """The decay at each feed, ways and heights free at each; none with one feed.
+    """The decay at each feed, distances and heights free at each; none with one feed.
 
     ways: first guess by feed in ascending order, mm; others: orthonormal columns `(n, m)` of all other causes.
     """

@@ -91,7 +91,7 @@ def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
 
 
 def _as_readings(measurement: Measurement) -> Measurement:
-    """A touch probe's measurement with the nominal tip in the centres of the spheres, and the rest as readings.
+    """A touch probe's measurement with the nominal tip in the centres of the spheres, and the remainder as readings.
 
     The positions of the linear axes, in which a probe records a centre, are then the same in repeats.
     """

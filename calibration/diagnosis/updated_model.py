@@ -67,7 +67,7 @@ def merged(machine: Machine, model: ErrorModel, calibrated: int) -> ErrorModel:
 
     A scale becomes part of the positioning error. Effects that differ only in linear parameters are one, with the sum
     of their parameters. calibrated: number of effects of the present calibration, which come first and keep their
-    datum. What was added to them is moved into the datum, and its mean lines become location errors.
+    datum. The additional errors are moved into the datum, and its mean lines become location errors.
     """
     kept, into = _joined(machine, model.effects)
     whole = msgspec.structs.replace(model, effects=kept, covariance=None)

@@ -49,7 +49,7 @@ class UnseenErrors(NamedTuple):
     without_um: float
     """RMS length, um, of the expected errors of the calibration that it replaces."""
     recurs: bool
-    """True for an error of the machine that recurs with the position: what a model has learned of it is right."""
+    """True for an error of the machine that recurs with the position: a model holds it rightly."""
 
 
 class Widened(NamedTuple):

@@ -114,7 +114,7 @@ def _information(measurement: Measurement) -> int:
 def disagreement(found: Fit) -> str:
     """Statement, without a full stop, that too many rows disagree with the fit for a calibration; else empty.
 
-    Rows of failed stations count: only a user can say that their failure is not the machine's.
+    Rows of failed stations count: only a user knows that their failure is not the machine's.
     """
     number, rows = int(np.count_nonzero(found.disagreeing)), int(np.count_nonzero(~found.copies))
     if not too_many(number, rows):

@@ -41,7 +41,7 @@ DATUM_SLOPES = ("E_YX", "E_ZX", "E_ZY")
 RULED = 2e-3
 """Share of the largest singular value below which the rules leave a direction of the gauge open.
 
-Along such a direction the rules would ask for large parameters that only cancel one another.
+Along such a direction the rules would give large parameters that only cancel one another.
 """
 HARMONIC = 1e-2
 """Weight of the rules for first harmonics, which only some bases represent exactly."""

@@ -66,7 +66,7 @@ def with_estimated_noise(found: Fit) -> Measurement:
 def with_noise_of_visits(found: Fit) -> Measurement:
     """The same without misfit: where positions recur, the noise is at most the scatter of their visits.
 
-    For the search for errors that the model lacks. `EstimatedNoise.misfit` names the rest.
+    For the search for errors that the model lacks. `EstimatedNoise.misfit` names the remaining axes.
     """
     estimated = _estimated(found)
     return replace(found.measurement, noise=None if estimated is None else estimated[1])
@@ -109,7 +109,7 @@ class _Estimate(NamedTuple):
     """Variances that differ from the specification by more than chance; 1 and zeros elsewhere."""
 
     factor: float
-    """Of the instrument, in units of the specification."""
+    """Variance of the instrument, in units of the specification."""
     of_axes: Array
     """`(axes,)`, in units of that of `TYPICAL`."""
 

@@ -76,7 +76,7 @@ def robust_factor(
     """Variance factor, at least `least`, that brings the median of squared distances `(n,)` to that of chi2.
 
     effective_parameters: degrees of freedom that the fit took out of the residuals. stop: number `(n,)` of the stop of
-    each row; all stops count alike, since a log of a long standstill says no more about the motion than a short one.
+    each row; all stops count alike, since a long standstill contains no more about the motion than a short one.
     """
     scalars = distances.size * components
     share = (

@@ -1,4 +1,4 @@
-"""Backlash on the fly: difference of errors between forward and backward motion (outlook of the on-the-fly paper).
+"""Backlash on the fly: difference of errors between forward and backward motion (proposed in the on-the-fly paper).
 
 Either one number or one curve for each error motion: the fit has a few more unknowns, or about twice as many.
 """

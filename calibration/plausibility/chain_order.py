@@ -22,7 +22,7 @@ SAME = 1e-6
 
 
 def other_chains(measurement: Measurement) -> Iterator[Alternative]:
-    """The measurement with each rotary axis that moves at any other place of the chain, also beyond the bed.
+    """The measurement with each rotary axis that moves at any other position of the chain, also beyond the bed.
 
     Chains with the same nominal points are tried once.
     """

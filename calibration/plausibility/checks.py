@@ -136,7 +136,7 @@ def _order(measurement: Measurement) -> Iterator[Finding]:
 
 
 def _times(measurement: Measurement) -> Iterator[Finding]:
-    """Pauses, and times that stand for several stops; those of continuous records are their readings' own."""
+    """Pauses, and times that several stops share; those of continuous records are their readings' own."""
     if measurement.across is None:
         texts = (*repeated_times(measurement), *paused(measurement))
         yield from (Finding("times", text, False) for text in texts)

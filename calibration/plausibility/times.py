@@ -1,4 +1,4 @@
-"""Times of the rows: pauses, after which the thermal state is unknown, and times that stand for several rows."""
+"""Times of the rows: pauses, after which the thermal state is unknown, and times that several rows share."""
 
 from __future__ import annotations
 

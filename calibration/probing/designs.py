@@ -64,7 +64,7 @@ def grid(ranges: Mapping[int, tuple[float, float]], number: int) -> Array:
     counts, left, free = np.ones(len(spans)), float(number), spans > 0.0
     while free.any():
         each = spans * (left / np.prod(spans[free])) ** (1.0 / free.sum())
-        # two angles for the ends of a small range, and the others share the rest
+        # two angles for the ends of a small range, and the others share the remaining ones
         small = free & (each < 2.0)
         now = small if small.any() else free
         counts[now] = np.maximum(np.round(each[now]), 2.0)

@@ -113,9 +113,9 @@ def _causes(shares: Shares) -> Iterator[Section]:
 
 KEPT = {
     "time": "it keeps its time: friction and control",
-    "way": "it keeps its way: mechanics",
-    "both": "these feeds do not part time and way",
-    "neither": "it keeps neither its way nor its time",
+    "way": "it keeps its distance: mechanics",
+    "both": "these feeds do not separate time and distance",
+    "neither": "it keeps neither its distance nor its time",
 }
 
 
@@ -128,8 +128,8 @@ def _by_feed(shares: Shares) -> Iterator[Section]:
     if rows:
         yield Section(
             "Reversal spikes by feed",
-            "The spike decays over this way since the reversal, and over this time on the circle, with U (k = 2).",
-            Table(("cause", "feed, mm/min", "way, mm", "time, ms", "conclusion"), rows),
+            "The spike decays over this distance since the reversal, and over this time on the circle, with U (k = 2).",
+            Table(("cause", "feed, mm/min", "distance, mm", "time, ms", "conclusion"), rows),
         )
 
 

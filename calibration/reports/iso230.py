@@ -16,7 +16,7 @@ from rendering.report import Report, Section, Table
 IN_THE_VERDICT = ("A", "R", "B")
 """Symbols of the values of the verdict."""
 LINES = {"A": ("dash", 1.0), "E": ("dot", 0.0), "M": ("dashdot", 0.5)}
-"""Form of the lines at the ends of each value, and the place of its label."""
+"""Form of the lines at the ends of each value, and the position of its label."""
 CURVES = (
     "The curves are the means of each direction, with bands of twice the estimator s. Horizontal lines show the "
     "ends of the accuracy A (dashed), of the systematic deviation E (dotted) and of the mean deviation M "

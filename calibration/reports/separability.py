@@ -1,4 +1,4 @@
-"""What a design can show and separate, by family of causes: for the head of a report, and for programs."""
+"""Causes that a design shows and separates, by family: for the head of a report, and for programs."""
 
 from __future__ import annotations
 

@@ -180,7 +180,7 @@ def shown(example: Example) -> str:
 
 
 def reasons(folders: tuple[str, ...]) -> list[str]:
-    """The reasons of all refusals in the modules of some folders; … stands for a value."""
+    """The reasons of all refusals in the modules of some folders; … replaces a value."""
     found = set()
     for path in (path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))):
         for node in ast.walk(ast.parse(path.read_text())):
@@ -211,7 +211,7 @@ def page() -> str:
 
 def _lines() -> Iterator[str]:
     yield from (
-        "# Refusals: the meaning, and what to do",
+        "# Refusals: their meaning and their cure",
         "",
         "Written by `python docs/make/refusals.py`; do not edit. The messages are those of real runs, and the list at "
         "the end is read from the code.",
@@ -228,7 +228,7 @@ def _lines() -> Iterator[str]:
     for example in EXAMPLES:
         message = shown(example)
         yield from (f"## {example.heading}", "", f"    {message}", "")
-        yield from (f"**Meaning.** {example.meaning}", "", f"**What to do.** {example.cure}", "")
+        yield from (f"**Meaning.** {example.meaning}", "", f"**Cure.** {example.cure}", "")
     yield from ("## All refusals of a block", "")
     yield (
         "Sorted by the dialect; … stands for a word or a number of the program. Reasons that belong to a single code "

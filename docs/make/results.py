@@ -402,7 +402,7 @@ def keys(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def key_table(value: Any) -> dict[str, Any]:
-    """The paths of keys, each once; keys below names of axes, errors or lines are not told apart."""
+    """The paths of keys, each once; keys below names of axes, errors or lines count once."""
     found: dict[str, Any] = {}
     for path, inner in keys(value):
         found.setdefault(general(path), inner)

@@ -34,7 +34,7 @@ PICTURES = {"diagnosis": 2350, "part": 1150}
 
 
 def run(command: str, folder: Path) -> str:
-    """What a command prints, 100 columns wide."""
+    """Output of a command, 100 columns wide."""
     words = [sys.executable, "-m", "ncomp", *shlex.split(command)[1:]]
     environment = {**os.environ, "COLUMNS": "100", "PYTHONPATH": str(ROOT)}
     done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, check=False)
@@ -73,7 +73,7 @@ def _lines(lines: list[str], folder: Path) -> Iterator[str]:
 
 
 def make_data() -> None:
-    """Measure the virtual mill of the tutorial, along the plan of the page, with backlash that no one has told."""
+    """Measure the virtual mill of the tutorial, along the plan of the page, with a backlash that no file contains."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         shutil.copyfile(HERE / "mill.toml", folder / "mill.toml")
@@ -102,7 +102,7 @@ def photograph(page: Path, picture: Path, height: int) -> None:
 
 
 def main() -> None:
-    """Renew what is asked for."""
+    """Renew the requested parts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", action="store_true")
     parser.add_argument("--pictures", action="store_true")

@@ -1,4 +1,4 @@
-"""Friction and play at a reversal: across the guide, along the way since the last reversal, between two drives."""
+"""Friction and play at a reversal: across the guide, along the distance since the last reversal, between two drives."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class LateralPlay(EffectBase, frozen=True, tag="lateral-play"):
 
 
 class _SinceReversal(EffectBase, frozen=True):
-    """Errors along an axis that depend on its way s since its last reversal by exp(-s / length)."""
+    """Errors along an axis that depend on its distance s since its last reversal by exp(-s / length)."""
 
     NEEDS: ClassVar[tuple[str, ...]] = ("approach",)
     REMEDY: ClassVar[Remedy] = "none"
@@ -79,14 +79,14 @@ class _SinceReversal(EffectBase, frozen=True):
 
 
 class Hysteresis(_SinceReversal, frozen=True, tag="hysteresis"):
-    """Lost motion that is taken up along the way after a reversal: friction winds up the drive before the axis follows.
+    """Lost motion that is taken up after a reversal: friction winds up the drive before the axis follows.
 
-    After the way s since the last reversal the axis is behind its command by width / 2 (1 - exp(-s / length)), in both
-    directions; far from reversals this is a backlash of the width. The way is counted from row to row; at the first row
-    it is long. Armstrong-Helouvry et al., Automatica 30/7 (1994); Slocum, Precision Machine Design (1992).
+    At the distance s since the last reversal the axis is behind its command by width / 2 (1 - exp(-s / length)), in
+    both directions; far from reversals this is a backlash of the width. The distance is counted from row to row; at the
+    first row it is long. Armstrong-Helouvry et al., Automatica 30/7 (1994); Slocum, Precision Machine Design (1992).
     """
 
-    TITLE: ClassVar[str] = "hysteresis: lost motion that grows with the way since the last reversal"
+    TITLE: ClassVar[str] = "hysteresis: lost motion that grows with the distance since the last reversal"
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
         Parameter("width", BY_DIRECTION, 20.0),
         Parameter("length", BY_AXIS, 0.3, linear=False, share_of="length", lower=0.0),
@@ -105,12 +105,12 @@ class Hysteresis(_SinceReversal, frozen=True, tag="hysteresis"):
 class ReversalSpike(_SinceReversal, frozen=True, tag="reversal-spike"):
     """A local error just after a reversal: the axis sticks, and the control's friction compensation is late or early.
 
-    After the way s since the last reversal the axis is behind its command by height exp(-s / length), in both
-    directions; a negative height is too much compensation. The way is counted as in `hysteresis`. ISO 230-4 (circular
-    tests), whose evaluation calls it a reversal spike.
+    At the distance s since the last reversal the axis is behind its command by height exp(-s / length), in both
+    directions; a negative height is too much compensation. The distance is counted as in `hysteresis`. ISO 230-4
+    (circular tests), whose evaluation calls it a reversal spike.
     """
 
-    TITLE: ClassVar[str] = "reversal spike: a local error after a reversal that decays with the way"
+    TITLE: ClassVar[str] = "reversal spike: a local error after a reversal that decays with the distance"
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
         Parameter("height", BY_DIRECTION, 10.0),
         Parameter("length", BY_AXIS, 0.3, linear=False, share_of="length", lower=0.0),
@@ -158,13 +158,13 @@ def way_since_reversal(machine: Machine, state: State, axis: str, by: str) -> Ar
     """Way `(n,)` of an axis since its last reversal, mm or degrees, from the order of rows; unlimited before the first.
 
     by: name of the effect, for the UserError where the direction of approach is not known.
-    The row in which the direction of approach changes has come all its way in the new direction.
+    The row in which the direction of approach changes has covered all its distance in the new direction.
     """
     i = machine.index(axis)
     side, position = state.need("approach", by)[:, i], state.position(machine, axis)
     ways = np.cumsum(np.abs(np.diff(position, prepend=position[:1])))
     turned = np.append(False, (side[1:] != side[:-1]) & (side[1:] != 0))[: len(side)]
     last = np.maximum.accumulate(np.where(turned, np.arange(len(side)), 0))
-    # the way before the row that turned
+    # the distance before the row that turned
     before = np.append(0.0, ways)[last]
     return np.where(last > 0, ways - before, np.inf)

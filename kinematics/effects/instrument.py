@@ -304,7 +304,7 @@ class LateReadBack(_Instrument, frozen=True, tag="late-read-back"):
 class UnknownApproach(_Instrument, frozen=True, tag="unknown-approach"):
     """Error of an axis in the rows before its first move, where the direction of its approach is unknown.
 
-    The direction decides on which side of its lost motion the axis stood: half the reversal value of ISO 230-2, with
+    The direction decides on which side of its lost motion the axis was: half the reversal value of ISO 230-2, with
     either sign.
     """
 

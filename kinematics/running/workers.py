@@ -28,14 +28,14 @@ from kinematics.files import remove_unpublished
 from kinematics.user_error import UserError
 
 LOCAL = "local"
-"""Address that stands for a Dask cluster of this machine, made for the command."""
+"""Address of a Dask cluster on this machine, which the command makes for itself."""
 ATTEMPTS = 3
 """Number of times that a task is done alone after its worker was lost."""
 RETRIES = 10
 """Number of times that Dask itself repeats a task."""
 CONNECT_S = 20
 GRACE_S = 5.0
-"""Time, s, after which a worker that was told to end is ended in the midst of its work."""
+"""Time, s, after which a worker that must end is ended in the midst of its work."""
 STOPS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 LARGEST_TASK = "2 GiB"
 """Size of a task for Dask without a warning: programs travel in their tasks."""
@@ -192,7 +192,7 @@ def _stopped(number: int, _: object) -> None:
 
 
 def _do(function: Callable[..., Result], *task: Any) -> Result:
-    """In a worker: the result of a task. A worker that was told to end does so behind the task's own removals."""
+    """In a worker: the result of a task. A worker that must end does so after the task's own removals."""
     try:
         return function(*task)
     except SystemExit:

@@ -37,7 +37,7 @@ class Significance:
     def add(self, before: Array, after: Array, u: Array, moves: ArrayLike = 1) -> None:
         """Add predicted errors before and after `(n,)`, and standard uncertainties `(n,)` of those before, um.
 
-        moves `(n,)`: number of moves that each stands for.
+        moves `(n,)`: number of moves that each represents.
         """
         gained, moves = before - after, np.broadcast_to(moves, before.shape)
         self.improvement += float((moves * gained).sum())

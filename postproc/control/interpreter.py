@@ -187,7 +187,7 @@ class Interpreter(ABC):
 
     @abstractmethod
     def frame(self) -> Frame:
-        """The frame of programmed coordinates now."""
+        """The frame of programmed coordinates in force."""
 
     def change_frame(self, axes: Iterable[int]) -> None:
         """Program in the present frame from here, in which coordinates of these axes mean something else."""
@@ -273,7 +273,7 @@ class Interpreter(ABC):
         self.accept(block, name, f"{name} is not known to ncomp: take it out, or write its moves", moves=moves)
 
     def mark_unknown(self, names: Sequence[str]) -> list[str]:
-        """The program does not give the positions of these axes any more; those of them that the machine has."""
+        """Mark the positions of these axes as unknown; returns those of them that the machine has."""
         present = [name for name in names if name in self.columns]
         self.recorder.mark_unknown([self.columns[name] for name in present])
         return present

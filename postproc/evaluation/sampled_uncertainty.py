@@ -77,7 +77,7 @@ class SampledUncertainties:
 
 
 def _sampled(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the moves, by their numbers `(n,)`, whose uncertainty is computed, and how many each stands for."""
+    """Indices of the moves, by their numbers `(n,)`, whose uncertainty is computed, and how many each represents."""
     first, steps = np.array(STEPS).T
     step = steps[np.searchsorted(first, numbers, side="right") - 1]
     some = np.flatnonzero(numbers % step == 0)

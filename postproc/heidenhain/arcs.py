@@ -62,7 +62,7 @@ class Arcs:
     """Poles so far."""
 
     def new_chunk(self) -> None:
-        """The blocks before are written: their words can't be edited any more."""
+        """The blocks before are written: their words can no longer be edited."""
         self.block, self.words = -1, (None, None)
 
     @property

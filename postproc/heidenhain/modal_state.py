@@ -112,7 +112,7 @@ class ModalState(Interpreter):
     # ---- frames
 
     def frame(self) -> Frame:
-        """The frame of programmed coordinates now."""
+        """The frame of programmed coordinates in force."""
         placed = self.placed(self.tilt).then(self.tilted_transformations.placement)
         length, tcp = self.tool_length + self.oversize, self.tcp or self.tilt is not None
         return self.control_state.frame(self.preset, placed, tool=self.tool_name, length=length, tcp=tcp)

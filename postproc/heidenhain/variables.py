@@ -115,6 +115,6 @@ class Forget(NamedTuple):
     reason: str
 
     def run(self, scope: Scope) -> None:
-        """Nothing is known any more."""
+        """Forget all values: none is known."""
         assert isinstance(scope, QParameters)
         scope.values = dict.fromkeys(scope.values, NotKnown(self.reason))

@@ -35,7 +35,7 @@ class CannedCycle:
     incremental: bool
     """G91 was in force where it began."""
     level: float
-    """Where the axis stood then, mm."""
+    """Position of the axis then, mm."""
     known: Known
     """How that is known."""
     unit: float

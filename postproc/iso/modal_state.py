@@ -127,7 +127,7 @@ class ModalState(Interpreter):
         return bool(self.placement_code) or self.offsets.moved
 
     def frame(self) -> Frame:
-        """The frame of programmed coordinates now."""
+        """The frame of programmed coordinates in force."""
         added, lengths = self.offsets.added(), self.lengths
         shift = shifted(*(added.pop(axis, 0.0) for axis in self.x_y_z))
         return self.control_state.frame(

@@ -148,7 +148,7 @@ def _span(node: Node) -> tuple[int, int]:
 
 
 def _function(name: str, operand: Expression) -> Expression:
-    """A function; EXISTS asks for the variable itself and not for its value."""
+    """A function; EXISTS takes the variable itself and not its value."""
     if name == EXISTS and isinstance(operand, Variable):
         return Variable(f"{EXISTS} {operand.name}", operand.indices)
     return Operation(name, (operand,))

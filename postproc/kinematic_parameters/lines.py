@@ -20,7 +20,7 @@ from kinematics.user_error import UserError
 
 @dataclass(frozen=True)
 class Freedom:
-    """One way in which a control's parameters change the line of a rotary axis."""
+    """One freedom of the line of a rotary axis in a control's parameters."""
 
     axis: str
     vector: Vector

@@ -320,7 +320,7 @@ class Recorder:
         self.position = to_program(self.machine, self.frame, q[None])[0].tolist()
 
     def drop(self, block: int) -> None:
-        """Remove what has been recorded of the last block, which is refused, by its index."""
+        """Remove the records of the last block, which is refused, by its index."""
         while self._rows and self._rows[-1][0] >= block:
             self._rows.pop()
             self._words.pop()

@@ -43,7 +43,7 @@ class Klartext:
     def touch(self, touch: Touch) -> list[str]:
         """Both touches of a contact, and its line in the log."""
         linear = list(touch.back)
-        # the cycle and FN 18 give positions of the active system: their difference is the way from the start
+        # the cycle and FN 18 give positions of the active system: their difference is the distance from the start
         start = [f"FN 18: SYSREAD Q{START + k} = ID270 NR1 IDX{SYSTEM.index(n) + 1}" for k, n in enumerate(linear)]
         found = [f"Q{FOUND + k} = {touch.start[n]:+.4f} + Q{RESULT + k} - Q{START + k}" for k, n in enumerate(linear)]
         rotary = [name for name in self.sequence.machine.names if name not in linear]
@@ -68,7 +68,7 @@ class Klartext:
         return self._blocks("M30", f"LBL {MISSED}", "; NO CONTACT", "STOP", "M30", "END PGM NCOMP MM")
 
     def _cycle(self, touch: Touch, feed: float, length: float) -> list[str]:
-        """A touch along the way to its end, and back from the contact by MB.
+        """A touch along the line to its end, and back from the contact by MB.
 
         A move of the program would not do: the control refuses moves while the stylus is deflected, except by M141.
         """

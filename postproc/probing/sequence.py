@@ -58,7 +58,7 @@ class Touch:
 
     @property
     def length(self) -> float:
-        """Length of the way from start to end, mm."""
+        """Distance from start to end, mm."""
         return float(np.linalg.norm(list(self.path.values())))
 
 

@@ -21,7 +21,7 @@ SETTABLE = {0: "G500", 1: "G54", 2: "G55", 3: "G56", 4: "G57", **{n: f"G{500 + n
 
 @dataclass
 class ControlData:
-    """The values that have been set so far."""
+    """The values that the program has set."""
 
     whole: dict[str, dict[str, float]] = field(default_factory=dict)
     """Work offsets by name and axis, mm or degrees, that were set as a whole."""

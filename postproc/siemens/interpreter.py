@@ -309,7 +309,7 @@ class SiemensInterpreter(Interpreter):
         self.recorder.mark_unknown(list(self.x_y_z))
 
     def frame(self) -> Frame:
-        """The frame of programmed coordinates now."""
+        """The frame of programmed coordinates in force."""
         shifts = {self.machine.index(axis): shift for axis, shift in self.transformations.rotary_shifts.items()}
         tcp, placed = self.tcp or self.transformations.tilted is not None, self.transformations.placement
         tool, length = self.length_key, self.length

@@ -34,7 +34,7 @@ def rank(word: Word) -> int | None:
 
 @dataclass(frozen=True)
 class Layout:
-    """How a program separates words and writes numbers, learned from the blocks read so far."""
+    """How a program separates words and writes numbers, learned from the blocks before."""
 
     blank: bool = True
     numbers: NumberStyle = field(default_factory=NumberStyle)

@@ -146,7 +146,7 @@ class PlainStyle:
 
     @cached_property
     def refused_across(self) -> NDArrayBool:
-        """True `(16, 16)` for pairs of classes that do not stand on both sides of blanks."""
+        """True `(16, 16)` for pairs of classes that do not occur on both sides of blanks."""
         return self._without_letters(_refused(*((_ACROSS, _ACROSS_WITH_HEAD) if self.head else (_ACROSS,))))
 
     def _without_letters(self, refused: NDArrayBool) -> NDArrayBool:
@@ -179,7 +179,7 @@ class PlainLines:
         return len(self._ends)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what follows from the text in little time, and without the words, once they are columns."""
+        """The state without quickly calculated attributes, and without the words, once they are columns."""
         left_out = {"_bytes", "_classes", "_letters_at"} | ({"_words"} if "columns" in vars(self) else set())
         return {name: value for name, value in vars(self).items() if name not in left_out}
 

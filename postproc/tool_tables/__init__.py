@@ -18,7 +18,7 @@ from postproc.control.codes import UNIT_NAMES
 from postproc.control.tool_table import ToolTable, checked, joined
 
 FORMS = ("json_form", "heidenhain", "siemens", "fanuc", "linuxcnc")
-"""The modules, asked in this order; each is imported when it is asked."""
+"""The modules, tried in this order; each is imported when it is tried."""
 
 __all__ = ["ToolTable", "read_tool_table", "read_tool_tables"]
 

@@ -126,7 +126,7 @@ def proposed_measurements(
 ) -> Iterator[ProposedMeasurement]:
     """Designs that answer a question, the best first; then the questions that none of them answers.
 
-    dependence: that no cause explains; what it leaves open comes first.
+    dependence: the one that no cause explains; its open questions come first.
     """
     if dependence is not None and dependence.of_readings:
         yield ProposedMeasurement("remedy", 0.0, 0.0, OTHER_PLACE.format(dependence.listed))

@@ -1,7 +1,7 @@
 """Absorber: a smooth function of the variables of the unexplained residual, beside which a cause must prove itself.
 
-Where an unknown cause is at work, known causes and searched shapes imitate parts of it. A cause stands only if the data
-with the cause and the function are far likelier than with the function alone.
+Where an unknown cause is at work, known causes and searched shapes imitate parts of it. A cause is kept only if the
+data with the cause and the function are far likelier than with the function alone.
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ def log_odds_of_function(linearised: LinearisedFit, dependence: Unexplained) -> 
 def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
     """Accepted causes without which the function explains the data nearly as well as with them.
 
-    A cause that alone explains most of what the function explains stands: the function then imitates the cause. Also a
-    cause that depends on one of the variables, and is less clear than the function beside it or leaves much
-    beyond the noise: it is a mean of the function, or a part of it. A finer error motion of an axis falls where the
-    rest depends on this axis and time: it is the mean of an error that changes.
+    A cause is kept that alone explains most of the squares of the function: the function then imitates the cause. Also
+    a cause that depends on one of the variables, and is less clear than the function beside it or leaves much beyond
+    the noise: it is a mean of the function, or a part of it. A finer error motion of an axis falls where the rest
+    depends on this axis and time: it is the mean of an error that changes.
     """
     # estimated noise of an axis would hold much of the function
     even = stage._replace(linearised=stage.linearised.evenly_noisy)

@@ -1,7 +1,7 @@
 """Causes that are accepted together and mostly cancel each other: together they imitate one that has no name.
 
 Signals of independent causes add up like noise: the square of their sum is about the sum of their squares. Where
-several effects are combined to the form of another one, each is large and takes back what the others do too much.
+several effects are combined to the form of another one, each is large and cancels the excess of the others.
 """
 
 from __future__ import annotations

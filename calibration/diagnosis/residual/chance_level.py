@@ -56,7 +56,7 @@ class Chance:
     library: Sequence[Candidate]
     _draws: dict[str, Iterator[float]] = field(init=False, default_factory=dict)
     _known: dict[str, list[float]] = field(init=False, default_factory=dict)
-    """Largest gain of each draw so far, by kind of cause."""
+    """Largest gain of each draw, by kind of cause."""
 
     def finds(self, candidate: Candidate, gain: float) -> bool:
         """True where one of the draws reaches the gain of a candidate.

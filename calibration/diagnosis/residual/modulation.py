@@ -1,7 +1,7 @@
 """Causes of one axis that another axis modulates: their size, or the phase of their wave, depends on its position.
 
-A wave of a screw, a play or a backlash is the same wherever the other axes stand. Where its columns, multiplied by a
-polynomial of the position of another axis, explain much more, the cause only imitates an error of both axes.
+A wave of a screw, a play or a backlash is the same at all positions of the other axes. Where its columns, multiplied by
+a polynomial of the position of another axis, explain much more, the cause only imitates an error of both axes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MUCH = 0.25
 
 
 OfOneAxis = Backlash | Cyclic | Hysteresis | LateralPlay | QuantisedCompensation | ReversalSpike
-"""Effects that are the same wherever the other axes stand."""
+"""Effects that are the same at all positions of the other axes."""
 
 
 class Modulated(NamedTuple):

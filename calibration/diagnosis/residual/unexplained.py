@@ -168,7 +168,7 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
 def misread(stage: Stage) -> list[Accepted]:
     """Accepted causes that only imitate an error of the tracker's readings: all together, else each of them.
 
-    A smooth function of what the tracker reads is likelier than they are. Causes of the instrument alone are such
+    A smooth function of the tracker's readings is likelier than they are. Causes of the instrument alone are such
     functions themselves: these fall only if one is needed beside them too, and is likelier alone than together with
     them.
     """

@@ -62,7 +62,7 @@ class Added(NamedTuple):
     """Result of a request to add unnamed effects."""
 
     selector: Selector
-    """The selector with the bases that the error motions need now."""
+    """The selector with the bases that the error motions need beside these effects."""
     stage: Stage
     text: str
     """The result as a sentence."""

@@ -69,7 +69,7 @@ TIME_CONSTANTS = (0.1, 0.2, 0.4, 0.8)
 LAGS = (0.1, 0.4)
 """Lags of temperatures and of duty, likewise."""
 LENGTHS = (0.2, 0.6)
-"""Lengths of hysteresis, as quantiles of the ways since a reversal; refined in the fit."""
+"""Lengths of hysteresis, as quantiles of the distances since a reversal; refined in the fit."""
 ON_CIRCLES_MM = (0.15, 0.6)
 """Lengths on circles in addition, mm: most rows are far from reversals, but those beside them are close together."""
 PER_SHAPE = 3.0

@@ -54,9 +54,9 @@ SAME = 0.95
 BETTER = -4.0
 """Difference of delta-BIC from which a sibling replaces a cause."""
 NEARLY = 0.05
-"""Share of the delta-BIC by which a simpler cause may be less likely: what it lacks is found after it."""
+"""Share of the delta-BIC by which a simpler cause may be less likely: a further cause is found after it."""
 MANY = 8
-"""Blocks from which the fit of the others has nearly all data, so that it judges bases as the whole does."""
+"""Blocks from which the fit of the others has nearly all data, so that it evaluates bases as the whole does."""
 RECENT = 12
 """Most fits that are kept."""
 FEW = 4.0

@@ -287,7 +287,7 @@ def _of_choice(measurement: Measurement, choice: Choice, known: dict[str, Base])
 def unknown_approaches(measurement: Measurement) -> list[Effect]:
     """An error of each axis that moves, in the rows before its first move; none where every approach is known.
 
-    Without them a backlash of an axis that stands still at first would drag a false growth with time behind it.
+    Without them a backlash of an axis that does not move at first would appear with a false growth with time.
     """
     state, machine = measurement.state, measurement.machine
     if state.approach is None or measurement.axis is not None:

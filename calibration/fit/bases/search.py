@@ -116,7 +116,7 @@ class Search:
     """True where rotary axes have a size of the errors of their own.
 
     Spheres leave combinations of errors to their prior, such as the scale of all linear axes. With one size for all,
-    the larger waves of rotary axes would stand for linear axes that are good.
+    the larger waves of rotary axes would explain the errors of good linear axes.
     """
 
     @classmethod

@@ -46,7 +46,7 @@ TOGETHER = 1e-3
 SWEEPS = 2
 """Most times that the processes of all axes are found, one after the other."""
 NOTICED = 0.1
-"""Least U, um or urad, of which a report tells."""
+"""Least U, um or urad, that a report contains."""
 UNLIMITED = 1e4
 """Standard deviation of a parameter without a prior, in its units."""
 

@@ -19,7 +19,7 @@ from kinematics.transforms import Array, read_only
 SIZES = read_only(10.0 * 2.0 ** (np.arange(-14, 13) / 2.0))
 """Standard deviations of a process that are tried, um or urad."""
 SHORTEST = 0.5
-"""Least correlation length, in mean distances of positions: shorter ones cannot be told from each other."""
+"""Least correlation length, in mean distances of positions: the data do not distinguish shorter ones."""
 TYPICAL_SIZE = 10.0
 """Size, um or urad, that is expected before the data are seen (Type B)."""
 TYPICAL_SHARE, TYPICAL_LENGTH = 1.0 / 6.0, 2.0

@@ -1,1 +1,1 @@
-"""What a file states of the set-up, compared with its data: positions of targets, zeros of runs."""
+"""Statements of a file on the set-up, compared with its data: positions of targets, zeros of runs."""

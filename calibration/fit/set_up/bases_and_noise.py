@@ -35,7 +35,7 @@ COARSE = 8
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a fit is asked for; fields as the arguments of `calibration.fit.calibrate.calibrate`."""
+    """Request for a fit; fields as the arguments of `calibration.fit.calibrate.calibrate`."""
 
     basis: str
     margin: int
@@ -89,7 +89,7 @@ def with_bases_and_noise(measurement: Measurement, wanted: Wanted) -> tuple[Choi
 
 
 def _determined(choice: Choice, found: Fit, wanted: Wanted) -> tuple[Choice, Fit]:
-    """The fit, or one of coarse bases where the rows are too few for it: the noise of its residuals holds the rest."""
+    """The fit; where the rows are too few for it, one of coarse bases, whose noise contains the remaining errors."""
     if not too_few([found], identifiability(found)):
         return choice, found
     measurement = replace(found.measurement, noise=None)

@@ -31,7 +31,7 @@ DRIFT = 0.35
 LIKELIER = 4.0
 """Factor by which the residuals of a drift of the tool must exceed those of a step, in squares."""
 ALIKE = 0.5
-"""Least move of a sphere, as a share of the largest, where all spheres are said to have moved together."""
+"""Least move of a sphere, as a share of the largest, where all spheres count as moved together."""
 
 
 class _Step(NamedTuple):

@@ -15,7 +15,7 @@ from calibration.observation.equations import specified_covariance
 from calibration.plausibility.checks import Finding
 
 SIGNIFICANCE = 1e-3
-"""Chance that zeros which differ by noise alone are said to spread."""
+"""Chance that zeros which differ by noise alone count as spread."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 A constant offset of each target, in the tool's directions, is estimated beside coarse error motions of all axes and the
 registration; it must be significant also beside errors of a tracker. A shift common to all targets is not visible: the
 pose of the instrument and the location errors of rotary axes absorb it. Turns of all targets about the tool reference
-point are told from error motions by the priors of these.
+point differ from error motions only by the priors of these.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ def read_centre(table: Table) -> dict[str, Vector]:
 
 
 def read_radius(table: Table) -> Array:
-    """Readings `(n, 1)`, mm; UserError for rows that stand, and for readings that are no lengths."""
+    """Readings `(n, 1)`, mm; UserError for rows without motion, and for readings that are no lengths."""
     table.need_columns(["run", "feed", RADIUS], "a ballbar")
     columns = table.numbers(["feed", RADIUS])
     for name, column in columns.items():

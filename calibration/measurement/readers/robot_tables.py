@@ -5,8 +5,8 @@
 
 The file with x, y, z is the measurement; the file with the joints is the plan. Rows are joined by the names in a column
 `point` (name, id, pose) that both have, otherwise by their order. A joint is named as the axis of the machine, or J1,
-Joint 1, q1, theta1, axis 1 by its place in the chain; `actual_J1`, `J1 actual` or `J1 measured` is its read-back. Units
-are in brackets or behind an underscore; without one they are mm and deg, with a note. Cells are separated by
+Joint 1, q1, theta1, axis 1 by its position in the chain; `actual_J1`, `J1 actual` or `J1 measured` is its read-back.
+Units are in brackets or behind an underscore; without one they are mm and deg, with a note. Cells are separated by
 semicolons, tabs, commas or blanks; with the former two a decimal comma is also read.
 """
 

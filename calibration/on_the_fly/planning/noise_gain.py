@@ -135,7 +135,7 @@ class Volume:
     def _across(self, positions: Array, ways: Array, tool: tuple[float, float, float]) -> Array:
         """Rows `(2 n, 6 + p)`, um across the path of a target, per motion of the frame and per prior of a parameter.
 
-        ways `(n, axes)`: in the directions of the moves, mm and rad.
+        shifts `(n, axes)`: in the directions of the moves, mm and rad.
         """
         machine, n = self.machine, len(positions)
         step = ways * (1e-4 / np.maximum(np.abs(ways).max(axis=1, keepdims=True), 1e-12))

@@ -213,7 +213,7 @@ def _by_direction(cause: _Cause) -> Iterator[View]:
 
 
 def _by_way(cause: _Cause) -> Iterator[View]:
-    """Over the way since the last reversal; rows before the first reversal count as behind the longest."""
+    """Over the distance since the last reversal; rows before the first reversal count as behind the longest."""
     measurement, effect = cause.linearised.measurement, cause.effect
     way = way_since_reversal(measurement.machine, measurement.state, effect.axis, effect.name)[cause.linearised.rows]
     way = np.minimum(way, way[np.isfinite(way)].max(initial=0.0))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def write_probe(output: Path, files: dict[str, str]) -> None:
-    """Write the folder of a probe, and say what to read first."""
+    """Write the folder of a probe, and name the file to read first."""
     from kinematics.files import write_folder
     from postproc.commands.show.terminal import say
 

@@ -25,7 +25,7 @@ from postproc.correct.report import DEMONSTRATION
 LOOKS = 4
 """Looks at the folder within the time for which a file must not change."""
 EARLIER = ".earlier"
-"""Suffix of the output of a program that is refused now."""
+"""Suffix of the earlier output of a program that is refused."""
 Fingerprint = tuple[int, int]
 """Time of change, ns, and size of a file."""
 
@@ -46,7 +46,7 @@ class Watch:
         self._worked = time.monotonic()
 
     def run(self, idle: float | None) -> None:
-        """Watch until the process is told to end, or for a time, s, without work."""
+        """Watch until the process receives a signal to end, or for a time, s, without work."""
         self._say(f"watching {self._folder}, {self._title}; Ctrl-C ends")
         if self._warning:
             self._say(self._warning)
@@ -109,7 +109,7 @@ class Watch:
 
     @staticmethod
     def _put_aside(program: FolderProgram) -> str:
-        """Rename an earlier output of a program that is refused now; the end of its message."""
+        """Rename the earlier output of a program that is refused; returns the end of its message."""
         aside = program.target.with_name(program.target.name + EARLIER)
         with suppress(OSError):
             if program.target.exists():

@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 class Answers:
-    """Asks for what the options leave open; without a terminal an open answer has its default or is refused."""
+    """Asks for values that the options leave open; without a terminal an open answer has its default or is refused."""
 
     def __init__(self) -> None:
         self.asks = sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()

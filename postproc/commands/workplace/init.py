@@ -54,7 +54,7 @@ def init(
     program: tuple[str, ...] = option("Program of the job, relative to the folder.", "IN.nc"),
     force: bool = option("Replace files that exist.", default=False),
 ) -> None:
-    """Make a machine file and a job file: asks for what the options leave open, checks the answers, draws the chain."""
+    """Make a machine file and a job file: asks for values that the options leave open, checks them, draws the chain."""
     from kinematics.files import write_whole, writing
     from postproc.commands.show.chain_svg import chain_svg
     from postproc.commands.show.terminal import say

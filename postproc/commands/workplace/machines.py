@@ -78,7 +78,7 @@ def _list() -> None:
 
 
 def _draw(machine: Machine, target: Path) -> None:
-    """Write the drawing of a machine in the form that its name asks for."""
+    """Write the drawing of a machine in the form of its suffix."""
     from kinematics.files import write_whole
 
     check_files((), {"--draw": target})
