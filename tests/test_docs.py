@@ -59,6 +59,20 @@ def test_every_page_is_in_the_navigation() -> None:
 
 
 @pytest.mark.statistical
+def test_the_tour_lists_every_folder() -> None:
+    folders = (DOCS / "tour.md").read_text().partition("## The folders")[2].partition("\n## ")[0]
+    inner = [path for top in ("kinematics", "calibration", "postproc") for path in (ROOT / top).glob("*/__init__.py")]
+    assert [
+        path.parent.name for path in inner if f"`{path.parent.name}/`" not in folders.replace("kinematics/", "")
+    ] == []
+
+
+def test_the_readme_links_every_page() -> None:
+    readme = (ROOT / "README.md").read_text()
+    pages = [path.relative_to(ROOT).as_posix() for path in DOCS.rglob("*.md")]
+    assert [page for page in pages if f"]({page})" not in readme] == []
+
+
 def test_commands_of_the_evening_with_one_sphere(ncomp) -> None:
     """The errors that the simulated machine has are within U of those that the page's commands find."""
     shutil.copytree(ROOT / "examples", "examples")
