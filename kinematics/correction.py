@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.columns import ChainColumns, minus, plus, rows_of, vector
+from kinematics.columns import ChainColumns, Vector, minus, plus, rows_of, vector
 from kinematics.error_transform import pose_slopes
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
@@ -31,6 +32,16 @@ Errors = Callable[[Array], Array]
 """Error motions `(n, axes + 1, 6)` of a machine at axis positions `(n, axes)`, mm and rad."""
 
 
+class Uncorrected(NamedTuple):
+    """A machine at nominal positions, without a correction."""
+
+    chain: ChainColumns
+    there: Vector
+    """Nominal tool points, mm, workpiece frame."""
+    reached: Vector
+    """Actual tool points, likewise."""
+
+
 def correct_position(
     machine: Machine,
     errors: Errors,
@@ -41,6 +52,7 @@ def correct_position(
     shift: ArrayLike = (0.0, 0.0, 0.0),
     precision: float = CONVERGED,
     slope: float = np.inf,
+    uncorrected: Uncorrected | None = None,
 ) -> Array:
     """Axis positions `(n, axes)`, mm and rad, whose actual tool point is where the nominal one is at `nominal`.
 
@@ -50,7 +62,8 @@ def correct_position(
     this error vanishes: each step is about the slope of the errors (1e-4) times the one before. A row stops where its
     next step would be below `precision`, mm, whatever the rows beside it need. slope: largest change of the errors by
     way, mm/mm; where it is infinite the errors may jump, and a row stops after such a step. If the target lies in a
-    jump, the side with the smaller error is taken. UserError if the iteration does not converge.
+    jump, the side with the smaller error is taken. uncorrected: with these errors and tools at `nominal`, if the caller
+    has it, and without `start`. UserError if the iteration does not converge.
     """
     n, tip = len(nominal), vector(tool)
     translators = machine.translators
@@ -59,13 +72,18 @@ def correct_position(
     others = nominal if start is None else start
     unmoved = others.copy()
     unmoved[:, translators] = 0.0
-    fixed = ChainColumns(machine, unmoved)
-    there = ChainColumns(machine, nominal, fixed if start is None else None).point(tip)
+    fixed = ChainColumns(machine, unmoved, uncorrected and uncorrected.chain)
+    there = (
+        uncorrected.there
+        if uncorrected is not None
+        else ChainColumns(machine, nominal, fixed if start is None else None).point(tip)
+    )
     aim = there if start is None else ChainColumns(machine, others, fixed).point(tip)
     target, base, q = plus(there, vector(shift)), fixed.point(tip), np.ascontiguousarray(others.T)
     unsettled, before = np.ones(n, bool), np.full(n, precision)
+    reached = uncorrected.reached if uncorrected is not None else _reached(machine, errors, q, fixed, tip)
     for _ in range(MAX_ROUNDS):
-        aim = minus(aim, minus(ChainColumns(machine, q.T, fixed).point(tip, errors(q.T)), target))
+        aim = minus(aim, minus(reached, target))
         following, steps = q.copy(), np.zeros(n)
         for k, position in zip(translators, fixed.linear_steps(minus(aim, base)), strict=True):
             following[k] = np.where(moving[:, k] & unsettled, position, q[k])
@@ -76,8 +94,14 @@ def correct_position(
         before = np.maximum(steps, precision)
         if not unsettled.any():
             return np.ascontiguousarray(q.T)
+        reached = _reached(machine, errors, q, fixed, tip)
     targets = rows_of(target, n), np.broadcast_to(tool, (n, 3)), moving, others
     return _beside_jumps(machine, errors, np.ascontiguousarray(q.T), targets, unsettled)
+
+
+def _reached(machine: Machine, errors: Errors, q: Array, like: ChainColumns, tip: Vector) -> Vector:
+    """Actual tool points at axis positions `(axes, n)`; like: another chain with equal positions of the rotary axes."""
+    return ChainColumns(machine, q.T, like).point(tip, errors(q.T))
 
 
 def _beside_jumps(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.columns import ChainColumns, Vector, length, minus, rows_of, vector
-from kinematics.correction import CONVERGED, correct_orientation, correct_position
+from kinematics.correction import CONVERGED, Uncorrected, correct_orientation, correct_position
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
@@ -36,6 +36,8 @@ class Correction:
     """Corrected programmed positions."""
     middle_shift: dict[int, Array]
     """Corrected minus nominal programmed position `(axes,)` in the middle of an arc, by row."""
+    before: PoseErrors | None = None
+    """Errors at the nominal positions; None if the orientation is corrected as well."""
 
 
 def correct(
@@ -69,11 +71,12 @@ def correct_ends(
 ) -> Correction:
     """As `correct`, for the end points alone. precision: as of `correct_position`."""
     nominal, states = motions.machine_target, conditions.states(approach)
-    shift = datum_shifts(motions, model, conditions)
+    machine, tool, shift = motions.machine, motions.tool, datum_shifts(motions, model, conditions)
+    before = pose_errors(machine, model, nominal, nominal, tool, states, shift) if orientation is None else None
     corrected = corrected_positions(
-        motions.machine, (model, orientation), states, nominal, motions.tool, motions.movable, shift, precision
+        machine, (model, orientation), states, nominal, tool, motions.movable, shift, precision, before
     )
-    return Correction(nominal, corrected, motions.in_program(corrected), {})
+    return Correction(nominal, corrected, motions.in_program(corrected), {}, before)
 
 
 def corrected_positions(
@@ -85,11 +88,13 @@ def corrected_positions(
     movable: NDArrayBool,
     shift: ArrayLike = (0.0, 0.0, 0.0),
     precision: float = CONVERGED,
+    before: PoseErrors | None = None,
 ) -> Array:
     """Axis positions `(n, axes)`, mm and rad, with the actual pose equal to the nominal pose at `nominal` `(n, axes)`.
 
     models: of the tool point and, for movable rotary axes, of the orientation. tool `(n, 3)`, mm. shift `(n, 3)`, mm,
-    workpiece frame: displacement of the part from its nominal position. precision: as of `correct_position`.
+    workpiece frame: displacement of the part from its nominal position. precision: as of `correct_position`. before:
+    errors at `nominal`, if the caller has them, and if the orientation is not corrected.
     """
 
     model, orientation = models
@@ -97,7 +102,8 @@ def corrected_positions(
     if orientation is not None:
         start = correct_orientation(machine, states.errors(machine, orientation), nominal, movable)
     errors, slope = states.errors(machine, model), states.conditions.errors(machine, model).slope
-    return correct_position(machine, errors, nominal, tool, movable, start, shift, precision, slope)
+    known = None if before is None else Uncorrected(before.actual, before.there, before.reached)
+    return correct_position(machine, errors, nominal, tool, movable, start, shift, precision, slope, known)
 
 
 @dataclass(frozen=True)
@@ -108,15 +114,32 @@ class PoseErrors:
     aim: ChainColumns
     errors: Array
     """Error motions `(n, axes + 1, 6)`, mm and rad."""
-    point_um: Array
-    """Error relative to the datum `(n,)`, um: distance from the nominal tool point on the part at its actual position.
-    """
-    absolute_um: Array
-    """Absolute error `(n,)`, um: distance from the nominal tool point of the true work offset."""
     there: Vector
     """Nominal tool points, mm, workpiece frame."""
-    away: Vector
-    """The absolute error as a vector, mm."""
+    reached: Vector
+    """Actual tool points, likewise."""
+    shift: Vector
+    """Displacement of the part from its nominal position, mm, workpiece frame."""
+
+    @property
+    def nominal_pose(self) -> tuple[ChainColumns, Vector]:
+        """As an argument of `pose_errors` at other positions, against the same nominal poses."""
+        return self.aim, self.there
+
+    @cached_property
+    def _away(self) -> Vector:
+        return minus(self.reached, self.there)
+
+    @cached_property
+    def point_um(self) -> Array:
+        """Error relative to the datum `(n,)`, um: distance from the nominal tool point on the part at its actual
+        position."""
+        return length(minus(self._away, self.shift)) * 1e3
+
+    @cached_property
+    def absolute_um(self) -> Array:
+        """Absolute error `(n,)`, um: distance from the nominal tool point of the true work offset."""
+        return length(self._away) * 1e3
 
     @cached_property
     def nominal(self) -> Array:
@@ -126,7 +149,7 @@ class PoseErrors:
     @cached_property
     def apart(self) -> Array:
         """The absolute error as a vector `(n, 3)`, mm."""
-        return rows_of(self.away, len(self.errors))
+        return rows_of(self._away, len(self.errors))
 
     @cached_property
     def axis_urad(self) -> Array:
@@ -142,25 +165,20 @@ def pose_errors(
     tool: Array,
     states: States = AT_REST,
     shift: ArrayLike = (0.0, 0.0, 0.0),
-    others: PoseErrors | None = None,
+    nominal_pose: tuple[ChainColumns, Vector] | None = None,
 ) -> PoseErrors:
     """Pose errors of the machine at `q` against the nominal pose at `nominal`, both `(n, axes)`, mm and rad.
 
     By the exact model. tool `(n, 3)`, mm. shift `(n, 3)`, mm, workpiece frame: displacement of the part from
-    its nominal position (`datum_shifts`). others: errors at other positions against the same nominal poses.
+    its nominal position (`datum_shifts`). nominal_pose: the machine at `nominal` without errors, and its tool points,
+    if the caller has them.
     """
     tip, errors = vector(tool), states.errors(machine, model)(q)
-    turned_alike = np.array_equal(q[:, machine.rotary], nominal[:, machine.rotary])
-    if others is None:
-        actual = ChainColumns(machine, q)
-        aim = ChainColumns(machine, nominal, actual if turned_alike else None)
-        there = aim.point(tip)
-    else:
-        aim, there = others.aim, others.there
-        actual = ChainColumns(machine, q, aim if turned_alike else None)
-    away = minus(actual.point(tip, errors), there)
-    point, absolute = length(minus(away, vector(shift))) * 1e3, length(away) * 1e3
-    return PoseErrors(actual, aim, errors, point, absolute, there, away)
+    aim = ChainColumns(machine, nominal) if nominal_pose is None else nominal_pose[0]
+    there = aim.point(tip) if nominal_pose is None else nominal_pose[1]
+    turned_alike = q is nominal or np.array_equal(q[:, machine.rotary], nominal[:, machine.rotary])
+    actual = ChainColumns(machine, q, aim if turned_alike else None)
+    return PoseErrors(actual, aim, errors, there, actual.point(tip, errors), vector(shift))
 
 
 def _arc_middles(

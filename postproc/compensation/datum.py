@@ -113,4 +113,6 @@ def _distinct(touch_offs: Sequence[TouchOff | None]) -> tuple[list[TouchOff], np
 def datum_shifts(motions: Motions, model: ErrorModel, conditions: Conditions) -> Array:
     """Displacement of the part from its nominal position `(n, 3)`, mm, workpiece frame; 0 for true offsets."""
     touch_offs, which = touched(motions)
+    if not touch_offs:
+        return np.zeros((len(motions), 3))
     return np.asarray(np.vstack([deviations(motions.machine, model, touch_offs, conditions), np.zeros(3)])[which])

@@ -83,12 +83,14 @@ class CorrectedPaths:
     def second_difference_bounds(self, rows: np.ndarray, least: float) -> Array:
         """Upper bounds `(k,)`, mm, of |e(0) - 2 e(1/2) + e(1)| with the `tool_point_errors` e of straight moves.
 
+        rows `(k,)`: different ones, in their order.
         least: smallest bound, mm, that is returned.
         """
         motions = self.motions
         bounds = SecondDifferences(self.conditions.errors(motions.machine, self.models[0])).bounds
-        moves = self._starts[rows], motions.machine_target[rows], motions.tool[rows]
-        return bounds(*moves, motions.tcp[rows], self.turned[rows], self._datum[rows], least)
+        some = rows if len(rows) < len(motions) else slice(None)  # without copies
+        moves = self._starts[some], motions.machine_target[some], motions.tool[some]
+        return bounds(*moves, motions.tcp[some], self.turned[some], self._datum[some], least)
 
     @cached_property
     def turned(self) -> NDArrayBool:
@@ -116,15 +118,14 @@ class CorrectedPaths:
     def extents(self) -> Array:
         """Upper bound of the travel of the axes along the moves `(n, axes)`, mm and rad, except for rounding."""
         motions, machine = self.motions, self.motions.machine
-        travel = np.abs(motions.target - motions.start)
-        extents = np.abs(motions.machine_target - self._starts)
-        linear = ~machine.rotary
-        lengths = np.linalg.norm(travel[:, linear], axis=1)
-        if motions.arcs:
-            lengths[motions.circles.rows] += motions.circles.lengths
+        extents, linear = np.abs(motions.machine_target - self._starts), ~machine.rotary
         curved = motions.coupled.copy()
         curved[list(motions.arcs)] = True
-        extents[np.ix_(curved, linear)] += lengths[curved, None]
+        if curved.any():
+            lengths = np.linalg.norm((motions.target - motions.start)[:, linear], axis=1)
+            if motions.arcs:
+                lengths[motions.circles.rows] += motions.circles.lengths
+            extents[np.ix_(curved, linear)] += lengths[curved, None]
         return np.asarray(extents)
 
     @cached_property

@@ -35,7 +35,7 @@ from postproc.correct.rotary_moves import uncorrected_before_rotary_moves
 from postproc.correct.splitting import Splitter
 from postproc.correct.travel import note_outside, refuse_outside
 from postproc.dialects import Dialect
-from postproc.evaluation.evaluation import ROTARY_ONLY, Evaluated, Evaluation, WrittenMoves
+from postproc.evaluation.evaluation import ROTARY_ONLY, ErrorsBefore, Evaluated, Evaluation, WrittenMoves
 from postproc.evaluation.predicted_errors import Statistic
 from postproc.evaluation.trace import Trace
 from postproc.execution import Part, StoredProgram, StreamedProgram, Turns, joined_before_rotary_moves, turns
@@ -297,9 +297,17 @@ class Pipeline:
         else:
             note_outside(motions, correction.corrected, self.notes)
         written = self.writer.write(motions, correction, part.indices)
-        bounds = self.splitter.bounds[motions.block]
+        splitter, before = self.splitter, None
+        if correction.before is not None and self.corrected_part is self.model and approach is None:
+            before = ErrorsBefore.of(correction.before)
         moves = WrittenMoves(
-            motions, written.moves(motions), motions.line, bounds, self.splitter.unsplit, self.splitter.suspect
+            motions,
+            written.moves(motions),
+            motions.line,
+            splitter.bounds[motions.block],
+            splitter.unsplit,
+            splitter.suspect,
+            before,
         )
         self._count(moves)
         self.evaluation.add(moves)
@@ -351,14 +359,17 @@ class Pipeline:
     def _note_left(self, motions: Motions) -> None:
         """Collect the lines of moves that are not corrected in all axes."""
         left = motions.uncorrected
+        if not left.any():
+            return
         for row in np.flatnonzero(left.any(axis=1)).tolist():
             names = " ".join(self.job.machine.names[i] for i in np.flatnonzero(left[row]))
             self.report.left.setdefault(names, []).append(int(motions.line[row]))
 
     def _note_rotary_only(self, motions: Motions, correction: Correction, written: Written) -> None:
         """Note the feed moves of rotary axes only with a residual error that the next move corrects."""
-        behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
-        for row in np.flatnonzero(motions.rotary_only & (behind * 1e3 > self.job.tolerance_um)):
+        rows = np.flatnonzero(motions.rotary_only)
+        behind = np.abs(written.ends[rows] - correction.target[rows])[:, self.job.machine.translators]
+        for row in rows[behind.max(axis=1, initial=0.0) * 1e3 > self.job.tolerance_um].tolist():
             self.notes.add(ROTARY_ONLY, int(motions.line[row]))
 
 

@@ -149,7 +149,8 @@ class CorrectionLimit:
         size = np.abs(corrected - nominal)[:, columns] * 1e3
         resolution = np.array([motions.machine.axes[i].resolution for i in columns]) * 1e3
         limit = limits[motions.frame]
-        for row in np.flatnonzero((~(size <= limit[:, None] + resolution)).any(axis=1))[:1]:
+        beyond = ~(size <= limit[:, None] + resolution)
+        for row in np.flatnonzero(beyond.any(axis=1))[:1] if beyond.any() else ():
             i = int(np.argmax(size[row]))
             raise motions.blocks[motions.block[row]].refuse(
                 f"{motions.machine.names[columns[i]]} would be corrected by {size[row, i]:.4g} um, more than "

@@ -57,5 +57,7 @@ def note_outside(motions: Motions, positions: Array, notes: Notes) -> None:
 
 def _outside(motions: Motions, positions: Array) -> NDArrayBool:
     low, high = motions.machine.travel
+    if len(positions) and (positions.min(axis=0) >= low).all() and (positions.max(axis=0) <= high).all():
+        return np.zeros(positions.shape, bool)
     beyond = np.maximum(low - positions, positions - high) > TOLERANCE
     return np.asarray(beyond & (motions.known != Known.ASSUMED))

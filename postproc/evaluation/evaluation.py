@@ -9,11 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kinematics.columns import ChainColumns, Vector
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions
-from postproc.compensation.correction import pose_errors
+from postproc.compensation.correction import PoseErrors, pose_errors
 from postproc.compensation.predicted_error import MachineStates
 from postproc.compensation.significance import Significance
 from postproc.evaluation.guard import Guard, Outside, WorseMove
@@ -35,6 +36,29 @@ ERROR_JUMPS = "its error jumps, or an axis with backlash reverses within it"
 ROTARY_ONLY = "a feed move of rotary axes only keeps its linear axes, because F would mean another speed with them"
 
 
+class ErrorsBefore(NamedTuple):
+    """Errors in the input at the ends of n rows; columns `(n,)`, or `(1,)` where all rows are equal."""
+
+    there: Vector
+    """Nominal tool points, mm, workpiece frame."""
+    point_um: Array
+    """As of PoseErrors, like the others."""
+    absolute_um: Array
+    axis_urad: Array
+
+    @classmethod
+    def of(cls, found: PoseErrors) -> ErrorsBefore:
+        """Those at nominal positions."""
+        return cls(found.there, found.point_um, found.absolute_um, found.axis_urad)
+
+    def rows(self, rows: NDArrayBool) -> ErrorsBefore:
+        """Those of some rows, by a mask `(n,)`."""
+        if rows.all():
+            return self
+        x, y, z, *errors = (np.broadcast_to(column, rows.shape)[rows] for column in (*self.there, *self[1:]))
+        return ErrorsBefore((x, y, z), *errors)
+
+
 @dataclass(frozen=True)
 class WrittenMoves:
     """The moves of a chunk, as programmed and as written."""
@@ -50,6 +74,8 @@ class WrittenMoves:
     """Reason why a move beyond the tolerance is not split, by block."""
     suspect: Set[int]
     """Blocks whose moves may exceed their limits."""
+    before: ErrorsBefore | None = None
+    """Errors in the input at the ends of the rows, if the correction has found them."""
 
     @cached_property
     def correctable(self) -> NDArrayBool:
@@ -160,8 +186,13 @@ class Evaluation:
             return np.empty((0, 2)), np.empty((0, 3))
         nominal, ends = motions.machine_target[evaluated], motions.in_machine(moves.commanded.target)[evaluated]
         shift = self._before.datum_shifts(motions)[evaluated]
-        before = pose_errors(machine, self._model, nominal, nominal, tool, states_before, shift)
-        after = pose_errors(machine, self._model, ends, nominal, tool, states_after, shift, before)
+        if moves.before is None:
+            found_before = pose_errors(machine, self._model, nominal, nominal, tool, states_before, shift)
+            nominal_pose, before = found_before.nominal_pose, ErrorsBefore.of(found_before)
+        else:
+            before = moves.before.rows(evaluated)
+            nominal_pose = ChainColumns(machine, nominal), before.there
+        after = pose_errors(machine, self._model, ends, nominal, tool, states_after, shift, nominal_pose)
         found.before.add(before.point_um)
         found.after.add(after.point_um)
         found.absolute_before.add(before.absolute_um)

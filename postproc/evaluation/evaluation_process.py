@@ -15,7 +15,7 @@ import numpy as np
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
-from postproc.evaluation.evaluation import Evaluated, Evaluation, WrittenMoves
+from postproc.evaluation.evaluation import ErrorsBefore, Evaluated, Evaluation, WrittenMoves
 from postproc.evaluation.guard import WorseMove
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.frames import Frame
@@ -46,6 +46,7 @@ class SentMoves(NamedTuple):
     bounds: Array
     unsplit: Mapping[int, str]
     suspect: Set[int]
+    before: ErrorsBefore | None
 
     @classmethod
     def of(cls, moves: WrittenMoves) -> SentMoves:
@@ -61,6 +62,7 @@ class SentMoves(NamedTuple):
             moves.bounds,
             dict(moves.unsplit),
             set(moves.suspect),
+            moves.before,
         )
 
     def moves(self, machine: Machine) -> WrittenMoves:
@@ -70,7 +72,7 @@ class SentMoves(NamedTuple):
             Motions(machine, Blocks(()), self.frames, **columns, words=AxisWords(), arcs=arcs)
             for columns, arcs in zip((self.columns, written), self.arcs, strict=True)
         )
-        return WrittenMoves(programmed, commanded, self.lines, self.bounds, self.unsplit, self.suspect)
+        return WrittenMoves(programmed, commanded, self.lines, self.bounds, self.unsplit, self.suspect, self.before)
 
 
 class EvaluationProcess:

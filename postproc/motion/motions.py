@@ -93,7 +93,7 @@ class Motions:
     @column
     def programmed(self) -> NDArrayBool:
         """Rows `(n,)` that move to programmed coordinates."""
-        return ~np.isin(self.kind, (Kind.MACHINE, Kind.PRESET))
+        return np.asarray((self.kind != Kind.MACHINE) & (self.kind != Kind.PRESET))
 
     @column
     def correctable(self) -> NDArrayBool:
@@ -169,13 +169,13 @@ class Motions:
     def evaluated_paths(self) -> NDArrayBool:
         """Feed moves `(n,)`, also segments, whose start and end the program has given."""
         evaluated = self._said(self.known_start) & self._said(self.known)
-        return np.asarray(evaluated & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
+        return np.asarray(evaluated & ((self.kind == Kind.LINE) | (self.kind == Kind.ARC)))
 
     @column
     def known_paths(self) -> NDArrayBool:
         """Feed moves `(n,)`, also segments, from a known position to a position that the program has given."""
         known = (self.known_start[:, self.machine.translators] != Known.ASSUMED).all(axis=1)
-        return np.asarray(known & self._said(self.known) & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
+        return np.asarray(known & self._said(self.known) & ((self.kind == Kind.LINE) | (self.kind == Kind.ARC)))
 
     @column
     def uncorrected(self) -> NDArrayBool:

@@ -165,12 +165,13 @@ class Verifier:
         feed, ends = nominal.evaluated_paths, nominal.evaluated
         for share, i, rows in (*((share, i, feed) for i, share in enumerate(INNER)), (1.0, -1, ends)):
             positions = [motions.in_machine(motions.along(share))[rows] for motions in texts]
-            found = None
+            nominal_pose = None
             for after, (q, approach) in enumerate(zip(positions, directions, strict=True)):
                 states = self._conditions.states(directions_at(approach, i, rows))
                 found = pose_errors(
-                    nominal.machine, self._model, q, positions[0], tool[rows], states, shift[rows], found
+                    nominal.machine, self._model, q, positions[0], tool[rows], states, shift[rows], nominal_pose
                 )
+                nominal_pose = found.nominal_pose
                 self._add(found, after, at_end=i < 0)
         self._contributions.add(nominal, self._tracked[0].approach)
         if self.paths is not None:
