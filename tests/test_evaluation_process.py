@@ -7,6 +7,7 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import strategies as st
@@ -61,6 +62,14 @@ def test_the_results_are_those_of_one_process(program, seed, size, piece):
         patch.setattr("postproc.read_ahead.SecondProcess", Here)
         patch.setattr("postproc.text.source.PIECE", piece)
         assert corrected(job_of(program, seed), processes=2) == alone
+
+
+@drawn(8, 300, program=programs(), seed=st.integers(0, 99))
+def test_the_errors_before_are_those_that_the_correction_has_found(program, seed):
+    with pytest.MonkeyPatch.context() as patch:
+        found = corrected(job_of(program, seed))
+        patch.setattr("postproc.correct.pipeline.ErrorsBefore", SimpleNamespace(of=lambda _: None))
+        assert corrected(job_of(program, seed)) == found
 
 
 @pytest.mark.usefixtures("always")

@@ -264,7 +264,7 @@ REFUSED = {
         {"A.COM": NEW.replace("-0.0040", ""), "c.cma": cma(X="A.COM")},
         "column X has values in 1 of 2 rows",
     ),
-    "heidenhain: no assignment": ("heidenhain", {"A.COM": NEW}, "expected one file *.cma with the assignment of the tables to axes, found 0"),
+    "heidenhain: no assignment": ("heidenhain", {"A.COM": NEW}, "expected one file *.cma with the assignment of the tables to axes, found none among A.COM"),
     "heidenhain: a file that is not there": ("heidenhain", {"c.cma": cma(X="A.COM")}, "not among the files"),
     "heidenhain: unevenly spaced": (
         "heidenhain",
