@@ -75,7 +75,7 @@ def read_datum(text: str, axes: Collection[str], where: str) -> Datum:
     for entry in entries.split(",") if at else ():
         name, value = _entry(entry, where)
         if name in positions:
-            raise UserError(f"{where}: {name} is given twice")
+            raise UserError(f"{where}: {name} is given twice: give it once")
         if name != "probe" and name not in axes:
             raise UserError(f"{where}: no axis {name}; the machine has {', '.join(axes)}")
         positions[name] = value

@@ -466,8 +466,18 @@ def test_bad_machine_files(ncomp, change, words):
 def test_help(ncomp):
     main = ncomp("--help")
     assert main.status == 0
-    for words in ("correct", "verify", "machines", "ncomp IN.nc --machine M -o OUT.nc"):
+    for words in (
+        "correct",
+        "verify",
+        "machines",
+        "ncomp IN.nc --machine M -o OUT.nc",
+        "─ Programs ─",
+        "─ Calibrations ─",
+    ):
         assert words in main.out.decode()
+    assert ncomp("help", "verify").out == ncomp("verify", "--help").out
+    for each in ("--help", "touches --help", "import --help"):
+        assert not re.search(r"<(bool|str|path|list\[\w+\])>", ncomp(*each.split()).out.decode())  # types of Python
     for command, example in (
         ("correct", "ncomp part.nc --machine dmu50"),
         ("verify", "ncomp verify part.nc"),

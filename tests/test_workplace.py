@@ -189,7 +189,7 @@ def test_init_asks_on_a_terminal(tmp_path):
     leader, follower = pty.openpty()
     process = subprocess.Popen([*RUN, "init", "made"], cwd=tmp_path, stdin=follower, stdout=follower, stderr=follower)
     os.close(follower)
-    answers = ["gantry", "hall3", "Mill in hall 3", "9", "3", "okuma", "fanuc", "0:360", "1,2", "0,0,150", "-110..110",
+    answers = ["", "gantry", "hall3", "Mill in hall 3", "9", "3", "okuma", "fanuc", "0:360", "1,2", "0,0,150", "-110..110",
                "0,0,150", "-250:250", "-225:225", "0:400", "", "1,2,3", "G54=1,2,3", "", "part.nc"]  # fmt: skip
     shown = b""
     os.set_blocking(leader, False)
@@ -209,7 +209,9 @@ def test_init_asks_on_a_terminal(tmp_path):
     mill = machines.load(str(tmp_path / "made/hall3.toml"))
     assert (mill.chain, mill.control.family) == ("w C B b X Y Z t", "fanuc")
     assert mill.axes[1].point == (0.0, 0.0, 150.0)
+    assert b"an answer is needed" in shown
     assert b"is a shipped machine" in shown
+    assert 'calibration = "none"    # a file of ncomp fit' in (tmp_path / "made/job.toml").read_text()
     assert "G54 = { X = 1, Y = 2, Z = 3 }" in (tmp_path / "made/job.toml").read_text()
 
 

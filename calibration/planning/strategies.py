@@ -251,7 +251,7 @@ def _check(machine: Machine, choices: Choices, points: int | Sequence[int] | Non
     for name in choices.ranges:
         machine.index(name)
     if points is not None and spacing is not None:
-        raise UserError("either a number of points or a spacing, not both")
+        raise UserError("either a number of points or a spacing, not both: give one of them")
     if points is not None and not 1 <= np.min(points) <= np.max(points) <= patterns.LARGEST:
         raise UserError(f"{points} points: expected a number from 1 to {patterns.LARGEST}")
     if spacing is not None and not (spacing > 0 and np.isfinite(spacing)):
@@ -275,4 +275,4 @@ def _check(machine: Machine, choices: Choices, points: int | Sequence[int] | Non
         if value not in known:
             raise UserError(f"{name.replace('_', ' ')} {value!r}: expected one of {', '.join(known)}")
     if not choices.targets:
-        raise UserError("no target to measure with")
+        raise UserError("no target to measure with: give one by --target NAME=x,y,z")

@@ -129,7 +129,7 @@ def measure_plan(
         check_distance(measured)
     measured, spoiled = spoil(read_out(measured), virtual.faults, draws[2])
     if not len(measured):
-        raise UserError("--missing leaves no observation")
+        raise UserError("--missing leaves no observation: choose a smaller share")
     return Simulated(measured, (*notes, *unseen), spoiled)
 
 
@@ -151,7 +151,7 @@ def _probed(
     measured, notes = probed(plan, model, probe, virtual.spheres, (draws[0], draws[1]), virtual.noise_scale)
     measured, spoiled = spoil(measured, virtual.faults, draws[2])
     if not len(measured):
-        raise UserError("--missing leaves no observation")
+        raise UserError("--missing leaves no observation: choose a smaller share")
     return Simulated(into_positions(measured), notes, spoiled)
 
 
@@ -209,7 +209,7 @@ def _stationed(
     """The measured states, once for each station, the poses of a tracker at its stations, and notes."""
     if not isinstance(virtual.instrument, LaserTracker):
         if virtual.trackers:
-            raise UserError(f"--tracker is no option of --instrument {kind_of(virtual.instrument)}")
+            raise UserError(f"--tracker is no option of --instrument {kind_of(virtual.instrument)}: leave it out")
         return plan.state, None, ()
     poses, notes = tracker_poses(plan.machine, plan.positions, virtual.trackers, rng)
     return at_stations(plan.state, list(poses), SETUP_S), poses, notes

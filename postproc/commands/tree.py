@@ -16,6 +16,18 @@ from postproc.commands.options.misuse import Misuse, not_understood
 from postproc.commands.table import COMMANDS, command, named
 
 HELP_NAMES = ("-h", "--help")
+NO_TYPE = " "
+"""Type of a switch in the help."""
+GLOBAL = ("version", "install_completion", "show_completion")
+"""Switches of ncomp without a command."""
+PANELS = {
+    "programs": "Programs",
+    "workplace": "Machines, jobs and the installation",
+    "calibrations": "Calibrations",
+    "measurements": "Measurements",
+    "controls": "Tables of controls",
+}
+"""Heading of the commands of each folder in the list of all."""
 
 
 class Commands(TyperGroup):
@@ -43,8 +55,29 @@ def _typer_command(name: str) -> Any:
     """A command in Typer's form. Its signature is read once in a process."""
     function, epilog = command(name)
     single = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="markdown")
-    single.command(name, epilog=epilog)(with_options(function))
-    return typer.main.get_command(single)
+    single.command(name, epilog=epilog, rich_help_panel=PANELS[COMMANDS[name].partition(".")[0]])(
+        with_options(function)
+    )
+    return _without_types(typer.main.get_command(single))
+
+
+def _without_types(made: Any) -> Any:
+    """A command whose help has no types of Python: no `<bool>` behind --help, no `<list[path]>` behind DATA.csv."""
+    help_option = made.get_help_option
+
+    def plain_help_option(ctx: Any) -> Any:
+        option = help_option(ctx)
+        if option is not None:
+            option.metavar = NO_TYPE
+        return option
+
+    made.get_help_option = plain_help_option
+    for parameter in made.params:
+        if parameter.param_type_name == "argument":
+            parameter.display_type_rich = lambda ctx: None  # noqa: ARG005
+        elif parameter.name in GLOBAL:
+            parameter.metavar = NO_TYPE
+    return made
 
 
 def _version(requested: bool) -> None:
@@ -82,7 +115,7 @@ def _global(
 @functools.cache
 def command_tree() -> Any:
     """All commands with their options."""
-    return typer.main.get_command(app)
+    return _without_types(typer.main.get_command(app))
 
 
 def run_by_typer(words: Sequence[str]) -> None:

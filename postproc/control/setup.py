@@ -136,7 +136,7 @@ def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float
                 "G54=x,y,z with '.' as the decimal point, and other axes by name, C=90"
             )
         if axis in offsets:
-            raise UserError(f"--work-offset {text}: {axis} is given twice")
+            raise UserError(f"--work-offset {text}: {axis} is given twice: give it once")
         offsets[axis] = given_number(number, f"--work-offset {text}")
     wanted = sum(axis in machine.names for axis in "XYZ")
     if 0 < unnamed < wanted:

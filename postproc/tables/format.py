@@ -75,7 +75,7 @@ def parse_settings(kind: type[Settings], texts: Iterable[str]) -> Settings:
         if not equals or name not in names:
             raise UserError(f"--set {text}: expected NAME=VALUE with a name of {', '.join(names) or 'none'}")
         if name in values:
-            raise UserError(f"--set {text}: {name} is given twice")
+            raise UserError(f"--set {text}: {name} is given twice: give it once")
         values[name] = value
     try:
         return msgspec.convert(values, kind, strict=False)

@@ -206,8 +206,8 @@ def _expected(answers: Sequence[tuple[Question, float]], stage: Stage, dependenc
             left = max(rms**2 - shared_rms(stage.linearised, dependence) ** 2, 0.0) ** 0.5
             parts.append(
                 f"shows whether {question.name}, which no cause explains, recurs with the position or with the time "
-                f"(power {_chance(power)}): what recurs can be predicted, and the residual falls from {rms:.2f} to "
-                f"{left:.2f} um RMS"
+                f"(power {_chance(power)}): a recurring error can be predicted, and the residual falls from {rms:.2f} "
+                f"to {left:.2f} um RMS"
             )
     parts += [f"separates {q.name} from {q.other} (power {_chance(power)})" for q, power in answers if q.kind == "tied"]
     parts += [f"confirms {q.name} (power {_chance(power)})" for q, power in answers if q.kind == "weak"]

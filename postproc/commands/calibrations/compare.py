@@ -108,6 +108,6 @@ def _references(machine: Machine, texts: Sequence[str]) -> dict[str, float]:
         if axis not in machine.names:
             raise UserError(f"--reference {text}: {machine.name} ({machine.chain}) has no axis {axis}")
         if axis in found:
-            raise UserError(f"--reference {text}: {axis} is given twice")
+            raise UserError(f"--reference {text}: {axis} is given twice: give it once")
         found[axis] = position
     return found

@@ -103,7 +103,7 @@ def simulate_on_path(
     check_distance(made)
     made, spoiled = spoil(made, instrument.faults, draws[3])
     if not len(made):
-        raise UserError("--missing leaves no reading")
+        raise UserError("--missing leaves no reading: choose a smaller share")
     with whole_results(*outputs) as (truth, file):
         write_readings(made, file)
         truth.write(encode_model(model))

@@ -109,6 +109,6 @@ def _verdict(probed: Probed) -> str:
     moved = ", ".join(f"{v:+.1f}" for v in last.shift_um)
     return (
         f"DRIFT: the first centre moved by ({moved}) um until row {last.row + 1}, beyond U {last.U_um:.1f} um: "
-        "spheres, spindle or table moved or warmed up. ncomp diagnose tells a drift (thermal-drift) from a knock "
+        "spheres, spindle or table moved or warmed up. ncomp diagnose separates a drift (thermal-drift) from a knock "
         "(station-shift)."
     )

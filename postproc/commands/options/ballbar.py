@@ -36,7 +36,7 @@ class BallbarOptions:
         """UserError for an option of a ballbar beside another instrument."""
         for name in ("centre", "plane", "arc", "bar"):
             if getattr(self, name):
-                raise UserError(f"--{name} is no option of --instrument {instrument}")
+                raise UserError(f"--{name} is no option of --instrument {instrument}: leave it out")
 
     def instrument(self, of: Instrument) -> Ballbar:
         """The ballbar with these uncertainties and the given length."""

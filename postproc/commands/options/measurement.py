@@ -104,6 +104,6 @@ def header_of(lines: Sequence[str]) -> dict[str, str]:
         if not (key and equals and value):
             raise UserError(f"--header {line}: expected KEY=VALUE, as in u_um=0.3")
         if key in header:
-            raise UserError(f"--header {line}: {key} is given twice")
+            raise UserError(f"--header {line}: {key} is given twice: give it once")
         header[key] = value
     return header

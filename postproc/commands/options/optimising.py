@@ -74,7 +74,7 @@ def _obstacle(text: str) -> Obstacle:
         letter, _, ends = entry.partition("=")
         low, high = numbers(ends, 2, f"--obstacle {text}", ":")
         if letter.strip() in box:
-            raise UserError(f"--obstacle {text}: {letter.strip()} is given twice")
+            raise UserError(f"--obstacle {text}: {letter.strip()} is given twice: give it once")
         box[letter.strip()] = (low, high)
     try:
         return obstacle_of(box)

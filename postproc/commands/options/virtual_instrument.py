@@ -136,7 +136,7 @@ class InstrumentOptions(TrackerOptions):
         if self.instrument != "touch-probe":
             for name, given in (("sphere", self.sphere), ("distance", self.distance)):
                 if given:
-                    raise UserError(f"--{name} is no option of --instrument {self.instrument}")
+                    raise UserError(f"--{name} is no option of --instrument {self.instrument}: leave it out")
         return spheres_of(self.sphere, self.distance)
 
     def _letters(self) -> Sequence[str]:
@@ -146,7 +146,7 @@ class InstrumentOptions(TrackerOptions):
         if self.error_motions is None:
             return ()
         if self.instrument != "interferometer":
-            raise UserError(f"--error-motions is no option of --instrument {self.instrument}")
+            raise UserError(f"--error-motions is no option of --instrument {self.instrument}: leave it out")
         text = ",".join(COMPONENTS) if self.error_motions == "all" else self.error_motions
         letters = tuple(letter.strip().upper() for letter in text.split(","))
         for letter in letters:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from shlex import quote
 
+from kinematics.files.mistaken import missing
 from kinematics.user_error import UserError
 from postproc.commands.options.shared import ResultOptions, check_files, number_of_workers, whole_results
 from postproc.commands.programs.folder import FolderProgram, check_targets, corrected, folders_for
@@ -29,7 +30,7 @@ def listed_programs(inputs: Sequence[str], output: str | None, machine: str) -> 
             hint = f"ncomp batch {quote(name)} {quote(str(output))} --machine {quote(machine)}"
             raise UserError(f"{name} is a folder: '{hint}' corrects its programs")
         if not path.is_file():
-            raise UserError(f"program {name}: No such file")
+            raise UserError(f"program {name}: No such file{missing(name)}")
         target = folder / path.name
         if other := next((each.path for each in found if each.target == target), None):
             raise UserError(f"{other} and {name} have the same name, and so the same output {target}: name each once")

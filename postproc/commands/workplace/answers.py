@@ -38,7 +38,11 @@ class Answers:
 
         while True:
             try:
-                return read(str(typer.prompt(question, default=default, err=True)).strip())
+                shown = default is not None
+                text = typer.prompt(question, default=default if shown else "", show_default=shown, err=True)
+                if not shown and not str(text).strip():
+                    raise UserError("an answer is needed; Ctrl-C ends without writing anything")
+                return read(str(text).strip())
             except UserError as fault:
                 typer.echo(f"  {fault}", err=True)
             except typer.Abort:
@@ -56,6 +60,6 @@ def by_name(values: Iterable[str], option: str, known: Iterable[str]) -> dict[st
         if name not in names:
             raise UserError(f"{option} {text}: the chain has no axis {name}: its axes are {', '.join(names)}")
         if name in found:
-            raise UserError(f"{option}: {name} is given twice")
+            raise UserError(f"{option}: {name} is given twice: give it once")
         found[name] = value.strip()
     return found

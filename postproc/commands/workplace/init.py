@@ -81,6 +81,9 @@ def init(
         say("written", str(folder / name))
     read_job(folder / "job.toml", there=False)
     say("next", f"ncomp {folder / 'job.toml'} --check")
+    if b'calibration = "none"' in files["job.toml"]:
+        job = folder / "job.toml"
+        say("then", f"measure the machine, write its calibration into {job}, and correct by ncomp {job}")
 
 
 def _machine(new: NewMachine, answers: Answers) -> tuple[str, str]:
@@ -159,7 +162,8 @@ def _job_text(
     from postproc.commands.workplace.new_machine import number
 
     lines = [f"machine = {json.dumps(machine)}"]
-    lines += [f"calibration = {json.dumps(calibration)}"] if calibration else []
+    later = "    # a file of ncomp fit, once the machine is measured" if calibration == "none" else ""
+    lines += [f"calibration = {json.dumps(calibration)}{later}"] if calibration else []
     lines += ["", "[work_offsets]"]
     for name, values in offsets.items():
         lines.append(f"{_key(name)} = {{ {', '.join(f'{axis} = {number(value)}' for axis, value in values.items())} }}")
