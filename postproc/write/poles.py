@@ -10,8 +10,8 @@ from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc
 from postproc.motion.segments import arc_turned
 from postproc.text.editing import WordEditor
-from postproc.text.number_style import decimals_for
 from postproc.write.added_blocks import AddedBlock
+from postproc.write.decimals import decimals_of_axis
 from postproc.write.polar_words import (
     add_helix_end,
     write_arc_end,
@@ -33,9 +33,6 @@ class PoleWriter:
         self.machine = machine
         self._held: tuple[int, Point] | None = None
         """Number of a pole of the program, and the written pole, mm, that the control has instead of it."""
-
-    def _decimals(self, axis: int, unit: float) -> int:
-        return decimals_for(self.machine.axes[axis].resolution / unit)
 
     def write_line(self, motions: Motions, row: int, ends: Ends, programmed: list[bool], editor: WordEditor) -> None:
         """Write the end of an LP relative to the pole on the control; `ends` becomes the written end."""
@@ -91,7 +88,7 @@ class PoleWriter:
         programmed = []
         for axis, index, coordinate in zip(arc.plane, arc.words, arc.centre, strict=False):
             assert index is not None
-            programmed.append(editor.set(index, coordinate / unit, self._decimals(axis, unit)) * unit)
+            programmed.append(editor.set(index, coordinate / unit, decimals_of_axis(self.machine, axis, unit)) * unit)
         return programmed[0], programmed[1]
 
     def _add_pole(
@@ -99,7 +96,7 @@ class PoleWriter:
     ) -> Point:
         """Add a pole before a block; returns the written pole, mm."""
         names = [self.machine.names[axis] for axis in plane[:2]]
-        decimals = self._decimals(plane[0], unit)
+        decimals = decimals_of_axis(self.machine, plane[0], unit)
         values = [
             editor.agreed(f"pole {name}", round(coordinate / unit, decimals), decimals)
             for name, coordinate in zip(names, pole, strict=True)
@@ -128,7 +125,7 @@ class PoleWriter:
             turned = math.degrees(arc_turned(motions, row))
             held[i], held[j] = write_circle_as_helix(editor, dropped, arc, points, turned, resolution)
         elif arc.form == "tangent":
-            decimals = self._decimals(i, unit)
+            decimals = decimals_of_axis(self.machine, i, unit)
             end = [(name, round(held[axis] / unit, decimals)) for name, axis in zip(names, (i, j), strict=True)]
             write_tangent_as_circle(editor, polar, end, decimals, arc.sense)
             if polar is not None:

@@ -1,0 +1,79 @@
+"""Editors of the blocks of a chunk, and the texts that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from kinematics.machine import Machine
+from postproc.motion.motions import Motions
+from postproc.text.block import Block, edited
+from postproc.text.blocks import Blocks
+from postproc.text.editing import Iterations, Layout, WordEditor
+from postproc.write.decimals import decimals_of_axis
+from postproc.write.plain_rows import PlainText
+
+MOST_APART_UM = 1.0
+"""Twice the largest difference, um, between the corrections of iterations of a block that share its text."""
+
+
+class Editors:
+    """Editors of the blocks of a chunk; keeps the layout of the program and the iterations of its blocks."""
+
+    def __init__(self, machine: Machine, tolerance_um: float) -> None:
+        self.machine, self.tolerance_um = machine, tolerance_um
+        self.layout = Layout()
+        self._editors: dict[int, WordEditor] = {}
+        self._indices: Sequence[int] | None = None
+        self._iterations: dict[int, Iterations] = {}
+        """Iterations by block of the program, if blocks may run several times."""
+
+    def start(self, indices: Sequence[int] | None) -> None:
+        """Begin a chunk; indices: of its blocks in the program if blocks may run several times."""
+        self._editors, self._indices = {}, indices
+
+    def of(self, motions: Motions, block: int) -> WordEditor:
+        """The editor of a block of the chunk."""
+        if block not in self._editors:
+            self._editors[block] = self.new(motions, block)
+        return self._editors[block]
+
+    def new(self, motions: Motions, block: int) -> WordEditor:
+        """A further editor of a block, whose edits are not written."""
+        return WordEditor(motions.blocks[block], self.layout_of(motions, block), self.iterations_of(motions, block))
+
+    def layout_of(self, motions: Motions, block: int) -> Layout:
+        """The layout of the program; of a block that may run several times, when it ran first."""
+        iterations = self.iterations_of(motions, block)
+        return self.layout if iterations is None else iterations.layout
+
+    def iterations_of(self, motions: Motions, block: int) -> Iterations | None:
+        """Numbers of the first iteration of a block of the chunk; None in a program whose blocks all run once."""
+        if self._indices is None:
+            return None
+        if self._indices[block] not in self._iterations:
+            # half of the tolerance, at most half of MOST_APART_UM, in units of the last decimal of a coordinate
+            unit = float(motions.unit[np.searchsorted(motions.block, block)])  # for a CC, that of its arc
+            decimals = decimals_of_axis(self.machine, self.machine.translators[0], unit)
+            counts = 0.5e-3 * min(self.tolerance_um, MOST_APART_UM) / unit * 10.0**decimals
+            self._iterations[self._indices[block]] = Iterations(self.layout, counts)
+        return self._iterations[self._indices[block]]
+
+    def texts(self, blocks: Blocks, plain: Mapping[int, PlainText]) -> Iterator[str | PlainText]:
+        """The texts of all blocks; `plain`: those of consecutive plain lines, by the index of the first."""
+        for some, first in zip(blocks.parts, blocks.firsts, strict=False):
+            if isinstance(some, list):
+                yield from (self._text(first + i, block) for i, block in enumerate(some))
+                continue
+            index = first
+            while index < first + len(some):
+                if index in plain:
+                    yield plain[index]
+                    index += plain[index].lines
+                else:
+                    yield self._text(index, some.block(index - first))
+                    index += 1
+
+    def _text(self, index: int, block: Block) -> str:
+        return edited(block.text, self._editors[index].edits) if index in self._editors else block.text
