@@ -67,7 +67,7 @@ def error_names_with_tool(machine: Machine) -> list[str]:
 
 
 def derived(machine: Machine) -> ModuleType:
-    """The derived module of the machine's chain: shipped, from the user's cache, or derived now and put there."""
+    """The derived module of the machine's chain: shipped, from the user's cache, or derived here and put there."""
     if machine.chain_hash in MODULES:
         return importlib.import_module(f".derived.{MODULES[machine.chain_hash]}", __package__)
     if machine.chain_hash not in _loaded:
@@ -92,7 +92,7 @@ def _from_cache(machine: Machine) -> ModuleType | None:
 
 
 def _newly_derived(machine: Machine) -> ModuleType:
-    """The module derived now, and put into the cache if that can be written."""
+    """The module, derived here, and put into the cache if that can be written."""
     from kinematics import derive  # it takes sympy
 
     source = derive.source(machine)

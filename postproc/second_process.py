@@ -64,7 +64,7 @@ class SecondProcess:
         self._sender: threading.Thread | None = None
 
     def give(self, task: Any) -> None:
-        """A further task, whose columns must not change any more; LostProcess where the process has ended."""
+        """A further task, whose columns must stay unchanged; LostProcess where the process has ended."""
         if not self._process.is_alive():
             raise LostProcess
         if self._sender is None:

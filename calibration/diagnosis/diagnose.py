@@ -58,7 +58,7 @@ GATE = 0.2
 AGAIN = 3
 """Times that the bases are selected again with the causes found."""
 DOUBTS = (unexplained_residual.misread, unexplained_residual.wandering, unexplained_residual.smoothed)
-"""Each finds causes of a stage that only imitate another error; asked in turn."""
+"""Each finds causes of a stage that only imitate another error; they are tried in turn."""
 LeftOver = Literal["report", "add"]
 
 
@@ -223,7 +223,7 @@ def _findings(fit: Fit) -> list[Finding]:
 def _causes(selector: Selector) -> _Found:
     """The causes, each compared with its siblings: first those of the library, then searched shapes.
 
-    Shapes must stand beside a smooth function of the variables on which the residual depends.
+    Shapes must be likely beside a smooth function of the variables on which the residual depends.
     """
     coarser = selector.on(selector.base.coarser(selector.measurement, selector.progress))
     found = _with_bases(coarser, sudden_changes(coarser))

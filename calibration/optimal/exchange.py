@@ -27,7 +27,7 @@ LEAST = 1e-4
 
 @dataclass
 class Selection:
-    """The candidates that are chosen so far, with V and W = V B V."""
+    """The candidates chosen, with V and W = V B V."""
 
     rows: Array
     """F `(candidates, d, p)`, whitened, parameters in units of their priors."""

@@ -453,7 +453,7 @@ def _lines(found: dict[str, Any], tables: dict[str, list[str]]) -> Iterator[str]
         "",
         "`--json FILE` writes the result of a command for other programs, `--json -` to standard output. The unit is the "
         "end of a name: `_um`, `_urad`, `_mm`, `_s`. Uncertainties in JSON are standard uncertainties (k=1). A dot "
-        "separates levels, `[]` is an entry of a list, and NAME stands for the name of an axis, an error motion, a work "
+        "separates levels, `[]` is an entry of a list, and NAME is the name of an axis, an error motion, a work "
         "offset or a file.",
         "",
         "The keys of `diagnose` that are explained here, and the columns of measurement files, are a contract: they stay.",

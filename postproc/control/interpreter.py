@@ -83,7 +83,7 @@ class Interpreter(ABC):
     # ---- blocks
 
     def read(self, blocks: Iterable[Block | PlainRun]) -> Motions:
-        """The moves of a chunk of blocks, each read before the next is asked for.
+        """The moves of a chunk of blocks, each read before the next is taken.
 
         The next block may depend on the position of the tool. Refusal at the first block that is not fully understood.
         """

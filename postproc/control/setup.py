@@ -41,7 +41,7 @@ class Setup:
     """Offsets by name and tool lengths by number, as they are before a program runs on one machine.
 
     Options have priority over a tool table, and a tool table over the machine file. A value that is not given is zero
-    if the user has asked for zero, otherwise the value that the machine file assumes, otherwise missing.
+    if the user has requested zero, otherwise the value that the machine file assumes, otherwise missing.
     """
 
     machine: Machine

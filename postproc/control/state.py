@@ -102,7 +102,7 @@ class ControlState:
         self.tools[tool_key(str(tool))] = length
 
     def touch_off(self, name: str) -> TouchOff | None:
-        """The touch-off of a work offset as it is now; None for one that is true."""
+        """The present touch-off of a work offset; None for one that is true."""
         datum = self.setup.datum(name)
         return touch_off(name, datum, self.work_offset(name), self.setup.machine) if datum.probed else None
 

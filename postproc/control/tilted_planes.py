@@ -38,8 +38,8 @@ def perpendicular(
 ) -> tuple[list[dict[int, float]], bool]:
     """All positions of the rotary axes with the tool along a normal, and whether the first of these axes is free.
 
-    normal: in the workpiece frame. here: positions of the rotary axes now, degrees by column. Positions in degrees by
-    column, each inside travel and with the whole turns that bring it nearest to `here`; a free axis is at 0.
+    normal: in the workpiece frame. here: present positions of the rotary axes, degrees by column. Positions in degrees
+    by column, each inside travel and with the whole turns that bring it nearest to `here`; a free axis is at 0.
     """
     start = np.zeros(len(machine.axes))
     start[list(here)] = np.deg2rad(list(here.values()))

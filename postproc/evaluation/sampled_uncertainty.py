@@ -29,7 +29,7 @@ class SampledUncertainties:
         self._machine, self._model, self._conditions = machine, model, conditions
         self.statistic, self.significance = Statistic(), significance
         self._moves = 0
-        """Number of moves so far."""
+        """Number of added moves."""
         self._columns: list[tuple[Array, ...]] = []
         """Positions `(k, axes)`, directions likewise or `(k, 0)`, tools `(k, 3)`, errors `(k, 2)`, moves `(k,)`."""
         self._touch_offs: list[TouchOff | None] = []

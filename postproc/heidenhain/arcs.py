@@ -59,7 +59,7 @@ class Arcs:
     words: tuple[int | None, int | None] = (None, None)
     """Indices of the coordinates of the pole in that block."""
     count: int = 0
-    """Poles so far."""
+    """Number of poles read."""
 
     def new_chunk(self) -> None:
         """The blocks before are written: their words can no longer be edited."""

@@ -81,7 +81,7 @@ def refuse_long_line(control: Control, block: Block) -> None:
 
 
 def refuse_lengthened(control: Control, block: Block, text: str) -> None:
-    """Refuse a block that has become too long for LinuxCNC, unless the control is another; `text`: as it is now."""
+    """Refuse a block that has become too long for LinuxCNC, unless the control is another; `text`: its present text."""
     if control.family == "fanuc":
         return
     if len(text) > LINUXCNC and _longest(text) > LINUXCNC >= _longest(block.text):

@@ -16,7 +16,7 @@ Words = tuple[AxisWord, ...]
 
 
 class AxisWords(Sequence[Words]):
-    """Axis words by row; those of a plain line are made when they are asked for."""
+    """Axis words by row; those of a plain line are made on demand."""
 
     def __init__(self, parts: Iterable[list[Words] | PlainRun] = (), rows: np.ndarray | None = None) -> None:
         self._parts = list(parts)

@@ -45,7 +45,7 @@ def _with_value(block: Block, word: Word, scope: Scope) -> Word:
 
 
 def _argument(expression: Expression, scope: Scope) -> Expression:
-    """An argument of a call as it is now: its value where it reads variables that are known."""
+    """An argument of a call at this block: its value where it reads variables that are known."""
     if not any(True for _ in variables(expression)):
         return expression
     try:

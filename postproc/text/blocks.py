@@ -53,7 +53,7 @@ class PlainRun:
 
 
 class Blocks(Sequence[Block]):
-    """The blocks of a chunk in their order; the block of a plain line is made when it is asked for."""
+    """The blocks of a chunk in their order; the block of a plain line is made on demand."""
 
     def __init__(self, items: Iterable[Block | PlainRun]) -> None:
         self.parts: list[list[Block] | PlainRun] = []
@@ -68,7 +68,7 @@ class Blocks(Sequence[Block]):
         self.firsts = [0, *itertools.accumulate(map(len, self.parts))]
         """Index of the first block of each part, and the number of blocks."""
         self._made: dict[int, Block] = {}
-        """Blocks of plain lines that were asked for."""
+        """Blocks of plain lines that were made on demand."""
 
     def __len__(self) -> int:
         return self.firsts[-1]

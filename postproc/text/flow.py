@@ -140,10 +140,10 @@ class Flow:
         self.ran: set[int] = set()
         """Blocks that have run."""
         self._jumped = False
-        """The block that comes now has been jumped to."""
+        """The next block is the target of the last jump."""
 
     def run(self, reader: Reader) -> Iterator[tuple[int, Block]]:
-        """Blocks in the order in which they run, with their indices; each is read before the next is asked for."""
+        """Blocks in the order in which they run, with their indices; each is read before the next is taken."""
         at, ran = 0, 0
         while at < len(self.blocks):
             block = self.blocks[at]

@@ -76,7 +76,7 @@ class Data:
 
     @cached_property
     def registered_again(self) -> Registration:
-        """The registration of the data and of the next set-up, where the tracker stands as it did."""
+        """The registration of the data and of the next set-up, where the tracker keeps its position."""
         if self.set_up is None:
             return self.registration
         poses, centres, last = self.registration.poses, self.registration.centres, str(self.measurement.groups[-1])

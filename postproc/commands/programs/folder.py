@@ -91,7 +91,7 @@ def check_folders(folder: Path, output: Path) -> None:
 
 
 def present_programs(folder: Path, output: Path, patterns: Sequence[str]) -> list[FolderProgram]:
-    """The programs that are in a folder now, as `programs_of`; none where there is none."""
+    """The programs in a folder, as `programs_of`; none where there is none."""
     return [
         FolderProgram(name.as_posix(), path, output / name, path.stat().st_size)
         for path in sorted(_files(folder, output.resolve()))

@@ -1,4 +1,4 @@
-"""Answers that a command needs: from its options, or asked for on a terminal until they can be used."""
+"""Answers that a command needs: from its options, or requested on a terminal until they can be used."""
 
 from __future__ import annotations
 
