@@ -18,10 +18,14 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import duplicates, first_registration
 from calibration.plausibility.chain_order import other_chains
 from calibration.plausibility.circles import circle_mistakes
+from calibration.plausibility.motion import LEAST, clock_lag, read_back
 from calibration.plausibility.recording_mistakes import (
+    FALLS,
+    PLAUSIBLE,
+    TIED,
     Alternative,
     alternatives,
-    by_axes,
+    centred,
     misfit,
     misplaced,
     trimmed_rms,
@@ -33,26 +37,16 @@ from calibration.plausibility.times import paused, repeated_times
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-FALLS = 5.0
-"""Factor by which the residual must fall when a mistake is reversed."""
-PLAUSIBLE = 1.0
-"""Largest RMS residual of the nominal machine in data without a mistake, mm."""
 SUSPICIOUS = 0.3
 """RMS residual, mm, below which no mistake is searched for."""
 HOPELESS = 5.0
 """Median residual, mm, above which the data cannot belong to the machine if no mistake explains it."""
-TIED = 2.0
-"""Factor of the residuals up to which two mistakes cannot be distinguished."""
 ROWS = 1500
 """Largest number of rows, chosen at random, in the search for mistakes."""
 LEAST_POSITIONS = 5
 """Least number of measurement states common to all runs for a comparison of the first run with the others."""
-LEAST = 10
-"""Least number of rows for the search for a relation between columns."""
 SLOPE = 1e-3
 """Deviation per travel above which the cause is not an axis."""
-RELATED = 0.7
-"""Correlation above which two columns are related."""
 SIGNIFICANCE = 1e-3
 BACK = 0.1
 """Share of rows with an earlier time than the row before, above which the rows are not in the order of time."""
@@ -62,10 +56,6 @@ FAR = 1000.0
 """Distance of a target from the tool reference point that is possible on every machine, mm."""
 SMALL = 0.05
 """Share of the travel of linear axes below which their unit is questioned."""
-NOTICED_MM, NOTICED_RAD = 1e-3, 1e-5
-"""RMS difference of read-back and command below which it is ignored: linear axes, rotary axes.
-
-Rounding to 0.001 deg gives 5e-6 rad. 1e-5 rad is 3 um at a distance of 300 mm."""
 
 
 class Finding(NamedTuple):
@@ -88,8 +78,15 @@ def sanity(measurement: Measurement) -> list[Finding]:
         mistakes += list(_of_instrument(own))
         mistakes += list(_distances(own))
     if measurement.across is None and not any(finding.fatal for finding in mistakes):
-        odd += [*_spheres(own), *_small_volume(own), *_clock(own), *_first_cycle(own), *_read_back(own)]
+        odd += [*_spheres(own), *_small_volume(own), *_motion(own)]
     return sorted([*mistakes, *odd], key=lambda finding: not finding.fatal)
+
+
+def _motion(measurement: Measurement) -> Iterator[Finding]:
+    """Observations and read-backs that do not follow the commands, and a first run that differs."""
+    yield from (Finding(*found) for found in clock_lag(measurement))
+    yield from _first_cycle(measurement)
+    yield from (Finding(*found) for found in read_back(measurement))
 
 
 def usable(measurement: Measurement) -> list[Finding]:
@@ -284,7 +281,7 @@ def _readings(measurement: Measurement) -> Iterator[Finding]:
         if not len(rows):
             continue
         part, i = measurement.rows(rows), machine.index(name)
-        x, y = _centred(part, part.state.positions[:, [i]])[:, 0], _centred(part, part.observed)[:, 0]
+        x, y = centred(part, part.state.positions[:, [i]])[:, 0], centred(part, part.observed)[:, 0]
         if np.ptp(x) <= 0.0:
             continue
         slope = float(x @ y / (x @ x))
@@ -298,45 +295,6 @@ def _readings(measurement: Measurement) -> Iterator[Finding]:
                 "deviations, or the unit or the sign of one column is wrong",
                 True,
             )
-
-
-def _clock(measurement: Measurement) -> Iterator[Finding]:
-    """Rows in motion that are observed earlier or later than their positions."""
-    velocity = measurement.state.velocity
-    if velocity is None:
-        return
-    moving = np.flatnonzero(velocity.any(axis=1))
-    if len(moving) < LEAST:
-        return
-    part = measurement.rows(moving)
-    residual, registration = misfit(part)
-    residual, along = _centred(part, residual), by_axes(part, registration)
-    swept = _centred(part, (along @ velocity[moving][:, :, None])[:, :, 0])
-    size = float(np.sum(swept**2))
-    if size <= 0.0:
-        return
-    lag = float(np.sum(swept * residual)) / size
-    before, after = (float(np.sqrt(np.mean(rows**2))) for rows in (residual, residual - lag * swept))
-    with_backlash = _misfit_with_backlash(part, residual, along * np.sign(velocity[moving])[:, None, :])
-    if after < before / FALLS and after < TIED * with_backlash:
-        ahead = "later" if lag > 0 else "earlier"
-        follows = with_backlash > TIED * after
-        causes = "two clocks, or following error" if follows else "two clocks, following error or backlash"
-        micro = float(part.per_micro.max())
-        unit = "um" if micro < 1e6 else "urad"
-        yield Finding(
-            "clock",
-            f"rows in motion were observed {abs(lag) * 1e3:.3g} ms {ahead} than their positions were noted: with that "
-            f"lag their residual falls from {before * micro:.4g} to {after * micro:.3g} {unit} RMS ({causes})",
-            before > PLAUSIBLE,
-        )
-
-
-def _misfit_with_backlash(measurement: Measurement, residual: Array, behind: Array) -> float:
-    """RMS of residuals `(n, d)` after a fit of a backlash of each axis, with derivatives `(n, d, axes)`."""
-    design = np.stack([_centred(measurement, behind[:, :, i]).reshape(-1) for i in range(behind.shape[2])], axis=1)
-    size, *_ = np.linalg.lstsq(design, residual.reshape(-1), rcond=None)
-    return float(np.sqrt(np.mean((residual.reshape(-1) - design @ size) ** 2)))
 
 
 def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
@@ -383,53 +341,3 @@ def _by_run(measurement: Measurement) -> Array | None:
         for name in np.unique(axis[shared]).tolist():
             cells[axis[shared] == name] -= cells[axis[shared] == name].mean(axis=0)
     return cells
-
-
-def _read_back(measurement: Measurement) -> Iterator[Finding]:
-    """Read-back positions that differ from the commands, and the related variables."""
-    if measurement.actual is None:
-        return
-    machine, state = measurement.machine, measurement.state
-    residual, registration = misfit(measurement)
-    along = by_axes(measurement, registration)
-    for i, axis in enumerate(machine.axes):
-        apart = measurement.actual[:, i] - state.positions[:, i]
-        rows = np.isfinite(apart) & along[:, :, i].any(axis=1)
-        rms = float(np.sqrt(np.mean(apart[rows] ** 2))) if rows.any() else 0.0
-        if rows.sum() < LEAST or rms < (NOTICED_RAD if axis.rotary else NOTICED_MM):
-            continue
-        small, unit = (1e6, "urad") if axis.rotary else (1e3, "um")
-        own = np.einsum("nd,nd->n", residual, along[:, :, i])[rows] / np.sum(along[rows, :, i] ** 2, axis=1)
-        message = [f"read-back and command of {axis.name} differ by {rms * small:.3g} {unit} RMS"]
-        slope, r = _related(apart[rows], own)
-        if r > RELATED and 0.5 < slope < 1.5:
-            message.append(
-                f"the observed deviation follows with slope {slope:.2f}: the axis did not reach its commanded position"
-            )
-        if state.last_move is not None:
-            slope, r = _related(state.last_move[rows, i], apart[rows])
-            if abs(r) > RELATED:
-                message.append(f"by {slope * 1e6:.3g} ppm of the last move: the axis had not settled (r = {r:.2f})")
-        if state.velocity is not None and state.velocity[rows, i].any():
-            slope, r = _related(state.velocity[rows, i], apart[rows])
-            if abs(r) > RELATED:
-                message.append(f"by {slope * 1e3:.3g} ms of the velocity: following error, or two clocks (r = {r:.2f})")
-        yield Finding("read-back", "; ".join(message), False)
-
-
-def _related(one: Array, other: Array) -> tuple[float, float]:
-    """Slope of `other` against `one`, both `(n,)`, and their correlation; zeros if one of them is constant."""
-    one, other = one - one.mean(), other - other.mean()
-    sizes = float(one @ one), float(other @ other)
-    if min(sizes) <= 0.0:
-        return 0.0, 0.0
-    product = float(one @ other)
-    return product / sizes[0], product / float(np.sqrt(sizes[0] * sizes[1]))
-
-
-def _centred(measurement: Measurement, values: Array) -> Array:
-    """Values `(n, d)` minus the mean of their registration group."""
-    _, group = np.unique(measurement.groups, return_inverse=True)
-    sums = np.zeros((group.max() + 1, values.shape[1]))
-    np.add.at(sums, group, values)
-    return np.asarray(values - (sums / np.bincount(group)[:, None])[group])

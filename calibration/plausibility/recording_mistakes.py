@@ -25,6 +25,12 @@ from kinematics.error_model.model import no_errors
 from kinematics.machine import Vector
 from kinematics.transforms import Array
 
+FALLS = 5.0
+"""Factor by which the residual must fall when a mistake is reversed."""
+PLAUSIBLE = 1.0
+"""Largest RMS residual of the nominal machine in data without a mistake, mm."""
+TIED = 2.0
+"""Factor of the residuals up to which two mistakes cannot be distinguished."""
 FACTORS = {25.4: "inch and mm", 1 / 25.4: "inch and mm", 1e3: "m, mm or um", 1e-3: "m, mm or um"}
 """Factors of wrong units, and the units that were confused."""
 NEAR = 5e-3
@@ -279,3 +285,11 @@ def _with_targets(measurement: Measurement, changed: dict[str, Target]) -> Measu
 def _with_names(measurement: Measurement, target: np.ndarray) -> Measurement:
     """The measurement with other names of targets by row."""
     return replace(measurement, state=replace(measurement.state, target=target))
+
+
+def centred(measurement: Measurement, values: Array) -> Array:
+    """Values `(n, d)` minus the mean of their registration group."""
+    _, group = np.unique(measurement.groups, return_inverse=True)
+    sums = np.zeros((group.max() + 1, values.shape[1]))
+    np.add.at(sums, group, values)
+    return np.asarray(values - (sums / np.bincount(group)[:, None])[group])

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from calibration.reports.causes.views import View
+from calibration.reports.causes.view import View
 from kinematics.transforms import Array
 from rendering.figures import (
     COLOURS,

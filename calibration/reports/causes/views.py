@@ -8,13 +8,13 @@ residual. Its standard uncertainty is 1 / |a|.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.observation.normal_equations import whitened, whiteners
+from calibration.reports.causes.view import BLUNT, IN_ORDER, CauseInFit, Curve, View, lined, motions_of
 from kinematics.effects import (
     COMPONENTS,
     INSTRUMENT,
@@ -80,139 +80,22 @@ from rendering.figures import clock
 
 DENSE = 400
 """Points of a curve."""
-BLUNT = 10.0
-"""Multiple of the median standard uncertainty above which rows are not shown."""
-IN_ORDER = "row, in the order of acquisition"
-
-
-class Curve(NamedTuple):
-    """The fitted cause as a line."""
-
-    x: Array
-    y: Array
-    group: int = 0
-
-
-@dataclass(frozen=True)
-class View:
-    """One panel: readings `(n,)` over a variable, and the fitted cause."""
-
-    title: str
-    x: Array
-    y: Array
-    u: Array
-    """Standard uncertainties; infinite for rows without information."""
-    fitted: Array
-    x_label: str
-    y_label: str
-    groups: tuple[tuple[str, np.ndarray], ...] = ()
-    """Names and masks `(n,)` of rows in separate colours; empty: one colour for all."""
-    curves: tuple[Curve, ...] = ()
-    """Curves of the fitted cause; empty: it is drawn row by row."""
-    over: Array | None = None
-    """Second variable `(n,)` of a map."""
-    over_label: str = ""
-    moment: float | None = None
-    """Moment of a jump, on the x axis."""
-    ticks: tuple[str, ...] = ()
-    """Names of x = 0, 1, ...; empty: x is a number."""
-    means: bool = True
-    """False where rows are drawn without their means."""
-
-
-@dataclass(frozen=True)
-class _Cause:
-    """One cause in one linearised fit."""
-
-    linearised: LinearisedFit
-    effect: Any
-
-    @property
-    def state(self) -> State:
-        """State of the rows of the linearised fit."""
-        return self.linearised.measurement.state.rows(self.linearised.rows)
-
-    def position(self, axis: str) -> Array:
-        """Positions `(n,)` of an axis, mm or degrees."""
-        return self.state.position(self.linearised.measurement.machine, axis)
-
-    def label(self, axis: str) -> str:
-        """Name and unit of an axis."""
-        machine = self.linearised.measurement.machine
-        return f"{axis}, {machine.axes[machine.index(axis)].unit}"
-
-    def of_axis(self, column: str) -> Array:
-        """Column `(n,)` of the state for the axis of the cause."""
-        table = self.state.need(column, self.effect.name)
-        return np.asarray(table[:, self.linearised.measurement.machine.index(self.effect.axis)])
-
-    def time(self) -> tuple[Array, str]:
-        """Time `(n,)` in the unit of its label, and the label."""
-        seconds = self.state.need("time", self.effect.name)
-        unit, label = clock(seconds)
-        return np.asarray(seconds / unit), label
-
-    def over(self, x: Array, label: str) -> Iterator[View]:
-        """A panel for each component that the cause acts on."""
-        for (acts_at, component), values in _motions(
-            self.effect, self.linearised.measurement.state, self.linearised
-        ).items():
-            arm = self.linearised.transform[:, :, 6 * acts_at + component]
-            unit, size = unit_of(COMPONENTS[component])
-            title = self._title(acts_at, component)
-            yield self.along(arm, values[self.linearised.rows], size, (title, f"{title}, {unit}"), (x, label))
-
-    def along(self, arm: Array, values: Array, size: float, title: tuple[str, str], over: tuple[Array, str]) -> View:
-        """Readings along whitened directions `(n, d)` per mm or rad; `values` `(n,)` are those of the cause.
-
-        size: mm or rad of the unit shown; title: of the panel, of its y axis; over: x and its label.
-        """
-        squares = np.sum(arm**2, axis=1)
-        sharp = self.linearised.good & (squares > 0)
-        sharp &= squares >= (np.median(squares[sharp]) if sharp.any() else 0.0) / BLUNT**2
-        safe = np.where(sharp, squares, 1.0)
-        left = np.sum(arm * self.linearised.residual.reshape(arm.shape), axis=1) / safe
-        u = np.where(sharp, safe**-0.5 / size, np.inf)
-        fitted = values / size
-        return View(title[0], over[0], fitted + left / size, u, fitted, over[1], title[1])
-
-    def _title(self, acts_at: int, component: int) -> str:
-        axes, letter = self.linearised.measurement.machine.names, COMPONENTS[component]
-        if acts_at < len(axes):
-            return f"E_{letter}{axes[acts_at]}"
-        return f"tool {letter}" if acts_at == len(axes) else f"observed {letter.lower()}"
 
 
 def views(linearised: LinearisedFit, effect: Effect) -> list[View]:
     """The panels of a cause with its fitted parameters, on a linearised fit whose model has it."""
-    return list(VIEWS.get(type(effect), _by_row)(_Cause(linearised, effect)))
+    return list(VIEWS.get(type(effect), _by_row)(CauseInFit(linearised, effect)))
 
 
-def _motions(effect: Effect, state: State, linearised: LinearisedFit) -> dict[tuple[int, int], Array]:
-    """Values `(n,)` of the effect in these states, mm or rad, by error frame and component."""
-    machine = linearised.measurement.machine
-    sums: dict[tuple[int, int], Array] = {}
-    for acts_at, component, values in effect.contributions(machine, state):
-        key = acts_at % (len(machine.axes) + 2), component
-        sums[key] = sums.get(key, 0.0) + values
-    return sums
-
-
-def _lined(view: View) -> View:
-    """The view with the fitted cause as one line from left to right."""
-    order = np.argsort(view.x, kind="stable")
-    return replace(view, curves=(Curve(view.x[order], view.fitted[order]),))
-
-
-def _by_row(cause: _Cause) -> Iterator[View]:
+def _by_row(cause: CauseInFit) -> Iterator[View]:
     yield from cause.over(cause.linearised.rows.astype(float), IN_ORDER)
 
 
-def _by_direction(cause: _Cause) -> Iterator[View]:
+def _by_direction(cause: CauseInFit) -> Iterator[View]:
     yield from _in_both_directions(cause, cause.position(cause.effect.axis), cause.label(cause.effect.axis))
 
 
-def _by_way(cause: _Cause) -> Iterator[View]:
+def _by_way(cause: CauseInFit) -> Iterator[View]:
     """Over the distance since the last reversal; rows before the first reversal count as behind the longest."""
     measurement, effect = cause.linearised.measurement, cause.effect
     way = way_since_reversal(measurement.machine, measurement.state, effect.axis, effect.name)[cause.linearised.rows]
@@ -221,7 +104,7 @@ def _by_way(cause: _Cause) -> Iterator[View]:
     yield from _in_both_directions(cause, way, f"way of {effect.axis} since its last reversal, {unit}")
 
 
-def _in_both_directions(cause: _Cause, x: Array, label: str) -> Iterator[View]:
+def _in_both_directions(cause: CauseInFit, x: Array, label: str) -> Iterator[View]:
     """Rows forward and backward in colours of their own, each with the line of the fitted cause."""
     side = cause.of_axis("approach")
     groups = (("forward", side > 0), ("backward", side < 0))
@@ -233,25 +116,25 @@ def _in_both_directions(cause: _Cause, x: Array, label: str) -> Iterator[View]:
         yield replace(view, groups=groups, curves=tuple(curves))
 
 
-def _by_position(cause: _Cause) -> Iterator[View]:
+def _by_position(cause: CauseInFit) -> Iterator[View]:
     x = cause.position(cause.effect.axis)
     for view in cause.over(x, cause.label(cause.effect.axis)):
         yield replace(view, curves=(_course(cause, view, np.linspace(x.min(), x.max(), DENSE)),))
 
 
-def _course(cause: _Cause, view: View, x: Array) -> Curve:
+def _course(cause: CauseInFit, view: View, x: Array) -> Curve:
     """Curve along its axis of a cause that depends on positions alone, in the component of the view."""
     machine = cause.linearised.measurement.machine
     positions = np.zeros((len(x), len(machine.axes)))
     i = machine.index(cause.effect.axis)
     positions[:, i] = x * machine.scale[i]
-    for (acts_at, component), values in _motions(cause.effect, State(positions), cause.linearised).items():
+    for (acts_at, component), values in motions_of(cause.effect, State(positions), cause.linearised).items():
         if cause._title(acts_at, component) == view.title:
             return Curve(x, values / unit_of(COMPONENTS[component])[1])
     raise KeyError(view.title)
 
 
-def _folded(cause: _Cause) -> Iterator[View]:
+def _folded(cause: CauseInFit) -> Iterator[View]:
     effect = cause.effect
     period = effect.period if isinstance(effect, Cyclic) else effect.pitch
     start = getattr(effect, "offset", 0.0)
@@ -261,7 +144,7 @@ def _folded(cause: _Cause) -> Iterator[View]:
         yield replace(view, curves=(Curve(phases, _course(cause, view, start + phases).y),))
 
 
-def _by_velocity(cause: _Cause) -> Iterator[View]:
+def _by_velocity(cause: CauseInFit) -> Iterator[View]:
     machine = cause.linearised.measurement.machine
     own = getattr(cause.effect, "axis", "")
     velocity = cause.state.need("velocity", cause.effect.name)
@@ -271,20 +154,20 @@ def _by_velocity(cause: _Cause) -> Iterator[View]:
             unit = machine.axes[i].unit
             for view in cause.over(speed, f"velocity of {name}, {unit}/s"):
                 if view.title.endswith(name):
-                    yield view if getattr(cause.effect, "compliance_ms2", None) else _lined(view)
+                    yield view if getattr(cause.effect, "compliance_ms2", None) else lined(view)
 
 
-def _by_last_move(cause: _Cause) -> Iterator[View]:
+def _by_last_move(cause: CauseInFit) -> Iterator[View]:
     machine = cause.linearised.measurement.machine
     move = cause.of_axis("last_move") / machine.scale[machine.index(cause.effect.axis)]
-    yield from map(_lined, cause.over(move, f"last move of {cause.label(cause.effect.axis)}"))
+    yield from map(lined, cause.over(move, f"last move of {cause.label(cause.effect.axis)}"))
 
 
-def _by_cycle(cause: _Cause) -> Iterator[View]:
-    yield from map(_lined, cause.over(cause.state.need("cycle", cause.effect.name), "cycle"))
+def _by_cycle(cause: CauseInFit) -> Iterator[View]:
+    yield from map(lined, cause.over(cause.state.need("cycle", cause.effect.name), "cycle"))
 
 
-def _drive_of_heat(cause: _Cause) -> tuple[Array, str]:
+def _drive_of_heat(cause: CauseInFit) -> tuple[Array, str]:
     """Time, or the temperature where the cause follows it without lag."""
     sensor = getattr(cause.effect, "sensor", None)
     if sensor is None or getattr(cause.effect, "lag_s", None):
@@ -292,22 +175,22 @@ def _drive_of_heat(cause: _Cause) -> tuple[Array, str]:
     return cause.state.temperature(sensor, cause.effect.name) + REFERENCE, f"temperature {sensor}, degC"
 
 
-def _by_heat(cause: _Cause) -> Iterator[View]:
-    yield from map(_lined, cause.over(*_drive_of_heat(cause)))
+def _by_heat(cause: CauseInFit) -> Iterator[View]:
+    yield from map(lined, cause.over(*_drive_of_heat(cause)))
 
 
-def _of_workpiece(cause: _Cause) -> Iterator[View]:
+def _of_workpiece(cause: CauseInFit) -> Iterator[View]:
     """Along the drift's own direction, which turns with the workpiece in the frame of the axis that carries it."""
     letter = cause.effect.component
     direction = workpiece_direction(cause.linearised.measurement.machine, cause.state, letter)
-    motions = _motions(cause.effect, cause.linearised.measurement.state, cause.linearised)
+    motions = motions_of(cause.effect, cause.linearised.measurement.state, cause.linearised)
     values = sum(row[cause.linearised.rows] * direction[:, k] for (_, k), row in motions.items())
     arm = (cause.linearised.transform[:, :, :3] @ direction[:, :, None])[:, :, 0]
     title = f"workpiece {letter}"
-    yield _lined(cause.along(arm, np.asarray(values), UM, (title, f"{title}, um"), _drive_of_heat(cause)))
+    yield lined(cause.along(arm, np.asarray(values), UM, (title, f"{title}, um"), _drive_of_heat(cause)))
 
 
-def _growth(cause: _Cause) -> Iterator[View]:
+def _growth(cause: CauseInFit) -> Iterator[View]:
     """Growth per metre of distance from the fixed point; rows near it are not shown."""
     axis = cause.effect.axis
     forward = own_motion(cause.linearised.measurement.machine, axis)[2]
@@ -322,38 +205,38 @@ def _growth(cause: _Cause) -> Iterator[View]:
         yield replace(grown, y_label=f"scale of {axis}, um/m", curves=(Curve(view.x[order], grown.fitted[order]),))
 
 
-def _distortion(cause: _Cause) -> Iterator[View]:
+def _distortion(cause: CauseInFit) -> Iterator[View]:
     """A map over time or temperature and the position."""
     axis = cause.effect.axis
     for view in cause.over(*_drive_of_heat(cause)):
         yield replace(view, over=cause.position(axis), over_label=cause.label(axis))
 
 
-def _over_position(cause: _Cause) -> Iterator[View]:
+def _over_position(cause: CauseInFit) -> Iterator[View]:
     """Row by row over the position of its axis, since other variables count too."""
     yield from cause.over(cause.position(cause.effect.axis), cause.label(cause.effect.axis))
 
 
-def _over_coordinate(cause: _Cause) -> Iterator[View]:
+def _over_coordinate(cause: CauseInFit) -> Iterator[View]:
     """Over the coordinate of the measuring machine that the error grows with."""
     letter = getattr(cause.effect, "direction", "") or cause.effect.plane[1]
     column = cause.state.need("observed", cause.effect.name)[:, "xyz".index(letter)]
-    yield from map(_lined, cause.over(column, f"measured {letter}, mm"))
+    yield from map(lined, cause.over(column, f"measured {letter}, mm"))
 
 
-def _map(cause: _Cause) -> Iterator[View]:
+def _map(cause: CauseInFit) -> Iterator[View]:
     axis, other = cause.effect.axis, cause.effect.other
     for view in cause.over(cause.position(axis), cause.label(axis)):
         yield replace(view, over=cause.position(other), over_label=cause.label(other))
 
 
-def _of_table(cause: _Cause) -> Iterator[View]:
+def _of_table(cause: CauseInFit) -> Iterator[View]:
     first, *second = cause.effect.of
     for view in cause.over(cause.position(first), cause.label(first)):
         yield replace(view, over=cause.position(second[0]), over_label=cause.label(second[0])) if second else view
 
 
-def _by_variable(cause: _Cause) -> Iterator[View]:
+def _by_variable(cause: CauseInFit) -> Iterator[View]:
     """A panel for each variable."""
     machine, effect = cause.linearised.measurement.machine, cause.effect
     for name in effect.variables:
@@ -365,10 +248,10 @@ def _by_variable(cause: _Cause) -> Iterator[View]:
         else:
             x = x + REFERENCE
         views = cause.over(x, label)
-        yield from map(_lined, views) if len(effect.variables) == 1 else views
+        yield from map(lined, views) if len(effect.variables) == 1 else views
 
 
-def _by_time(cause: _Cause) -> Iterator[View]:
+def _by_time(cause: CauseInFit) -> Iterator[View]:
     since = getattr(cause.effect, "since_s", None)
     if cause.state.time is None:
         yield from _by_row(cause)
@@ -378,16 +261,16 @@ def _by_time(cause: _Cause) -> Iterator[View]:
         yield view if since is None else replace(view, moment=since / unit)
 
 
-def _by_target(cause: _Cause) -> Iterator[View]:
+def _by_target(cause: CauseInFit) -> Iterator[View]:
     if cause.effect.since_s is not None:
         yield from _by_time(cause)
         return
     names, number = np.unique(cause.state.need("target", cause.effect.name), return_inverse=True)
     for view in cause.over(number.astype(float), "target"):
-        yield replace(_lined(view), ticks=tuple(map(str, names.tolist())))
+        yield replace(lined(view), ticks=tuple(map(str, names.tolist())))
 
 
-def _by_angle(cause: _Cause) -> Iterator[View]:
+def _by_angle(cause: CauseInFit) -> Iterator[View]:
     effect = cause.effect
     x, y, z = cause.state.need("observed", effect.name).T
     angle = np.arctan2(y, x) if effect.circle == "azimuth" else np.arctan2(z, np.hypot(x, y))
@@ -395,12 +278,12 @@ def _by_angle(cause: _Cause) -> Iterator[View]:
     arm = _beam_columns(cause) @ np.stack([sin, cos], axis=1)[:, :, None] / URAD
     values = (effect.sine_urad * sin + effect.cosine_urad * cos) * URAD
     title = f"{effect.circle} reading", f"{effect.circle} reading, urad"
-    yield _lined(
+    yield lined(
         cause.along(_white(cause, arm[:, :, 0]), values, URAD, title, (np.degrees(angle), f"{effect.circle}, deg"))
     )
 
 
-def _over_angle(cause: _Cause) -> Iterator[View]:
+def _over_angle(cause: CauseInFit) -> Iterator[View]:
     effect = cause.effect
     _, *arms, angles = beam(cause.state.need("observed", effect.name))
     here = np.linalg.norm(_beam_columns(cause)[:, :, 0], axis=1) > 0.0
@@ -410,28 +293,28 @@ def _over_angle(cause: _Cause) -> Iterator[View]:
     yield cause.along(arm, effect.step_urad * URAD * here, URAD, title, over)
 
 
-def _by_range(cause: _Cause) -> Iterator[View]:
+def _by_range(cause: CauseInFit) -> Iterator[View]:
     observed = cause.state.need("observed", cause.effect.name)
     length = np.linalg.norm(observed, axis=1)
     column = np.linalg.norm(_beam_columns(cause)[:, :, 0], axis=1)
     arm = _white(cause, observed / length[:, None])
     values = column * cause.effect.parameters[0]
-    yield _lined(cause.along(arm, values, UM, ("range", "range, um"), (length * 1e-3, "range, m")))
+    yield lined(cause.along(arm, values, UM, ("range", "range, um"), (length * 1e-3, "range, m")))
 
 
-def _beam_columns(cause: _Cause) -> Array:
+def _beam_columns(cause: CauseInFit) -> Array:
     """Derivatives `(n, 3, parameters)` of the observed point by an instrument's parameters, mm."""
     made = {c.component: c.values for c in cause.effect.columns(cause.linearised.measurement.machine, cause.state)}
     return np.stack([made[k] for k in range(3)], axis=1)
 
 
-def _white(cause: _Cause, vectors: Array) -> Array:
+def _white(cause: CauseInFit, vectors: Array) -> Array:
     """Vectors `(n, 3)` of the instrument's frame, whitened."""
     at = 6 * (len(cause.linearised.measurement.machine.axes) + 2 + INSTRUMENT)
     return np.asarray((cause.linearised.transform[:, :, at : at + 3] @ vectors[:, :, None])[:, :, 0])
 
 
-def _outliers(cause: _Cause) -> Iterator[View]:
+def _outliers(cause: CauseInFit) -> Iterator[View]:
     """Sizes of the residuals of all rows, the outliers in a colour of their own."""
     fit, rows = cause.linearised.fit, cause.linearised.rows
     white = whitened(whiteners(fit.measurement.rows(rows)), fit.residual[rows])
@@ -442,7 +325,7 @@ def _outliers(cause: _Cause) -> Iterator[View]:
     yield View("residuals", rows.astype(float), sizes, one, sizes, IN_ORDER, label, groups, means=False)
 
 
-VIEWS: Mapping[type, Callable[[_Cause], Iterator[View]]] = {
+VIEWS: Mapping[type, Callable[[CauseInFit], Iterator[View]]] = {
     Backlash: _by_direction,
     UnknownApproach: _by_row,
     Reversal: _by_direction,
