@@ -507,3 +507,22 @@ def test_a_turn_is_the_same_in_every_turn_and_does_not_grow_in_a_gap(monkeypatch
     np.testing.assert_allclose(there, here, atol=1e-11)
     inside = np.rad2deg(q[:, DMU50.index("C")]) <= last
     assert (np.ptp(here, axis=0) <= 1.1 * np.ptp(here[inside], axis=0)).all()
+
+
+def test_the_worked_figure_of_the_page():
+    page = " ".join((Path(__file__).parents[1] / "docs" / "three_points.md").read_text().split())
+    points = np.array([[95.0, 20.0, -80.0], [-65.0, 75.0, 0.0], [-40.0, -85.0, 80.0]])
+    design = np.concatenate([np.hstack([np.eye(3), 1e-3 * np.cross(np.eye(3), point).T]) for point in points])
+    moved = design @ [5.0, 0.0, 0.0, 0.0, 10.0, 0.0]
+    for point in moved.reshape(3, 3) + 0.0:
+        assert "({:.2f}, {:.0f}, {:.2f})".format(*point) in page
+    wrong = moved + 10.0 * (np.arange(9) == 3)
+    six = [0, 1, 3, 5, 7, 8]  # Px Py Qx Qz Ky Kz
+    (of_six, of_nine), (u_six, u_nine) = (
+        [np.linalg.lstsq(design[rows], wrong[rows], rcond=None)[0] for rows in (six, range(9))],
+        [10.0 * np.diag(np.linalg.inv(design[rows].T @ design[rows])) ** 0.5 for rows in (six, range(9))],
+    )
+    assert f"make E_XX = {of_six[0]:.1f} um and E_BX = {of_six[4]:.0f} urad" in page
+    assert f"all nine make {of_nine[0]:.1f} um and {of_nine[4]:.0f} urad" in page
+    assert f"u of E_XX is {u_six[0]:.1f} um from six and {u_nine[0]:.1f} um from nine" in page
+    assert f"of E_BX {u_six[4]:.0f} and {u_nine[4]:.0f} urad" in page
