@@ -11,6 +11,8 @@ from kinematics.files.mistaken import number_hint
 from kinematics.user_error import UserError
 
 Value = TypeVar("Value")
+MOST_DECIMALS = 9
+"""Largest number of decimals that are written."""
 
 
 def decimals_for(resolution: float) -> int:
@@ -24,9 +26,10 @@ def decimals_of(text: str) -> int:
     return len(text) - mark - 1 if mark >= 0 else 0
 
 
-def decimals_holding(value: float, most: int = 9) -> int:
-    """Fewest decimals that write a value without rounding it."""
-    return next((n for n in range(most) if abs(round(value, n) - value) < 0.5 * 10.0**-most), most)
+def decimals_holding(value: float) -> int:
+    """Fewest decimals that write a value without rounding it, MOST_DECIMALS at most."""
+    near = 0.5 * 10.0**-MOST_DECIMALS
+    return next((n for n in range(MOST_DECIMALS) if abs(round(value, n) - value) < near), MOST_DECIMALS)
 
 
 @dataclass(frozen=True)

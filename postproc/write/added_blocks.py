@@ -120,9 +120,10 @@ class AddedBlock:
         """True beside a block of Klartext."""
         return self.beside.kind != "words"
 
-    def is_beside_mode(self, mode: str) -> bool:
-        """True beside a Siemens block with a word in that mode: AC, IC, ..."""
-        return any(word.mode == mode and word.address in "IJK" for word in self.beside.words)
+    @property
+    def beside_absolute_centre(self) -> bool:
+        """True beside a Siemens block with an absolute centre: I, J or K by AC."""
+        return any(word.mode == "AC" and word.address in "IJK" for word in self.beside.words)
 
     @property
     def empty(self) -> bool:

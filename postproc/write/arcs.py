@@ -84,7 +84,7 @@ class CircleWriter:
         else:
             # a Siemens block marks its centre as absolute (I=AC), an added block does not
             absolute = arc.form.endswith("absolute") and not (
-                isinstance(editor, AddedBlock) and editor.is_beside_mode("AC")
+                isinstance(editor, AddedBlock) and editor.beside_absolute_centre
             )
             centre = self._write_centre(editor, arc, (0.0, 0.0) if absolute else start, centre, unit)
             if arc.form == "calculated" and isinstance(editor, WordEditor):

@@ -8,13 +8,11 @@ import re
 from postproc.motion.circles import Point, point_around
 from postproc.motion.moves import Arc, PolarEnd
 from postproc.text.editing import WordEditor
-from postproc.text.number_style import decimals_for
+from postproc.text.number_style import MOST_DECIMALS, decimals_for
 from postproc.write.added_blocks import AddedBlock
 
 _TANGENT = re.compile(r"CTP?", re.IGNORECASE)
 _CIRCLE = re.compile(r"CTP|C[RTP]?", re.IGNORECASE)
-FINEST = 9
-"""Largest number of decimals of an angle."""
 
 
 def write_line_end(
@@ -106,7 +104,7 @@ def _write_sense(editor: WordEditor, sense: int) -> None:
 
 def angle_decimals(resolution: float, radius: float) -> int:
     """Decimals of an angle, degrees, for the resolution of the coordinates, mm, at a radius, mm."""
-    return min(FINEST, decimals_for(math.degrees(resolution / max(radius, resolution))))
+    return min(MOST_DECIMALS, decimals_for(math.degrees(resolution / max(radius, resolution))))
 
 
 def _seen_from(pole: Point, point: Point) -> tuple[float, float]:
