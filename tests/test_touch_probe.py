@@ -25,7 +25,8 @@ from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Distance, Target
 from calibration.observation import equations
-from calibration.observation.full_model import with_effects
+from calibration.observation.full_model import parse_basis, with_effects
+from calibration.observation.mean_lines import mean_line
 from calibration.observation.normal_equations import NormalEquations, residuals
 from calibration.observation.outliers import first_registration
 from calibration.plausibility.checks import sanity
@@ -92,6 +93,8 @@ def test_writing_and_reading_gives_the_same(tmp_path, readings):
     np.testing.assert_array_equal(other.groups, measured.groups)
     for field in ("instrument", "targets", "spheres", "distances"):
         assert getattr(other, field) == getattr(measured, field)
+    square = replace(measured, instrument=TouchProbe(u_um=1.0, squareness_urad=7.5))
+    assert read_measurement(written(square, tmp_path / "data.csv"), DMU50).instrument == square.instrument
     np.testing.assert_array_equal(other.state.approach, measured.state.approach)
 
 
@@ -112,6 +115,7 @@ REFUSED = {
     "distance twice": (
         HEAD + "# distance.s1.s2: 9 1\n# distance.s2.s1: 9 1\n" + ROWS, ":8 distance.s2.s1: the distance of these",
     ),
+    "squareness": (HEAD + "# squareness_urad: -1\n" + ROWS, ":7 squareness_urad: -1 urad is no size of squareness"),
     "readings": (HEAD + "X,Y,Z,B,C,sphere,dx\n1,2,3,4,5,s1,0\n", ":7 the readings of an R-test: columns dy, dz missing"),
     "points": (HEAD + "X,Y,Z,B,C,sphere,x,y,z\n1,2,3,4,5,s1,0,0,0\n", ":7 column x: not known"),
 }  # fmt: skip
@@ -560,6 +564,38 @@ def test_the_stated_size_of_the_errors_holds_for_what_spheres_do_not_show():
     """Without a distance, the scale of the linear axes has the uncertainty of its prior: 3 um over the measured range."""
     found = calibrate(probed("dmu50", 14)[0], prior_scale=0.1, hold_out=False)
     assert np.all(found.relative_deviation.u_between < 3.0)
+
+
+@pytest.mark.parametrize("basis", ["legendre:1", "legendre:4", "b-spline:2", "b-spline:5", "cubic:3", "fourier:1"])
+def test_squareness_has_its_own_size(basis):
+    """Standard deviation of the slopes by the prior: that of the header; without it 0.1 of the usual size counts."""
+    measured, _ = probed("head_table", 6, spheres=spheres_of("head_table", 1))
+    bases = dict.fromkeys(measured.machine.names, parse_basis(basis))
+    found = {}
+    for size in (0.0, 300.0):
+        own = replace(measured, instrument=TouchProbe(u_um=1.0, squareness_urad=size))
+        model, prior = with_effects(own, bases, (), 0.1)
+        for effect, part in zip(model.effects, model.slices, strict=True):
+            slope = mean_line(effect.basis).slope * prior[part] * 1e3
+            found[effect.name, size] = float(np.linalg.norm(slope))
+    for name in ("E_XY", "E_XZ", "E_YZ"):
+        assert found[name, 0.0] < 150.0
+        assert 300.0 <= found[name, 300.0] * (1.0 + 1e-9) < 320.0
+    for name in ("E_YX", "E_ZX", "E_ZY", "E_XX", "E_AY"):
+        assert found[name, 0.0] == found[name, 300.0]
+
+
+def test_squareness_of_good_linear_axes_lies_within_its_uncertainty_with_one_sphere():
+    """Squareness up to 50 urad beside error motions of linear axes of zero: the prior of these is small."""
+    basis, inside = "X=legendre:1,Y=legendre:1,Z=legendre:1,B=fourier:1,C=fourier:1", []
+    for seed in range(6):
+        measured, model = probed("head_table", 24, spheres=spheres_of("head_table", 1), seed=seed)
+        found = calibrate(measured, basis=basis, hold_out=False, prior_scale=0.03).fit
+        true = in_datum(model, found)
+        locations = [e for e in fitted_in_datum(found).effects if isinstance(e, LocationError)]
+        inside += [abs(e.value - true[e.name]) <= 2.0 * e.uncertainties[0] for e in locations]
+    assert len(inside) == 66
+    assert np.mean(inside) >= 0.9
 
 
 def test_linear_and_rotary_axes_have_their_own_size_of_errors():

@@ -21,11 +21,11 @@ import numpy as np
 from calibration.continuous.estimate import Estimate, TableRows, estimate
 from calibration.continuous.reading import Data
 from calibration.continuous.records import QuasiStatic
-from calibration.fit.datum import mean_line
 from calibration.measurement.instruments import Interferometer
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.registration import Registration
 from calibration.observation.equations import expected, transform
+from calibration.observation.mean_lines import mean_line
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, QuantisedCompensation, Reversal
 from kinematics.effects.base import own_component, own_motion

@@ -15,10 +15,11 @@ import msgspec
 import numpy as np
 
 from calibration.evaluation.volumetric import rigid_columns
-from calibration.fit.datum import error_motions, mean_line
+from calibration.fit.datum import error_motions
 from calibration.fit.linear import column_space
 from calibration.fit.location_errors import split_locations
 from calibration.measurement.measurement import Measurement
+from calibration.observation.mean_lines import mean_line
 from kinematics.deviation import exact_deviation
 from kinematics.effects import LocationError, Scale
 from kinematics.effects.base import own_component, own_motion

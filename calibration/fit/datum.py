@@ -17,7 +17,6 @@ as nearly as the gauge allows. The uncertainties are then relative to this datum
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -27,7 +26,7 @@ from calibration.fit.problem import Problem, Solved
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.registration import Registration
-from kinematics.basis import Basis
+from calibration.observation.mean_lines import mean_line
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel
@@ -51,23 +50,6 @@ NULL = 1e-9
 """Eigenvalues below this share of the largest count as zero."""
 GAUGE = 1e-2
 """Largest information of the ideal measurement, to 1 um, on the gauge, with parameters in units of their priors."""
-
-
-class Line(NamedTuple):
-    """Mean and slope of a function of position over its interval, as linear functions of its parameters."""
-
-    mean: Array
-    """Mean `(size,)`."""
-    slope: Array
-    """Slope `(size,)`, per mm or degree."""
-
-
-def mean_line(basis: Basis) -> Line:
-    """The least squares line through a function in this basis."""
-    low, high = basis.interval
-    x = np.linspace(low, high, 801)
-    columns, centred = basis.columns(x), x - x.mean()
-    return Line(columns.mean(axis=0), centred @ columns / (centred @ centred))
 
 
 def error_motions(model: ErrorModel) -> Iterator[tuple[ErrorMotion, slice]]:

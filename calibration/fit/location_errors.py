@@ -12,7 +12,8 @@ from typing import get_args
 import msgspec
 import numpy as np
 
-from calibration.fit.datum import DATUM_SLOPES, along_own_line, error_motions, mean_line
+from calibration.fit.datum import DATUM_SLOPES, along_own_line, error_motions
+from calibration.observation.mean_lines import mean_line
 from kinematics.effects import Component, Effect, ErrorMotion, LocationError
 from kinematics.error_model.covariance import propagated
 from kinematics.error_model.model import ErrorModel

@@ -29,12 +29,14 @@ from calibration.measurement.balls.touch_probe import (
     READINGS,
     SPHERE,
     SPINDLE,
+    SQUARENESS,
     TIP,
     TOUCH_PROBE,
     is_sphere_key,
     read_distances,
     read_observed,
     read_spheres,
+    read_squareness,
     readings,
     refuse_plan,
 )
@@ -91,7 +93,7 @@ KEYS = {
     "laser-tracker": ["stands_on"],
     "interferometer": [],
     "part": ["part_offset"],
-    TOUCH_PROBE: [TIP, SPINDLE],
+    TOUCH_PROBE: [TIP, SPINDLE, SQUARENESS],
     BALLBAR: [CENTRE, LENGTH, LENGTH_U],
 }
 CHUNK = 50_000
@@ -223,8 +225,9 @@ def read_instrument(table: Table) -> Instrument:
     if "component" not in table.names:
         check_uncertainties(kind, values, table.source, "header line '# {}: ...'")
     components = {} if kind != "part" else {"components": 3 if "z" in table.names else 2}
-    bar = read_ballbar(table) if kind == BALLBAR else {}
-    instrument: Instrument = msgspec.convert({"kind": kind, **values, **components, **bar}, Instrument)
+    own = read_ballbar(table) if kind == BALLBAR else {}
+    own |= read_squareness(table) if kind == TOUCH_PROBE else {}
+    instrument: Instrument = msgspec.convert({"kind": kind, **values, **components, **own}, Instrument)
     return instrument
 
 
@@ -293,8 +296,9 @@ def header_lines(measurement: Measurement) -> Iterator[str]:
         yield f"stands_on: {measurement.stands_on}"
     if kind == "part":
         yield f"part_offset: {_numbers(measurement.part_zero)}"
-    if kind == TOUCH_PROBE:
-        yield from probe_lines(measurement.targets[TIP], measurement.spheres, measurement.distances)
+    if isinstance(instrument, TouchProbe):
+        placed = measurement.targets[TIP], measurement.spheres, measurement.distances
+        yield from probe_lines(*placed, instrument.squareness_urad)
         return
     if isinstance(instrument, Ballbar):
         yield from bar_lines(measurement, instrument)

@@ -15,6 +15,11 @@ from kinematics.transforms import Array
 
 UM, PER_M = 1e-3, 1e-6
 """Factors from um to mm, and from um/m to mm/mm."""
+SQUARENESS_URAD = 30.0
+"""Squareness of linear axes of a machine in good order (k = 1), urad, the same as of its rotary axes.
+
+ISO 10791-1 and -2 accept machining centres with up to 0.02 mm over 500 mm, which is 40 urad.
+"""
 
 
 class LaserTracker(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="laser-tracker"):
@@ -71,6 +76,8 @@ class TouchProbe(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fi
 
     u_um: float = 0.0
     """Standard uncertainty of each coordinate of a sphere's centre, um."""
+    squareness_urad: float = SQUARENESS_URAD
+    """Expected size of the machine's squareness errors before the measurement (k = 1), urad."""
     components: Literal[3] = 3
 
 

@@ -12,9 +12,10 @@ import numpy as np
 
 from calibration.measurement.instruments import Interferometer, TouchProbe
 from calibration.measurement.measurement import Measurement
+from calibration.observation.mean_lines import sizes_for_slope
 from kinematics.basis import Basis, BSpline, Fourier, Harmonics, Interval, Legendre, Polynomial
 from kinematics.effects import Backlash, Component, Effect, ErrorMotion
-from kinematics.effects.base import own_component
+from kinematics.effects.base import UM, own_component
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import Machine
 from kinematics.turn import gap_of, measured_arc, swept_arc
@@ -22,6 +23,8 @@ from kinematics.user_error import UserError
 
 ROTARY = "ABC"
 """First letters of the names of rotary axes."""
+SQUARENESS = ("XY", "XZ", "YZ")
+"""Direction and axis of the straightness error motions whose slopes are squareness; X is x, Y lies in the x y plane."""
 STANDSTILL = 1e-6
 """Range, mm or degrees, up to which an axis does not move."""
 TARGETS = "targets"
@@ -179,13 +182,19 @@ def with_effects(
 def least_priors(measurement: Measurement, model: ErrorModel) -> np.ndarray:
     """Smallest prior standard deviations `(parameters,)`, whatever the scale: 0 but for spheres.
 
-    For a touch probe the constants of rotary axes' error motions, which are location errors, keep their typical size:
-    they come from assembly, not from the shapes of error motions, and spheres leave combinations of them to the prior.
+    For a touch probe the location errors, which are constants of rotary axes' error motions and slopes of straightness
+    of linear axes, keep their typical size: they come from assembly, not from the shapes of error motions, and spheres
+    leave combinations of them to the prior.
     """
-    typical = priors(model)
-    if not isinstance(measurement.instrument, TouchProbe):
+    typical, instrument = priors(model), measurement.instrument
+    if not isinstance(instrument, TouchProbe):
         return np.zeros(len(typical))
-    return np.where(_constants(measurement.machine, model), typical, 0.0)
+    least = np.where(_constants(measurement.machine, model), typical, 0.0)
+    for effect, part in zip(model.effects, model.slices, strict=True):
+        if isinstance(effect, ErrorMotion) and effect.component + effect.axis[0] in SQUARENESS:
+            # 1 urad is 1e-3 um per mm
+            least[part] = sizes_for_slope(effect.basis, instrument.squareness_urad * UM)
+    return least
 
 
 def _constants(machine: Machine, model: ErrorModel) -> np.ndarray:

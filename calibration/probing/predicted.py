@@ -14,11 +14,10 @@ from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Distance, Measurement, with_moves
 from calibration.measurement.plan import Plan
 from calibration.observation.full_model import moving_axes, parse_basis, with_effects
-from kinematics.effects import ErrorMotion, LocationError
-from kinematics.error_model.model import ErrorModel
+from kinematics.effects import LocationError
 
 SMALL = 0.1
-"""Errors of good linear axes as a share of the typical size, which is 30 um and urad."""
+"""Error motions of good linear axes as a share of the typical size, 30 um and urad; their squareness keeps its size."""
 LINEAR, ROTARY = "legendre:1", "fourier:1"
 """Bases of the prediction: constants and slopes of linear axes, constants and first harmonics of rotary axes."""
 
@@ -58,16 +57,11 @@ def predicted(plan: Plan, u_um: float, distances_u_mm: Mapping[tuple[str, str], 
     model, prior = with_effects(measured, bases, (), 1.0)
     found = fit(measured, model, prior=prior)
     identified = identifiability(found)
-    linear = np.concatenate([np.full(len(effect.parameters), effect.axis not in rotary) for effect in _motions(model)])
-    small = fit(measured, model, prior=np.where(linear, SMALL, 1.0) * prior)
+    small = fit(measured, model, prior=with_effects(measured, bases, (), SMALL, 1.0)[1])
     return Predicted(
         _location_U(found), _location_U(small), identified.unidentifiable, identified.parameters,
         identified.rank_registered,
     )  # fmt: skip
-
-
-def _motions(model: ErrorModel) -> list[ErrorMotion]:
-    return [effect for effect in model.effects if isinstance(effect, ErrorMotion)]
 
 
 def _location_U(found: Fit) -> dict[str, float]:

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from calibration.measurement.instruments import SQUARENESS_URAD
 from calibration.measurement.measurement import Distance, Target
 from calibration.measurement.text_table import Table
 from kinematics.forward import forward
@@ -25,6 +26,10 @@ TIP, SPHERE, DISTANCE = "probe", "sphere", "distance"
 """Header keys: of the tip, and the first parts of those of spheres and of distances. The tip is the target `probe`."""
 SPINDLE = "spindle_deg"
 """Header key of the angle by which the spindle was turned: another file, with the tip on the other side."""
+SQUARENESS = "squareness_urad"
+"""Header key of the expected size of squareness errors."""
+LARGEST_SQUARENESS = 1e4
+"""Largest accepted value of it, urad."""
 PLAN_ID = "plan_id"
 """Header key of a plan of spheres, whose positions are not measured."""
 READINGS = ("dx", "dy", "dz")
@@ -116,6 +121,16 @@ def read_distances(table: Table, spheres: dict[str, Vector]) -> tuple[Distance, 
     return tuple(found)
 
 
+def read_squareness(table: Table) -> dict[str, float]:
+    """Expected size of squareness errors, urad, by header key; empty without it."""
+    if SQUARENESS not in table.entries:
+        return {}
+    (size,) = table.header_numbers(SQUARENESS, 1)
+    if not 0.0 <= size <= LARGEST_SQUARENESS:
+        table.header_fault(SQUARENESS, f"{size:g} urad is no size of squareness errors (0 to {LARGEST_SQUARENESS:g})")
+    return {SQUARENESS: size}
+
+
 def read_observed(table: Table, machine: Machine, positions: Array) -> Array:
     """Vectors `(n, 3)`, mm, from the centre to the tip, in the workpiece frame; zeros without readings.
 
@@ -136,8 +151,13 @@ def readings(machine: Machine, positions: Array, observed: Array) -> dict[str, A
     return {name: own[:, k] + 0.0 for k, name in enumerate(READINGS)}
 
 
-def header_lines(tip: Target, spheres: Mapping[str, Vector], distances: tuple[Distance, ...]) -> Iterator[str]:
-    """Header lines of the tip, the spheres and the distances, without `# `."""
+def header_lines(
+    tip: Target,
+    spheres: Mapping[str, Vector],
+    distances: tuple[Distance, ...],
+    squareness_urad: float = SQUARENESS_URAD,
+) -> Iterator[str]:
+    """Header lines of the tip, the spheres, the distances and another squareness than the usual one, without `# `."""
     yield f"{TIP}: {_numbers(*_turned(tip.position, -tip.spindle_deg))}"
     if tip.spindle_deg:
         yield f"{SPINDLE}: {tip.spindle_deg!r}"
@@ -147,6 +167,8 @@ def header_lines(tip: Target, spheres: Mapping[str, Vector], distances: tuple[Di
         yield f"{SPHERE}.{name}: {_numbers(*centre)}"
     for each in distances:
         yield f"{DISTANCE}.{each.one}.{each.other}: {_numbers(each.length, each.u)}"
+    if squareness_urad != SQUARENESS_URAD:
+        yield f"{SQUARENESS}: {squareness_urad!r}"
 
 
 def _turned(tip: Vector, degrees: float) -> Vector:
