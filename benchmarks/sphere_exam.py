@@ -140,7 +140,7 @@ def main():
     print(f"{given.spheres} spheres, {given.points} poses, {design}")
     print(
         "machine       centres  location within U   before    after   after/before (worst)  no worse  "
-        "covered, x, y, z  seen  chi2"
+        "covered, x, y, z  seen, x, y, z  chi2"
     )
     for name in given.machine:
         machine, start = machines.load(name), time.perf_counter()
@@ -151,13 +151,13 @@ def main():
         before, after = (np.array([each[key] for each in results]) for key in ("before", "after"))
         inside = np.concatenate([each["inside"] for each in results])
         covered, known = (np.concatenate([each[key] for each in results]) for key in ("covered", "seen"))
-        by_axis = " ".join(f"{share:.1%}" for share in covered.mean(axis=0))
+        by_axis, known_by_axis = (" ".join(f"{share:.1%}" for share in each.mean(axis=0)) for each in (covered, known))
         chi2 = np.mean([each["chi2"] for each in results])
         print(
             f"{name:13s} {len(plan):6d}   {inside.mean():6.1%} of {inside.size:4d}   {before.mean():6.1f}"
             f"   {after.mean():6.2f}   {np.sqrt(np.mean(after**2) / np.mean(before**2)):8.1%}"
             f" ({(after / before).max():6.1%})   {np.mean(after <= before):9.0%}   {covered.mean():6.1%} ({by_axis})"
-            f"   {known.mean():6.1%}  {chi2:5.2f}"
+            f"   {known.mean():6.1%} ({known_by_axis})  {chi2:5.2f}"
             f"   {len(drawn) - len(results)} refused, {time.perf_counter() - start:.0f} s",
             flush=True,
         )

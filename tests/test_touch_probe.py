@@ -533,6 +533,32 @@ def test_simulate_fit_and_predict(ncomp):
     assert Path("predicted.csv").read_text().splitlines()[-1].count(",") == len(DMU50.axes) + 8
 
 
+DIAGNOSED = {
+    "length of the probe": (3, MISTAKES["length of the probe"][0], 2, "with target probe at (0.0"),
+    "degrees for millimetres": (3, columns_exchanged, 2, "with columns B and X exchanged (mm and degrees)"),
+    "moved sphere": (3, lambda m: moved_rows(m, "s1"), 2, "sphere s1 moved by 500 um before data.csv:41"),
+    "moved sphere, one": (1, lambda m: moved_rows(m, "s1"), 2, "sphere s1 moved by 50"),
+    "row off": (3, lambda m: shifted_rows(m, np.arange(len(m)) == 7, [1.0, 0.0, 0.0]), 0, "data.csv:17: outlier, 99"),
+}  # fmt: skip
+
+
+def moved_rows(measured, name):
+    """The measurement in whose second half a sphere is 0.5 mm from its centre before."""
+    return shifted_rows(
+        measured, (measured.groups == name) & (np.arange(len(measured)) >= len(measured) // 2), [0.3, 0.4, 0.0]
+    )
+
+
+@pytest.mark.parametrize("name", quick(DIAGNOSED, ["length of the probe", "degrees for millimetres"]))
+def test_diagnose_finds_mistakes(ncomp, name):
+    spheres, spoil, status, text = DIAGNOSED[name]
+    measured, _ = probed("dmu50", 24, spheres=spheres_of("dmu50", spheres))
+    written(spoil(measured), Path("data.csv"))
+    done = ncomp("diagnose", "data.csv", "--machine", "dmu50", "-o", "new.json", "--json", "diagnosis.json")
+    assert (done.status, Path("new.json").exists()) == (status, status == 0), done.err
+    assert text in " ".join((done.err + done.out.decode()).split())
+
+
 BAD = {
     "no sphere": (["--instrument", "touch-probe"], "the spheres are missing: state --sphere NAME=x,y,z"),
     "sphere of a tracker": (["--sphere", "s1=1,2,3"], "--sphere is no option of --instrument laser-tracker"),

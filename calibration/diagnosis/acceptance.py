@@ -18,8 +18,9 @@ from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.widening import UnseenErrors
 from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, not_better, reason_against
 from calibration.fit.cross_validation import CrossValidation, summed_up, uncorrected
-from calibration.fit.fit import fit
+from calibration.fit.fit import Fit, fit
 from calibration.fit.problem import FIXED
+from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.observation.full_model import priors
 from calibration.observation.normal_equations import whiteners
 from kinematics.error_model.model import ErrorModel
@@ -68,7 +69,7 @@ class Acceptance(Judged):
             present = _compared(after, _of_all_rows(after, _unchanged(after, calibration)))
         else:
             present = None if after is before else _compared(after, _held_out(before))
-        too_many = disagreement(after.fit)
+        too_many = _disagreement(after.fit)
         causes = [each for each in after.accepted if each.candidate.effect.ACTS_ON != "instrument"]
         confirmed = updated and not causes and present is not None and not present.gains.better
         against = _against_present(present, updated=updated) if not confirmed else ""
@@ -80,6 +81,13 @@ class Acceptance(Judged):
         if confirmed and none is not None and none.gains.worse:
             reason = f"{not_better('the present calibration, updated,', none, 'the nominal machine')}. {ADVICE}"
         return cls(none, present, too_many or reason, force, confirmed and not (too_many or reason))
+
+
+def _disagreement(found: Fit) -> str:
+    """As `calibration.fit.acceptance.disagreement`, with the spheres whose move is the reason."""
+    too_many = disagreement(found)
+    moved = moved_spheres(found.measurement) if too_many else ""
+    return f"{moved}; {too_many}" if moved else too_many
 
 
 def _against_present(present: CrossValidation | None, *, updated: bool) -> str:
