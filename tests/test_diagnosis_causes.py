@@ -162,7 +162,7 @@ SIBLINGS = {
 def test_drifts_of_the_tracker_and_growth_from_its_side_are_alternatives(truth, other):
     linearised, evaluated = seen_from_the_end(truth)
     own = next(each for each in evaluated if isinstance(each.candidate.effect, type(truth)))
-    accepted = Accepted(own.candidate, own.score.size, own.score, own.projected.visible, np.zeros(1))
+    accepted = Accepted(own.candidate, own.score.size, own.score, own.projected.visible, lambda: np.zeros(1))
     alike = {
         (type(each.evaluated.candidate.effect), each.evaluated.candidate.axis): each.cosine
         for each in siblings(linearised, accepted.candidate, evaluated)
@@ -221,7 +221,7 @@ def test_a_drift_of_the_workpiece_at_a_constant_rate_may_be_one_of_the_tracker()
     linearised = LinearisedFit.of(fit(data, rigid_model(data, dict.fromkeys("XYZBC", BasisChoice("legendre", 1)))))
     evaluated = evaluate(linearised, library(data, linearised.fit.model)[0])
     own = next(each for each in evaluated if each.candidate.effect.name == effect.name)
-    accepted = Accepted(own.candidate, own.score.size, own.score, own.projected.visible, np.zeros(1))
+    accepted = Accepted(own.candidate, own.score.size, own.score, own.projected.visible, lambda: np.zeros(1))
     (drift,) = (
         each for each in siblings(linearised, accepted.candidate, evaluated)
         if isinstance(each.evaluated.candidate.effect, TrackerDrift)

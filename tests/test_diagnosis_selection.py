@@ -296,6 +296,36 @@ def test_a_whole_drift_stands_in_place_of_a_growth_beside_a_part_of_it():
     assert {each.candidate.kind for each in found.accepted} == {"thermal-drift"}
 
 
+def test_causes_of_nearly_the_same_sizes_have_the_same_fit():
+    made, cause = selector(data_with(n=100)), Candidate(Backlash("X", 0.0))
+    first = made.stage([(cause, np.full(1, 2.5))])
+    assert made.stage([(cause, np.full(1, 3.5))]).fit is first.fit
+    assert made.stage([(cause, np.full(1, 4.5))]).fit is not first.fit
+
+
+def test_gains_on_held_out_blocks_are_those_of_the_cause_on_the_fit_without_it():
+    stage = selector(data_with(BACKLASH, SECOND)).stage(
+        [(Candidate(Backlash(axis, 0.0)), np.ones(1)) for axis in ("X", "Z")]
+    )
+    for i, each in enumerate(stage.accepted):
+        without = stage.without(i)
+        gains = without.held_out_gains(without.candidate(each.candidate.effect))
+        assert each.held_out_gains == pytest.approx(gains)
+        assert each.sureness > 1.0
+
+
+def test_a_cause_far_beyond_any_other_is_not_left_out_again(monkeypatch):
+    """The fit without it is not made."""
+    chosen = [
+        (Candidate(Backlash("X", 0.0)), np.ones(1)),
+        (Candidate(Cyclic("X", "X", 20.0, (0.0,), (0.0,)), 1), np.ones(2)),
+    ]
+    made = selector(data_with(Backlash("X", 60.0), Cyclic("X", "X", 20.0, (60.0,), (0.0,))))
+    stage = made.stage(chosen)
+    monkeypatch.setattr(Base, "fit", lambda *_: pytest.fail("a fit"))
+    assert made.leaner(stage) is stage
+
+
 def test_the_same_causes_are_fitted_once(monkeypatch):
     fits, fit = [], Base.fit
     monkeypatch.setattr(Base, "fit", lambda *given: fits.append(given) or fit(*given))
@@ -304,8 +334,8 @@ def test_the_same_causes_are_fitted_once(monkeypatch):
     assert made.stage([(cause, np.ones(1))]).fit is first.fit
     assert len(fits) == 1
     # another prior is another fit, and only the last fits are kept
-    for size in range(2, selection.RECENT + 2):
-        made.stage([(cause, np.full(1, float(size)))])
+    for power in range(1, selection.RECENT + 1):
+        made.stage([(cause, np.full(1, 2.0**power))])
     assert len(fits) == selection.RECENT + 1
     assert len(made.recent) == selection.RECENT
     assert made.stage([(cause, np.ones(1))]).fit is not first.fit

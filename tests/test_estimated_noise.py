@@ -10,6 +10,7 @@ from support.diagnosis_cases import CFRAME, data_with, fitted, with_stops
 from support.virtual_measurements import ONE, THREE, measured, positions
 
 import machines
+from calibration.fit import noise
 from calibration.fit.fit import fit
 from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
@@ -45,6 +46,18 @@ def test_all_axes_that_do_not_repeat_are_found_where_three_rows_share_a_stop():
     assert found is not None
     assert found.instrument_factor == 1.0
     assert list(found.non_repeatability.values()) == pytest.approx([0.05] * 3, rel=0.25)
+
+
+def test_variances_whose_steps_turn_back_converge(tmp_path, monkeypatch):
+    """Scoring alone oscillates about the variance of an axis that is dropped in the end."""
+    path = tmp_path / "data.csv"
+    path.write_text(ask("few", "stick-slip", "cframe", 0).sheet(), encoding="utf-8")
+    data = read_measurement(path, machines.load("cframe"))
+    model, prior = with_effects(data, dict.fromkeys("XYZ", BasisChoice("cubic", 6)), [], 0.5)
+    found, steps, moments = fit(data, model, prior=prior), [], noise._Components.moments
+    monkeypatch.setattr(noise._Components, "moments", lambda *given: steps.append(given) or moments(*given))
+    assert with_noise_of_visits(found).noise is not None
+    assert len(steps) < 2 * noise.STEPS
 
 
 def test_of_two_axes_that_explain_the_same_the_clearer_remains(tmp_path):

@@ -142,7 +142,11 @@ def _estimate(components: _Components, start: Array) -> _Estimate | None:
 
 
 def _likeliest(components: _Components, variances: Array, active: np.ndarray) -> tuple[Array, Array]:
-    """The likeliest variances `(1 + axes,)`, of the active ones, and their information, by Fisher's scoring."""
+    """The likeliest variances `(1 + axes,)`, of the active ones, and their information, by Fisher's scoring.
+
+    A variance whose step turns back takes the secant's: scoring would overshoot in turn.
+    """
+    steps, taken = np.zeros(len(variances)), np.zeros(len(variances))
     for _ in range(STEPS):
         moments = components.moments(variances)
         slope = 0.5 * (moments.observed - moments.expected)
@@ -150,12 +154,16 @@ def _likeliest(components: _Components, variances: Array, active: np.ndarray) ->
         free = np.flatnonzero(active & shown & ((variances > NOTHING) | (slope > 0.0)))
         if not len(free):
             break
-        variances = variances.copy()
         scale = np.sqrt(np.diag(moments.information)[free])
         scaled = moments.information[np.ix_(free, free)] / np.outer(scale, scale)
         step = np.linalg.solve(scaled + SHARED * np.eye(len(free)), slope[free] / scale)
-        moved = variances[free] + step / scale
+        last, steps = steps[free], np.zeros(len(variances))
+        steps[free] = step / scale
+        back = (last * steps[free] < 0.0) & (last * taken[free] > 0.0)
+        share = np.divide(taken[free], last - steps[free], out=np.ones(len(free)), where=back)
+        moved, before, variances = variances[free] + share * steps[free], variances, variances.copy()
         variances[free] = np.clip(moved, np.maximum(variances[free] / FARTHEST, NOTHING), variances[free] * FARTHEST)
+        taken = variances - before
         if np.abs(step).max() < CONVERGED:
             break
     return variances, moments.information

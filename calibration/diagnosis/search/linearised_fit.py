@@ -58,6 +58,8 @@ OF_THE_DESIGN = (
     *("information", "posterior", "spanned", "degrees_of_freedom", "state", "units", "spread", "held_out", "_gram"),
 )
 """Cached properties that do not depend on the residual."""
+OF_THE_ROWS = ("state", "units", "spread", "held_out")
+"""Cached properties that depend on the rows alone."""
 BARELY = 5.0
 """Gain up to which no candidate is named, however the residuals are correlated."""
 TOGETHER = 64
@@ -179,7 +181,8 @@ class LinearisedFit:
             away=np.delete(self.away, columns),
             residual=self.residual + self.design[:, columns] @ values,
         )
-        return fewer._at_rest()
+        kept = np.setdiff1d(np.arange(self.design.shape[1]), columns)
+        return fewer._of_same_rows(self, self.information[np.ix_(kept, kept)])._at_rest()
 
     def along(self, effect: Effect, prior: Array) -> LinearisedFit:
         """The linearised fit of the model with one effect more, linear and at zero, with priors `(k,)`."""
@@ -197,7 +200,15 @@ class LinearisedFit:
             limited=np.concatenate([self.limited, np.broadcast_to(limited, k) + RIDGE]),
             away=np.concatenate([self.away, np.zeros(k)]),
         )
-        return more._at_rest()
+        shared = self.design.T @ columns
+        information = np.block([[self.information, shared], [shared.T, columns.T @ columns]])
+        return more._of_same_rows(self, information)._at_rest()
+
+    def _of_same_rows(self, other: LinearisedFit, information: Array) -> LinearisedFit:
+        """This linearised fit with its `information`, and with the results that depend on the rows of another alone."""
+        vars(self).update({name: vars(other)[name] for name in OF_THE_ROWS if name in vars(other)})
+        vars(self)["information"] = information
+        return self
 
     def _at_rest(self) -> LinearisedFit:
         """The linearised fit at the minimum of its own objective."""
@@ -232,6 +243,9 @@ class LinearisedFit:
             good=self.good[kept],
             weights=self.weights[kept],
         )
+        if 2 * len(kept) > n:
+            lost = np.delete(self.design, mine, axis=0)
+            vars(fewer)["information"] = self.information - lost.T @ lost
         return fewer._at_rest()
 
     @cached_property
@@ -339,12 +353,16 @@ class LinearisedFit:
 
     def projected(self, columns: Array) -> Projected:
         """Columns `(N, k)` and their part that the model and the registration cannot imitate."""
-        through = self.spanned.T @ columns
+        through = self._through(columns)
         return Projected(columns, through, columns.T @ columns - through.T @ through)
+
+    def _through(self, columns: Array) -> Array:
+        """L^-1 J'G `(q, k)` of columns G `(N, k)`; see `Projected.through`."""
+        return self.posterior.whitened(self.design.T @ columns)
 
     def _apart(self, effects: Sequence[Effect], columns: Array) -> list[Projected]:
         """`Projected` of each effect, from the columns `(N, k)` of all effects side by side."""
-        through, found, end = self.spanned.T @ columns, [], 0
+        through, found, end = self._through(columns), [], 0
         for width in _widths(effects):
             own = slice(end, end := end + width)
             schur = columns[:, own].T @ columns[:, own] - through[:, own].T @ through[:, own]
@@ -384,7 +402,7 @@ class LinearisedFit:
         score = self.rated(candidate.schur, candidate.columns.T @ self.residual, candidate.through, shapes, trials)
         if not score.gain > BARELY or self._correlation_length == 1.0:
             return score
-        signal = candidate.columns @ score.size - self.spanned @ (candidate.through @ score.size)
+        signal = candidate.columns @ score.size - self.design @ (self.posterior.root @ (candidate.through @ score.size))
         lines = lines_of(signal.reshape(len(self.rows), -1))
         along = (np.sum(each.reshape(lines.shape) * lines, axis=1) for each in (self.residual, self.residual - signal))
         correlated = min(correlation_length(each[:, None]) for each in along)
@@ -428,12 +446,13 @@ class LinearisedFit:
     @cached_property
     def _absorbed(self) -> Array:
         """S'r `(q,)`: the residual along the spanned columns, which their priors hold."""
-        return np.asarray(self.spanned.T @ self.residual)
+        return self._through(self.residual)
 
     @cached_property
     def _gram(self) -> Array:
-        """S'S `(q, q)` of the spanned columns."""
-        return np.asarray(self.spanned.T @ self.spanned)
+        """S'S `(q, q)` of the spanned columns: R'J'J R with R'H R = 1."""
+        root = self.posterior.root
+        return np.asarray(np.eye(len(root)) - root.T @ (self.limited[:, None] * root))
 
     def _scored(
         self, squares: float, effective_parameters: float, trials: float, size: Array, correlated: float = 1.0

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations
 
 import msgspec
@@ -32,7 +33,7 @@ from calibration.diagnosis.search.evaluation import (
 )
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
-from calibration.diagnosis.search.start_model import Base
+from calibration.diagnosis.search.start_model import Base, prior_of
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
@@ -57,7 +58,7 @@ NEARLY = 0.05
 """Share of the delta-BIC by which a simpler cause may be less likely: a further cause is found after it."""
 MANY = 8
 """Blocks from which the fit of the others has nearly all data, so that it evaluates bases as the whole does."""
-RECENT = 12
+RECENT = 24
 """Most fits that are kept."""
 FEW = 4.0
 """Observations per effective parameter up to which they leave the choice of bases open."""
@@ -100,7 +101,7 @@ class Selector:
     bare_stages: dict[str, Stage] = field(default_factory=dict, compare=False, repr=False)
     """Fits of bases alone, by their choice: bases come back, and each is fitted once."""
     recent: dict[tuple[object, ...], Fit] = field(default_factory=dict, compare=False, repr=False)
-    """The last fits, by the choice of the bases and the causes: the same causes come back after other steps."""
+    """The last fits, by the bases, the causes and their priors: the same causes come back after other steps."""
 
     @property
     def bare(self) -> Stage:
@@ -149,7 +150,7 @@ class Selector:
 
     def stage(self, chosen: Sequence[tuple[Candidate, Array]]) -> Stage:
         """The full fit with these causes, each evaluated on the linearised fit without it."""
-        key = repr(self.base.bases), *((candidate, size.tobytes()) for candidate, size in chosen)
+        key = repr(self.base.bases), *((candidate, prior_of(candidate, size).tobytes()) for candidate, size in chosen)
         if key not in self.recent:
             while len(self.recent) >= RECENT:
                 del self.recent[next(iter(self.recent))]
@@ -183,9 +184,14 @@ class Selector:
             without = self.base.lacking(linearised, (candidate, number))
             projected = without.candidate(found.effect, found.unit)
             score = score_of(without, found, projected)
-            size, gains = score.size * found.unit, without.held_out_gains(projected)
-            accepted.append(Accepted(found, size, score, projected.visible, gains))
+            gains = partial(self._held_out_gains, replace(linearised), found, number)
+            accepted.append(Accepted(found, score.size * found.unit, score, projected.visible, gains))
         return Stage(self.base, fit, linearised, tuple(accepted))
+
+    def _held_out_gains(self, linearised: LinearisedFit, candidate: Candidate, number: int) -> Array:
+        """Reduction of the squares of each held-out block by an accepted cause, the effect `number` of the fit."""
+        without = self.base.lacking(linearised, (candidate, number))
+        return without.held_out_gains(without.candidate(candidate.effect, candidate.unit))
 
     def against_siblings(self, stage: Stage) -> Stage:
         """Every cause compared with its siblings, and replaced by one that explains more."""
@@ -300,21 +306,23 @@ class Selector:
 
     def _irreplaceable(self, stage: Stage, index: int) -> bool:
         """True where all visible candidates together, in place of a cause, explain much less than the cause does."""
-        own, without = stage.accepted[index], stage.without(index)
+        own = stage.accepted[index]
+        if not _missed(stage, own, 0.0):
+            return False
+        without = stage.without(index)
         others = [each for each in self._evaluated(without, stage.accepted) if each.projected.visible >= SEEN]
         explained = without.squares_of_all([each.projected for each in others]) / max(own.score.squares, UNSEEN)
-        missing = own.score.gain * max(1.0 - explained, 0.0)
-        # noise of one axis from stop to stop may take the place of the cause
-        count = len(np.unique(stops(without.measurement)[without.rows]))
-        spared = 2.0 * own.candidate.rarity + own.score.effective_parameters * float(np.log(without.scalars))
-        return count * float(np.log1p(missing / count)) > spared + IRREPLACEABLE
+        return _missed(stage, own, explained)
 
     def leaner(self, stage: Stage) -> Stage:
-        """The stage without causes that a full fit of the others replaces: their shapes were refined beside them."""
+        """The stage without causes that a full fit of the others replaces: their shapes were refined beside them.
+
+        The fit is made where the linearised fit, in which shapes move as well, misses the cause little enough.
+        """
         shaped = any(each.candidate.shapes for each in stage.accepted)
         for own in sorted(stage.accepted, key=lambda each: -each.score.delta_bic) if shaped else ():
             others = [each for each in stage.accepted if each is not own]
-            if not others:
+            if not others or _missed(stage, own, 0.0):
                 break
             self.progress(f"fitting without {own.candidate.effect.name}")
             trial = self.stage(chosen_of(others))
@@ -413,6 +421,15 @@ class Selector:
             rest = chosen_of([each for each in stage.accepted if each is not worst])
             stage = self.stage(rest) if rest else self.bare
         return stage
+
+
+def _missed(stage: Stage, own: Accepted, explained: float) -> bool:
+    """True where the BIC grows by more than `IRREPLACEABLE` without a cause of which others explain a share."""
+    missing = own.score.gain * max(1.0 - explained, 0.0)
+    # noise of one axis from stop to stop may take the place of the cause
+    count = len(np.unique(stops(stage.linearised.measurement)[stage.linearised.rows]))
+    spared = 2.0 * own.candidate.rarity + own.score.effective_parameters * float(np.log(stage.linearised.scalars))
+    return count * float(np.log1p(missing / count)) > spared + IRREPLACEABLE
 
 
 def _at_once(candidate: Candidate, accepted: Sequence[Accepted]) -> Candidate:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -29,9 +30,14 @@ class Accepted:
     """Linear parameters in units of their typical sizes."""
     score: Score
     visible: float
-    held_out_gains: Array
-    """Reduction of the squares of each held-out block."""
+    held_out: Callable[[], Array]
+    """Calculates `held_out_gains`, which few causes need."""
     siblings: tuple[Sibling, ...] = ()
+
+    @cached_property
+    def held_out_gains(self) -> Array:
+        """Reduction of the squares of each held-out block."""
+        return self.held_out()
 
     @property
     def sureness(self) -> float:

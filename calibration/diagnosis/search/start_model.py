@@ -185,7 +185,7 @@ class Base:
             prior = np.concatenate(parts)
         added = [(candidate, size) for candidate, size in accepted if candidate.replaces not in finer]
         model = msgspec.structs.replace(self.model, effects=(*effects, *(c.effect for c, _ in added)), covariance=None)
-        own = np.concatenate([_prior(candidate, size) for candidate, size in added] or [np.zeros(0)])
+        own = np.concatenate([prior_of(candidate, size) for candidate, size in added] or [np.zeros(0)])
         whole = np.concatenate([prior, own]) if prior.ndim == 1 else block_diag(prior, np.diag(own))
         return fit(measurement, model, prior=whole, variance=variance, near=near)
 
@@ -365,14 +365,17 @@ def _with_added(present: Base, measurement: Measurement, chosen: Refinement) -> 
     return Base(model, block_diag(present.prior, np.diag(own)), "updated", present=present, refinement=chosen)
 
 
-def _prior(candidate: Candidate, size: np.ndarray) -> np.ndarray:
-    """Prior standard deviations `(k,)` of an accepted candidate; `size` is in typical sizes of its parameters."""
+def prior_of(candidate: Candidate, size: np.ndarray) -> np.ndarray:
+    """Prior standard deviations `(k,)` of an accepted candidate; `size` is in typical sizes of its parameters.
+
+    They double with the size: candidates of nearly the same sizes have the same fit.
+    """
     effect, table = candidate.effect, candidate.effect.parameter_table
     typical = np.array([quantity.typical for quantity in table])
     if candidate.prior:
         return np.asarray(candidate.prior * typical)
     linear = np.array([quantity.linear for quantity in table])
-    largest = max(float(np.abs(size).max(initial=0.0)), 1.0)
+    largest = 2.0 ** np.ceil(np.log2(max(float(np.abs(size).max(initial=0.0)), 1.0)))
     # a jump has no derivative that a fit could follow: its offset and pitch are held
     held = FIXED if isinstance(effect, QuantisedCompensation) else 1.0
     return np.where(linear, WIDE * largest * typical, held * typical)
