@@ -210,7 +210,16 @@ def exchanged(measured):
     return replace(measured, state=replace(measured.state, positions=q))
 
 
+def reversed_run(measured):
+    """The first run with its last reading first; the table ball is 30 um from its stated centre."""
+    observed = measured.observed.copy()
+    first = np.flatnonzero(measured.run == measured.run[0])
+    observed[first] = observed[first[::-1]]
+    return replace(measured, observed=observed)
+
+
 MISTAKES = {
+    "a reversed run": (reversed_run, "the readings of run XY F1000 ccw"),
     "a run about another centre": (moved_run, "run XY F1000 ccw is about a point 2 mm from the centre"),
     "columns exchanged": (exchanged, "mm from its stated centre: correct the centre, or columns"),
     "length": (lambda m: replace(m, instrument=Ballbar(u_um=0.3, length_mm=100.0)), "but the bar is 100 mm long"),

@@ -11,6 +11,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.measurement.observed_points import target_points
 from calibration.observation.equations import LENGTH
 from calibration.plausibility.recording_mistakes import misfit
+from calibration.plausibility.reversed_runs import reversed_runs
 from kinematics.transforms import Array
 
 OFF_MM = 0.5
@@ -52,6 +53,9 @@ def circle_mistakes(measurement: Measurement) -> Iterator[tuple[str, str, bool]]
         return
     yield from _other_feeds(measurement)
     yield from _other_centres(measurement)
+    reverse, fatal = reversed_runs(measurement, np.array(next(iter(measurement.spheres.values()))))
+    if reverse:
+        yield "order", reverse, fatal
     for row in np.flatnonzero(off > OFF_MM).tolist()[:3]:
         away = f"radius_mm is {1e3 * residual[row, 0]:+.4g} um off its circle, and not used"
         yield "outliers", f"{measurement.where(row)}: {away}", False
