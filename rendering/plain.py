@@ -83,15 +83,23 @@ def plain_table(table: Table, width: int) -> str | None:
 
 
 def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
-    """Widths of columns that have room beside each other: the widest are made narrower; None if they have not."""
-    widths = [max(map(len, column)) for column in columns]
-    least = [min(WORD, max((len(word) for cell in column for word in cell.split()), default=0)) for column in columns]
+    """Widths of columns that have room beside each other: the widest are made narrower.
+
+    None if they have not, or if a word would be broken: where, depends on the width that Rich gives to its column.
+    """
+    full = [max(map(len, column)) for column in columns]
+    words = [max((len(word) for cell in column for word in cell.split()), default=0) for column in columns]
+    widths = full.copy()
     while sum(widths) > room:
-        widest = max(range(len(widths)), key=lambda i: (widths[i] > least[i], widths[i]))
-        if widths[widest] <= least[widest]:
+        widest = max(range(len(widths)), key=lambda i: (widths[i] > min(WORD, words[i]), widths[i]))
+        if widths[widest] <= min(WORD, words[widest]):
             return None
         widths[widest] -= 1
-    return widths
+    # among equal columns Rich may make another one narrower, by one character
+    broken = any(
+        word > WORD and width < whole and width <= word for width, whole, word in zip(widths, full, words, strict=True)
+    )
+    return None if broken else widths
 
 
 def _lines(row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:

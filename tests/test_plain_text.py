@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
@@ -36,7 +36,11 @@ def by_rich(report, encoding="utf-8"):
     return stream.buffer.getvalue()
 
 
+LONG = "x" * 40
+
+
 @given(tables())
+@example(Table(["0000000", "", "", "", LONG], [["", "", LONG, "", ""], ["", "00000", "", "000000", LONG]]))
 @settings(max_examples=100)
 def test_reports_are_the_text_of_rich(table):
     report = Report("title", "lead", [Section("Table", "A line.\nAnother.\ta\rb", table)], "Verdict.", "Refused.")
