@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from support.probe_cases import probed, unseen_um
+from support.probe_cases import probed, shifted_rows, unseen_um
 from support.virtual_measurements import THREE, measured, positions, truth, written
 
 import machines
@@ -128,6 +128,13 @@ def test_files_of_one_instrument_are_one_measurement(two_runs, shop):
     spheres = shop[0][0]
     assert [len(each) for each in by_instrument([two_runs[0], two_runs[1]])] == [300]
     assert by_instrument([two_runs[0], spheres, two_runs[1]])[1] is spheres
+
+
+def test_a_moved_sphere_is_refused(shop):
+    (spheres, lengths), _ = shop
+    behind = (spheres.groups == spheres.groups[0]) & (np.arange(len(spheres)) >= len(spheres) // 2)
+    with pytest.raises(UserError, match=r"spheres\.csv: sphere .* moved by 50. um before"):
+        calibrate_together([shifted_rows(spheres, behind, [0.3, 0.4, 0.0]), lengths], hold_out=False)
 
 
 def test_other_machines_are_refused(two_runs, shop):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.probe_cases import MIDDLE, TIP, in_datum, poses, probed, spheres_of, unseen_um
+from support.probe_cases import MIDDLE, TIP, in_datum, poses, probed, shifted_rows, spheres_of, unseen_um
 from support.tiers import quick
 from support.virtual_measurements import written
 
@@ -415,14 +415,6 @@ def test_mistakes_are_found(name):
     assert not sanity(good)
     found = sanity(spoil(good))
     assert any(text in finding.message and finding.fatal == fatal for finding in found), found
-
-
-def shifted_rows(measured, rows, shift):
-    """The measurement with the tip farther by a shift, mm, workpiece frame, in some rows."""
-    machine = measured.machine
-    tips = tool_point(machine, measured.state.positions, measured.tool)
-    tips[rows] += shift
-    return at(measured, linear_positions(machine, measured.state.positions, tips, measured.tool))
 
 
 MOVES = [

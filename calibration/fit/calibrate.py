@@ -113,7 +113,7 @@ def calibrate(
 
     NotAccepted for a calibration that is no improvement, or with which too many rows disagree, without `force`.
     """
-    findings, positions = _checked(measurement, force=force)
+    findings, positions = checked(measurement, force=force)
     steps = 3 if hold_out else 2
     wanted = Wanted(basis, margin, tuple(effects), prior_scale, variance, numbered(progress, 1, steps))
     choice, found = with_bases_and_noise(at_positions(measurement, positions), wanted)
@@ -148,7 +148,7 @@ def calibrate(
     return result
 
 
-def _checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], list[TargetPosition]]:
+def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], list[TargetPosition]]:
     """Anomalies of the data before any fit, and the targets that are not at a stated position.
 
     UserError for data that cannot be used, and for a sphere that moved, without `force`.

@@ -25,7 +25,7 @@ from scipy import special
 
 from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, reason_against, refuse_few
 from calibration.fit.bases.search import AUTO, Choice, scale_of
-from calibration.fit.calibrate import in_datum, provenance
+from calibration.fit.calibrate import checked, in_datum, provenance
 from calibration.fit.cross_validation import CrossValidation, cross_validate
 from calibration.fit.datum import error_motions
 from calibration.fit.fit import Fit, fit
@@ -35,12 +35,11 @@ from calibration.fit.problem import FIXED, Problem
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
 from calibration.fit.set_up.distances import distance_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
-from calibration.fit.set_up.target_positions import at_positions, target_positions
-from calibration.fit.set_up.target_positions import findings as target_findings
+from calibration.fit.set_up.target_positions import at_positions
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import least_priors, priors, with_effects
 from calibration.observation.outliers import Variance
-from calibration.plausibility.checks import Finding, usable
+from calibration.plausibility.checks import Finding
 from kinematics.basis import Basis, BSpline, Fourier, Harmonics
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.error_model.model import ErrorModel, no_errors
@@ -139,8 +138,9 @@ def calibrate_together(
     The arguments are those of `calibration.fit.calibrate.calibrate`. Each axis has the finest of the bases that the
     measurements determine alone, over the range of all.
 
-    UserError where the measurements are of different machines; TogetherNotAccepted for a calibration that is no
-    improvement for one of the measurements, or with which too many of its rows disagree, without `force`.
+    UserError where the measurements are of different machines. Without `force` also for a sphere that moved, and
+    TogetherNotAccepted for a calibration that is no improvement for one of the measurements, or with which too many of
+    its rows disagree.
     """
     machine = _machine(measurements)
     steps = len(measurements) + 2
@@ -148,7 +148,8 @@ def calibrate_together(
     for number, measurement in enumerate(measurements, start=1):
         step = numbered(progress, number, steps)
         step(f"fitting {measurement.source} alone")
-        singles.append(_Single.of(measurement, Wanted(basis, 0, tuple(effects), prior_scale, variance, step)))
+        wanted = Wanted(basis, 0, tuple(effects), prior_scale, variance, step)
+        singles.append(_Single.of(measurement, wanted, force=force))
     model = _model(machine, [single.start for single in singles])
     prior = _prior(model, singles, measurements)
     numbered(progress, steps - 1, steps)("fitting all measurements together")
@@ -181,11 +182,9 @@ class _Single:
     """Anomalies of the data, each with the name of the file."""
 
     @classmethod
-    def of(cls, measurement: Measurement, wanted: Wanted) -> _Single:
-        """The fit of a measurement alone; UserError for data that cannot be used."""
-        findings = usable(measurement)
-        positions = target_positions(measurement)
-        findings += target_findings(measurement, positions)
+    def of(cls, measurement: Measurement, wanted: Wanted, *, force: bool) -> _Single:
+        """The fit of a measurement alone; UserError as by `checked`."""
+        findings, positions = checked(measurement, force=force)
         choice, own = with_bases_and_noise(at_positions(measurement, positions), wanted)
         start, _ = with_effects(own.measurement, choice.bases, wanted.effects, *choice.scales)
         findings += [*zero_findings(run_zeros(own)), *distance_findings(own)]

@@ -1,5 +1,7 @@
 """Virtual measurements with a touch probe and spheres on the five-axis machines, and their true location errors."""
 
+from dataclasses import replace
+
 import numpy as np
 
 import machines
@@ -15,6 +17,7 @@ from calibration.simulation.touch_probe import Spheres
 from calibration.simulation.true_model import model_of, random_location_errors
 from kinematics.deviation import exact_deviation
 from kinematics.effects import LocationError
+from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
 from kinematics.state import State
 
@@ -86,3 +89,12 @@ def in_datum(model, found):
     inside = transformed(whole, whole.effects, to_datum(machine, whole, found.prior))
     split = transformed(inside, *split_locations(machine, inside))
     return {effect.name: effect.value for effect in split.effects if isinstance(effect, LocationError)}
+
+
+def shifted_rows(measured, rows, shift):
+    """The measurement with the tip farther by a shift, mm, workpiece frame, in some rows."""
+    machine = measured.machine
+    tips = tool_point(machine, measured.state.positions, measured.tool)
+    tips[rows] += shift
+    positions = linear_positions(machine, measured.state.positions, tips, measured.tool)
+    return replace(measured, state=replace(measured.state, positions=positions))
