@@ -1,9 +1,11 @@
 """Shapes proposed from residuals: what was put in is found, to what the travel resolves."""
 
+import msgspec
 import numpy as np
 import pytest
 from support.diagnosis_cases import CFRAME, data_with, fitted, framed
 from support.tiers import quick
+from support.virtual_measurements import THREE, measured
 
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import at_zero, library
@@ -13,6 +15,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import refined, saw_uncertainty
 from kinematics.basis import Fourier
 from kinematics.effects import Cyclic, ErrorMotion, GrowthWithTime, QuantisedCompensation, StationShift
+from kinematics.error_model.model import no_errors
 
 X, Y = (CFRAME.axes[CFRAME.index(name)].travel for name in "XY")
 TRAVEL = X[1] - X[0]
@@ -35,6 +38,17 @@ def test_a_period_is_found_to_a_fraction_of_what_the_travel_resolves(component, 
     # one wave more over the travel is the next one that can be told apart
     assert abs(TRAVEL / found.effect.period - TRAVEL / period) < 0.1
     assert found.trials > 1000
+
+
+def test_a_period_is_found_at_few_positions_that_make_many_periods_alike():
+    """A line measured again and again has a lattice of positions; only those off it part the periods."""
+    rng, wide = np.random.default_rng(3), wave("X", "X", 12.0, (60.0,))
+    steps = np.r_[np.linspace(20.0, 580.0, 11), 47.5, 131.9, 311.3, 440.8]
+    q = np.column_stack([rng.choice(steps, 150), rng.uniform(*Y, 150), rng.uniform(0.0, 500.0, 150)])
+    model = msgspec.structs.replace(no_errors(CFRAME), effects=(wide,))
+    linearised = LinearisedFit.of(fitted(measured(CFRAME, q, THREE, model, rng)))
+    found = best(linearised, scans.waves(linearised, ("X",))).candidate
+    assert TRAVEL / found.effect.period == pytest.approx(TRAVEL / 12.0, abs=0.2)
 
 
 def test_harmonics_are_taken_along_where_they_pay():

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import framed
+from support.diagnosis_cases import data_with, fitted, framed
 
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling
-from calibration.diagnosis.search.linearised_fit import Projected, Score
+from calibration.diagnosis.search.linearised_fit import LinearisedFit, Projected, Score
 from calibration.diagnosis.search.stage import Accepted
-from calibration.diagnosis.verdict import may_be_mean, notes, tied_with, verdict_of
+from calibration.diagnosis.verdict import may_be_mean, notes, outliers, tied_with, verdict_of
 from kinematics.effects import Backlash, CrossAxis, Cyclic, LocationError, Scale, Settling
 
 SCORE = Score(500.0, 500.0, 1.0, -480.0, 1e-9, np.ones(1))
@@ -102,3 +102,17 @@ def test_a_scale_may_be_the_mean_of_a_positioning_error_that_depends_on_another_
     assert may_be_mean(Scale("X", 10.0), error)
     assert not may_be_mean(Scale("Z", 10.0), error)
     assert not may_be_mean(Scale("X", 10.0), CrossAxis("A", "X", "Z", (0.0, 1.0), (0.0, 1.0), 1, 1, (1.0, 0.5)))
+
+
+@pytest.mark.parametrize("wrong", [(), (40,)])
+def test_a_row_before_the_first_move_of_an_axis_with_backlash_is_no_outlier(wrong):
+    """The axis stood on the other side of its lost motion; another row that is as far off is one."""
+    data = data_with(Backlash("X", 300.0))
+    along = fitted(data).registration.rotations(data)[:, :, 0] * 0.15
+    observed = data.observed.copy()
+    observed[[0, *wrong]] += along[[0, *wrong]]
+    moved = replace(data, observed=observed, state=replace(data.state, observed=observed))
+    found = fitted(moved, Backlash("X", 0.0))
+    assert found.outliers.tolist() == [0, *wrong]
+    cause = outliers(found, LinearisedFit.of(found))
+    assert (cause.effect.rows if cause else ()) == wrong

@@ -261,8 +261,11 @@ def in_terms_of(before: LinearisedFit, linearised: LinearisedFit) -> float:
 
 
 def outliers(fit: Fit, before: LinearisedFit) -> Named | None:
-    """The outliers of three-component observations as one cause; None without any, or where noise can make them."""
-    rows = fit.outliers
+    """The outliers of three-component observations as one cause; None without any, or where noise can make them.
+
+    Rows before the first move of an axis with lost motion are no outliers: on which side it stood is unknown.
+    """
+    rows = fit.outliers[~_of_unknown_side(fit)[fit.outliers]]
     if not len(rows) or fit.measurement.instrument.components != 3:
         return None
     frame_rows = np.isin(before.rows, rows)
@@ -278,6 +281,16 @@ def outliers(fit: Fit, before: LinearisedFit) -> Named | None:
     if delta_bic > WORTH:
         return None
     return Named("outliers", effect, delta_bic, 0.0, min(squares / max(before.squares, 1e-300), 1.0), "strong", 1.0)
+
+
+def _of_unknown_side(fit: Fit) -> np.ndarray:
+    """True `(n,)` for rows before the first move of an axis for which the model has an effect of its direction."""
+    state, machine = fit.measurement.state, fit.measurement.machine
+    if state.approach is None:
+        return np.zeros(len(fit.measurement), bool)
+    sided = [effect for effect in fit.model.effects if "approach" in effect.needs and effect.ACTS_ON != "instrument"]
+    axes = [machine.index(where(effect) or "") for effect in sided if where(effect) in machine.names]
+    return np.asarray(np.any(state.approach[:, axes] == 0.0, axis=1))
 
 
 def not_visible(evaluated: Sequence[Evaluated]) -> list[NotVisible]:

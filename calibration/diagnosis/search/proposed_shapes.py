@@ -39,6 +39,7 @@ from kinematics.effects import (
     Reversal,
 )
 from kinematics.effects.base import own_component, unit_of
+from kinematics.transforms import Array
 
 WAVES = 8.0
 """Least number of waves over the travel: an error with fewer is a matter of the basis, not a cyclic error."""
@@ -51,8 +52,9 @@ MOST_WAVES, MOST_TEETH = 10_000, 1000
 """Most frequencies of waves and of sawtooth functions that are tried."""
 SCANNED = 1200
 """Most rows that a search for shapes uses."""
-BEST = 12
-"""Best frequencies of each error motion that are compared without the model's part."""
+BEST, BEST_WAVES = 12, 120
+"""Best frequencies of steps, and of waves of each error motion, that are compared without the model's part: positions
+that are few, or nearly on a lattice, make many waves alike."""
 TEETH = 5.5
 """Least number of steps over the travel."""
 OFFSETS = 12
@@ -114,31 +116,44 @@ def waves(linearised: LinearisedFit, components: tuple[Component, ...] = get_arg
 def waves_of(linearised: LinearisedFit, axis: str, components: tuple[Component, ...]) -> list[Candidate]:
     """The strongest cyclic error of one axis and each of these components."""
     measurement = linearised.measurement
+    frequencies = _frequencies(linearised, axis)
+    if len(frequencies) < OVERSAMPLING:
+        return []
+    seen = [c for c in components if measurement.axis is None or c in observed_components(measurement, axis)]
+    found = []
+    strongest = _strongest(linearised, axis, seen, frequencies)
+    for component, (sensitivity, best, gains) in zip(seen, strongest, strict=True):
+        wave = _wave(component, axis, 1.0 / float(best[int(np.argmax(gains))]), 1)
+        found.append(Candidate(_with_harmonics(sensitivity, wave), 1, float(len(frequencies) * len(seen))))
+    return found
+
+
+def _frequencies(linearised: LinearisedFit, axis: str) -> Array:
+    """Frequencies `(m,)` of the waves along an axis that are tried, 1/mm or 1/degree."""
+    measurement = linearised.measurement
     low, high = moving_axes(measurement)[axis]
-    x = linearised.positions(axis)
     log = is_log(measurement, axis)
     waves_of, least = resolved if log else usual_waves, WAVES
-    most = min(waves_of(x, high - low), MOST_WAVES / OVERSAMPLING)
+    most = min(waves_of(linearised.positions(axis), high - low), MOST_WAVES / OVERSAMPLING)
     if log:
         steps = np.abs(np.diff(measurement.state.position(measurement.machine, axis)))
         least = WAVES_OF_A_LOG
         most = min(most, (high - low) / (ROWS_OF_A_WAVE * float(np.median(steps[steps > 0.0]))))
     if axis[0] in "ABC":
         most = min(most, (high - low) / SHORTEST)
-    frequencies = np.arange(least, max(most, least), 1.0 / OVERSAMPLING) / (high - low)
-    if len(frequencies) < OVERSAMPLING:
-        return []
-    seen = [c for c in components if measurement.axis is None or c in observed_components(measurement, axis)]
-    sensitivities = [Sensitivity.of(linearised, axis, component) for component in seen]
-    found = []
-    for component, sensitivity, power in zip(
-        seen, sensitivities, strengths(sensitivities, x, frequencies), strict=True
-    ):
-        tried = frequencies[peaks(power, BEST)]
-        best = finest(sensitivity, x, tried, 0.5 / (OVERSAMPLING * (high - low)), unit_of(component)[1])
-        wave = _wave(component, axis, 1.0 / best, 1)
-        found.append(Candidate(_with_harmonics(sensitivity, wave), 1, float(len(frequencies) * len(seen))))
-    return found
+    return np.asarray(np.arange(least, max(most, least), 1.0 / OVERSAMPLING) / (high - low))
+
+
+def _strongest(
+    linearised: LinearisedFit, axis: str, components: Sequence[Component], frequencies: Array
+) -> Iterator[tuple[Sensitivity, Array, Array]]:
+    """For each error motion of an axis the frequencies `(k,)` that explain most, refined, and their gains `(k,)`."""
+    x, step = linearised.positions(axis), (frequencies[-1] - frequencies[0]) / (len(frequencies) - 1)
+    sensitivities = [Sensitivity.of(linearised, axis, component) for component in components]
+    powers = strengths(sensitivities, x, frequencies)
+    for component, sensitivity, power in zip(components, sensitivities, powers, strict=True):
+        tried = frequencies[peaks(power, BEST_WAVES)]
+        yield sensitivity, *finest(sensitivity, x, tried, step / 2, unit_of(component)[1])
 
 
 def _with_harmonics(sensitivity: Sensitivity, effect: Cyclic) -> Cyclic:

@@ -14,6 +14,8 @@ BEYOND = 16.0
 SHORTEST, POSITIONS = 1.0, 4
 """Shortest period of a cyclic error, mm or degrees: leads and gears have longer ones. Those of encoders are shorter;
 single positions show them by chance alone, unless there are so many to a period."""
+REFINED = 12
+"""Most frequencies that are refined: at few positions several explain nearly as much."""
 LATTICE = 0.02
 """Largest distance of positions from a lattice, as a share of its pitch."""
 
@@ -45,22 +47,26 @@ def peaks(power: Array, count: int) -> np.ndarray:
     return np.asarray(top[np.argsort(power[top])[::-1][:count]])
 
 
-def finest(sensitivity: Sensitivity, x: Array, tried: Array, step: float, unit: float) -> float:
-    """The frequency that explains most beside the model, between the neighbours of the best one tried.
+def finest(sensitivity: Sensitivity, x: Array, tried: Array, step: float, unit: float) -> tuple[Array, Array]:
+    """The frequencies `(k,)` that explain most, each between its neighbours, and their gains `(k,)`.
 
     unit: amplitude of a wave, mm or rad.
     """
 
-    def best_of(tried: Array) -> float:
-        """The frequency that explains most."""
-        phase = 2 * np.pi * x[:, None] * tried
-        return float(tried[int(np.argmax(sensitivity.wave_gains(unit * np.sin(phase), unit * np.cos(phase))))])
+    def gains_of(frequencies: Array) -> Array:
+        """Gains of waves of these frequencies."""
+        phase = 2 * np.pi * x[:, None] * frequencies.ravel()
+        return sensitivity.wave_gains(unit * np.sin(phase), unit * np.cos(phase)).reshape(frequencies.shape)
 
-    best = best_of(tried)
+    best = tried[np.argsort(gains_of(tried))[::-1][:REFINED]]
+    gains = gains_of(best)
     for _ in range(4):
-        best = best_of(np.array([best - step, best, best + step]))
+        around = best + step * np.array([[-1.0], [0.0], [1.0]])
+        found = gains_of(around)
+        chosen = np.argmax(found, axis=0)
+        best, gains = (np.take_along_axis(table, chosen[None], axis=0)[0] for table in (around, found))
         step /= 2
-    return best
+    return best, gains
 
 
 def resolved(x: Array, travel: float) -> float:
