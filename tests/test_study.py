@@ -5,7 +5,7 @@ import json
 import os
 import re
 import signal
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -405,6 +405,20 @@ def test_processes_give_the_same_and_go_on_without_a_lost_one():
     assert killed
     for one, other in zip(alone, spread, strict=True):
         assert np.array_equal(one.after, other.after)
+
+
+class StoppedWhenSent:
+    """A result during whose way to the first process the worker is told to end."""
+
+    def __reduce__(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return StoppedWhenSent, ()
+
+
+def test_a_worker_ends_also_between_tasks():
+    """Its executor holds its result back otherwise, and waits for it without an end."""
+    with workers(2, None) as team, pytest.raises(BrokenExecutor):
+        team.executor.submit(StoppedWhenSent).result(60.0)
 
 
 class Stopped(Exception):

@@ -22,7 +22,7 @@ from functools import cache, partial
 from importlib import resources
 from itertools import islice
 from multiprocessing.connection import Connection
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from kinematics.files import remove_unpublished
 from kinematics.user_error import UserError
@@ -173,7 +173,7 @@ def stops_wait() -> Iterator[None]:
 def _prepare(heard: Connection) -> None:
     """In a worker: end with the process that holds the other end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all processes; the first one decides
-    signal.signal(signal.SIGTERM, _stopped)
+    signal.signal(signal.SIGTERM, _end_process)
     threading.Thread(target=_listen, args=(heard,), daemon=True).start()
 
 
@@ -187,17 +187,26 @@ def _listen(heard: Connection) -> None:
     os._exit(128 + signal.SIGTERM)
 
 
-def _stopped(number: int, _: object) -> None:
+def _end_task(number: int, _: object) -> None:
     sys.exit(128 + number)
+
+
+def _end_process(*_: object) -> NoReturn:
+    """Between tasks: the executor would take an exception for a result."""
+    remove_unpublished()
+    os._exit(128 + signal.SIGTERM)
 
 
 def _do(function: Callable[..., Result], *task: Any) -> Result:
     """In a worker: the result of a task. A worker that must end does so after the task's own removals."""
     try:
-        return function(*task)
+        try:
+            signal.signal(signal.SIGTERM, _end_task)
+            return function(*task)
+        finally:
+            signal.signal(signal.SIGTERM, _end_process)
     except SystemExit:
-        remove_unpublished()
-        os._exit(128 + signal.SIGTERM)
+        _end_process()
 
 
 @contextmanager
