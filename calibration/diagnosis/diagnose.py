@@ -230,7 +230,8 @@ def _causes(selector: Selector) -> _Found:
     commoner = found.selector.commoner(found.stage)
     if commoner is not found.stage:
         found = _with_bases(found.selector, commoner.accepted)
-    dependence = _dependence(found.stage, unexplained_residual.tests(found.stage.linearised))
+    tests = unexplained_residual.tests(found.stage.linearised)
+    dependence = _dependence(found.stage, tests) or _random_walk(found.stage, tests)
     absorb = partial(absorbed, dependence=dependence)
     shapes = Search(proposed_shapes.proposals, absorb, ByChance(selector.library))
     return _with_bases(replace(found.selector, search=shapes), found.stage.accepted)
@@ -269,10 +270,20 @@ def _dependence(stage: Stage, tests: Sequence[Test]) -> Unexplained | None:
 
     tests: of these residuals. Non-repeatability may hide a dependence.
     """
-    if not _unrepeatable(stage) and not combined(tests, LEFT):
-        return None
-    linearised = stage.linearised
-    return unexplained_residual.unexplained(linearised) or unexplained_residual.random_walk(linearised)
+    return unexplained_residual.unexplained(stage.linearised) if _doubtful(stage, tests) else None
+
+
+def _random_walk(stage: Stage, tests: Sequence[Test]) -> Unexplained | None:
+    """The random walk that the causes of a stage leave, as by `_dependence`.
+
+    It withdraws no cause: beside so many steps nearly every cause would have little support.
+    """
+    return unexplained_residual.random_walk(stage.linearised) if _doubtful(stage, tests) else None
+
+
+def _doubtful(stage: Stage, tests: Sequence[Test]) -> bool:
+    """True where the residuals of a stage, by their tests, may be more than noise as specified."""
+    return _unrepeatable(stage) or bool(combined(tests, LEFT))
 
 
 def _without_impostors(
@@ -303,7 +314,7 @@ def _without_impostors(
             dependence = _dependence(stage, tests) or next(filter(None, _imitated(stage, imitated)), None)
             blamed = unexplained_residual.impostors(stage, dependence, selector.library) if dependence else []
             if not blamed:
-                return found, tests, dependence
+                return found, tests, dependence or _random_walk(stage, tests)
         kept: Sequence[tuple[Candidate, np.ndarray]] = [
             (each.candidate, each.size) for each in stage.accepted if not _among(each, blamed)
         ]
