@@ -227,7 +227,7 @@ def test_a_drift_along_three_axes_is_not_one_of_the_tracker():
 
 
 def test_a_growth_is_refined_to_the_fixed_point_that_the_data_show():
-    """The point was proposed before other errors were known; what it lacks would be called a drift along the axis."""
+    """The point was proposed before other errors were known; its error would be called a drift along the axis."""
     warm = {"temperatures": {"column": np.linspace(0.0, 3.0, 100)}}
     data = data_with(GrowthWithSensor(axis="X", sensor="column", coefficient=90.0, fixed_point=200.0), **warm)
     (found,) = evaluate(

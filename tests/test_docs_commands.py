@@ -23,7 +23,8 @@ SCHEDULER = "tcp://scheduler:8786"
 @pytest.mark.parametrize("each", all_commands(), ids=lambda each: each.where)
 def test_options_are_accepted(each: Command) -> None:
     name, others = named(each.words)
-    command_tree().get_command(None, name).make_context(name, list(others))
+    context = command_tree().get_command(None, name).make_context(name, list(others))
+    assert not context.args  # nothing is left over
 
 
 @pytest.mark.statistical

@@ -408,7 +408,7 @@ def test_processes_give_the_same_and_go_on_without_a_lost_one():
 
 
 class StoppedWhenSent:
-    """A result during whose way to the first process the worker is told to end."""
+    """A result: while it travels to the first process, the worker gets the signal to end."""
 
     def __reduce__(self):
         os.kill(os.getpid(), signal.SIGTERM)
@@ -416,7 +416,7 @@ class StoppedWhenSent:
 
 
 def test_a_worker_ends_also_between_tasks():
-    """Its executor holds its result back otherwise, and waits for it without an end."""
+    """Otherwise it lives on, its executor waits for it, and the command does not end."""
     with workers(2, None) as team, pytest.raises(BrokenExecutor):
         team.executor.submit(StoppedWhenSent).result(60.0)
 

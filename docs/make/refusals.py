@@ -131,7 +131,7 @@ EXAMPLES = (
         "A file of another kind",
         "",
         "The file is no NC program.",
-        "Give the right file. The message names what it seems to be.",
+        "Give the right file. The message names the probable kind of the file.",
         command="ncomp data.csv --machine mill.toml -c none -o out.nc",
         before="ncomp simulate --machine mill.toml --strategy grid --points 30 -o data.csv",
     ),
