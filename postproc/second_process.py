@@ -37,6 +37,8 @@ SIZE = struct.Struct("<Q")
 THREADS = Path("/proc/self/task")
 """Folder with an entry for each thread of this process, in Linux."""
 
+ROOM = 1 << 22
+"""Bytes on their way, as far as the system permits: who has sent a message then need not wait for its receiver."""
 GIVES_WAY = 10
 """Niceness of the process: this one does the longest part of the work, and should never wait for a processor."""
 
@@ -55,6 +57,8 @@ class SecondProcess:
     def __init__(self, work: Callable[[Any], Any]) -> None:
         """`work` is sent to the process: its own state is there, and not in this process."""
         self._socket, other = socket.socketpair()
+        for end in (self._socket, other):
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, ROOM)
         _own_ends.add(self._socket)
         self._process = _process_class()(target=_serve, args=(other, work), daemon=True)
         with stops_wait():

@@ -32,14 +32,39 @@ LOST = (
 )
 
 
+class SentStarts(NamedTuple):
+    """Starts of the rows that do not begin at the end of the row before."""
+
+    rows: np.ndarray
+    """Their numbers `(k,)`, the first row among them."""
+    starts: Array
+    """`(k, axes)`, mm and degrees."""
+
+    @classmethod
+    def of(cls, starts: Array, ends: Array) -> SentStarts:
+        """Those of rows with these starts and ends `(n, axes)`."""
+        apart = (starts[1:] != ends[:-1]).any(axis=1)
+        rows = np.flatnonzero(np.append(True, apart)[: len(starts)])
+        return cls(rows, starts[rows])
+
+    def with_ends(self, ends: Array) -> Array:
+        """The starts `(n, axes)` of all rows."""
+        starts = np.empty_like(ends)
+        starts[1:] = ends[:-1]
+        starts[self.rows] = self.starts
+        return starts
+
+
 class SentMoves(NamedTuple):
     """The moves of a chunk for another process: without texts, and without the machine, which is there."""
 
     frames: list[Frame]
     columns: dict[str, Any]
-    """Those of Motions."""
-    starts: Array
+    """Those of Motions but the starts."""
+    programmed: SentStarts
+    written: SentStarts
     ends: Array
+    """Written ends `(n, axes)`, mm and degrees."""
     arcs: tuple[Mapping[int, Arc], Mapping[int, Arc]]
     """Arcs as programmed and as written."""
     lines: np.ndarray
@@ -54,8 +79,9 @@ class SentMoves(NamedTuple):
         motions, commanded = moves.motions, moves.commanded
         return cls(
             list(motions.frames),
-            {name: getattr(motions, name) for name in COLUMNS},
-            commanded.start,
+            {name: getattr(motions, name) for name in COLUMNS if name != "start"},
+            SentStarts.of(motions.start, motions.target),
+            SentStarts.of(commanded.start, commanded.target),
             commanded.target,
             (dict(motions.arcs), dict(commanded.arcs)),
             moves.lines,
@@ -67,10 +93,17 @@ class SentMoves(NamedTuple):
 
     def moves(self, machine: Machine) -> WrittenMoves:
         """The moves of a machine."""
-        written = self.columns | {"start": self.starts, "target": self.ends}
+        targets, starts = (self.columns["target"], self.ends), (self.programmed, self.written)
         programmed, commanded = (
-            Motions(machine, Blocks(()), self.frames, **columns, words=AxisWords(), arcs=arcs)
-            for columns, arcs in zip((self.columns, written), self.arcs, strict=True)
+            Motions(
+                machine,
+                Blocks(()),
+                self.frames,
+                **self.columns | {"start": start.with_ends(target), "target": target},
+                words=AxisWords(),
+                arcs=arcs,
+            )
+            for start, target, arcs in zip(starts, targets, self.arcs, strict=True)
         )
         return WrittenMoves(programmed, commanded, self.lines, self.bounds, self.unsplit, self.suspect, self.before)
 

@@ -41,11 +41,13 @@ class PlainMoves(NamedTuple):
 
 
 RECORDED = {
-    **dict.fromkeys(("block", "kind", "frame"), int),
+    "block": int,
+    "kind": np.int8,
+    "frame": int,
     "unit": float,
     **dict.fromkeys(("incremental", "timed", "frame_unchanged"), bool),
     **dict.fromkeys(("start", "target"), float),
-    **dict.fromkeys(("known_start", "known"), int),
+    **dict.fromkeys(("known_start", "known"), np.int8),
 }
 """Columns of Motions that are recorded, in the order of a row, with their types."""
 POSITIONS = frozenset(("start", "target", "known_start", "known"))
@@ -150,8 +152,9 @@ class Recorder:
         last = np.maximum.accumulate(np.where(named, np.arange(lines)[:, None], -1), axis=0)
         found = last >= 0
         target = np.where(found, values[np.maximum(last, 0), np.arange(axes)], self.position)
-        known = np.where(found, int(Known.PROGRAM), self.known)
-        start, known_start = np.concatenate([[self.position], target[:-1]]), np.concatenate([[self.known], known[:-1]])
+        before = np.array([self.known], np.int8)
+        known = np.where(found, np.int8(Known.PROGRAM), before)
+        start, known_start = np.concatenate([[self.position], target[:-1]]), np.concatenate([before, known[:-1]])
         return PlainMoves(start, target, known_start, known)
 
     def append(
@@ -177,7 +180,7 @@ class Recorder:
         self._columns.append(
             {
                 "block": np.arange(block, block + lines),
-                "kind": kind.astype(int),
+                "kind": kind.astype(np.int8),
                 "frame": np.full(lines, len(self._frames) - 1),
                 "unit": np.full(lines, unit),
                 "incremental": np.zeros(lines, bool),
