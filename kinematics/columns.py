@@ -197,10 +197,25 @@ class ChainColumns:
             return _Motion(translation, rotation)
         return _Motion(_in_frame(frame.tolist(), translation), _in_frame(frame.tolist(), rotation))
 
+    def linear_steps(self, displacement: Vector) -> Vector:
+        """Steps of `machine.translators`, mm, that move the nominal tool point by a displacement, mm.
+
+        nan where their directions do not span space.
+        """
+        axes, (first, *_, last) = self.machine.axes, self.machine.translators
+        if any(axis.rotary for axis in axes[first:last]):
+            x, y, z = (dot(row, displacement) for row in self._linear_inverse)
+            return x, y, z
+        for i in range(first):  # they turn together
+            displacement = self._turn(i, displacement, back=True)
+        directions = np.array([axes[k].unit_direction for k in self.machine.translators]).T
+        spanning = abs(np.linalg.det(directions)) > FLAT
+        steps = np.linalg.inv(directions) if spanning else np.full((3, 3), np.nan)
+        return displacement if np.array_equal(steps, _UPRIGHT) else _in_frame(steps.tolist(), displacement)
+
     @cached_property
-    def linear_inverse(self) -> tuple[Vector, Vector, Vector]:
-        """Rows of the inverse of the directions of `machine.translators` in the workpiece frame, nan where they do not
-        span space."""
+    def _linear_inverse(self) -> tuple[Vector, Vector, Vector]:
+        """Rows of the inverse of the directions of `machine.translators` in the workpiece frame."""
         lines = []
         for k in self.machine.translators:
             line = vector(self.machine.axes[k].unit_direction)
@@ -213,18 +228,13 @@ class ChainColumns:
         x, y, z = ((n[0] / volume, n[1] / volume, n[2] / volume) for n in normals)
         return x, y, z
 
-    def linear_steps(self, displacement: Vector) -> Vector:
-        """Steps of `machine.translators`, mm, that move the nominal tool point by a displacement, mm."""
-        x, y, z = (dot(row, displacement) for row in self.linear_inverse)
-        return x, y, z
-
-    def _turn(self, i: int, v: Vector) -> Vector:
-        """Vectors turned by one axis."""
+    def _turn(self, i: int, v: Vector, *, back: bool = False) -> Vector:
+        """Vectors turned by one axis, or back from its position to zero."""
         turn = self._turns[i]
         if turn is None:
             return v
         s, c = turn
-        d = self.machine.axes[i].unit_direction.tolist()
+        d = (-self.machine.axes[i].unit_direction if back else self.machine.axes[i].unit_direction).tolist()
         for k in range(3):
             first, second = (k + 1) % 3, (k + 2) % 3
             if d[first] == d[second] == 0.0:
