@@ -60,8 +60,8 @@ class Table(NamedTuple):
     """`(degree + 1, 6, directions * pieces)`, mm and rad, by powers of the coordinate of a piece, at least 1."""
     directed: bool
 
-    def at(self, x: Array, approach: Array | None) -> Array:
-        """Error motions `(6, n)` at positions `(n,)` inside the breaks, approached in directions `(n,)`.
+    def put(self, x: Array, approach: Array | None, values: Array) -> None:
+        """Error motions at positions `(n,)` inside the breaks, approached in directions `(n,)`, into `values` `(6, n)`.
 
         A row is evaluated in the same steps, whichever rows there are beside it.
         """
@@ -72,14 +72,16 @@ class Table(NamedTuple):
         low = int(piece.min())
         present = low + np.flatnonzero(np.bincount(piece - low))
         if len(present) == 1:
-            return self._in(present, x)
+            self._put(present, x, values)
+            return
         if len(present) > FEW:
-            return self._in(piece, x)
-        values = np.empty((6, len(x)))
+            self._put(piece, x, values)
+            return
         for one in present:
             rows = np.flatnonzero(piece == one)
-            values[:, rows] = self._in(np.array([one]), x[rows])
-        return values
+            part = np.empty((6, len(rows)))
+            self._put(np.array([one]), x[rows], part)
+            values[:, rows] = part
 
     def largest(self, low: float, high: float) -> Array:
         """Largest sizes and slopes `(2, 2)` of the translations and of the rotations, from the pieces between."""
@@ -91,18 +93,17 @@ class Table(NamedTuple):
         slopes = np.einsum("sd,dcp->csp", AT_TESTS[:, : len(powers) - 1], powers[1:] * coefficients[1:]) / half
         return np.stack([_lengths(each.reshape(6, -1)).max(axis=1) for each in (values, slopes)])
 
-    def _in(self, piece: np.ndarray, x: Array) -> Array:
-        """Error motions `(6, n)` at positions `(n,)` in pieces `(n,)`, or in one piece `(1,)` (Horner)."""
+    def _put(self, piece: np.ndarray, x: Array, values: Array) -> None:
+        """As `put`, at positions in pieces `(n,)`, or in one piece `(1,)` (Horner)."""
         first = piece % (len(self.breaks) - 1)
         low, high = self.breaks[first], self.breaks[first + 1]
         u = (x - (low + high) / 2.0) / ((high - low) / 2.0)
         constant, *coefficients, last = self.coefficients
-        values = last[:, piece] * u
+        np.multiply(last[:, piece], u, out=values)
         for coefficient in reversed(coefficients):
             values += coefficient[:, piece]
             values *= u
         values += constant[:, piece]
-        return np.asarray(values)
 
 
 class Curvature:
@@ -227,7 +228,8 @@ class ErrorMotions:
             result = self.model.errors(self.machine, self._state(q, approach))
             result[held] = self._by_tables(q[held], None if approach is None else approach[held])
         if self._rest.effects:
-            result[held] += self._rest.errors(self.machine, self._state(q, approach))[held]
+            rest = self._rest.errors(self.machine, self._state(q, approach))
+            result = result + np.where(held[:, None, None], rest, 0.0)
         return result
 
     def _by_tables(self, q: Array, approach: Array | None) -> Array:
@@ -235,20 +237,23 @@ class ErrorMotions:
         axes = len(self.machine.axes)
         errors = np.empty((axes + 1, 6, len(q)))
         for i in range(axes):
-            errors[i] = self._of(i, self.tables[i], q, approach) if i in self.tables else 0.0
+            if i in self.tables:
+                self._put(i, q, approach, errors[i])
+            else:
+                errors[i] = 0.0
         errors[axes] = self.tool
-        return np.moveaxis(errors, 2, 0)
+        return read_only(np.moveaxis(errors, 2, 0))  # those of the last evaluation are kept
 
-    def _of(self, i: int, table: Table, q: Array, approach: Array | None) -> Array:
-        """Error motions of one axis; those of the last evaluation if the axis has not moved since."""
-        x = np.ascontiguousarray(q[:, i])
+    def _put(self, i: int, q: Array, approach: Array | None, values: Array) -> None:
+        """Error motions of one axis into `values` `(6, n)`; those of the last evaluation if it has not moved since."""
+        table, x = self.tables[i], np.ascontiguousarray(q[:, i])
         came = approach[:, i] if table.directed and approach is not None else None
         known = self._last.get(i)
         if known is not None and all(map(_equal, known[:2], (x, came))):
-            return known[2]
-        values = table.at(x, came)
+            values[:] = known[2]
+            return
+        table.put(x, came, values)
         self._last[i] = x.copy(), None if came is None else came.copy(), values
-        return values
 
     def _held(self, q: Array, approach: Array | None) -> NDArrayBool:
         """True `(n,)` for the positions to which the tables reach; for none if they need directions and have none."""
