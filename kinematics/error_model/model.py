@@ -239,14 +239,20 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return {key: excess for key, excess in largest.items() if excess > ROUNDING}
 
     def excesses(self, machine: Machine, state: State) -> dict[tuple[str, str], Array]:
-        """Distance of each row `(n,)` from the interval of each effect, 0 inside; names and units as `outside`.
+        """Distance of each row `(n,)` from the interval of each effect with rows outside; names and units as `outside`.
 
-        Of an axis that turns fully: how far along the turn from the arc that was measured.
+        0 inside. Of an axis that turns fully: how far along the turn from the arc that was measured.
         """
         found: dict[tuple[str, str], Array] = {}
+        reached: dict[str, tuple[Array, float, float]] = {}
         for effect in self.effects:
             for variable, (low, high) in effect.intervals.items():
-                x = state.variable(machine, variable, effect.name)
+                if variable not in reached:
+                    x = state.variable(machine, variable, effect.name)
+                    reached[variable] = x, float(x.min(initial=np.inf)), float(x.max(initial=-np.inf))
+                x, least, most = reached[variable]
+                if low <= least and most <= high:
+                    continue
                 if variable in machine.names and machine.axes[machine.index(variable)].turns_fully:
                     excess = beyond((low, high), x)
                 else:
