@@ -10,11 +10,11 @@ from support.effect_examples import HEAD_HEAD
 from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions
 
 import machines
-from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.candidates import Candidate, at_zero, changes, library
 from calibration.diagnosis.search.causes import causes, jumps
 from calibration.diagnosis.search.evaluation import evaluate, siblings
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.stage import Accepted
 from calibration.diagnosis.search.start_model import Base
 from calibration.diagnosis.updated_model import new_calibration

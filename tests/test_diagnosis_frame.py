@@ -8,8 +8,10 @@ import pytest
 from support.diagnosis_cases import LEGENDRE, data_with, fitted
 
 from calibration.diagnosis.search.candidates import at_zero
-from calibration.diagnosis.search.linearised_fit import GENEROUS, LIKELY, LinearisedFit
-from calibration.diagnosis.search.proposed_shapes import waves
+from calibration.diagnosis.search.held_out import LIKELY
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.score import GENEROUS
+from calibration.diagnosis.search.shapes.proposed_shapes import waves
 from calibration.fit.fit import fit
 from calibration.observation.correlation import correlation_length, lines_of
 from calibration.observation.full_model import priors, rigid_model

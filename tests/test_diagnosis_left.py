@@ -20,10 +20,10 @@ from calibration.diagnosis.residual.dependence import Unexplained, of_variables
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.residual.found_again import found_again
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.change_points import breaks
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.proposed_shapes import waves
+from calibration.diagnosis.search.shapes.change_points import breaks
+from calibration.diagnosis.search.shapes.proposed_shapes import waves
 from calibration.fit.fit import fit
 from calibration.fit.noise import with_noise_of_visits
 from calibration.observation.full_model import BasisChoice, rigid_model

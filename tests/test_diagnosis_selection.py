@@ -12,7 +12,7 @@ from calibration.diagnosis import diagnose
 from calibration.diagnosis.search import evaluation, selection
 from calibration.diagnosis.search.candidates import RARE, Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling, evaluate, passing, predicts, siblings
-from calibration.diagnosis.search.proposed_shapes import finer, joined
+from calibration.diagnosis.search.shapes.proposed_shapes import finer, joined
 from calibration.diagnosis.search.stage import chosen_of
 from calibration.diagnosis.search.start_model import Base
 from kinematics.basis import Fourier

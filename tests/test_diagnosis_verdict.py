@@ -8,7 +8,8 @@ from support.diagnosis_cases import data_with, fitted, framed
 
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling
-from calibration.diagnosis.search.linearised_fit import LinearisedFit, Projected, Score
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.score import Projected, Score
 from calibration.diagnosis.search.stage import Accepted
 from calibration.diagnosis.verdict import may_be_mean, notes, outliers, tied_with, verdict_of
 from kinematics.effects import Backlash, CrossAxis, Cyclic, LocationError, Scale, Settling

@@ -7,7 +7,7 @@ from support.diagnosis_cases import data_with, framed
 
 from calibration import cores
 from calibration.diagnosis.residual.whiteness import pearson_beyond
-from calibration.diagnosis.search.sensitivity import Sensitivity
+from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, QuantisedCompensation
 

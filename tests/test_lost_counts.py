@@ -11,8 +11,8 @@ from support.diagnosis_cases import data_with, selector
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.residual.unexplained import smoothed
-from calibration.diagnosis.search.change_points import turning_points
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
+from calibration.diagnosis.search.shapes.change_points import turning_points
 from calibration.measurement.file import read_measurement
 from kinematics.effects import AngleStep
 from kinematics.effects.instrument import beam

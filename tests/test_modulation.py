@@ -12,7 +12,7 @@ from calibration.diagnosis.acceptance import against_learned
 from calibration.diagnosis.residual.modulation import modulated, modulation
 from calibration.diagnosis.residual.unexplained import in_lengths
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
-from calibration.diagnosis.search.proposed_shapes import waves_of
+from calibration.diagnosis.search.shapes.proposed_shapes import waves_of
 from calibration.diagnosis.widening import UnseenErrors
 from calibration.measurement.file import read_measurement
 

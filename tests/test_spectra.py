@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.diagnosis.search.spectra import aliases, lattice, spectrum
+from calibration.diagnosis.search.shapes.spectra import aliases, lattice, spectrum
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 100])

@@ -8,8 +8,8 @@ from support.diagnosis_cases import CFRAME, data_with, framed
 from support.virtual_measurements import ONE, positions
 
 from calibration.diagnosis.search.causes import causes
-from calibration.diagnosis.search.change_points import breaks
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.shapes.change_points import breaks
 from calibration.diagnosis.verdict import notes
 from calibration.fit.calibrate import calibrate
 from calibration.fit.fit import fit

@@ -24,10 +24,10 @@ from calibration.diagnosis.residual.modulation import Modulated, modulated, modu
 from calibration.diagnosis.residual.unnamed import add_unnamed
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.result import LEFT, Diagnosis
-from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, evaluate
 from calibration.diagnosis.search.selection import Search, Selection, Selector
+from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.diagnosis.search.sudden_changes import sudden_changes
 from calibration.diagnosis.separability import separability

@@ -11,9 +11,9 @@ import numpy as np
 from calibration.diagnosis.linear_order import other_order
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual.chance_level import PERIODIC, ByChance
-from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.candidates import Untested, changes, library
 from calibration.diagnosis.search.selection import Search, Selector
+from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.start_model import base_of
 from calibration.fit.acceptance import refuse_few, too_few
 from calibration.fit.identifiability import identifiability

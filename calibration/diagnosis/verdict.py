@@ -13,8 +13,8 @@ from calibration.diagnosis.machine_change import MachineChange
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, contract_kind, where
 from calibration.diagnosis.search.evaluation import EVEN, SEEN, WORTH, Evaluated, Sibling
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.sawtooth import saw_uncertainty
-from calibration.diagnosis.search.spectra import aliases, resolved, usual_waves
+from calibration.diagnosis.search.shapes.sawtooth import saw_uncertainty
+from calibration.diagnosis.search.shapes.spectra import aliases, resolved, usual_waves
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.fit.fit import Fit
 from calibration.measurement.instruments import Part

@@ -33,6 +33,8 @@ LEAST_BLOCKS, MOST_BLOCKS = 3, 24
 """Fewer lines do not predict each other; more lines, or cycles, are grouped."""
 LEAST_CYCLES = 2
 """Each cycle visits all targets, so that two predict each other."""
+LEAST_UNITS = 8
+"""Least number of lines that are units, whose signs are drawn as a whole."""
 STRETCHES = 64
 """Stretches into which the positions of a continuous record along one axis are divided."""
 
@@ -71,6 +73,17 @@ def lines(measurement: Measurement) -> np.ndarray:
     visit = np.cumsum(_changed(_positions(measurement))) - 1
     first = np.unique(visit, return_index=True)[1]
     return np.asarray(_lines_of(_in_tolerances(measurement)[first])[visit])
+
+
+def lines_or_positions(measurement: Measurement) -> np.ndarray:
+    """Numbers `(n,)` of the units that keep their structure in surrogates: lines if there are several, else positions.
+
+    An error that depends on the position recurs in all visits of a position.
+    """
+    position, line = visited(measurement), lines(measurement)
+    if line.max(initial=-1) + 1 < LEAST_UNITS:
+        return position
+    return np.asarray(np.where(line >= 0, line, line.max() + 1 + position))
 
 
 def cycles(measurement: Measurement) -> np.ndarray:

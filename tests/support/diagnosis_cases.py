@@ -6,10 +6,11 @@ import msgspec
 import numpy as np
 
 import machines
-from calibration.diagnosis.search import proposed_shapes
 from calibration.diagnosis.search.candidates import library
-from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.score import GENEROUS
 from calibration.diagnosis.search.selection import Search, Selector
+from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import fit
 from calibration.observation.equations import specified_covariance

@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calibration.diagnosis.residual.found_again import found_again
-from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, Candidate
-from calibration.diagnosis.search.change_points import breaks, turning_points
 from calibration.diagnosis.search.evaluation import Evaluated
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.shapes import proposed_shapes as scans
+from calibration.diagnosis.search.shapes.change_points import breaks, turning_points
 
 SMOOTH = (
     *("error-motion", "location", "cross-axis", "thermal-drift", "thermal-scale", "thermal-drift-sensor"),

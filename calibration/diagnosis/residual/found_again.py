@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import standard_error
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.shapes import proposed_shapes as scans
 from kinematics.effects import Cyclic, Effect, QuantisedCompensation
 
 SURE = 2.0

@@ -14,7 +14,7 @@ from typing import get_args
 import numpy as np
 
 from calibration.diagnosis.search.causes import causes, given
-from calibration.diagnosis.search.linearised_fit import GENEROUS
+from calibration.diagnosis.search.score import GENEROUS
 from calibration.fit.datum import along_own_line
 from calibration.measurement.measurement import Measurement
 from kinematics.basis import Interval, Legendre

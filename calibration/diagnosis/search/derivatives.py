@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import msgspec
@@ -16,6 +17,9 @@ from calibration.observation import equations
 from kinematics.effects import Effect
 from kinematics.error_model.model import Design, no_errors
 from kinematics.transforms import Array
+
+TOGETHER = 64
+"""Effects whose columns are computed at once."""
 
 
 class Derivatives(NamedTuple):
@@ -61,3 +65,49 @@ def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect
     made = Design(alone, machine, state, with_instrument=True).of(rows, transform)
     columns = made.reshape(made.shape[0] * made.shape[1], made.shape[2])[:, linear]
     return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
+
+
+@dataclass(frozen=True)
+class Signals:
+    """White derivatives of observations by effects beside a fit, in units of their typical sizes."""
+
+    measurement: Measurement
+    rows: np.ndarray
+    """Rows of the measurement `(n,)`."""
+    transform: Array
+    """`(n, d, width)`, as `Derivatives.transform`."""
+    decorrelation: Decorrelation
+    """Transform of the whitened rows of each stop."""
+
+    def of(self, effects: Sequence[Effect], measurement: Measurement | None = None) -> Array:
+        """White derivatives `(N, k)` by the linear parameters of effects; measurement: with other states."""
+        columns = signals(measurement or self.measurement, self.rows, effects, self.transform)
+        return self.decorrelation.apply(columns.reshape(len(self.rows), -1, columns.shape[1])).reshape(columns.shape)
+
+    def changing(self, effects: Sequence[Effect]) -> Array:
+        """Columns `(N, k)` of effects, less their values at the mean time and temperatures."""
+        columns = self.of(effects)
+        moving = [bool({"time", "temperatures"} & set(effect.needs)) for effect in effects]
+        some = [effect for effect, moves in zip(effects, moving, strict=True) if moves]
+        if some:
+            state = self.measurement.state
+            mean = replace(
+                state,
+                time=None if state.time is None else np.full_like(state.time, state.time[self.rows].mean()),
+                temperatures={
+                    n: np.full_like(kelvin, kelvin[self.rows].mean()) for n, kelvin in state.temperatures.items()
+                },
+            )
+            steady = self.of(some, replace(self.measurement, state=mean))
+            columns[:, np.repeat(moving, widths(effects))] -= steady
+        return columns
+
+
+def widths(effects: Sequence[Effect]) -> list[int]:
+    """Number of linear parameters of each effect."""
+    return [sum(quantity.linear for quantity in effect.parameter_table) for effect in effects]
+
+
+def together(effects: Sequence[Effect]) -> list[Sequence[Effect]]:
+    """The effects in parts whose columns are computed at once."""
+    return [effects[start : start + TOGETHER] for start in range(0, len(effects), TOGETHER)]

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.linearised_fit import LinearisedFit, Projected, Score
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.score import Projected, Score
 from kinematics.effects import Cyclic, FollowingError
 from kinematics.transforms import Array
 

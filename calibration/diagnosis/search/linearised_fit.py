@@ -12,14 +12,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
-from scipy import special
 
 from calibration.cores import each
-from calibration.diagnosis.search.derivatives import derivatives, signals
-from calibration.fit.cross_validation import less_columns, registered
+from calibration.diagnosis.search.derivatives import Signals, derivatives, together, widths
+from calibration.diagnosis.search.evaluated_rows import evaluated_rows
+from calibration.diagnosis.search.held_out import HeldBlock, HeldOut, HeldResiduals
+from calibration.diagnosis.search.score import Projected, Rating, Score
 from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
 from calibration.measurement.estimated_noise import Decorrelation
@@ -27,33 +27,13 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.correlation import correlation_length, lines_of
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import huber_weights, robust_factor
-from calibration.observation.stops_and_lines import held_out_blocks, lines, stops, visited, whole_stops
+from calibration.observation.stops_and_lines import held_out_blocks, lines_or_positions, stops, whole_stops
 from kinematics.effects import Effect
 from kinematics.state import State
 from kinematics.transforms import Array
 
-ROWS, LEAST_ROWS = 5000, 1500
-"""Largest number of rows, evenly spread, on which candidates are evaluated, for few and for many parameters.
-
-All rows enter the fits."""
-ENTRIES = 2_000_000
-"""Largest number of entries of the design with more than LEAST_ROWS rows."""
-ASTRAY = 300.0
-"""Median residual, um, above which a rejected station has failed; below it, the model may be at fault."""
-LOST = 5000.0
-"""Residual, um, above which an outlier is excluded: no cause of the library is so large."""
 RIDGE = 1e-9
 """Ridge on the diagonal of H; columns of the registration have unit length."""
-GENEROUS = 5.0
-"""Least prior standard deviation of a candidate's parameters, in typical sizes."""
-BEYOND = 3.0
-"""Least prior standard deviation of a candidate's parameters, as a multiple of the largest estimate of them."""
-LIKELY = 2.0
-"""Prior standard deviation of a parameter in the fit of some rows, as a multiple of the RMS estimate from all rows."""
-SILENT = 0.01
-"""Squares of a signal in a block, as a share of the mean of all blocks, up to which it does not act there."""
-LEAST_LINES = 8
-"""Least number of lines whose signs are drawn as a whole."""
 OF_THE_DESIGN = (
     *("information", "posterior", "spanned", "degrees_of_freedom", "state", "units", "spread", "held_out", "_gram"),
 )
@@ -62,47 +42,6 @@ OF_THE_ROWS = ("state", "units", "spread", "held_out")
 """Cached properties that depend on the rows alone."""
 BARELY = 5.0
 """Gain up to which no candidate is named, however the residuals are correlated."""
-TOGETHER = 64
-"""Effects whose columns are computed at once."""
-
-
-class Score(NamedTuple):
-    """Score of a candidate on the linearised fit that it is added to."""
-
-    squares: float
-    """Reduction of the sum of squares."""
-    gain: float
-    """Reduction of the sum of squares, in units of the noise variance and of the rows that count as one."""
-    effective_parameters: float
-    """Degrees of freedom that it uses, shapes included."""
-    delta_bic: float
-    """Change of the BIC: negative where the gain exceeds the cost of the parameters."""
-    p_value: float
-    """Chance of so large a gain from noise, over all shapes that were tried."""
-    size: Array
-    """Linear parameters `(k,)`, in units of their typical sizes."""
-
-
-class Projected(NamedTuple):
-    """Columns of a candidate, in units of typical sizes, and their part that model and registration cannot imitate."""
-
-    columns: Array
-    """`(N, k)`, whitened."""
-    through: Array
-    """L^-1 J'G `(q, k)`, with L L' = H."""
-    schur: Array
-    """Schur complement S `(k, k)`."""
-
-    @property
-    def visible(self) -> float:
-        """Share of the signal that the model and the registration cannot imitate."""
-        whole = float(np.sum(self.columns**2))
-        return float(np.sqrt(max(np.trace(self.schur), 0.0) / whole)) if whole > 0 else 0.0
-
-    @property
-    def summary(self) -> Projected:
-        """Only the sizes of the columns, without their rows: the same visibility and Schur complement."""
-        return Projected(np.diag(np.linalg.norm(self.columns, axis=0)), np.zeros((0, len(self.schur))), self.schur)
 
 
 @dataclass(frozen=True)
@@ -136,11 +75,7 @@ class LinearisedFit:
     def of(cls, fit: Fit) -> LinearisedFit:
         """The fit, linearised at its solution."""
         measurement = fit.measurement
-        lost = ~fit.kept & (fit.residual_um > LOST)
-        rows = np.flatnonzero(~fit.copies & ~lost & ~np.isin(measurement.groups, _astray(fit)))
-        most = _most_rows(fit)
-        if len(rows) > most:
-            rows = rows[whole_stops(stops(measurement)[rows], most)]
+        rows = evaluated_rows(fit)
         some = measurement.rows(rows)
         white = whiteners(some)
         components = some.components
@@ -250,15 +185,8 @@ class LinearisedFit:
 
     @cached_property
     def units(self) -> np.ndarray:
-        """Numbers `(n,)` of the units of its rows that keep their structure in surrogates: lines, else positions.
-
-        An error that depends on the position recurs in all visits of a position.
-        """
-        some = self.measurement.rows(self.rows)
-        position, line = visited(some), lines(some)
-        if line.max(initial=-1) + 1 < LEAST_LINES:
-            return position
-        return np.asarray(np.where(line >= 0, line, line.max() + 1 + position))
+        """Numbers `(n,)` of the units of its rows that keep their structure in surrogates, as `lines_or_positions`."""
+        return lines_or_positions(self.measurement.rows(self.rows))
 
     def shuffled(self, rng: np.random.Generator) -> LinearisedFit:
         """The linearised fit of residuals of the same size, the sign of each unit of rows drawn at random."""
@@ -331,25 +259,29 @@ class LinearisedFit:
         """Positions `(n,)` of an axis, mm or degrees."""
         return self.state.position(self.measurement.machine, axis)
 
+    @property
+    def _effects(self) -> Signals:
+        return Signals(self.measurement, self.rows, self.transform, self.decorrelation)
+
     def columns(self, effect: Effect) -> Array:
         """Whitened derivatives `(N, k)` by the linear parameters of an effect, in units of their typical sizes."""
-        return self._signals((effect,))
+        return self._effects.of((effect,))
 
     def candidate(self, effect: Effect, unit: float | Array = 1.0) -> Projected:
         """Part of an effect that the model and the registration cannot imitate, its columns in `unit` typical sizes.
 
         Only changes with time and temperature count: the model holds the signal at their means, which is subtracted.
         """
-        return self.projected(self._changing((effect,)) * unit)
+        return self.projected(self._effects.changing((effect,)) * unit)
 
     def candidates(self, effects: Sequence[Effect], done: Callable[[float], None] = lambda _: None) -> list[Projected]:
         """`candidate` of each effect, its columns in typical sizes; done: called with the share of those found."""
-        some = each(lambda some: self._apart(some, self._changing(some)), _together(effects), done)
+        some = each(lambda some: self._apart(some, self._effects.changing(some)), together(effects), done)
         return list(chain.from_iterable(some))
 
     def responses(self, effects: Sequence[Effect]) -> list[Projected]:
         """Part of each effect's columns, means included, that the model and the registration cannot imitate."""
-        return [one for some in _together(effects) for one in self._apart(some, self._signals(some))]
+        return [one for some in together(effects) for one in self._apart(some, self._effects.of(some))]
 
     def projected(self, columns: Array) -> Projected:
         """Columns `(N, k)` and their part that the model and the registration cannot imitate."""
@@ -363,34 +295,11 @@ class LinearisedFit:
     def _apart(self, effects: Sequence[Effect], columns: Array) -> list[Projected]:
         """`Projected` of each effect, from the columns `(N, k)` of all effects side by side."""
         through, found, end = self._through(columns), [], 0
-        for width in _widths(effects):
+        for width in widths(effects):
             own = slice(end, end := end + width)
             schur = columns[:, own].T @ columns[:, own] - through[:, own].T @ through[:, own]
             found.append(Projected(columns[:, own], through[:, own], schur))
         return found
-
-    def _signals(self, effects: Sequence[Effect], measurement: Measurement | None = None) -> Array:
-        """White derivatives `(N, k)` by the linear parameters of effects, in units of typical sizes."""
-        columns = signals(measurement or self.measurement, self.rows, effects, self.transform)
-        return self.decorrelation.apply(columns.reshape(len(self.rows), -1, columns.shape[1])).reshape(columns.shape)
-
-    def _changing(self, effects: Sequence[Effect]) -> Array:
-        """Columns `(N, k)` of effects, less their values at the mean time and temperatures."""
-        columns = self._signals(effects)
-        moving = [bool({"time", "temperatures"} & set(effect.needs)) for effect in effects]
-        some = [effect for effect, moves in zip(effects, moving, strict=True) if moves]
-        if some:
-            state = self.measurement.state
-            mean = replace(
-                state,
-                time=None if state.time is None else np.full_like(state.time, state.time[self.rows].mean()),
-                temperatures={
-                    n: np.full_like(kelvin, kelvin[self.rows].mean()) for n, kelvin in state.temperatures.items()
-                },
-            )
-            steady = self._signals(some, replace(self.measurement, state=mean))
-            columns[:, np.repeat(moving, _widths(effects))] -= steady
-        return columns
 
     def score(self, candidate: Projected, shapes: int = 0, trials: float = 1.0) -> Score:
         """Score of a candidate; `shapes` of its parameters were searched for, in `trials` trials.
@@ -406,47 +315,18 @@ class LinearisedFit:
         lines = lines_of(signal.reshape(len(self.rows), -1))
         along = (np.sum(each.reshape(lines.shape) * lines, axis=1) for each in (self.residual, self.residual - signal))
         correlated = min(correlation_length(each[:, None]) for each in along)
-        return self._scored(score.squares, score.effective_parameters, trials, score.size, correlated)
-
-    @cached_property
-    def _correlation_length(self) -> float:
-        return correlation_length(self.residual.reshape(len(self.rows), -1))
-
-    def squares_of_all(self, candidates: Sequence[Projected]) -> float:
-        """Reduction of the sum of squares by all of these candidates together, of any size."""
-        if not candidates:
-            return 0.0
-        columns = np.concatenate([each.columns for each in candidates], axis=1)
-        through = np.concatenate([each.through for each in candidates], axis=1)
-        schur, along = columns.T @ columns - through.T @ through, columns.T @ self.residual
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(schur), RIDGE))
-        values, vectors = np.linalg.eigh(schur * np.outer(scale, scale))
-        values = np.maximum(values, 0.0) + RIDGE * len(values)
-        return float(np.sum((vectors.T @ (scale * along)) ** 2 / values))
+        return self._rating.scored(score.squares, score.effective_parameters, trials, score.size, correlated)
 
     def rated(self, schur: Array, along: Array, through: Array, shapes: int = 0, trials: float = 1.0) -> Score:
-        """Score of columns with Schur complement `schur` `(k, k)` and the residual `along` them `(k,)`.
+        """The same from the Schur complement of columns `(k, k)` and the residual `along` them `(k,)`, as `Rating.of`.
 
-        through: as `Projected.through` `(q, k)`.
+        Rows count as independent.
         """
-        values, vectors = np.linalg.eigh((schur + schur.T) / 2)
-        values, turned = np.maximum(values, 0.0), vectors.T @ along
-        softened = values + GENEROUS**-2
-        largest = float(np.abs(vectors @ (turned / softened)).max(initial=0.0))
-        softened = values + max(GENEROUS, BEYOND * largest) ** -2
-        effective_parameters = float(np.sum(values / softened)) + shapes
-        squares, size = float(np.sum(turned**2 / softened)), vectors @ (turned / softened)
-        # reduction of the data's squares by the column c = G size, of which the model takes the part S S'c
-        spanned = through @ size
-        own = float(size @ schur @ size + spanned @ spanned)
-        taken = float(spanned @ (self._gram @ spanned))
-        by_data = 2.0 * float(along @ size - self._absorbed @ spanned) - (own - 2.0 * float(spanned @ spanned) + taken)
-        return self._scored(max(min(squares, by_data), 0.0), effective_parameters, trials, size)
+        return self._rating.of(schur, along, through, shapes, trials)
 
     @cached_property
-    def _absorbed(self) -> Array:
-        """S'r `(q,)`: the residual along the spanned columns, which their priors hold."""
-        return self._through(self.residual)
+    def _rating(self) -> Rating:
+        return Rating(self.squares, self.scalars, self.degrees_of_freedom, self._through(self.residual), self._gram)
 
     @cached_property
     def _gram(self) -> Array:
@@ -454,15 +334,9 @@ class LinearisedFit:
         root = self.posterior.root
         return np.asarray(np.eye(len(root)) - root.T @ (self.limited[:, None] * root))
 
-    def _scored(
-        self, squares: float, effective_parameters: float, trials: float, size: Array, correlated: float = 1.0
-    ) -> Score:
-        """Score of a candidate that reduces the sum of squares by `squares`; so many rows in sequence count as one."""
-        remaining = self.degrees_of_freedom - effective_parameters
-        gain = squares / max((self.squares - squares) / max(remaining, 1.0), 1.0) / correlated
-        p_value = float(special.chdtrc(max(effective_parameters, 1.0), gain)) * trials
-        delta_bic = -gain + effective_parameters * float(np.log(self.scalars))
-        return Score(squares, gain, effective_parameters, delta_bic, min(p_value, 1.0), size)
+    @cached_property
+    def _correlation_length(self) -> float:
+        return correlation_length(self.residual.reshape(len(self.rows), -1))
 
     @cached_property
     def held_out(self) -> tuple[np.ndarray, str]:
@@ -470,27 +344,16 @@ class LinearisedFit:
         return held_out_blocks(self.measurement)
 
     @cached_property
-    def blocks(self) -> list[HeldBlock]:
-        """The blocks of `held_out_blocks`, each predicted by a fit of all the others."""
+    def _by_others(self) -> HeldOut:
+        """Its rows in the blocks of `held_out`."""
+        runs = len(self.fit.registration.names) if self.measurement.axis is not None else 0
         some, labels = self.measurement.rows(self.rows), self.held_out[0][self.rows]
-        found = []
-        for label in np.unique(labels[labels >= 0]):
-            inside = labels == label
-            mine = np.repeat(inside, some.components)
-            design, residual = self.design[mine], self.residual[mine]
-            posterior = Posterior(self.information - design.T @ design, self.limited + RIDGE)
-            moved = posterior.solve(design.T @ residual)
-            counted = np.repeat(registered(some, ~inside)[inside], some.components)
-            zeros = self._own_zeros(mine)
-            held_residual = less_columns((residual + design @ moved)[:, None], zeros)[:, 0]
-            found.append(HeldBlock(mine, posterior, moved, held_residual, counted, zeros))
-        return found
+        return HeldOut(some, labels, self.design, self.residual, self.information, self.limited, runs)
 
-    def _own_zeros(self, block: np.ndarray) -> Array:
-        """Columns `(m, p)` of the zeros of an interferometer's runs that only rows of the block `(N,)` have."""
-        own = self.design[:, : len(self.fit.registration.names) if self.measurement.axis is not None else 0]
-        only = own[block].any(axis=0) & ~own[~block].any(axis=0)
-        return np.asarray(own[block][:, only])
+    @property
+    def blocks(self) -> list[HeldBlock]:
+        """The blocks of `held_out`, each predicted by a fit of all the others."""
+        return self._by_others.blocks
 
     def held_out_gains(self, candidate: Projected) -> Array:
         """Reduction of the squares of each block's counted residuals by the candidate in the fit of the other blocks.
@@ -502,26 +365,8 @@ class LinearisedFit:
 
     def gains_of_each(self, candidates: Sequence[Projected]) -> Array:
         """The same, with a candidate for each block."""
-        found = [self._held_out(one, block) for one, block in zip(candidates, self.blocks, strict=True)]
-        gains, signals = np.array([gain for gain, _ in found]), np.array([signal for _, signal in found])
-        acting = signals > SILENT * np.mean(signals)
-        return gains[acting] if np.count_nonzero(acting) > 1 else gains
-
-    def _held_out(self, candidate: Projected, block: HeldBlock) -> tuple[float, float]:
-        """Reduction of the squares of a block's counted residuals by a candidate, and the squares of its signal."""
-        columns = candidate.columns
-        size = self.rated(candidate.schur, columns.T @ self.residual, candidate.through).size
-        # the size stays in this range where the other blocks do not determine it
-        softened = max(LIKELY * float(np.sqrt(np.mean(size**2))), 1.0 / GENEROUS) ** -2 * np.eye(len(size))
-        own, design = columns[block.rows], self.design[block.rows]
-        others = self.design.T @ columns - design.T @ own
-        step = block.posterior.solve(others)
-        schur = columns.T @ columns - own.T @ own - others.T @ step
-        slope = columns.T @ self.residual - own.T @ self.residual[block.rows] + others.T @ block.moved
-        seen = less_columns(own - design @ step, block.zeros)
-        after = block.held_residual - seen @ np.linalg.solve(schur + softened, slope)
-        gain = float(np.sum(block.held_residual[block.counted] ** 2) - np.sum(after[block.counted] ** 2))
-        return gain, float(np.sum((seen @ size)[block.counted] ** 2))
+        sizes = [self.rated(one.schur, one.columns.T @ self.residual, one.through).size for one in candidates]
+        return self._by_others.gains(candidates, sizes)
 
     def in_lengths(self, residual: Array) -> Array:
         """A white residual `(N,)` as lengths `(n, d)`, mm and rad."""
@@ -531,66 +376,7 @@ class LinearisedFit:
     @cached_property
     def cross_validation(self) -> HeldResiduals:
         """Residuals of every block under a fit of all the others, to first order."""
-        components = self.measurement.components
-        held_residual, counted = np.zeros(self.scalars), np.zeros(self.scalars, bool)
-        for block in self.blocks:
-            held_residual[block.rows], counted[block.rows] = block.held_residual, block.counted
+        held_residual, counted = self._by_others.held_residual
         in_mm = self.in_lengths(held_residual) * self.measurement.per_micro[self.rows]
-        return HeldResiduals(
-            in_mm, counted.reshape(-1, components)[:, 0] & self.good, len(self.blocks), self.held_out[1]
-        )
-
-
-def _most_rows(fit: Fit) -> int:
-    """Largest number of rows on which candidates are evaluated."""
-    width = fit.measurement.components * (len(fit.model.parameters) + len(fit.registration.names))
-    return min(ROWS, max(LEAST_ROWS, ENTRIES // width))
-
-
-def _together(effects: Sequence[Effect]) -> list[Sequence[Effect]]:
-    return [effects[start : start + TOGETHER] for start in range(0, len(effects), TOGETHER)]
-
-
-def _widths(effects: Sequence[Effect]) -> list[int]:
-    """Number of linear parameters of each effect."""
-    return [sum(quantity.linear for quantity in effect.parameter_table) for effect in effects]
-
-
-def _astray(fit: Fit) -> list[str]:
-    """Stations that failed by more than a deficient model may cause."""
-    groups = fit.measurement.groups
-    return [name for name in fit.failed if np.median(fit.residual_um[groups == name]) > ASTRAY]
-
-
-class HeldBlock(NamedTuple):
-    """Rows that a fit of all the others predicts."""
-
-    rows: np.ndarray
-    """Mask `(N,)`."""
-    posterior: Posterior
-    """H without these rows, factorised."""
-    moved: Array
-    """Parameters `(q,)` of the fit of all rows less those of the fit of all the others."""
-    held_residual: Array
-    """Whitened residuals of these rows under the fit of all the others."""
-    counted: np.ndarray
-    """False where the other rows do not determine the set-up or the target."""
-    zeros: Array
-    """Whitened columns `(m, p)` of the zeros of an interferometer's runs that the other rows lack."""
-
-
-class HeldResiduals(NamedTuple):
-    """Residuals of rows under fits without them."""
-
-    residual_um: Array
-    """`(n, d)`; urad on rotary axes of an interferometer."""
-    counted: np.ndarray
-    """`(n,)`"""
-    blocks: int
-    name: str
-    """Name of the blocks, plural."""
-
-    @property
-    def rms_um(self) -> float:
-        """RMS per scalar of the rows that count, um (rotary axes: urad); NaN without any."""
-        return float(np.sqrt(np.mean(self.residual_um[self.counted] ** 2))) if self.counted.any() else float("nan")
+        counted = counted.reshape(len(self.rows), -1)[:, 0] & self.good
+        return HeldResiduals(in_mm, counted, len(self.blocks), self.held_out[1])

@@ -16,9 +16,7 @@ from itertools import combinations
 import msgspec
 import numpy as np
 
-from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import RARE, Candidate, at_zero
-from calibration.diagnosis.search.change_points import about_another_point
 from calibration.diagnosis.search.evaluation import (
     EVEN,
     SEEN,
@@ -32,6 +30,9 @@ from calibration.diagnosis.search.evaluation import (
     siblings,
 )
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.score import squares_of_all
+from calibration.diagnosis.search.shapes import proposed_shapes as scans
+from calibration.diagnosis.search.shapes.change_points import about_another_point
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
 from calibration.diagnosis.search.start_model import Base, prior_of
 from calibration.fit.fit import Fit
@@ -300,7 +301,9 @@ class Selector:
                     courses.setdefault(repr(course), []).append(candidate)
             vectors = [evaluate(without, candidates) for candidates in courses.values()]
         if vectors:
-            best = max(vectors, key=lambda vector: without.squares_of_all([each.projected for each in vector]))
+            best = max(
+                vectors, key=lambda vector: squares_of_all([each.projected for each in vector], without.residual)
+            )
             rest = chosen_of([each for each in others if not each.candidate.shifts_tool])
             yield self.stage([*rest, *((each.candidate, each.score.size) for each in best)]).accepted
 
@@ -311,7 +314,7 @@ class Selector:
             return False
         without = stage.without(index)
         others = [each for each in self._evaluated(without, stage.accepted) if each.projected.visible >= SEEN]
-        explained = without.squares_of_all([each.projected for each in others]) / max(own.score.squares, UNSEEN)
+        explained = _squares(without, others) / max(own.score.squares, UNSEEN)
         return _missed(stage, own, explained)
 
     def leaner(self, stage: Stage) -> Stage:
@@ -421,6 +424,11 @@ class Selector:
             rest = chosen_of([each for each in stage.accepted if each is not worst])
             stage = self.stage(rest) if rest else self.bare
         return stage
+
+
+def _squares(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> float:
+    """Reduction of the sum of squares by all of some candidates together."""
+    return squares_of_all([each.projected for each in evaluated], linearised.residual)
 
 
 def _missed(stage: Stage, own: Accepted, explained: float) -> bool:

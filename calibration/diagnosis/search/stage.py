@@ -11,7 +11,8 @@ import numpy as np
 
 from calibration.diagnosis.search.candidates import RARE, Candidate
 from calibration.diagnosis.search.evaluation import Sibling, standard_error
-from calibration.diagnosis.search.linearised_fit import LinearisedFit, Score
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.score import Score
 from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import Fit
 from kinematics.transforms import Array

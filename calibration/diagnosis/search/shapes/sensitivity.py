@@ -11,7 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from calibration.diagnosis.search.linearised_fit import RIDGE, LinearisedFit, Score
+from calibration.diagnosis.search.linearised_fit import RIDGE, LinearisedFit
+from calibration.diagnosis.search.score import Score
 from kinematics.effects import COMPONENTS, Component, Effect
 from kinematics.transforms import Array
 

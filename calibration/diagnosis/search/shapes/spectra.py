@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.diagnosis.search.sensitivity import Sensitivity
+from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
 from kinematics.transforms import Array
 
 BEYOND = 16.0

@@ -13,7 +13,8 @@ import numpy as np
 
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.causes import angle_steps, jumps
-from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.score import GENEROUS
 from calibration.observation.full_model import moving_axes
 from calibration.plausibility.times import pauses
 from kinematics.effects import AngleStep, Effect, GrowthWithDuty, GrowthWithSensor, GrowthWithTime, LocationJump

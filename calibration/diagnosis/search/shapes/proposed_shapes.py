@@ -16,11 +16,11 @@ import numpy as np
 
 from calibration.cores import each
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.change_points import about_fixed_point, breaks, turning_points
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.sawtooth import likeliest, refined, teeth
-from calibration.diagnosis.search.sensitivity import Sensitivity
-from calibration.diagnosis.search.spectra import SHORTEST, finest, peaks, resolved, strengths, usual_waves
+from calibration.diagnosis.search.shapes.change_points import about_fixed_point, breaks, turning_points
+from calibration.diagnosis.search.shapes.sawtooth import likeliest, refined, teeth
+from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
+from calibration.diagnosis.search.shapes.spectra import SHORTEST, finest, peaks, resolved, strengths, usual_waves
 from calibration.observation.full_model import (
     distinct_positions,
     is_log,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.sensitivity import Sensitivity
+from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
 from calibration.observation.full_model import moving_axes
 from kinematics.effects import QuantisedCompensation
 from kinematics.effects.base import own_component
