@@ -11,6 +11,7 @@ from support.diagnosis_cases import data_with, framed, selector
 from calibration.diagnosis import diagnose
 from calibration.diagnosis.search import evaluation, selection
 from calibration.diagnosis.search.candidates import RARE, Candidate
+from calibration.diagnosis.search.common_causes import commoner, drifting
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling, evaluate, passing, predicts, siblings
 from calibration.diagnosis.search.shapes.proposed_shapes import finer, joined
 from calibration.diagnosis.search.stage import chosen_of
@@ -220,9 +221,9 @@ def test_a_drift_along_three_axes_is_not_one_of_the_tracker():
     made = alone([*forms, Candidate(TrackerDrift())], data_with(*vector))
     (rare,) = evaluate(made.bare.linearised, made.library[3:])
     tracker = made.stage([(rare.candidate, rare.score.size)])
-    (drift,) = made._drifting(tracker, 0)
+    (drift,) = drifting(made, tracker, 0)
     assert len(drift) == len(sizes)
-    found = made.commoner(tracker)
+    found = commoner(made, tracker)
     assert {each.candidate.kind for each in found.accepted} == {"thermal-drift"}
 
 
@@ -245,8 +246,8 @@ def test_a_quantity_of_the_machine_jumps_once():
     made = alone([], data_with(LocationJump("X", "X", 40.0, 400.0), LocationJump("X", "X", 60.0, 900.0)))
     stage = made.stage([(first, np.array([2.0]))])
     proposing = replace(made, search=replace(made.search, proposals=lambda *_: [second]))
-    assert proposing._evaluated(stage.linearised, ())
-    assert not proposing._evaluated(stage.linearised, stage.accepted)
+    assert proposing.evaluated(stage.linearised, ())
+    assert not proposing.evaluated(stage.linearised, stage.accepted)
 
 
 def test_the_noise_of_an_axis_does_not_hide_a_cause_along_it():
@@ -278,9 +279,9 @@ def test_the_machine_jumps_at_one_moment():
     made = alone([], data_with(LocationJump("X", "X", 40.0, 400.0), LocationJump("Y", "Y", 60.0, 400.0)))
     stage = made.stage([(first, np.array([2.0]))])
     proposing = replace(made, search=replace(made.search, proposals=lambda *_: [other]))
-    (found,) = proposing._evaluated(stage.linearised, stage.accepted)
+    (found,) = proposing.evaluated(stage.linearised, stage.accepted)
     assert (found.candidate.axis, found.candidate.effect.since_s) == ("Y", 400.0)
-    assert proposing._evaluated(made.bare.linearised, ())[0].candidate.effect.since_s == 900.0
+    assert proposing.evaluated(made.bare.linearised, ())[0].candidate.effect.since_s == 900.0
 
 
 def test_a_whole_drift_stands_in_place_of_a_growth_beside_a_part_of_it():
@@ -291,7 +292,7 @@ def test_a_whole_drift_stands_in_place_of_a_growth_beside_a_part_of_it():
     growth = Candidate(GrowthWithTime("X", 0.0, amplitudes=(0.0,), time_constants_s=(600.0,)), 1, 4.0)
     made = alone([*forms, growth], data_with(*vector))
     (scored,) = evaluate(made.bare.linearised, [growth])
-    found = made.commoner(made.stage([(forms[2], np.ones(1)), (growth, scored.score.size)]))
+    found = commoner(made, made.stage([(forms[2], np.ones(1)), (growth, scored.score.size)]))
     assert sorted(each.candidate.axis for each in found.accepted) == ["X", "Y", "Z"]
     assert {each.candidate.kind for each in found.accepted} == {"thermal-drift"}
 

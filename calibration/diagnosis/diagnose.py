@@ -25,6 +25,7 @@ from calibration.diagnosis.residual.unnamed import add_unnamed
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.result import LEFT, Diagnosis
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, Candidate
+from calibration.diagnosis.search.common_causes import commoner
 from calibration.diagnosis.search.evaluation import Evaluated, evaluate
 from calibration.diagnosis.search.selection import Search, Selection, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
@@ -227,9 +228,9 @@ def _causes(selector: Selector) -> _Found:
     """
     coarser = selector.on(selector.base.coarser(selector.measurement, selector.progress))
     found = _with_bases(coarser, sudden_changes(coarser))
-    commoner = found.selector.commoner(found.stage)
-    if commoner is not found.stage:
-        found = _with_bases(found.selector, commoner.accepted)
+    common = commoner(found.selector, found.stage)
+    if common is not found.stage:
+        found = _with_bases(found.selector, common.accepted)
     tests = unexplained_residual.tests(found.stage.linearised)
     dependence = _dependence(found.stage, tests) or _random_walk(found.stage, tests)
     absorb = partial(absorbed, dependence=dependence)

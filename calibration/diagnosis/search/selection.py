@@ -8,7 +8,7 @@ dropped. At the end each cause is compared with its siblings, and replaced by on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
@@ -19,7 +19,6 @@ import numpy as np
 from calibration.diagnosis.search.candidates import RARE, Candidate, at_zero
 from calibration.diagnosis.search.evaluation import (
     EVEN,
-    SEEN,
     WORTH,
     Evaluated,
     Sibling,
@@ -30,7 +29,6 @@ from calibration.diagnosis.search.evaluation import (
     siblings,
 )
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.score import squares_of_all
 from calibration.diagnosis.search.shapes import proposed_shapes as scans
 from calibration.diagnosis.search.shapes.change_points import about_another_point
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
@@ -38,17 +36,12 @@ from calibration.diagnosis.search.start_model import Base, prior_of
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
-from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Cyclic, LocationJump
 from kinematics.running.progress import Progress
 from kinematics.transforms import Array
 
 DROPPED = -6.0
 """delta-BIC from which an accepted cause is dropped again."""
-IRREPLACEABLE = 100.0
-"""Growth of the BIC without a cause, but with all others at once, above which none is searched for in its place."""
-UNSEEN = 1e-12
-"""Least sum of squares that is not zero."""
 MOST = 12
 """Most causes that are named."""
 SAME = 0.95
@@ -201,7 +194,7 @@ class Selector:
             better: list[tuple[Candidate, Array]] | None = None
             for i, own in enumerate(stage.accepted):
                 without, besides = stage.without(i), [*stage.accepted[:i], *stage.accepted[i + 1 :]]
-                others = self._evaluated(without, besides, f"siblings of {own.candidate.effect.name}")
+                others = self.evaluated(without, besides, f"siblings of {own.candidate.effect.name}")
                 accepted.append(
                     replace(own, siblings=self._compared(stage, i, siblings(without, own.candidate, others)))
                 )
@@ -262,61 +255,6 @@ class Selector:
                     return self.refined(trial)
         return stage
 
-    def commoner(self, stage: Stage) -> Stage:
-        """The stage with common causes in place of a rare one, where these explain as much.
-
-        Also with a drift along X, Y and Z in place of a growth beside a part of this drift, where it explains more.
-        """
-        for i, own in enumerate(stage.accepted):
-            others = [each for each in stage.accepted if each is not own]
-            beside = own.candidate.kind == "thermal-scale" and any(each.candidate.shifts_tool for each in others)
-            if not (own.candidate.rarity or beside) or self._irreplaceable(stage, i):
-                continue
-            library = [candidate for candidate in self.library if candidate.cause != own.candidate.cause]
-            lacking = replace(self, library=library)
-            for known in (*lacking._drifting(stage, i), *([] if beside else [others])):
-                trial = lacking.select(known).stages[-1]
-                if trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity:
-                    return self.commoner(trial)
-        return stage
-
-    def _drifting(self, stage: Stage, index: int) -> Iterator[Sequence[Accepted]]:
-        """The causes without one, with a thermal drift along X, Y and Z of one course; nothing where none can be.
-
-        A drift is a vector: its directions, one by one, leave the others' part and seem to explain little. The course
-        is that of its clearest direction among the causes; else the one that explains most.
-        """
-        others = [each for i, each in enumerate(stage.accepted) if i != index]
-        without = stage.without(index)
-        directions = [each for each in others if each.candidate.shifts_tool]
-        if directions:
-            clearest = min(directions, key=lambda each: each.score.delta_bic).candidate
-            effects = [msgspec.structs.replace(clearest.effect, component=component) for component in "XYZ"]
-            vectors = [evaluate(without, [replace(clearest, effect=effect) for effect in effects])]
-        else:
-            courses: dict[str, list[Candidate]] = {}
-            for candidate in self.library:
-                if candidate.shifts_tool:
-                    course = msgspec.structs.replace(candidate.effect, component="X")
-                    courses.setdefault(repr(course), []).append(candidate)
-            vectors = [evaluate(without, candidates) for candidates in courses.values()]
-        if vectors:
-            best = max(
-                vectors, key=lambda vector: squares_of_all([each.projected for each in vector], without.residual)
-            )
-            rest = chosen_of([each for each in others if not each.candidate.shifts_tool])
-            yield self.stage([*rest, *((each.candidate, each.score.size) for each in best)]).accepted
-
-    def _irreplaceable(self, stage: Stage, index: int) -> bool:
-        """True where all visible candidates together, in place of a cause, explain much less than the cause does."""
-        own = stage.accepted[index]
-        if not _missed(stage, own, 0.0):
-            return False
-        without = stage.without(index)
-        others = [each for each in self._evaluated(without, stage.accepted) if each.projected.visible >= SEEN]
-        explained = _squares(without, others) / max(own.score.squares, UNSEEN)
-        return _missed(stage, own, explained)
-
     def leaner(self, stage: Stage) -> Stage:
         """The stage without causes that a full fit of the others replaces: their shapes were refined beside them.
 
@@ -325,7 +263,7 @@ class Selector:
         shaped = any(each.candidate.shapes for each in stage.accepted)
         for own in sorted(stage.accepted, key=lambda each: -each.score.delta_bic) if shaped else ():
             others = [each for each in stage.accepted if each is not own]
-            if not others or _missed(stage, own, 0.0):
+            if not others or stage.needs(own):
                 break
             self.progress(f"fitting without {own.candidate.effect.name}")
             trial = self.stage(chosen_of(others))
@@ -387,7 +325,7 @@ class Selector:
         first: list[Evaluated] = []
         for number, noisy in enumerate({id(each): each for each in (linearised, linearised.evenly_noisy)}.values()):
             absorbing = self.search.absorbed(noisy)
-            evaluated = self._evaluated(absorbing, accepted, f"{step}, even noise" if number else step)
+            evaluated = self.evaluated(absorbing, accepted, f"{step}, even noise" if number else step)
             first = first or evaluated
             allowed = [each for each in evaluated if _key(each.candidate) not in refused]
             best = self._best(absorbing, allowed) if len(accepted) < MOST else None
@@ -395,7 +333,7 @@ class Selector:
                 found.append(best)
         return first, found
 
-    def _evaluated(self, linearised: LinearisedFit, accepted: Sequence[Accepted], step: str = "") -> list[Evaluated]:
+    def evaluated(self, linearised: LinearisedFit, accepted: Sequence[Accepted], step: str = "") -> list[Evaluated]:
         """Candidates for causes besides those accepted, the best first; step: shown with the share of those tried."""
         if step:
             self.progress(step)
@@ -424,20 +362,6 @@ class Selector:
             rest = chosen_of([each for each in stage.accepted if each is not worst])
             stage = self.stage(rest) if rest else self.bare
         return stage
-
-
-def _squares(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> float:
-    """Reduction of the sum of squares by all of some candidates together."""
-    return squares_of_all([each.projected for each in evaluated], linearised.residual)
-
-
-def _missed(stage: Stage, own: Accepted, explained: float) -> bool:
-    """True where the BIC grows by more than `IRREPLACEABLE` without a cause of which others explain a share."""
-    missing = own.score.gain * max(1.0 - explained, 0.0)
-    # noise of one axis from stop to stop may take the place of the cause
-    count = len(np.unique(stops(stage.linearised.measurement)[stage.linearised.rows]))
-    spared = 2.0 * own.candidate.rarity + own.score.effective_parameters * float(np.log(stage.linearised.scalars))
-    return count * float(np.log1p(missing / count)) > spared + IRREPLACEABLE
 
 
 def _at_once(candidate: Candidate, accepted: Sequence[Accepted]) -> Candidate:

@@ -15,10 +15,14 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Score
 from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import Fit
+from calibration.observation.stops_and_lines import stops
 from kinematics.transforms import Array
 
 WORSE = 1.02
 """Ratio by which the held-out RMS may rise by chance with a cause, or with finer bases, that are there."""
+
+IRREPLACEABLE = 100.0
+"""Growth of the BIC without a cause, but with all others at once, above which none is searched for in its place."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,14 @@ class Stage(NamedTuple):
     def held_out_um(self) -> float:
         """RMS of the cross-validation residuals, um per scalar (rotary axes: urad)."""
         return self.linearised.cross_validation.rms_um
+
+    def needs(self, own: Accepted, explained: float = 0.0) -> bool:
+        """True where the BIC grows by more than `IRREPLACEABLE` without a cause of which others explain a share."""
+        missing = own.score.gain * max(1.0 - explained, 0.0)
+        # noise of one axis from stop to stop may take the place of the cause
+        count = len(np.unique(stops(self.linearised.measurement)[self.linearised.rows]))
+        spared = 2.0 * own.candidate.rarity + own.score.effective_parameters * float(np.log(self.linearised.scalars))
+        return count * float(np.log1p(missing / count)) > spared + IRREPLACEABLE
 
     def predicts_worse_than(self, other: Stage, ratio: float = WORSE) -> bool:
         """True where the RMS of held-out rows, of those that both keep, is larger by this ratio."""
