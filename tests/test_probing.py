@@ -20,7 +20,7 @@ from calibration.measurement.plan_file import plan_id, read_plan, write_plan
 from calibration.probing.bodies import Artefact, Bodies, Probe, least_clearance
 from calibration.probing.centres import centres_of
 from calibration.probing.designs import circles, grid, rotary_ranges
-from calibration.probing.log import read_contacts
+from calibration.probing.log import log_text, read_contacts
 from calibration.probing.paths import MOVE, TOUCH
 from calibration.probing.plan import ProbeRequest, probe_plan
 from calibration.probing.predicted import predicted
@@ -342,6 +342,57 @@ def test_bad_logs_of_linuxcnc_are_refused_with_their_line():
     assert once.notes == ("log.txt, line 3: this contact has one touch, not two",)
     short = read_contacts("\n".join(lines[:24]), "log.txt", found.plan, None)
     assert short.notes == (f"the log ends after 2 of {len(found.plan)} centres",)
+
+
+def as_captured(text):
+    """As a computer on a serial line has it: zeros and DC2 before, DC4 behind, a byte order mark, ends of CR LF."""
+    return b"\xef\xbb\xbf\0\0\x12" + text.replace("\n", "\r\n").encode() + b"\x14\0\0"
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_logs_with_marks_around_them_are_read(control):
+    found = planned("dmu50")
+    text = log_of(found, control, contacts(found, model_of(DMU50, [])))
+    plain, marked = (
+        read_contacts(log_text(data, "log.txt"), "log.txt", found.plan, plan_id(found.plan))
+        for data in (text.encode(), as_captured(text))
+    )
+    np.testing.assert_array_equal(plain.positions, marked.positions)
+    assert plain.notes == marked.notes == ()
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_a_line_that_is_cut_off_is_not_used(control):
+    """A contact with fewer decimals would be wrong by some um, without any other sign."""
+    found = planned("dmu50")
+    whole = log_of(found, control, contacts(found, model_of(DMU50, []))).removesuffix("%\n").rstrip()
+    with pytest.raises(UserError, match=f"log.txt, line {len(whole.splitlines())}: "):
+        read_contacts(whole[:-25], "log.txt", found.plan, plan_id(found.plan))
+    for lost in (0, 2):
+        text = whole[: len(whole) - lost]
+        read = read_contacts(text, "log.txt", found.plan, plan_id(found.plan))
+        # LinuxCNC has written the first touch of this contact in the line before
+        assert len(read.row) == len(found.plan) - (lost > 0 and control != "linuxcnc")
+        line = len(text.splitlines())
+        assert [note for note in read.notes if "cut off" in note] == [
+            f"log.txt, line {line}: the line is cut off, and not used"
+        ] * (lost > 0)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        ("NCOMP PLAN 7\nNCOMP P1 T1 X1,5 Y2,5 Z3,5\n".encode("utf-16"), "log.txt is UTF-16 text: save it as plain"),
+        (b"\x1f\x8b\x08\0" + bytes(60), "log.txt: this is a packed archive, no log: give the file that"),
+        (b"%\nO1234\nG21 G17\n", "log.txt: this is an NC program, no log"),
+        (b"NCOMP PLAN 7\nNCOMP P1 T1 X1,5 Y2,5 Z3,5\n", "line 2: 'NCOMP P1 T1 X1,5 Y2,5 Z3,5': expected NCOMP P row T "
+         "touch X.. Y.. Z..; write the decimal point as '.'"),
+        (b"1,5 2,5 3,5 0 0 0 0 0 0\n", "expected the nine numbers of PROBEOPEN, or NCOMP P row T touch ...; write the"),
+    ],
+)  # fmt: skip
+def test_files_that_are_no_logs_are_refused_with_their_cause(data, message):
+    with pytest.raises(UserError, match=re.escape(message)):
+        read_contacts(log_text(data, "log.txt"), "log.txt", planned("dmu50").plan, 7)
 
 
 # ---- files and commands

@@ -19,6 +19,7 @@ from calibration.fit.calibrate import calibrate
 from calibration.fit.calibrate import in_datum as fitted_in_datum
 from calibration.fit.fit import fit
 from calibration.fit.set_up.moved_spheres import moved_spheres
+from calibration.fit.set_up.repeated_centres import repeat_findings
 from calibration.measurement.balls.touch_probe import TIP as PROBE
 from calibration.measurement.file import read_measurement, write_measurement
 from calibration.measurement.instruments import TouchProbe
@@ -466,6 +467,34 @@ def test_a_drift_is_no_move(drift):
     effects = random_location_errors(machine, np.random.default_rng(1), 50.0)
     measured, _ = probed("trunnion_ac", 34, effects=[*effects, ThermalDrift("Z", **drift)])
     assert not moved_spheres(measured)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_drift_shows_at_the_first_centre_measured_again(count):
+    measured, _ = probed("dmu50", 20, spheres=spheres_of("dmu50", count))
+    again = measured.rows(np.append(np.arange(len(measured)), 0))
+    last = np.arange(len(again)) == len(measured)
+    assert not list(repeat_findings(coarse_fit(measured)))
+    assert not list(repeat_findings(coarse_fit(shifted_rows(again, last, [0.001, -0.001, 0.001]))))
+    (finding,) = repeat_findings(coarse_fit(shifted_rows(again, last, [0.002, -0.004, 0.008])))
+    assert not finding.fatal
+    assert "the centre of sphere s1 is (+2.0, -4.0, +8.0) um +- " in finding.message
+    assert "ncomp diagnose separates a drift" in finding.message
+    untimed = replace(again, state=replace(again.state, time=None))
+    (finding,) = repeat_findings(coarse_fit(shifted_rows(untimed, last, [0.002, -0.004, 0.008])))
+    assert "ncomp diagnose, with a column time_s, separates" in finding.message
+
+
+@pytest.mark.parametrize(("name", "count"), [("trunnion_ac", 1), ("head_head", 3)])
+def test_a_length_of_the_probe_wrong_by_tenths_is_noted(name, count):
+    """Less than the millimetres that are refused; a machine with location errors alone gets no note."""
+    measured, _ = probed(name, 30, spheres=spheres_of(name, count))
+    assert not [finding for finding in sanity(measured) if finding.check == "targets"]
+    (finding,) = sanity(replace(measured, targets={PROBE: Target((0.0, 0.0, -150.2))}))
+    assert (finding.check, finding.fatal) == ("targets", False)
+    length = float(finding.message.split("with target probe at (")[1].split(",")[2].split(")")[0])
+    assert length == pytest.approx(-150.0, abs=0.08)
+    assert "Measure the length of the probe again" in finding.message
 
 
 @pytest.mark.parametrize(("name", "spheres", "count"), [("trunnion_bc", 1, 24), ("head_head", 2, 30)])

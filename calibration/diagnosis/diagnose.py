@@ -46,6 +46,7 @@ from calibration.fit.acceptance import disagreement
 from calibration.fit.curves.between_positions import with_curves_between
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import identifiability
+from calibration.fit.set_up.repeated_centres import repeat_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.measurement import Measurement
@@ -218,7 +219,8 @@ def _concluded(
 def _findings(fit: Fit) -> list[Finding]:
     """Anomalies of the data that the fit of the result shows."""
     too_many = disagreement(fit)
-    return [*zero_findings(run_zeros(fit)), *([Finding("outliers", too_many, False)] if too_many else [])]
+    outliers = [Finding("outliers", too_many, False)] if too_many else []
+    return [*zero_findings(run_zeros(fit)), *repeat_findings(fit), *outliers]
 
 
 def _causes(selector: Selector) -> _Found:

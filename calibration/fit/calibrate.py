@@ -30,6 +30,7 @@ from calibration.fit.residual_tests import DependenceTest, dependences
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
 from calibration.fit.set_up.distances import distance_findings
 from calibration.fit.set_up.moved_spheres import moved_spheres
+from calibration.fit.set_up.repeated_centres import repeat_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
@@ -165,7 +166,7 @@ def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], li
 def _findings(found: Fit, too_many: str) -> list[Finding]:
     """Anomalies of the data that a fit shows; too_many: the statement that too many rows disagree, or empty."""
     outliers = [Finding("outliers", too_many, False)] if too_many else []
-    return [*zero_findings(run_zeros(found)), *distance_findings(found), *outliers]
+    return [*zero_findings(run_zeros(found)), *distance_findings(found), *repeat_findings(found), *outliers]
 
 
 def _held_out(found: Fit, choice: Choice, wanted: Wanted, progress: Progress) -> CrossValidation | None:

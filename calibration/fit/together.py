@@ -34,6 +34,7 @@ from calibration.fit.linear import Posterior, pseudo_inverse
 from calibration.fit.problem import FIXED, Problem
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
 from calibration.fit.set_up.distances import distance_findings
+from calibration.fit.set_up.repeated_centres import repeat_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import at_positions
 from calibration.measurement.measurement import Measurement
@@ -187,7 +188,7 @@ class _Single:
         findings, positions = checked(measurement, force=force)
         choice, own = with_bases_and_noise(at_positions(measurement, positions), wanted)
         start, _ = with_effects(own.measurement, choice.bases, wanted.effects, *choice.scales)
-        findings += [*zero_findings(run_zeros(own)), *distance_findings(own)]
+        findings += [*zero_findings(run_zeros(own)), *distance_findings(own), *repeat_findings(own)]
         named = (each._replace(message=f"{measurement.source}: {each.message}") for each in findings)
         return cls(own, start, choice, tuple(named))
 

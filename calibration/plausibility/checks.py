@@ -32,7 +32,7 @@ from calibration.plausibility.recording_mistakes import (
     worst_rms,
 )
 from calibration.plausibility.repeated_positions import position_numbers
-from calibration.plausibility.spheres import moved_spheres, sphere_notes
+from calibration.plausibility.spheres import misplaced_tip, moved_spheres, sphere_notes
 from calibration.plausibility.times import paused, repeated_times
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -198,6 +198,7 @@ def _distances(measurement: Measurement) -> Iterator[Finding]:
 
 def _spheres(measurement: Measurement) -> Iterator[Finding]:
     yield from (Finding("spheres", text, False) for text in sphere_notes(measurement))
+    yield from (Finding("targets", text, False) for text in misplaced_tip(measurement))
 
 
 def _small_volume(measurement: Measurement) -> Iterator[Finding]:

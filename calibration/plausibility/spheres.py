@@ -11,11 +11,15 @@ import numpy as np
 from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import ASTRAY
-from calibration.plausibility.recording_mistakes import Alternative, misfit
+from calibration.plausibility.recording_mistakes import Alternative, misfit, misplaced, trimmed_rms
 from kinematics.transforms import Array
 
 APART_MM = 5.0
 """Distance of a sphere's centre from its stated position, mm, from which one of the two is doubted."""
+TIP_MM = 0.1
+"""Least distance of a tip from its stated position, mm, that is noted: three times the expected location errors."""
+BETTER = 2.0
+"""Factor by which the residual must fall with the tip at this distance."""
 LEAST = 3
 """Least number of rows before and behind the moment at which a sphere moved."""
 
@@ -68,6 +72,26 @@ def sphere_notes(measurement: Measurement) -> Iterator[str]:
     for one, other in pairwise(sorted(centres)):
         if np.linalg.norm(centres[one] - centres[other]) < APART_MM:
             yield f"spheres {one} and {other} are at the same position: are they one sphere?"
+
+
+def misplaced_tip(measurement: Measurement) -> Iterator[str]:
+    """Note on a single tip whose position, if it is another one, explains most of the residual.
+
+    Differences of millimetres are refused (`calibration.plausibility.checks`); smaller ones may be location errors.
+    """
+    if not isinstance(measurement.instrument, TouchProbe) or len(measurement.targets) != 1:
+        return
+    before = trimmed_rms(np.linalg.norm(misfit(measurement)[0], axis=1))
+    for other in misplaced(measurement):
+        after = trimmed_rms(np.linalg.norm(misfit(other.measurement)[0], axis=1))
+        pairs = zip(other.measurement.targets.values(), measurement.targets.values(), strict=True)
+        moved = max(float(np.linalg.norm(np.subtract(by_data.position, own.position))) for by_data, own in pairs)
+        if moved >= TIP_MM and after < before / BETTER:
+            yield (
+                f"the points differ from the commanded positions by {before:.2g} mm RMS, and by {after:.2g} mm "
+                f"{other.by}. Measure the length of the probe again: the fit takes a wrong length for location errors "
+                "of the rotary axes, or for scale"
+            )
 
 
 def moment(residual: Array, least: int = LEAST) -> tuple[int, float]:

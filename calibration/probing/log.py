@@ -6,14 +6,16 @@ LinuxCNC's PROBEOPEN writes nine numbers (X Y Z A B C U V W) for each touch: the
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calibration.measurement.plan import Plan
 from calibration.probing.touches import TOUCHES
+from kinematics.files.mistaken import kind_of_file
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -23,6 +25,8 @@ TURNED_DEG = 0.01
 """Largest difference of a rotary axis from its planned position, degrees."""
 SECOND_MM = 0.5
 """Largest distance of both touches of LinuxCNC, mm."""
+BLANK = " \t\0\x11\x12\x13\x14\x1a\x7f"
+"""Blanks, and codes that a serial line puts around its lines: zeros, DC1 to DC4 (Fanuc's POPEN and PCLOS), end."""
 _NUMBER = r"[+-]?\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _PLAN = re.compile(rf"NCOMP\s+PLAN\s*({_NUMBER})")
 _TOUCH = re.compile(rf"NCOMP((?:\s*[A-Z]\s*{_NUMBER})+)")
@@ -55,10 +59,22 @@ class _Contact:
     """True for a contact of LinuxCNC with one line only: now and then it leaves one of two touches out."""
 
 
+def log_text(data: bytes, source: str) -> str:
+    """The text of a log, with or without a byte order mark; UserError for files that are no text, or another one."""
+    if kind := kind_of_file(data):
+        raise UserError(f"{source}: this is {kind}, no log: give the file that the probing program wrote")
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise UserError(f"{source} is UTF-16 text: save it as plain text (ASCII or UTF-8)")
+    return data.decode("utf-8-sig", errors="replace")
+
+
 def read_contacts(text: str, source: str, plan: Plan, plan_id: int | None) -> Contacts:
     """The contacts in the text of a log; UserError, with the line, for a text that is not the log of this plan."""
-    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    lines = [(number, line.strip(BLANK)) for number, line in enumerate(text.splitlines(), start=1)]
     lines = [(number, line) for number, line in lines if line and line != "%"]
+    notes = []
+    if _is_cut_off([line for _, line in lines], text):
+        notes.append(f"{source}, line {lines.pop()[0]}: the line is cut off, and not used")
     if not lines:
         raise UserError(f"{source}: the log is empty")
     with_names = any(line.upper().startswith("NCOMP") for _, line in lines)
@@ -66,7 +82,29 @@ def read_contacts(text: str, source: str, plan: Plan, plan_id: int | None) -> Co
     contacts = list(read)
     if with_names and not contacts:
         raise UserError(f"{source}: the log has no contact")
-    return _in_rows(contacts, source, plan)
+    found = _in_rows(contacts, source, plan)
+    return replace(found, notes=(*notes, *found.notes))
+
+
+def _is_cut_off(lines: Sequence[str], text: str) -> bool:
+    """True where the text has no last line end, and its last number has fewer decimals than that of the line before.
+
+    A contact of a copy that ended early would be wrong by some um to mm, without any other sign.
+    """
+    if len(lines) < 2 or text.rstrip(BLANK).endswith(("\n", "\r")):
+        return False
+    before, last = (re.findall(_NUMBER, line) for line in lines[-2:])
+    return len(last) == len(before) > 0 and _decimals(last[-1]) < _decimals(before[-1])
+
+
+def _decimals(number: str) -> int:
+    return len(number.partition(".")[2])
+
+
+def _expected(source: str, number: int, line: str, expected: str) -> UserError:
+    """The refusal of a line that is none of a log, with a hint for decimal commas."""
+    hint = "; write the decimal point as '.'" if re.search(r"\d,\d", line) else ""
+    return UserError(f"{source}, line {number}: {line!r}: expected {expected}{hint}")
 
 
 def _named(lines: Sequence[tuple[int, str]], source: str, plan: Plan, plan_id: int | None) -> Iterator[_Contact]:
@@ -81,7 +119,7 @@ def _named(lines: Sequence[tuple[int, str]], source: str, plan: Plan, plan_id: i
                 raise UserError(f"{where}: this is the log of plan {logged}, not of {plan_id}")
             continue
         if not _TOUCH.fullmatch(line.upper()):
-            raise UserError(f"{where}: {line!r}: expected NCOMP P row T touch X.. Y.. Z..")
+            raise _expected(source, number, line, "NCOMP P row T touch X.. Y.. Z..")
         fields = [(name, _value(value)) for name, value in _FIELD.findall(line.upper().removeprefix("NCOMP"))]
         values = dict(fields)
         for name in values:
@@ -106,9 +144,7 @@ def _of_linuxcnc(lines: Sequence[tuple[int, str]], source: str) -> Iterator[_Con
         except ValueError:
             values = []
         if len(values) != len(LINUXCNC_AXES) or not np.isfinite(values).all():
-            raise UserError(
-                f"{source}, line {number}: {line!r}: expected the nine numbers of PROBEOPEN, or NCOMP P row T touch ..."
-            )
+            raise _expected(source, number, line, "the nine numbers of PROBEOPEN, or NCOMP P row T touch ...")
         read.append((number, dict(zip(LINUXCNC_AXES, values, strict=True))))
     groups: list[list[tuple[int, dict[str, float]]]] = []
     for number, at in read:

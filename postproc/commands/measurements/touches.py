@@ -37,7 +37,7 @@ def touches(
     from calibration.measurement.file import write_measurement
     from calibration.measurement.plan_file import read_plan, stated_plan_id
     from calibration.probing.centres import centres_of
-    from calibration.probing.log import read_contacts
+    from calibration.probing.log import log_text, read_contacts
     from calibration.reports.head import measured_head
     from kinematics.files import read_input
     from postproc.commands.show.terminal import say, show
@@ -47,8 +47,7 @@ def touches(
     planned = read_plan(plan, found)
     if not planned.spheres:
         raise UserError(f"{plan}: this is no plan of spheres (ncomp plan --instrument touch-probe)")
-    text = read_input(log, "log").decode("utf-8", errors="replace")
-    contacts = read_contacts(text, log.name, planned, stated_plan_id(plan))
+    contacts = read_contacts(log_text(read_input(log, "log"), log.name), log.name, planned, stated_plan_id(plan))
     probed = centres_of(contacts, planned, log.name)
     head = measured_head(probed.measurement, None, f"ncomp touches {log} --machine {machine} --plan {plan}")
     report = touches_report(probed, log.name, head)

@@ -1,0 +1,57 @@
+"""Centres of spheres that were measured again at the same rotary positions: did spindle, table or spheres drift?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import special
+
+from calibration.fit.fit import Fit
+from calibration.measurement.instruments import TouchProbe
+from calibration.plausibility.checks import Finding
+from kinematics.transforms import Array
+
+SIGNIFICANCE = 0.01
+"""Chance that the repeated centres of a machine without drift count as shifted."""
+SAME = 1e-5
+"""Largest difference, rad, of rotary positions that are the same."""
+COVERAGE = 2.0
+
+
+def repeat_findings(found: Fit) -> Iterator[Finding]:
+    """A finding for the centre that is farthest from where it was found first, if this is more than noise allows.
+
+    Both have the same errors of the machine, so that their residuals differ by noise and drift alone. The noise is
+    that of the instrument specification, or of the residuals where these are larger.
+    """
+    measurement = found.measurement
+    if not isinstance(measurement.instrument, TouchProbe):
+        return
+    first, again = _repeats(measurement.groups, measurement.state.positions[:, measurement.machine.rotary])
+    if not len(again):
+        return
+    shift = -1e3 * (found.residual[again] - found.residual[first])
+    u = measurement.instrument.u_um * (2.0 * max(found.chi2_reduced, 1.0)) ** 0.5
+    k = int(np.argmax(np.linalg.norm(shift, axis=1)))
+    if np.abs(shift[k]).max() <= u * -special.ndtri(SIGNIFICANCE / (2.0 * shift.size)):
+        return
+    moved = ", ".join(f"{value:+.1f}" for value in shift[k])
+    times = "" if measurement.state.time is not None else ", with a column time_s,"
+    yield Finding(
+        "drift",
+        f"{measurement.where(int(again[k]))}: the centre of sphere {measurement.groups[again[k]]} is ({moved}) um +- "
+        f"{COVERAGE * u:.1f} um (k=2) from where {measurement.where(int(first[k]))} found it at the same rotary "
+        "positions: spindle, table or sphere moved or warmed up in between, or one of both rows is off. Measure again "
+        f"in a warm machine; ncomp diagnose{times} separates a drift (thermal-drift) from a knock (station-shift)",
+        False,
+    )
+
+
+def _repeats(groups: np.ndarray, rotary: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Rows `(k,)` that repeat a sphere at the rotary positions `(n, axes)` of an earlier row: that row, and they."""
+    keys = np.concatenate([np.unique(groups, return_inverse=True)[1][:, None], np.round(rotary / SAME)], axis=1)
+    _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    earlier = first[number.reshape(-1)]
+    again = np.flatnonzero(earlier != np.arange(len(groups)))
+    return earlier[again], again
