@@ -26,7 +26,7 @@ SMALL = 1e-4
 def vector(rows: ArrayLike) -> Vector:
     """Columns of vectors `(n, 3)` or `(3,)`; one entry where all rows are equal."""
     given = np.atleast_2d(np.asarray(rows, float))
-    if len(given) > 1 and (given == given[0]).all():
+    if len(given) > 1 and (given.strides[0] == 0 or (given == given[0]).all()):
         given = given[:1]
     x, y, z = np.ascontiguousarray(given.T)
     return x, y, z

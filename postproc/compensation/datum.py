@@ -112,7 +112,10 @@ def _distinct(touch_offs: Sequence[TouchOff | None]) -> tuple[list[TouchOff], np
 
 def datum_shifts(motions: Motions, model: ErrorModel, conditions: Conditions) -> Array:
     """Displacement of the part from its nominal position `(n, 3)`, mm, workpiece frame; 0 for true offsets."""
-    touch_offs, which = touched(motions)
-    if not touch_offs:
-        return np.zeros((len(motions), 3))
-    return np.asarray(np.vstack([deviations(motions.machine, model, touch_offs, conditions), np.zeros(3)])[which])
+    touch_offs, of_frame = _distinct([frame.touch_off for frame in motions.frames])
+    shifts = np.zeros((1, 3))
+    if touch_offs:
+        shifts = np.vstack([deviations(motions.machine, model, touch_offs, conditions), shifts])
+    if (of_frame == of_frame[0]).all():
+        return np.broadcast_to(shifts[of_frame[0]], (len(motions), 3))
+    return np.asarray(shifts[of_frame[motions.frame]])

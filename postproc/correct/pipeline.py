@@ -207,6 +207,7 @@ class Pipeline:
                     self._put(out, *program.finished(part, self._correct(part)))
                     progress(part.size)
                 self._put(out, *program.rest())
+                self.report.program["sha256"] = job.source.hash  # while the evaluation takes its last moves
             except UserError:
                 self.evaluation.settle()  # a refusal of an earlier move comes first
                 raise
@@ -399,7 +400,7 @@ def _new_report(job: Job) -> CorrectionResult:
         "made_by": model.provenance.made_by,
         "demonstration": model.demonstration,
     }
-    program = {"name": job.source.name, "sha256": job.source.hash, "dialect": job.dialect.name}
+    program = {"name": job.source.name, "sha256": "", "dialect": job.dialect.name}
     return CorrectionResult(
         program=program,
         machine={"name": machine.name, "chain": machine.chain},

@@ -201,7 +201,7 @@ class Motions:
     def tool(self) -> Array:
         """Tool tips seen from the tool reference point `(n, 3)`, mm."""
         tools = np.array([frame.tool for frame in self.frames], float)
-        return np.asarray(tools[self.frame])
+        return np.broadcast_to(tools, (len(self), 3)) if len(tools) == 1 else np.asarray(tools[self.frame])
 
     def along(self, share: float) -> Array:
         """Programmed positions `(n, axes)` at a share of the path of each move, for arcs along the circle.

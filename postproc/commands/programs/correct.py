@@ -100,10 +100,9 @@ def correct_one(
     inputs += check_files((program,), others.by_option)
     _, _, correction = request.prepared()
     source = open_source(program)
-    known = source.hash
     with (
         progress_of(source.size, "correcting") as progress,
-        backup_of(program, known) if in_place else nullcontext(),
+        backup_of(program, source.hash) if in_place else nullcontext(),
         whole_results(*others.files, target) as (results, page, file),
     ):
         done = correction(
