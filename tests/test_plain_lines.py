@@ -83,6 +83,23 @@ def check_lines(data: bytes, dialect=ISO, axes=ALL_AXES) -> int:
 
 
 @settings(max_examples=12)
+@st.composite
+def written_numbers(draw):
+    """Numbers up to the widest, with the decimal mark anywhere or nowhere, and with leading zeros."""
+    digits = draw(st.text("0123456789", min_size=1, max_size=11))
+    point = draw(st.integers(max(len(digits) - 9, 0), len(digits)))
+    return draw(st.sampled_from(("", "-", "+"))) + draw(st.sampled_from((digits, f"{digits[:point]}.{digits[point:]}")))
+
+
+@given(st.lists(written_numbers(), min_size=1, max_size=8))
+@example(["12345678", "123456789", "1234.5678", "123.4567", ".12345678", ".1234567", "5.", "0", "000000000.1"])
+def test_numbers_of_all_widths_are_the_nearest_floats(numbers):
+    words = PlainLines("".join(f"X{number}\n" for number in numbers).encode(), "X", ISO.plain).columns
+    expected = np.array([float(number) for number in numbers])
+    assert np.array_equal(words.plain, np.abs(expected) < 1e6)
+    assert words.value[0][words.plain].tolist() == expected[words.plain].tolist()
+
+
 @given(st.lists(st.one_of(blocks(), plain_lines().map("\n".join)), min_size=1, max_size=6))
 @example(["X1.2.3", "X.", "X-", "X1 2", "G1 X", "G1.5 X2.", "G02 X1.", "G001 X1.", "X1.Y2.X3.", "F1 F2 X3.", "X1e5"])
 @example(["X123456789012.", "X1234567.", "X0.1234567891", "X1." + " " * 120 + "Y2.", "G 1 X2.", "X- 1.", "X+.5", "G1"])

@@ -23,6 +23,8 @@ LONGEST = 120
 """Characters of a plain line, at most: no control refuses it, also with corrections of all its words."""
 WIDEST = 12
 """Characters of the number of an axis, at most, without sign: its digits are an integer that a float holds exactly."""
+PACKED = 8
+"""Characters of a number that are read together, as one integer of 64 bits."""
 MOST_DECIMALS = 9
 LARGEST = 1e6
 """Number of an axis, at least, that is left to the reader of single lines."""
@@ -146,8 +148,8 @@ class PlainStyle:
 
     @cached_property
     def refused_across(self) -> NDArrayBool:
-        """True `(16, 16)` for pairs of classes that do not occur on both sides of blanks."""
-        return self._without_letters(_refused(*((_ACROSS, _ACROSS_WITH_HEAD) if self.head else (_ACROSS,))))
+        """True for every pair of classes that do not occur on both sides of blanks, as `refused`."""
+        return self._without_letters(_refused(*((_ACROSS, _ACROSS_WITH_HEAD) if self.head else (_ACROSS,)))).ravel()
 
     def _without_letters(self, refused: NDArrayBool) -> NDArrayBool:
         """No line begins with an address if lines begin with a head."""
@@ -180,7 +182,9 @@ class PlainLines:
 
     def __getstate__(self) -> dict[str, Any]:
         """The state without quickly calculated attributes, and without the words, once they are columns."""
-        left_out = {"_bytes", "_classes", "_letters_at"} | ({"_words"} if "columns" in vars(self) else set())
+        left_out = {"_bytes", "_classes", "_letters_at", "_letters", "_points"} | (
+            {"_words"} if "columns" in vars(self) else set()
+        )
         return {name: value for name, value in vars(self).items() if name not in left_out}
 
     @cached_property
@@ -212,19 +216,19 @@ class PlainLines:
         # blanks between words, and between an address and its number
         last = np.flatnonzero((classes[:-1] == _BLANK) & (classes[1:] != _BLANK))
         before = last - 1
-        for _ in range(LONGEST):
-            blank = (classes[before] == _BLANK) & (before >= 0)
+        for _ in range(LONGEST):  # one before the first line finds the line feed at the end
+            blank = classes[before] == _BLANK
             if not blank.any():
                 break
             before -= blank
-        across = self._style.refused_across[np.where(before < 0, _LINE, classes[before]), classes[last + 1]]
+        across = self._style.refused_across[(classes[before] << 4) | classes[last + 1]]
         regular[self._line_of(last[across] + 1)] = False
         # a point needs a digit beside it
-        points = np.flatnonzero(classes == _POINT)
+        points = self._points
         alone = (classes[points - 1] != _DIGIT) & (classes[points + 1] != _DIGIT)
         regular[self._line_of(points[alone])] = False
         if self._style.motions:
-            codes = np.flatnonzero((self._bytes | 0x20) == ord("g"))
+            codes = self._letters_at[self._letters == ord("G")]
             regular[self._line_of(codes[self._motions_at(codes) < 0])] = False
         if self._style.head:
             regular &= self._headed(points)
@@ -273,14 +277,24 @@ class PlainLines:
         return np.flatnonzero(self._classes == _LETTER).astype(np.int32)
 
     @cached_property
+    def _letters(self) -> np.ndarray:
+        """The addresses, upper case."""
+        return self._bytes[self._letters_at] & 0xDF
+
+    @cached_property
+    def _points(self) -> np.ndarray:
+        """Positions of the decimal marks in all lines."""
+        return np.flatnonzero(self._classes == _POINT)
+
+    @cached_property
     def _words(self) -> _Words:
         """The words of the regular lines."""
-        classes, at = self._classes, self._letters_at
+        classes, at, letter = self._classes, self._letters_at, self._letters
         counts = np.diff(np.searchsorted(at, self.starts))
         line = np.repeat(np.arange(len(self), dtype=np.int32), counts)
         if not self.regular.all():
             kept = self.regular[line]
-            at, line = at[kept], line[kept]
+            at, line, letter = at[kept], line[kept], letter[kept]
         last = np.append(line[1:] != line[:-1], True)[: len(line)]
         end = np.append(at[1:], 0)[: len(at)].astype(np.int32)
         end[last] = self._ends[line[last]]
@@ -291,11 +305,12 @@ class PlainLines:
                 break
             start += blank
         for _ in range(LONGEST):
-            blank = (classes[end - 1] == _BLANK) | (classes[end - 1] == _RETURN)
+            before = classes[end - 1]
+            blank = (before == _BLANK) | (before == _RETURN)
             if not blank.any():
                 break
             end -= blank
-        points = np.flatnonzero(classes == _POINT)
+        points = self._points
         if not self.regular.all():
             points = points[self.regular[self._line_of(points)]]
         word = np.searchsorted(at, points) - 1
@@ -303,7 +318,7 @@ class PlainLines:
         decimals[word] = end[word] - points - 1
         several = np.zeros(len(at), bool)
         several[word[1:][word[1:] == word[:-1]]] = True
-        return _Words(line, self._bytes[at] & 0xDF, at, start, end.astype(np.int32), decimals, several)
+        return _Words(line, letter, at, start, end.astype(np.int32), decimals, several)
 
     @cached_property
     def columns(self) -> PlainColumns:
@@ -325,14 +340,15 @@ class PlainLines:
         plain[line[(end - digits > WIDEST) | (decimals > MOST_DECIMALS)]] = False
         numbers = np.abs(self._numbers(digits, end, decimals))
         plain[line[numbers >= LARGEST]] = False
-        numbers[self._bytes[start] == ord("-")] *= -1.0
-        shape, cell = (len(self.addresses), lines), (column, line)
+        numbers = np.where(self._bytes[start] == ord("-"), -numbers, numbers)
+        shape, cell = (len(self.addresses), lines), column * np.int64(lines) + line
         absent = np.full(lines, -1, np.int8)
         at_zero = np.zeros(shape, np.int32)
         ends = at_zero, at_zero.copy(), at_zero.copy()
         found = PlainColumns(plain, absent, *ends, np.zeros(shape, np.int8), np.zeros(shape), absent.copy())
-        found.at[cell], found.start[cell], found.end[cell] = at, start, end
-        found.decimals[cell], found.value[cell] = decimals, numbers
+        named = found.at, found.start, found.end, found.decimals, found.value
+        for words_of, values in zip(named, (at, start, end, decimals, numbers), strict=True):
+            words_of.ravel()[cell] = values
         if self._style.rapid:
             rapid = (words.letter == ord(self._style.rapid[0])) & (self._classes[words.at + 1] == _FLAG)
             found.motion[:] = 1
@@ -341,7 +357,8 @@ class PlainLines:
             codes = words.letter == ord("G")
             found.motion[words.line[codes]] = self._motions_at(words.at[codes])
         plain &= (found.end[: len(self.axes)] > 0).any(axis=0)
-        several = np.flatnonzero(words.line[1:] == words.line[:-1]) + 1
+        last = np.append(words.line[1:] != words.line[:-1], True)[: len(words.line)]
+        several = np.flatnonzero(last[1:] & ~last[:-1]) + 1  # the last words of lines with more than one
         found.blank[words.line[several]] = self._classes[words.at[several] - 1] == _BLANK
         return found
 
@@ -376,18 +393,40 @@ class PlainLines:
 
     def _numbers(self, start: np.ndarray, end: np.ndarray, decimals: np.ndarray) -> Array:
         """Values `(k,)` of numbers without signs at these positions, each the float nearest to its digits."""
-        values = np.zeros(len(start))
-        for several in range(-1, MOST_DECIMALS + 1):
-            rows = np.flatnonzero(decimals == several)
-            if not len(rows):
-                continue
-            width = np.minimum(end[rows] - start[rows], WIDEST)
-            places = np.arange(int(width.max()), dtype=np.int32)[:, None]
-            digits = self._bytes[np.maximum(end[rows] - 1 - places, 0)] - np.uint8(ord("0"))
-            digits *= places < width
-            weights = np.concatenate([POWERS[:several], [0.0], POWERS[several:]]) if several >= 0 else POWERS
-            values[rows] = (weights[: len(places)] @ digits.astype(float)) / POWERS[max(several, 0)]
+        values, short = np.zeros(len(start)), end - start <= PACKED
+        for several in (np.flatnonzero(np.bincount(decimals + 1)) - 1).tolist():
+            found = decimals == several
+            for rows, read in ((found & short, self._packed), (found & ~short, self._spelled)):
+                if rows.all():
+                    return read(start, end, several) / POWERS[max(several, 0)]
+                if rows.any():
+                    values[rows] = read(start[rows], end[rows], several) / POWERS[max(several, 0)]
         return values
+
+    def _packed(self, start: np.ndarray, end: np.ndarray, decimals: int) -> Array:
+        """The digits `(k,)` of numbers of up to PACKED characters with these decimals, as integers."""
+        padded = b"0" * PACKED + self.data
+        characters = np.ndarray((len(padded) - PACKED + 1,), "<u8", padded, strides=(1,))[end]
+        if decimals >= 0:  # those before the point move to its place
+            behind = np.uint64((1 << 64) - (1 << 8 * (PACKED - decimals)))
+            characters = (characters & behind) | ((characters << np.uint64(8)) & ~behind)
+        unused = ((PACKED - (end - start) + (decimals >= 0)) * 8).astype(np.uint64)
+        digits = (characters >> unused << unused) & np.uint64(0x0F0F0F0F0F0F0F0F)
+        # pairs of digits, then all four pairs at once
+        pairs = digits * np.uint64(10) + (digits >> np.uint64(8))
+        alternate = np.uint64(0x000000FF000000FF)
+        outer = (pairs & alternate) * np.uint64(100 + (1_000_000 << 32))
+        inner = ((pairs >> np.uint64(16)) & alternate) * np.uint64(1 + (10_000 << 32))
+        return ((outer + inner) >> np.uint64(32)).astype(float)
+
+    def _spelled(self, start: np.ndarray, end: np.ndarray, decimals: int) -> Array:
+        """As `_packed`, of numbers of any length."""
+        width = np.minimum(end - start, WIDEST)
+        places = np.arange(int(width.max()), dtype=np.int32)[:, None]
+        digits = self._bytes[np.maximum(end - 1 - places, 0)] - np.uint8(ord("0"))
+        digits *= places < width
+        weights = np.concatenate([POWERS[:decimals], [0.0], POWERS[decimals:]]) if decimals >= 0 else POWERS
+        return np.asarray(weights[: len(places)] @ digits.astype(float))
 
 
 def whole(piece: bytes) -> bytes:
