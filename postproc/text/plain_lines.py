@@ -279,7 +279,7 @@ class PlainLines:
     @cached_property
     def _letters(self) -> np.ndarray:
         """The addresses, upper case."""
-        return self._bytes[self._letters_at] & 0xDF
+        return np.asarray(self._bytes[self._letters_at] & 0xDF)
 
     @cached_property
     def _points(self) -> np.ndarray:
@@ -398,7 +398,7 @@ class PlainLines:
             found = decimals == several
             for rows, read in ((found & short, self._packed), (found & ~short, self._spelled)):
                 if rows.all():
-                    return read(start, end, several) / POWERS[max(several, 0)]
+                    return np.asarray(read(start, end, several) / POWERS[max(several, 0)])
                 if rows.any():
                     values[rows] = read(start[rows], end[rows], several) / POWERS[max(several, 0)]
         return values
@@ -417,7 +417,7 @@ class PlainLines:
         alternate = np.uint64(0x000000FF000000FF)
         outer = (pairs & alternate) * np.uint64(100 + (1_000_000 << 32))
         inner = ((pairs >> np.uint64(16)) & alternate) * np.uint64(1 + (10_000 << 32))
-        return ((outer + inner) >> np.uint64(32)).astype(float)
+        return np.asarray(((outer + inner) >> np.uint64(32)).astype(float))
 
     def _spelled(self, start: np.ndarray, end: np.ndarray, decimals: int) -> Array:
         """As `_packed`, of numbers of any length."""
