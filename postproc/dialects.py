@@ -20,7 +20,7 @@ from postproc.text.blocks import PlainRun
 from postproc.text.dialect_evidence import evidence
 from postproc.text.flow import Variables, never
 from postproc.text.notes import Notes
-from postproc.text.plain_lines import PlainStyle
+from postproc.text.plain_style import PlainStyle
 
 
 class Interpreter(Protocol):

@@ -11,7 +11,8 @@ from postproc.control.codes import AXES
 from postproc.dialects import Dialect
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
-from postproc.text.plain_lines import PlainLines, PlainStyle, whole_lines
+from postproc.text.plain_lines import PlainLines, whole_lines
+from postproc.text.plain_style import PlainStyle
 from postproc.text.source import ENCODING, Source
 
 SHORTEST = 3

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from postproc.second_process import LostProcess, SecondProcess
-from postproc.text.plain_lines import PlainLines, PlainStyle, whole, whole_lines
+from postproc.text.plain_lines import PlainLines, whole, whole_lines
+from postproc.text.plain_style import PlainStyle
 
 AHEAD = 3
 """Pieces of a program that are read ahead, at most: each takes some megabytes."""

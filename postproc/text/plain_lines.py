@@ -8,7 +8,6 @@ whose meaning needs more than their number, are left to the reader of single lin
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -16,65 +15,28 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinematics.machine import NDArrayBool
-from kinematics.transforms import Array, read_only
+from kinematics.transforms import Array
 from postproc.text.block import Block, Word
+from postproc.text.plain_numbers import MOST_DECIMALS, WIDEST, values_of
+from postproc.text.plain_style import (
+    BLANK,
+    DIGIT,
+    FLAG,
+    FLAG_CHARACTER,
+    HEAD,
+    LETTER,
+    LINE,
+    OTHER,
+    POINT,
+    RETURN,
+    SIGN,
+    PlainStyle,
+)
 
 LONGEST = 120
 """Characters of a plain line, at most: no control refuses it, also with corrections of all its words."""
-WIDEST = 12
-"""Characters of the number of an axis, at most, without sign: its digits are an integer that a float holds exactly."""
-PACKED = 8
-"""Characters of a number that are read together, as one integer of 64 bits."""
-MOST_DECIMALS = 9
 LARGEST = 1e6
 """Number of an axis, at least, that is left to the reader of single lines."""
-POWERS = read_only(10.0 ** np.arange(23))
-"""Powers of ten that a float holds exactly."""
-
-_DIGIT, _POINT, _SIGN, _BLANK, _LINE, _RETURN, _LETTER, _OTHER, _FLAG, _HEAD = range(10)
-_FOLLOWING = {
-    _DIGIT: (_DIGIT, _POINT, _BLANK, _LINE, _RETURN, _LETTER),
-    _POINT: (_DIGIT, _BLANK, _LINE, _RETURN, _LETTER),
-    _SIGN: (_DIGIT, _POINT),
-    _BLANK: (_DIGIT, _POINT, _SIGN, _BLANK, _LINE, _RETURN, _LETTER),
-    _LINE: (_LETTER, _BLANK),
-    _RETURN: (_LINE,),
-    _LETTER: (_DIGIT, _POINT, _SIGN, _BLANK),
-}
-"""Classes of characters that may follow one another in plain lines."""
-_ACROSS = {
-    _DIGIT: (_LINE, _RETURN, _LETTER),
-    _POINT: (_LINE, _RETURN, _LETTER),
-    _LINE: (_LETTER,),
-    _LETTER: (_DIGIT, _POINT, _SIGN),
-}
-"""Classes on both sides of blanks in plain lines."""
-_WITH_HEAD = {
-    _DIGIT: (_HEAD,),
-    _BLANK: (_HEAD,),
-    _LINE: (_DIGIT, _HEAD),
-    _HEAD: (_BLANK, _LETTER),
-    _LETTER: (_FLAG,),
-    _FLAG: (_FLAG, _BLANK, _LINE, _RETURN, _LETTER),
-}
-_ACROSS_WITH_HEAD = {
-    _DIGIT: (_HEAD,),
-    _LINE: (_DIGIT, _HEAD),
-    _HEAD: (_LETTER,),
-    _FLAG: (_LINE, _RETURN, _LETTER),
-}
-"""The same in lines that begin with a number and a head; these have flags too."""
-FLAG = b"\x01"
-"""Stands for each further character of a word without a number; no text holds it."""
-
-
-def _refused(*tables: Mapping[int, tuple[int, ...]]) -> NDArrayBool:
-    """True `(16, 16)` for pairs of classes that are in none of the tables."""
-    refused = np.ones((16, 16), bool)
-    for table in tables:
-        for first, following in table.items():
-            refused[first, list(following)] = False
-    return refused
 
 
 def read_plain(line: int, text: str, pattern: re.Pattern[str], part: re.Pattern[str]) -> Block | None:
@@ -92,77 +54,6 @@ def read_plain(line: int, text: str, pattern: re.Pattern[str], part: re.Pattern[
         ]
     )
     return Block(line, text, "words" if words else "blank", words)
-
-
-@dataclass(frozen=True)
-class PlainStyle:
-    """The words of plain lines in a dialect; a line has no two words with one address."""
-
-    other: str
-    """Addresses of words that neither move an axis nor change the meaning of others."""
-    motions: str = ""
-    """Digits of the motions that the word G may name."""
-    arcs: str = ""
-    """Addresses of the centres and radii of arcs."""
-    head: str = ""
-    """First word of a straight line, behind the number of the block; empty if lines begin with any word."""
-    rapid: str = ""
-    """Word without a number of a rapid move; its first letter is one of `other`."""
-    unchanged: str = ""
-    """Address, one of `other`, that must have the number 0."""
-    continued: str = ""
-    """End of a line that the next one continues; empty for none."""
-    marks: str = "."
-    """Decimal marks."""
-
-    @cached_property
-    def letters(self) -> str:
-        """Addresses other than those of axes and arcs."""
-        return self.other + ("G" if self.motions else "")
-
-    def classes(self, axes: str) -> bytes:
-        """Class of every byte, for the addresses `axes` of the axes."""
-        classes = bytearray([_OTHER] * 256)
-        letters = axes + self.arcs + self.letters
-        kinds = (
-            (b"0123456789", _DIGIT),
-            (self.marks.encode(), _POINT),
-            (b"+-", _SIGN),
-            (b" \t", _BLANK),
-            (b"\n", _LINE),
-            (b"\r", _RETURN),
-        )
-        addresses = (letters + letters.lower()).encode(), _LETTER
-        for characters, kind in (*kinds, addresses, ((self.head + self.head.lower()).encode(), _HEAD)):
-            for character in characters:
-                classes[character] = kind
-        if self.rapid:
-            classes[FLAG[0]] = _FLAG
-        return bytes(classes)
-
-    @cached_property
-    def refused(self) -> bytes:
-        """1 for every pair of classes that do not follow one another, by 16 times the first plus the second."""
-        tables = (_FOLLOWING, _WITH_HEAD) if self.head else (_FOLLOWING,)
-        return self._without_letters(_refused(*tables)).astype(np.uint8).tobytes()
-
-    @cached_property
-    def refused_across(self) -> NDArrayBool:
-        """True for every pair of classes that do not occur on both sides of blanks, as `refused`."""
-        return self._without_letters(_refused(*((_ACROSS, _ACROSS_WITH_HEAD) if self.head else (_ACROSS,)))).ravel()
-
-    def _without_letters(self, refused: NDArrayBool) -> NDArrayBool:
-        """No line begins with an address if lines begin with a head."""
-        refused[_LINE, _LETTER] |= bool(self.head)
-        return refused
-
-    def with_flags(self, data: bytes) -> bytes:
-        """The text with a flag for each character of a rapid word but the first."""
-        if not self.rapid:
-            return data
-        for word in (self.rapid.encode(), self.rapid.lower().encode()):
-            data = data.replace(word, word[:1] + FLAG * (len(word) - 1))
-        return data
 
 
 class PlainLines:
@@ -195,8 +86,8 @@ class PlainLines:
     def _classes(self) -> np.ndarray:
         """Class of each byte."""
         style, data = self._style, self.data
-        if style.rapid and FLAG in data:
-            return np.full(len(data), _OTHER, np.uint8)
+        if style.rapid and FLAG_CHARACTER in data:
+            return np.full(len(data), OTHER, np.uint8)
         return np.frombuffer(style.with_flags(data).translate(style.classes(self.axes)), np.uint8)
 
     @cached_property
@@ -212,12 +103,12 @@ class PlainLines:
         pairs = (classes[:-1] << 4) | classes[1:]
         wrong = np.flatnonzero(np.frombuffer(pairs.tobytes().translate(self._style.refused), np.uint8)) + 1
         regular[self._line_of(wrong)] = False
-        regular[0] &= not self._style.refused[_LINE << 4 | int(classes[0])]
+        regular[0] &= not self._style.refused[LINE << 4 | int(classes[0])]
         # blanks between words, and between an address and its number
-        last = np.flatnonzero((classes[:-1] == _BLANK) & (classes[1:] != _BLANK))
+        last = np.flatnonzero((classes[:-1] == BLANK) & (classes[1:] != BLANK))
         before = last - 1
         for _ in range(LONGEST):  # one before the first line finds the line feed at the end
-            blank = classes[before] == _BLANK
+            blank = classes[before] == BLANK
             if not blank.any():
                 break
             before -= blank
@@ -225,7 +116,7 @@ class PlainLines:
         regular[self._line_of(last[across] + 1)] = False
         # a point needs a digit beside it
         points = self._points
-        alone = (classes[points - 1] != _DIGIT) & (classes[points + 1] != _DIGIT)
+        alone = (classes[points - 1] != DIGIT) & (classes[points + 1] != DIGIT)
         regular[self._line_of(points[alone])] = False
         if self._style.motions:
             codes = self._letters_at[self._letters == ord("G")]
@@ -237,7 +128,7 @@ class PlainLines:
     def _headed(self, points: np.ndarray) -> NDArrayBool:
         """Lines with one head, before it at most a number without leading zeros, and no unchanged word but 0."""
         classes = self._classes
-        heads = np.flatnonzero(classes == _HEAD)
+        heads = np.flatnonzero(classes == HEAD)
         line = self._line_of(heads)
         found = np.bincount(line, minlength=len(self)) == 1
         head = np.zeros(len(self), np.int32)
@@ -245,15 +136,15 @@ class PlainLines:
         found[(line_of_points := self._line_of(points))[points < head[line_of_points]]] = False
         first = self.starts[:-1].copy()
         for _ in range(LONGEST):
-            blank = classes[first] == _BLANK
+            blank = classes[first] == BLANK
             if not blank.any():
                 break
             first += blank
         second = np.minimum(first + 1, len(classes) - 1)
-        found &= (self._bytes[first] != ord("0")) | (classes[second] != _DIGIT)
+        found &= (self._bytes[first] != ord("0")) | (classes[second] != DIGIT)
         words = np.flatnonzero((self._bytes & 0xDF) == ord(self._style.unchanged))
         ends = np.minimum(words + 2, len(classes) - 1)
-        changing = (self._bytes[words + 1] != ord("0")) | (classes[ends] == _DIGIT) | (classes[ends] == _POINT)
+        changing = (self._bytes[words + 1] != ord("0")) | (classes[ends] == DIGIT) | (classes[ends] == POINT)
         found[self._line_of(words[changing])] = False
         return np.asarray(found)
 
@@ -264,9 +155,9 @@ class PlainLines:
         """Motions that G words at positions `codes` name, by a number of one or two digits; -1 for other numbers."""
         digits = [np.minimum(codes + i, len(self._bytes) - 1) for i in (1, 2, 3)]
         first, second = (self._bytes[i].astype(np.int8) for i in digits[:2])
-        one, two = (self._classes[i] != _DIGIT for i in digits[1:])
-        point = self._classes[digits[1]] == _POINT
-        padded = (first == ord("0")) & ~one & two & (self._classes[digits[2]] != _POINT)
+        one, two = (self._classes[i] != DIGIT for i in digits[1:])
+        point = self._classes[digits[1]] == POINT
+        padded = (first == ord("0")) & ~one & two & (self._classes[digits[2]] != POINT)
         motion = np.where(one & ~point, first, np.where(padded, second, 0)).astype(np.int8)
         known = np.isin(motion, np.frombuffer(self._style.motions.encode(), np.uint8))
         return np.where(known, motion - ord("0"), -1).astype(np.int8)
@@ -274,7 +165,7 @@ class PlainLines:
     @cached_property
     def _letters_at(self) -> np.ndarray:
         """Positions of the addresses in all lines."""
-        return np.flatnonzero(self._classes == _LETTER).astype(np.int32)
+        return np.flatnonzero(self._classes == LETTER).astype(np.int32)
 
     @cached_property
     def _letters(self) -> np.ndarray:
@@ -284,7 +175,7 @@ class PlainLines:
     @cached_property
     def _points(self) -> np.ndarray:
         """Positions of the decimal marks in all lines."""
-        return np.flatnonzero(self._classes == _POINT)
+        return np.flatnonzero(self._classes == POINT)
 
     @cached_property
     def _words(self) -> _Words:
@@ -300,13 +191,13 @@ class PlainLines:
         end[last] = self._ends[line[last]]
         start = at + 1
         for _ in range(LONGEST):
-            blank = classes[start] == _BLANK
+            blank = classes[start] == BLANK
             if not blank.any():
                 break
             start += blank
         for _ in range(LONGEST):
             before = classes[end - 1]
-            blank = (before == _BLANK) | (before == _RETURN)
+            blank = (before == BLANK) | (before == RETURN)
             if not blank.any():
                 break
             end -= blank
@@ -334,11 +225,11 @@ class PlainLines:
         chosen = np.flatnonzero(column >= 0)
         column, line = column[chosen], words.line[chosen]
         at, start, end, decimals = (of[chosen] for of in (words.at, words.start, words.end, words.decimals))
-        digits = start + (self._classes[start] == _SIGN)
+        digits = start + (self._classes[start] == SIGN)
         for i in range(len(self.addresses)):
             self._refuse_repeated(line[column == i], plain)
         plain[line[(end - digits > WIDEST) | (decimals > MOST_DECIMALS)]] = False
-        numbers = np.abs(self._numbers(digits, end, decimals))
+        numbers = np.abs(values_of(self.data, digits, end, decimals))
         plain[line[numbers >= LARGEST]] = False
         numbers = np.where(self._bytes[start] == ord("-"), -numbers, numbers)
         shape, cell = (len(self.addresses), lines), column * np.int64(lines) + line
@@ -350,7 +241,7 @@ class PlainLines:
         for words_of, values in zip(named, (at, start, end, decimals, numbers), strict=True):
             words_of.ravel()[cell] = values
         if self._style.rapid:
-            rapid = (words.letter == ord(self._style.rapid[0])) & (self._classes[words.at + 1] == _FLAG)
+            rapid = (words.letter == ord(self._style.rapid[0])) & (self._classes[words.at + 1] == FLAG)
             found.motion[:] = 1
             found.motion[words.line[rapid]] = 0
         if self._style.motions:
@@ -359,7 +250,7 @@ class PlainLines:
         plain &= (found.end[: len(self.axes)] > 0).any(axis=0)
         last = np.append(words.line[1:] != words.line[:-1], True)[: len(words.line)]
         several = np.flatnonzero(last[1:] & ~last[:-1]) + 1  # the last words of lines with more than one
-        found.blank[words.line[several]] = self._classes[words.at[several] - 1] == _BLANK
+        found.blank[words.line[several]] = self._classes[words.at[several] - 1] == BLANK
         return found
 
     def order_of(self, column: int, lines: np.ndarray) -> np.ndarray:
@@ -379,8 +270,8 @@ class PlainLines:
         named, first = words.end > 0, self._bytes[words.start]
         plus, minus = named & (first == ord("+")), named & (first == ord("-"))
         digit = words.start + (plus | minus)
-        bare = named & (self._classes[digit] == _POINT)
-        zero = named & (self._bytes[digit] == ord("0")) & (self._classes[digit + named] == _POINT)
+        bare = named & (self._classes[digit] == POINT)
+        zero = named & (self._bytes[digit] == ord("0")) & (self._classes[digit + named] == POINT)
         comma = np.zeros_like(named)
         if "," in self._style.marks and b"," in self.data:
             comma = named & (words.decimals >= 0) & (self._bytes[words.end - 1 - words.decimals] == ord(","))
@@ -390,43 +281,6 @@ class PlainLines:
     def _refuse_repeated(lines: np.ndarray, plain: NDArrayBool) -> None:
         """Mark lines `(k,)`, sorted, that occur twice as not plain."""
         plain[lines[1:][lines[1:] == lines[:-1]]] = False
-
-    def _numbers(self, start: np.ndarray, end: np.ndarray, decimals: np.ndarray) -> Array:
-        """Values `(k,)` of numbers without signs at these positions, each the float nearest to its digits."""
-        values, short = np.zeros(len(start)), end - start <= PACKED
-        for several in (np.flatnonzero(np.bincount(decimals + 1)) - 1).tolist():
-            found = decimals == several
-            for rows, read in ((found & short, self._packed), (found & ~short, self._spelled)):
-                if rows.all():
-                    return np.asarray(read(start, end, several) / POWERS[max(several, 0)])
-                if rows.any():
-                    values[rows] = read(start[rows], end[rows], several) / POWERS[max(several, 0)]
-        return values
-
-    def _packed(self, start: np.ndarray, end: np.ndarray, decimals: int) -> Array:
-        """The digits `(k,)` of numbers of up to PACKED characters with these decimals, as integers."""
-        padded = b"0" * PACKED + self.data
-        characters = np.ndarray((len(padded) - PACKED + 1,), "<u8", padded, strides=(1,))[end]
-        if decimals >= 0:  # those before the point move to its place
-            behind = np.uint64((1 << 64) - (1 << 8 * (PACKED - decimals)))
-            characters = (characters & behind) | ((characters << np.uint64(8)) & ~behind)
-        unused = ((PACKED - (end - start) + (decimals >= 0)) * 8).astype(np.uint64)
-        digits = (characters >> unused << unused) & np.uint64(0x0F0F0F0F0F0F0F0F)
-        # pairs of digits, then all four pairs at once
-        pairs = digits * np.uint64(10) + (digits >> np.uint64(8))
-        alternate = np.uint64(0x000000FF000000FF)
-        outer = (pairs & alternate) * np.uint64(100 + (1_000_000 << 32))
-        inner = ((pairs >> np.uint64(16)) & alternate) * np.uint64(1 + (10_000 << 32))
-        return np.asarray(((outer + inner) >> np.uint64(32)).astype(float))
-
-    def _spelled(self, start: np.ndarray, end: np.ndarray, decimals: int) -> Array:
-        """As `_packed`, of numbers of any length."""
-        width = np.minimum(end - start, WIDEST)
-        places = np.arange(int(width.max()), dtype=np.int32)[:, None]
-        digits = self._bytes[np.maximum(end - 1 - places, 0)] - np.uint8(ord("0"))
-        digits *= places < width
-        weights = np.concatenate([POWERS[:decimals], [0.0], POWERS[decimals:]]) if decimals >= 0 else POWERS
-        return np.asarray(weights[: len(places)] @ digits.astype(float))
 
 
 def whole(piece: bytes) -> bytes:

@@ -17,7 +17,8 @@ from postproc.motion.moves import Arc, Kind
 from postproc.text.blocks import Blocks, PlainRun
 from postproc.text.editing import Layout, end_of, rank_of
 from postproc.text.number_style import NumberStyle
-from postproc.text.plain_lines import POWERS, NumberMarks, PlainLines
+from postproc.text.plain_lines import NumberMarks, PlainLines
+from postproc.text.plain_numbers import POWERS
 from postproc.text.source import ENCODING
 from postproc.write.arcs import NominalArc
 from postproc.write.plain_arcs import RADIUS, PlainArcs

@@ -1,0 +1,60 @@
+"""Numbers of plain lines, all of a text together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinematics.transforms import Array, read_only
+
+WIDEST = 12
+"""Characters of the number of an axis, at most, without sign: its digits are an integer that a float holds exactly."""
+MOST_DECIMALS = 9
+PACKED = 8
+"""Characters of a number that are read together, as one integer of 64 bits."""
+POWERS = read_only(10.0 ** np.arange(23))
+"""Powers of ten that a float holds exactly."""
+
+
+def values_of(text: bytes, start: np.ndarray, end: np.ndarray, decimals: np.ndarray) -> Array:
+    """Values `(k,)` of numbers without signs from `start` to `end`, each the float nearest to its digits.
+
+    decimals `(k,)`: -1 for a number without a point. Of numbers that are wider than WIDEST or have more than
+    MOST_DECIMALS the values are undefined.
+    """
+    values, short = np.zeros(len(start)), end - start <= PACKED
+    present = (np.flatnonzero(np.bincount(np.minimum(decimals, MOST_DECIMALS) + 1)) - 1).tolist()
+    for several in present:
+        found, unit = decimals == several, POWERS[max(several, 0)]
+        for rows, read in ((found & short, _packed), (found & ~short, _spelled)):
+            if rows.all():
+                return np.asarray(read(text, start, end, several) / unit)
+            if rows.any():
+                values[rows] = read(text, start[rows], end[rows], several) / unit
+    return values
+
+
+def _packed(text: bytes, start: np.ndarray, end: np.ndarray, decimals: int) -> Array:
+    """The digits `(k,)` of numbers of up to PACKED characters with these decimals, as integers."""
+    padded = b"0" * PACKED + text
+    characters = np.ndarray((len(text) + 1,), "<u8", padded, strides=(1,))[end]
+    if decimals >= 0:  # the digits before the point move to its place
+        behind = np.uint64((1 << 64) - (1 << 8 * (PACKED - decimals)))
+        characters = (characters & behind) | ((characters << np.uint64(8)) & ~behind)
+    unused = ((PACKED - (end - start) + (decimals >= 0)) * 8).astype(np.uint64)
+    digits = (characters >> unused << unused) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    # pairs of digits, and then the four pairs at once
+    pairs = digits * np.uint64(10) + (digits >> np.uint64(8))
+    alternate = np.uint64(0x000000FF000000FF)
+    outer = (pairs & alternate) * np.uint64(100 + (1_000_000 << 32))
+    inner = ((pairs >> np.uint64(16)) & alternate) * np.uint64(1 + (10_000 << 32))
+    return np.asarray(((outer + inner) >> np.uint64(32)).astype(float))
+
+
+def _spelled(text: bytes, start: np.ndarray, end: np.ndarray, decimals: int) -> Array:
+    """As `_packed`, of numbers of up to WIDEST characters."""
+    width = np.minimum(end - start, WIDEST)
+    places = np.arange(int(width.max()), dtype=np.int32)[:, None]
+    digits = np.frombuffer(text, np.uint8)[np.maximum(end - 1 - places, 0)] - np.uint8(ord("0"))
+    digits *= places < width
+    weights = np.concatenate([POWERS[:decimals], [0.0], POWERS[decimals:]]) if decimals >= 0 else POWERS
+    return np.asarray(weights[: len(places)] @ digits.astype(float))
