@@ -25,7 +25,7 @@ from postproc.dialects import find_dialect
 from postproc.execution import Part, StreamedProgram
 from postproc.text.block import Block
 from postproc.text.source import open_source
-from postproc.write.plain_rows import PlainText
+from postproc.write.plain_texts import PlainText
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 

@@ -25,7 +25,7 @@ from postproc.text.block_values import straight
 from postproc.text.blocks import PlainRun
 from postproc.text.flow import Flow
 from postproc.text.source import CHUNK, Source
-from postproc.write.plain_rows import PlainText
+from postproc.write.plain_texts import PlainText
 
 KEPT = 16
 """Number of chunks of a stored program that are kept in memory; later ones are kept in a temporary file."""

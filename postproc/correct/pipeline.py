@@ -49,7 +49,7 @@ from postproc.text.notes import Notes
 from postproc.text.source import ENCODING, Source
 from postproc.write.block_numbers import BlockNumbers
 from postproc.write.helices import FlatArcs
-from postproc.write.plain_rows import PlainText, unchanged
+from postproc.write.plain_texts import PlainText, unchanged
 from postproc.write.writer import Writer, Written
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from postproc.text.block import Block, edited
 from postproc.text.blocks import Blocks
 from postproc.text.editing import Iterations, Layout, WordEditor
 from postproc.write.decimals import decimals_of_axis
-from postproc.write.plain_rows import PlainText
+from postproc.write.plain_texts import PlainText
 
 MOST_APART_UM = 1.0
 """Twice the largest difference, um, between the corrections of iterations of a block that share its text."""

@@ -38,16 +38,8 @@ from postproc.write.drilling import Depth, HoleWriter
 from postproc.write.editors import Editors
 from postproc.write.inverse_time import add_inverse_time, write_inverse_time
 from postproc.write.plain_arcs import writable_arcs
-from postproc.write.plain_rows import (
-    PlainRows,
-    PlainText,
-    PlainWords,
-    WrittenAxis,
-    WrittenRows,
-    joined,
-    plain_stretches,
-    plain_texts,
-)
+from postproc.write.plain_rows import PlainRows, WrittenAxis, WrittenRows, plain_stretches
+from postproc.write.plain_texts import PlainText, PlainWords, joined, plain_texts
 from postproc.write.polar import PolarWriter
 from postproc.write.poles import PoleWriter
 from postproc.write.row_words import RowWords, corrected_end, kept_axes
