@@ -15,6 +15,7 @@ from kinematics.version import VERSION
 from postproc.control.state import ControlState
 from postproc.dialects import Dialect
 from postproc.text.block import Block
+from postproc.text.notes import Notes
 from postproc.text.source import ENCODING, Source
 
 _MARK = re.compile(
@@ -72,6 +73,22 @@ def mark_in(text: str) -> Mark | None:
 def mark_in_program(source: Source) -> Mark | None:
     """The mark of a corrected program; None if there is none."""
     return next((found for _, text in source.lines() if (found := mark_in(text))), None)
+
+
+def refuse_marked(blocks: Iterable[Block], dialect: Dialect, notes: Notes, *, force: bool) -> None:
+    """Refusal for a block of a corrected program, and for a variable that corrections use; `force`: a note instead."""
+    for block in blocks:
+        used = dialect.own.search(block.text) if dialect.own is not None and not force else None
+        if used is not None:
+            raise block.refuse(f"{used[0].upper()} is a variable for the corrections of ncomp: use another one")
+        mark = mark_in(block.text)
+        if mark is None:
+            continue
+        if not force:
+            raise block.refuse(
+                f"the program is already corrected by ncomp (calibration {mark.calibration}); --force corrects it again"
+            )
+        notes.add(f"already corrected (calibration {mark.calibration}) and corrected again", block.line)
 
 
 def check_mark(name: str, mark: Mark, here: Mark, accepted: frozenset[str]) -> list[str]:

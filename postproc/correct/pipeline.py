@@ -28,7 +28,7 @@ from postproc.compensation.predicted_error import in_a_program, model_notes
 from postproc.compensation.used_datums import UsedDatums
 from postproc.control.setup import Setup
 from postproc.correct.backlash import BacklashTakeUps
-from postproc.correct.mark import MarkedOutput, mark_in, mark_index, mark_line, mark_of
+from postproc.correct.mark import MarkedOutput, mark_index, mark_line, mark_of, refuse_marked
 from postproc.correct.plausibility import REASONS, CorrectionLimit, Plausibility
 from postproc.correct.result import CorrectionResult
 from postproc.correct.rotary_moves import uncorrected_before_rotary_moves
@@ -43,7 +43,6 @@ from postproc.iso.lines import refuse_lengthened
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Known
 from postproc.text.block import Block, Refusal
-from postproc.text.blocks import Blocks
 from postproc.text.line_numbers import ranges, shortened
 from postproc.text.notes import Notes
 from postproc.text.source import ENCODING, Source
@@ -282,7 +281,7 @@ class Pipeline:
             refuse_outside(motions, motions.machine_target, "as programmed", self.interpreter.control_state)
         if not self.model.effects:
             return list(unchanged(blocks))
-        self._refuse_marked(blocks)
+        refuse_marked(blocks.read_singly, job.dialect, self.notes, force=job.force)
         motions = self.splitter.prepare(motions, part.varied)
         report.split_moves = self.splitter.moves
         motions, approach = self.take_ups.prepare(motions)
@@ -317,22 +316,6 @@ class Pipeline:
             self._flat_arcs.take(motions, correction, written.ends)
         report.added_blocks += written.added
         return written.texts
-
-    def _refuse_marked(self, blocks: Blocks) -> None:
-        own = self.job.dialect.own
-        for block in blocks.read_singly:
-            used = own.search(block.text) if own is not None and not self.job.force else None
-            if used is not None:
-                raise block.refuse(f"{used[0].upper()} is a variable for the corrections of ncomp: use another one")
-            mark = mark_in(block.text)
-            if mark is None:
-                continue
-            calibration = mark.calibration
-            if not self.job.force:
-                raise block.refuse(
-                    f"the program is already corrected by ncomp (calibration {calibration}); --force corrects it again"
-                )
-            self.notes.add(f"already corrected (calibration {calibration}) and corrected again", block.line)
 
     def _count(self, moves: WrittenMoves) -> None:
         """Add the corrections of a chunk to the report."""
