@@ -59,3 +59,13 @@ def test_rows_beyond_lost_counts_are_no_outliers_and_no_error_of_the_machine():
     assert cause.effect.parameters[0] == pytest.approx(40.0, abs=2.0 * cause.effect.u[0])
     assert found.unexplained is None
     assert found.volume.machine_rms < 3.0
+
+
+@pytest.mark.statistical
+def test_lost_counts_are_not_taken_for_a_noisier_instrument():
+    """60 rows: residuals that the step leaves look like noise 1.5 times as large as specified."""
+    above = float(np.degrees(np.quantile(beam(data_with(n=60, seed=5).observed).angles[:, 0], 0.4)))
+    found = diagnose(data_with(AngleStep("elevation", "azimuth", above, 40.0), n=60, seed=5))
+    (cause,) = found.causes
+    assert (cause.kind, cause.axis, cause.verdict) == ("tracker-angle", "elevation", "strong")
+    assert found.before.fit.measurement.noise.instrument_factor > 1.0

@@ -128,8 +128,8 @@ def _searched(first: Selector, bare: Stage, progress: Progress) -> _Searched:
     """The causes of the residuals of the present model, of which `bare` is the fit."""
     tests = unexplained_residual.tests(bare.linearised)
     found = without = _Found(first, bare, ())
-    # the noise of an axis hides whatever acts along it
-    doubtful = _unrepeatable(bare) or len(bare.fit.outliers) or first.base.fine(first.measurement)
+    # the noise of an axis hides whatever acts along it, a larger noise of the instrument any cause
+    doubtful = _noisier(bare) or len(bare.fit.outliers) or first.base.fine(first.measurement)
     if doubtful or combined(tests, GATE):
         found = _causes(first)
     progress("testing the residual")
@@ -260,6 +260,12 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> _Found:
         selector = selector.on(base)
         selection, stage = selected(stage.accepted)
     return _Found(selector, stage, selection.last_round)
+
+
+def _noisier(stage: Stage) -> bool:
+    """True where the noise of a stage is larger than specified: it may hold errors that the model lacks."""
+    noise = stage.fit.measurement.noise
+    return _unrepeatable(stage) or (noise is not None and noise.instrument_factor > 1.0)
 
 
 def _unrepeatable(stage: Stage) -> bool:
