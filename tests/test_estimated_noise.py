@@ -15,7 +15,7 @@ from calibration.fit.fit import fit
 from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
 from calibration.measurement.file import read_measurement
-from calibration.measurement.instruments import Part
+from calibration.measurement.instruments import LaserTracker, Part
 from calibration.observation.equations import specified_covariance
 from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.observation.normal_equations import whitened, whiteners
@@ -24,6 +24,9 @@ from calibration.simulation.simulate import observe
 from kinematics.effects import Cyclic, StationShift
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
+
+HALF = LaserTracker(u_range_um_per_m=0.25, u_angle_um=1.5, u_angle_um_per_m=1.5)
+"""Specification with half of the noise of the virtual measurements."""
 
 
 def test_data_as_specified_keep_their_noise():
@@ -130,3 +133,17 @@ def test_a_part_measured_in_two_coordinates_has_the_noise_of_its_measuring_machi
     assert noise is not None
     assert noise.instrument_factor**0.5 == pytest.approx(2.0, rel=0.15)
     assert not noise.non_repeatability
+
+
+@pytest.mark.parametrize("again", [True, False])
+def test_a_noisy_instrument_is_told_from_a_poor_model_by_positions_measured_again(again):
+    rng = np.random.default_rng(2)
+    q = positions(CFRAME, 60, rng)
+    q = np.concatenate([q, q if again else positions(CFRAME, 60, rng)])
+    data = measured(CFRAME, q, ONE, no_errors(CFRAME), rng)
+    found = with_noise_of_visits(fitted(replace(data, instrument=HALF))).noise
+    assert found is not None
+    assert found.instrument_factor == pytest.approx(4.0, rel=0.3)
+    assert found.revisited is again
+    assert ("The instrument scatters" in found.text) is again
+    assert ("the model lacks errors" in found.text) is not again

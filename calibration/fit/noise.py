@@ -100,7 +100,8 @@ def _estimated(found: Fit) -> tuple[EstimatedNoise, EstimatedNoise] | None:
         kept = np.flatnonzero(of.of_axes)
         own = arms[:, :, kept] * np.sqrt(of.of_axes[kept])
         misfit = sizes(estimate.of_axes - visits.of_axes)
-        return EstimatedNoise(of.factor, sizes(visits.of_axes), stops(measurement), own, misfit, visits.factor)
+        shown, repeating = visits.factor, sizes(visits.of_axes)
+        return EstimatedNoise(of.factor, repeating, stops(measurement), own, misfit, shown, every.rows(good).revisited)
 
     return noise(estimate), noise(visits)
 
@@ -189,8 +190,7 @@ def _limited(variance: float, least: float, values: Array, own: Array, same: np.
     least: the result where this scatter is not significant. own `(m,)`: variances of the values without the component;
     the component itself where `least` is 1 is a factor on them.
     """
-    count = np.bincount(same)
-    degrees = float(values.shape[1] * np.sum(np.maximum(count - 1, 0)))
+    count, degrees = np.bincount(same), _degrees(values, same)
     if degrees < ENOUGH:
         return variance
     means = np.stack([np.bincount(same, column) for column in values.T], axis=1) / count[:, None]
@@ -202,6 +202,11 @@ def _limited(variance: float, least: float, values: Array, own: Array, same: np.
         return variance
     repeated_only = max(scatter - without, 0.0)
     return repeated_only if abs(repeated_only - least) > chance else least
+
+
+def _degrees(values: Array, same: np.ndarray) -> float:
+    """Degrees of freedom of the scatter of values `(m, d)` of the same label `(m,)`."""
+    return float(values.shape[1] * np.sum(np.maximum(np.bincount(same) - 1, 0)))
 
 
 class _Moments(NamedTuple):
@@ -289,14 +294,30 @@ class _Components:
         d = self.residual.shape[1]
         return np.flatnonzero(~outlying(distances, d, robust_factor(distances, d, 0.0, 1.0, self.stop)))
 
+    @cached_property
+    def _position(self) -> np.ndarray:
+        """Number `(n,)` of the position of each row."""
+        places = np.round(self.measurement.state.positions, 6)
+        return np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
+
+    @cached_property
+    def _same(self) -> np.ndarray:
+        """Label `(n,)` of the position, target and set-up of each row."""
+        groups = np.unique(self.measurement.groups, return_inverse=True)[1].reshape(-1)
+        names = np.stack([self._position, self.measurement.target_number, groups], axis=1)
+        return np.unique(names, axis=0, return_inverse=True)[1].reshape(-1)
+
+    @property
+    def revisited(self) -> bool:
+        """True where the scatter of visits of the same positions limits the variances."""
+        return _degrees(self.residual, self._same) >= ENOUGH
+
     def repeated(self, estimate: _Estimate) -> _Estimate:
         """The estimate, each variance limited to the scatter of visits of the same positions, where these suffice."""
-        position = np.unique(np.round(self.measurement.state.positions, 6), axis=0, return_inverse=True)[1].reshape(-1)
-        names = (position, self.measurement.target_number, np.unique(self.measurement.groups, return_inverse=True)[1])
-        same = np.unique(np.stack([each.reshape(-1) for each in names], axis=1), axis=0, return_inverse=True)[1]
+        position, same = self._position, self._same
         white = whiteners(replace(self.measurement, noise=None))
         readings = (white @ self.residual[:, :, None])[:, :, 0]
-        factor = _limited(estimate.factor, 1.0, readings, np.ones(len(readings)), same.reshape(-1))
+        factor = _limited(estimate.factor, 1.0, readings, np.ones(len(readings)), same)
         white = white / np.sqrt(factor)
         starts = np.flatnonzero(np.append(True, np.diff(self.stop) != 0))
         arms = white @ self.arms

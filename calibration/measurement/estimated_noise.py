@@ -39,6 +39,8 @@ class EstimatedNoise:
     that the model lacks. Noise only where the uncertainty between the positions shall contain it."""
     factor_of_visits: float | None = None
     """`instrument_factor` without misfit, where visits of the same positions show it."""
+    revisited: bool = True
+    """False where too few positions were measured again to tell the noise of the instrument from misfit."""
 
     def rows(self, index: slice | np.ndarray) -> EstimatedNoise:
         """The same for some of the rows."""
@@ -55,7 +57,13 @@ class EstimatedNoise:
         scatter = self.instrument_factor if self.factor_of_visits is None else self.factor_of_visits
         if scatter != 1.0:
             times = f"{scatter**0.5:.2g}" if scatter**0.5 > NEGLIGIBLE else f"less than {NEGLIGIBLE:g}"
-            parts.append(f"The instrument scatters {times} times as much as specified.")
+            if scatter < 1.0 or self.revisited:
+                parts.append(f"The instrument scatters {times} times as much as specified.")
+            else:
+                parts.append(
+                    f"Residuals are {times} times as large as specified: the instrument scatters more, or the model "
+                    "lacks errors. Too few positions were measured again to decide that."
+                )
         if self.non_repeatability:
             sizes = [f"{axis} repeats to {_with_unit(axis, size)}" for axis, size in self.non_repeatability.items()]
             parts.append(f"{', '.join(sizes)} (standard deviation from stop to stop). No table cures that.")
