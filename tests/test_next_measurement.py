@@ -5,15 +5,16 @@ from dataclasses import fields, replace
 import msgspec
 import numpy as np
 import pytest
+from support.diagnosis_cases import selector
 from support.tiers import quick
-from support.virtual_measurements import THREE, TRACKER, measured, positions
+from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.next.follow_up import MOST_ROWS
 from calibration.diagnosis.next.predicted_information import PredictedInformation
 from calibration.diagnosis.next.proposals import follow_up_designs
-from calibration.diagnosis.next.ranking import SURE, Question, Signal
+from calibration.diagnosis.next.ranking import SURE, Question, Signal, proposed_measurements
 from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.search.derivatives import signals
@@ -536,3 +537,15 @@ def test_what_a_tracker_did_before_it_was_moved_says_nothing_of_its_drift_after(
     after = predicted.after(now, planned(linearised, "second station across the volume"))
     retraced = predicted.after(now, planned(linearised, "retrace"))
     assert np.trace(after.schur(0)) < 1.2 * np.trace(now.schur(0)) < np.trace(retraced.schur(0))
+
+
+@pytest.mark.parametrize("again", [True, False])
+def test_positions_are_measured_again_where_nothing_shows_the_noise(again):
+    rng = np.random.default_rng(2)
+    q = positions(BENCH, 40, rng)
+    q = np.concatenate([q, q if again else positions(BENCH, 40, rng)])
+    half = msgspec.structs.replace(TRACKER, u_range_um_per_m=0.25, u_angle_um=1.5, u_angle_um_per_m=1.5)
+    data = replace(measured(BENCH, q, ONE, no_errors(BENCH), rng), instrument=half)
+    proposed = list(proposed_measurements(selector(data).bare, (), None))
+    assert [each.name for each in proposed] == ([] if again else ["retrace"])
+    assert all("the instrument scatters more than specified, or the model lacks errors" in p.text for p in proposed)

@@ -42,6 +42,16 @@ class EstimatedNoise:
     revisited: bool = True
     """False where too few positions were measured again to tell the noise of the instrument from misfit."""
 
+    @property
+    def undecided(self) -> bool:
+        """True where residuals are larger than specified, and nothing shows whether they are noise."""
+        return self.scatter > 1.0 and not self.revisited
+
+    @property
+    def scatter(self) -> float:
+        """Factor on the instrument's variances, without misfit where visits of the same positions show it."""
+        return self.instrument_factor if self.factor_of_visits is None else self.factor_of_visits
+
     def rows(self, index: slice | np.ndarray) -> EstimatedNoise:
         """The same for some of the rows."""
         return replace(self, stop=self.stop[index], arms=self.arms[index])
@@ -54,10 +64,10 @@ class EstimatedNoise:
     def text(self) -> str:
         """The estimate in sentences for the report."""
         parts = []
-        scatter = self.instrument_factor if self.factor_of_visits is None else self.factor_of_visits
+        scatter = self.scatter
         if scatter != 1.0:
             times = f"{scatter**0.5:.2g}" if scatter**0.5 > NEGLIGIBLE else f"less than {NEGLIGIBLE:g}"
-            if scatter < 1.0 or self.revisited:
+            if not self.undecided:
                 parts.append(f"The instrument scatters {times} times as much as specified.")
             else:
                 parts.append(

@@ -9,6 +9,7 @@ Causes that the data do not show are listed elsewhere: no measurement is propose
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -25,6 +26,7 @@ from calibration.diagnosis.search.candidates import contract_kind
 from calibration.diagnosis.search.evaluation import SEEN, WORTH
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.verdict import CLEAR, REMEDIES, Named, tied_with
+from calibration.fit.fit import Fit
 from kinematics.effects import Effect
 from kinematics.transforms import Array
 
@@ -126,11 +128,15 @@ def proposed_measurements(
 ) -> Iterator[ProposedMeasurement]:
     """Designs that answer a question, the best first; then the questions that none of them answers.
 
-    dependence: the one that no cause explains; its open questions come first.
+    dependence: the one that no cause explains; its open questions come first. Then the question whether residuals that
+    are larger than specified are noise.
     """
     if dependence is not None and dependence.of_readings:
         yield ProposedMeasurement("remedy", 0.0, 0.0, OTHER_PLACE.format(dependence.listed))
         dependence = None
+    noise = stage.fit.measurement.noise
+    if dependence is None and noise is not None and noise.undecided:
+        yield from _measured_again(stage.fit)
     effects, questions = _questions(stage, causes, dependence)
     if not questions:
         return
@@ -162,6 +168,14 @@ def proposed_measurements(
     yield from (text for kind, text in without if kind == "unexplained")
     yield from sorted(others, key=lambda proposed: -proposed.gain_per_minute)
     yield from (text for kind, text in without if kind != "unexplained")
+
+
+def _measured_again(fit: Fit) -> Iterator[ProposedMeasurement]:
+    """The same positions once more, which show the noise; nothing for instruments without follow-up designs."""
+    for again in itertools.islice(follow_up_designs(fit), 1):
+        does = f"{again.does[0].upper()}{again.does[1:]} ({again.minutes:.0f} min)"
+        text = f"{does}: this shows whether the instrument scatters more than specified, or the model lacks errors."
+        yield ProposedMeasurement(again.name, again.minutes, 0.0, text)
 
 
 def _questions(
