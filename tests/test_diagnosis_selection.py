@@ -10,8 +10,8 @@ from support.diagnosis_cases import data_with, framed, selector
 
 from calibration.diagnosis import diagnose
 from calibration.diagnosis.search import evaluation, selection
-from calibration.diagnosis.search.candidates import RARE, Candidate
-from calibration.diagnosis.search.common_causes import commoner, drifting
+from calibration.diagnosis.search.candidates import RARE, Candidate, at_zero
+from calibration.diagnosis.search.common_causes import commoner, drifting, knocked
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling, evaluate, passing, predicts, siblings
 from calibration.diagnosis.search.shapes.proposed_shapes import finer, joined
 from calibration.diagnosis.search.stage import chosen_of
@@ -24,6 +24,7 @@ from kinematics.effects import (
     GrowthWithSensor,
     GrowthWithTime,
     LocationJump,
+    StationShift,
     ThermalDrift,
     TrackerDrift,
 )
@@ -340,3 +341,24 @@ def test_the_same_causes_are_fitted_once(monkeypatch):
     assert len(fits) == selection.RECENT + 1
     assert len(made.recent) == selection.RECENT
     assert made.stage([(cause, np.ones(1))]).fit is not first.fit
+
+
+MOMENT = 15.0 * 60
+ZEROS = LocationJump("X", "X", 15.0, MOMENT), LocationJump("Y", "Y", -12.0, MOMENT)
+
+
+@pytest.mark.parametrize(
+    ("truth", "jumping", "kind"),
+    [
+        ((StationShift("s1", (15.0, -12.0, 0.0), (15.0, 10.0, -10.0), MOMENT),), ZEROS, "station-shift"),
+        (ZEROS, ZEROS, "location-jump"),
+        ((ZEROS[0], LocationJump("C", "Y", 90.0, MOMENT)), (), "location-jump"),
+    ],
+)
+def test_jumps_at_one_moment_are_a_knock_where_one_explains_them(truth, jumping, kind):
+    """Zeros that were lost at once may have the very signal of a knock."""
+    made = replace(selector(data_with(*truth, n=120)), library=())
+    jumps = [Candidate(at_zero(effect), 1, 100.0) for effect in jumping or truth]
+    found = evaluate(made.bare.linearised, jumps)
+    stage = knocked(made, made.stage([(each.candidate, each.score.size) for each in found]))
+    assert {each.candidate.kind for each in stage.accepted} == {kind}

@@ -6,13 +6,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import msgspec
+import numpy as np
 
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.evaluation import SEEN, Evaluated, evaluate
+from calibration.diagnosis.search.causes import jumps
+from calibration.diagnosis.search.evaluation import SEEN, WORTH, Evaluated, complexity, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import squares_of_all
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
+from kinematics.effects import LocationJump, StationShift
 
 UNSEEN = 1e-12
 """Least sum of squares that is not zero."""
@@ -21,8 +24,10 @@ UNSEEN = 1e-12
 def commoner(selector: Selector, stage: Stage) -> Stage:
     """The stage with common causes in place of a rare one, where these explain as much.
 
-    Also with a drift along X, Y and Z in place of a growth beside a part of this drift, where it explains more.
+    Also with a drift along X, Y and Z in place of a growth beside a part of this drift, where it explains more, and
+    with a knock at the instrument in place of several jumps of the machine.
     """
+    stage = knocked(selector, stage)
     for i, own in enumerate(stage.accepted):
         others = [each for each in stage.accepted if each is not own]
         beside = own.candidate.kind == "thermal-scale" and any(each.candidate.shifts_tool for each in others)
@@ -35,6 +40,38 @@ def commoner(selector: Selector, stage: Stage) -> Stage:
             if trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity:
                 return commoner(selector, trial)
     return stage
+
+
+def knocked(selector: Selector, stage: Stage) -> Stage:
+    """The stage with one knock at the instrument in place of several jumps of the machine, where it is far likelier.
+
+    By the data alone: zeros of axes that were lost at once may have the very signal of a knock, which is a tie. The
+    jumps have one moment. A set-up that is knocked already is not knocked again.
+    """
+    jumping = [i for i, each in enumerate(stage.accepted) if isinstance(each.candidate.effect, LocationJump)]
+    if len(jumping) < 2:
+        return stage
+    first, without = stage.accepted[jumping[0]].candidate, stage.without(*jumping)
+    others = [each for i, each in enumerate(stage.accepted) if i not in jumping]
+    known = {each.candidate.cause for each in others}
+    since = getattr(first.effect, "since_s", None)
+    for knock in jumps(selector.measurement):
+        if not isinstance(knock, StationShift):
+            continue
+        candidate = Candidate(msgspec.structs.replace(knock, since_s=since), 1, first.trials)
+        if candidate.cause in known:
+            continue
+        (tried,) = evaluate(without, [candidate])
+        trial = selector.stage([*chosen_of(others), (tried.candidate, tried.score.size)])
+        if _by_choices(trial) < _by_choices(stage) + WORTH:
+            return trial
+    return stage
+
+
+def _by_choices(stage: Stage) -> float:
+    """BIC of a stage by the free choices of its causes: a vector of the instrument is one."""
+    choices = sum(complexity(each.candidate) for each in stage.accepted)
+    return stage.linearised.squares + stage.linearised.spread + choices * float(np.log(stage.linearised.scalars))
 
 
 def drifting(selector: Selector, stage: Stage, index: int) -> Iterator[Sequence[Accepted]]:
