@@ -37,7 +37,9 @@ def commoner(selector: Selector, stage: Stage) -> Stage:
         lacking = replace(selector, library=library)
         for known in (*drifting(lacking, stage, i), *([] if beside else [others])):
             trial = lacking.select(known).stages[-1]
-            if trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity:
+            likelier = trial.rarity == stage.rarity and trial.cost < stage.cost
+            less_rare = trial.rarity < stage.rarity and trial.cost < stage.cost + 2.0 * own.candidate.rarity
+            if likelier or less_rare:
                 return commoner(selector, trial)
     return stage
 
