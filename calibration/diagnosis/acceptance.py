@@ -21,8 +21,9 @@ from calibration.fit.cross_validation import CrossValidation, summed_up, uncorre
 from calibration.fit.fit import Fit, fit
 from calibration.fit.problem import FIXED
 from calibration.fit.set_up.moved_spheres import moved_spheres
-from calibration.observation.full_model import priors
+from calibration.observation.full_model import moving_axes, priors
 from calibration.observation.normal_equations import whiteners
+from calibration.observation.stops_and_lines import inner_positions
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
@@ -78,6 +79,7 @@ class Acceptance(Judged):
         if unseen is not None and not confirmed:
             against = against or against_learned(unseen)
         reason = against or ("" if confirmed else reason_against(after.fit, nominal, none))
+        reason = reason or ("" if confirmed else against_positions(after, nominal))
         if confirmed and none is not None and none.gains.worse:
             reason = f"{not_better('the present calibration, updated,', none, 'the nominal machine')}. {ADVICE}"
         return cls(none, present, too_many or reason, force, confirmed and not (too_many or reason))
@@ -137,6 +139,23 @@ def _against_uncertain(unseen: UnseenErrors) -> str:
         f"{unseen.with_um:.3g} um RMS are expected with it, {unseen.without_um:.3g} um without it, and "
         f"the function is uncertain by {math.sqrt(max(uncertain, 0.0)):.3g} um. {ADVICE}"
     )
+
+
+def against_positions(stage: Stage, nominal: Array) -> str:
+    """Reason why a model may be no improvement between the measured positions of an axis; empty if it is one.
+
+    Lines and regions of stops may share the few positions of an axis: a fit then has learned the errors there. Each
+    position inside the range is predicted by a fit of the others instead. nominal: as `nominal_residuals`.
+    """
+    for axis in moving_axes(stage.fit.measurement):
+        labels = inner_positions(stage.fit.measurement, axis)
+        if labels is None:
+            continue
+        by_position = stage._replace(linearised=stage.linearised.held_by(labels, f"positions of {axis}"))
+        none = _compared(by_position, _of_all_rows(stage, nominal))
+        if none is not None and not none.gains.better:
+            return f"{not_better('the fit of the others', none, 'the nominal machine')}. {ADVICE}"
+    return ""
 
 
 def _held_out(stage: Stage) -> Array:

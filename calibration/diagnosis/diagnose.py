@@ -21,6 +21,7 @@ from calibration.diagnosis.residual.cancelling import cancelling
 from calibration.diagnosis.residual.chance_level import ByChance
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.modulation import Modulated, modulated, modulation
+from calibration.diagnosis.residual.undetermined_periods import Undetermined, at_positions, undetermined
 from calibration.diagnosis.residual.unnamed import add_unnamed
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.result import LEFT, Diagnosis
@@ -32,6 +33,7 @@ from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.diagnosis.search.sudden_changes import sudden_changes
 from calibration.diagnosis.separability import separability
+from calibration.diagnosis.undecided_causes import squares_by_undecided
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import (
     below_spacing,
@@ -174,8 +176,11 @@ def _concluded(
     model, factor = new_calibration(selector.base, curved, added, calibration), 1.0
     if unseen is not None:
         model, factor = widened(model, selector.measurement, unseen.squares)
-    elif dependence is None and (finer_fit := selector.with_finer_turns(after)) is not None:
-        model, factor = widened(model, selector.measurement, errors_by_choice(after.fit, finer_fit))
+    elif dependence is None:
+        finer_fit = selector.with_finer_turns(after)
+        by_choice = np.zeros(3) if finer_fit is None else errors_by_choice(after.fit, finer_fit)
+        besides = squares_by_undecided(after.linearised, evaluated)
+        model, factor = widened(model, selector.measurement, by_choice, besides)
     given, change = before, None
     if first.base.present is not None and calibration is not None:
         given = first.on(first.base.as_it_is).bare
@@ -304,7 +309,7 @@ def _without_impostors(
     remains, the bases of the search stay only if they predict held-out rows as well as those of the result `without`
     the search, whose fit with the uncertainty of errors that the model lacks is `cautious`.
     """
-    imitated: list[Modulated] = []
+    imitated: list[Modulated | Undetermined] = []
     while True:
         stage, selector = found.stage, found.selector
         searched = not stage.accepted and selector is not without.selector
@@ -313,7 +318,8 @@ def _without_impostors(
             continue
         blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
         if not blamed:
-            imitated += (more := modulated(stage))
+            more: list[Modulated | Undetermined] = [*modulated(stage), *undetermined(stage)]
+            imitated += more
             blamed = [each.accepted for each in more]
         for doubted in DOUBTS:
             blamed = blamed or doubted(stage)
@@ -338,9 +344,11 @@ def _unsupported(selector: Selector, stage: Stage) -> list[Accepted]:
     return [each for each, other in both if other.score.delta_bic > 0.0]
 
 
-def _imitated(stage: Stage, imitated: Sequence[Modulated]) -> Iterator[Unexplained | None]:
-    """The error of two axes that each of some modulated causes imitates, in the residual of a stage without them."""
-    return (modulation(stage.linearised, each) for each in imitated)
+def _imitated(stage: Stage, imitated: Sequence[Modulated | Undetermined]) -> Iterator[Unexplained | None]:
+    """The error that each of some causes imitates, in the residual of a stage without them."""
+    for each in imitated:
+        found = stage.linearised
+        yield modulation(found, each) if isinstance(each, Modulated) else at_positions(found, each)
 
 
 def _among(accepted: Accepted, others: Sequence[Accepted]) -> bool:

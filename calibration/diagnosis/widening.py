@@ -25,6 +25,7 @@ from calibration.fit.linear import Posterior
 from calibration.fit.prediction import MM, deviation_design
 from calibration.measurement.measurement import Measurement
 from kinematics.deviation import exact_deviation
+from kinematics.effects import Effect
 from kinematics.error_model.covariance import root_of
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.forward import forward
@@ -60,14 +61,17 @@ class Widened(NamedTuple):
     """Uncertainties of predicted deviations in RMS, as a multiple of those that follow from the noise."""
 
 
-class _Moment(NamedTuple):
+class Moment(NamedTuple):
     """Unseen states at one moment."""
 
     machine: Machine
     state: State
     tool: Array
+    """Tool vectors `(n, 3)`, mm."""
     less: Array
     """Matrix `(3n, 3n)` that removes a common shift and rotation from displacements."""
+    mean: State
+    """The same states at the mean time and temperatures of the measurement."""
 
     def deviations(self, model: ErrorModel) -> Array:
         """Deviations `(n, 3)` by a model, um."""
@@ -77,6 +81,15 @@ class _Moment(NamedTuple):
     def design(self, model: ErrorModel) -> Array:
         """Derivatives `(n, 3, p)` of the deviations by the parameters, um."""
         return self._apart(deviation_design(model, self.machine, self.state, self.tool))
+
+    @property
+    def at_mean(self) -> Moment:
+        """The same positions at the mean time and temperatures."""
+        return self._replace(state=self.mean)
+
+    def deviations_of(self, effect: Effect) -> Array:
+        """Deviations `(n, 3)` by a single effect, um."""
+        return self.deviations(msgspec.structs.replace(no_errors(self.machine), effects=(effect,)))
 
     def _apart(self, values: Array) -> Array:
         return MM * np.asarray(self.less @ values.reshape(len(self.less), -1)).reshape(values.shape)
@@ -104,8 +117,8 @@ def _errors_beside(linearised: LinearisedFit, dependence: Unexplained, present: 
     function = msgspec.structs.replace(fit.model, effects=beside.effects, covariance=None)
     values, root = _solved(beside.linearised, first)
     own = np.r_[:p, len(values) - len(beside.prior) : len(values)]  # without a random walk, which shifts all alike
-    moved = _scaled(fit.prior, values[:p] - linearised.away[first:])
-    root = np.concatenate([_scaled(fit.prior, root[:p]), root[own[p:]]])
+    moved = scaled(fit.prior, values[:p] - linearised.away[first:])
+    root = np.concatenate([scaled(fit.prior, root[:p]), root[own[p:]]])
     given = no_errors(fit.measurement.machine) if present is None else present
     parts = []
     for moment in moments(fit.measurement):
@@ -151,14 +164,14 @@ def _solved(linearised: LinearisedFit, first: int) -> tuple[Array, Array]:
     return linearised.away[first:], posterior.root[first:]
 
 
-def _scaled(prior: Array, values: Array) -> Array:
+def scaled(prior: Array, values: Array) -> Array:
     """Values `(p, ...)` in units of a prior, in those of the parameters."""
     if prior.ndim == 2:
         return np.asarray(prior @ values)
     return np.asarray((np.where(np.isfinite(prior), prior, 1.0) * values.T).T)
 
 
-def moments(measurement: Measurement) -> Iterator[_Moment]:
+def moments(measurement: Measurement) -> Iterator[Moment]:
     """Random states within the measured ranges, at several moments of the measurement."""
     state, tool = usual_states(measurement)
     low, high = state.positions.min(axis=0), state.positions.max(axis=0)
@@ -168,13 +181,19 @@ def moments(measurement: Measurement) -> Iterator[_Moment]:
         approach = None if state.approach is None else state.approach[rng.integers(len(state), size=POSES)]
         here = replace(state.rows(np.full(POSES, row)), positions=q, approach=approach)
         tools, machine = np.tile(tool[row], (POSES, 1)), measurement.machine
-        yield _Moment(machine, here, tools, without_clamp(forward(machine, q).apply(tools)))
+        mean = replace(
+            here,
+            time=None if state.time is None else np.full(POSES, state.time.mean()),
+            temperatures={name: np.full(POSES, kelvin.mean()) for name, kelvin in state.temperatures.items()},
+        )
+        yield Moment(machine, here, tools, without_clamp(forward(machine, q).apply(tools)), mean)
 
 
-def widened(model: ErrorModel, measurement: Measurement, squares: Array) -> Widened:
+def widened(model: ErrorModel, measurement: Measurement, squares: Array, besides: Array | float = 0.0) -> Widened:
     """The model with larger uncertainties, where those of its predictions are smaller than their errors.
 
-    squares: mean squares of the errors of predicted deviations `(3,)`, um^2, in x, y, z, as of `UnseenErrors`.
+    squares: mean squares of the errors of predicted deviations `(3,)`, um^2, in x, y, z, as of `UnseenErrors`. besides:
+    mean squares of errors besides those of its own uncertainties, likewise.
 
     The variance of each combination of parameters that moves the tool in a direction is multiplied (Birge 1932), such
     that those of the predicted deviations at unseen states reach these mean squares.
@@ -195,7 +214,7 @@ def widened(model: ErrorModel, measurement: Measurement, squares: Array) -> Wide
         return Widened(model, 1.0)
     # a combination of parameters moves the tool in other directions too
     moved = np.stack([np.mean(np.sum((design @ each) ** 2, axis=2), axis=0) for each in own], axis=1)
-    factors, _ = nnls(moved, np.maximum(squares - variance, 0.0))
+    factors, _ = nnls(moved, np.maximum(squares - variance, besides))
     if not factors.any():
         return Widened(model, 1.0)
     more = sum(factor * each @ each.T for factor, each in zip(factors.tolist(), own, strict=True))

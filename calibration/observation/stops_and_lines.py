@@ -31,6 +31,10 @@ LEAST_OF_REGION = 4
 """Smallest number of positions of a region beside lines; fewer positions are never held out."""
 LEAST_BLOCKS, MOST_BLOCKS = 3, 24
 """Fewer lines do not predict each other; more lines, or cycles, are grouped."""
+SAME_LEVEL = 2e-3
+"""Difference, as a share of the range of an axis, up to which positions of the axis count as one."""
+LEAST_LEVELS, MOST_LEVELS = 5, 40
+"""Fewest and most positions of an axis that are held out one by one."""
 LEAST_CYCLES = 2
 """Each cycle visits all targets, so that two predict each other."""
 LEAST_UNITS = 8
@@ -127,6 +131,25 @@ def held_out_blocks(measurement: Measurement) -> tuple[np.ndarray, str]:
         return labels, "lines"
     labels[loose] = _regions(positions[loose], regions) + labels.max() + 1
     return labels, "lines and regions of stops"
+
+
+def inner_positions(measurement: Measurement, axis: str) -> np.ndarray | None:
+    """Labels `(n,)` of the rows by the position of an axis, -1 at its ends; None where these are no blocks to hold out.
+
+    That is for an interferometer, a rotary axis, and few or many positions: stops at positions of their own are no
+    lattice, and regions of them show what lies between.
+    """
+    if measurement.axis is not None or axis[0] in "ABC":
+        return None
+    x = measurement.state.position(measurement.machine, axis)
+    order = np.argsort(x)
+    apart = np.diff(x[order]) > SAME_LEVEL * np.ptp(x)
+    number = np.empty(len(x), int)
+    number[order] = np.append(0, np.cumsum(apart))
+    last = int(number.max())
+    if not LEAST_LEVELS <= last + 1 <= MOST_LEVELS:
+        return None
+    return np.where((number == 0) | (number == last), -1, number % REGIONS)
 
 
 def _positions(measurement: Measurement) -> Array:

@@ -43,6 +43,8 @@ ORIGINS: dict[Origin, str] = {
 }
 LISTED = 8
 """Most outliers that are listed, and most tests; the JSON has all."""
+NOTABLE = 1.05
+"""Factor of the uncertainties from which a sentence states it."""
 SIMILAR = 3
 """Most similar causes that are listed for one cause."""
 SIGNS = (
@@ -294,7 +296,7 @@ def _unexplained(found: Diagnosis) -> Section:
         return Section("Unexplained", f"{found.conclusion.unexplained}{_few_rows(found.widened)}")
     text = (
         f"{found.unexplained_um:.2f} um RMS depend on {left.listed} ({probability(left.p_value, 2)}), and no cause "
-        f"of the library explains them.{_of_readings(left)}{_widened(found.widened)}\n"
+        f"of the library explains them.{_of_readings(left)}{_of_any_period(left)}{_widened(found.widened)}\n"
         "The table tests each variable alone: its squared distance correlation (without bias, about 0 where "
         "independent), and the p-value among residuals permuted in blocks, as it is and adjusted by Benjamini and "
         "Hochberg. Variables that act only jointly are not found.\nThe figure is "
@@ -306,11 +308,11 @@ def _unexplained(found: Diagnosis) -> Section:
 
 
 def _few_rows(factor: float) -> str:
-    if factor == 1.0:
+    if factor < NOTABLE:
         return ""
     return (
-        f" The rows are few and leave open how fine the waves of rotary axes are: the uncertainties of the calibration "
-        f"are {factor:.2g} times those that follow from the noise."
+        " The data neither name nor exclude further causes, or leave open how fine the waves of rotary axes are: the "
+        f"uncertainties of the calibration are {factor:.2g} times those that follow from the noise."
     )
 
 
@@ -318,6 +320,18 @@ def _of_readings(left: Unexplained) -> str:
     if not left.of_readings:
         return ""
     return " A function of the tracker's readings explains them better than an error of the machine does."
+
+
+def _of_any_period(left: Unexplained) -> str:
+    if not left.periods:
+        return ""
+    axis = left.variables[0]
+    listed = shortened([f"{period:.4g}" for period in left.periods], LISTED, "periods")
+    return (
+        f" They may be a wave along {axis}, but the positions of {axis} do not determine its period: waves of "
+        f"{', '.join(listed)} {'deg' if axis[0] in 'ABC' else 'mm'} explain them equally, and so do independent errors "
+        f"at these positions. Between the positions the error is unknown: measure {axis} at irregular, finer spacing."
+    )
 
 
 def _widened(factor: float) -> str:

@@ -41,6 +41,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "unexplained": None
         if left is None
         else {"variables": list(left.variables), "p_value": left.p_value, "rms_um": found.unexplained_um},
+        "unexplained_periods": [] if left is None else list(left.periods),
         "next_measurement": found.next_measurement,
         "widened": found.widened,
         "one_by_one": [dependence._asdict() for dependence in found.one_by_one],

@@ -55,6 +55,8 @@ class Unexplained(NamedTuple):
     """RMS of the function, per scalar, in units of the residuals."""
     shape: Array
     """The function at the rows `(n, d)`."""
+    periods: tuple[float, ...] = ()
+    """Periods, mm or degrees, of waves of the first variable that explain it equally; empty where none was found."""
 
     @property
     def of_readings(self) -> bool:

@@ -28,7 +28,7 @@ from calibration.diagnosis.residual.readings import readings, with_function_of_r
 from calibration.diagnosis.residual.unnamed import may_depend_on
 from calibration.diagnosis.residual.whiteness import ALONG_TIME, Columns, Test, whiteness
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.evaluation import evaluate
+from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.measurement.instruments import LaserTracker, TouchProbe
@@ -187,7 +187,10 @@ def misread(stage: Stage) -> list[Accepted]:
 
 
 def wandering(stage: Stage) -> list[Accepted]:
-    """Accepted jumps that only imitate a wandering: a function of time, or a random walk, explains more."""
+    """Accepted jumps that only imitate a wandering: a function of time, or a random walk, explains more.
+
+    Also a jump that is no larger than the steps of a random walk beside it.
+    """
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
     for i, each in enumerate(stage.accepted):
         if getattr(each.candidate.effect, "since_s", None) is None:
@@ -197,7 +200,7 @@ def wandering(stage: Stage) -> list[Accepted]:
         # rows that are correlated count in full for the function: for a jump only if it explains far more
         cost = score.effective_parameters * np.log(without.scalars)
         in_full = 0.5 * (score.squares - cost)
-        if with_walk(without).log_odds > FAR_MORE * in_full:
+        if with_walk(without).log_odds > FAR_MORE * in_full or _like_a_step(even, i):
             found.append(each)
             continue
         dependence = unexplained(without)
@@ -206,6 +209,20 @@ def wandering(stage: Stage) -> list[Accepted]:
         if log_odds_of_function(without, dependence) > max(-0.5 * score.delta_bic, in_full / FAR_MORE):
             found.append(each)
     return found
+
+
+def _like_a_step(stage: Stage, index: int) -> bool:
+    """True for a jump without evidence beside a random walk of the tool whose steps are those of the other rows."""
+    beside = with_walk(stage.linearised)
+    if not beside.log_odds:
+        return False
+    model = stage.fit.model
+    part = model.slices[stage.numbers[index]]
+    linear = [quantity.linear for quantity in stage.accepted[index].candidate.effect.parameter_table]
+    own = np.arange(part.start, part.stop)[linear] + stage.linearised.design.shape[1] - len(model.parameters)
+    root, size = beside.linearised.posterior.root[own], beside.linearised.away[own]
+    gain = float(size @ np.linalg.solve(root @ root.T, size))
+    return bool(gain < len(own) * np.log(stage.linearised.scalars) - WORTH)
 
 
 def smoothed(stage: Stage) -> list[Accepted]:

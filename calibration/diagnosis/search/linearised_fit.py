@@ -343,6 +343,13 @@ class LinearisedFit:
         """Labels of the blocks of all rows of the measurement, and the name of the blocks."""
         return held_out_blocks(self.measurement)
 
+    def held_by(self, labels: np.ndarray, name: str) -> LinearisedFit:
+        """The same linearised fit with other blocks, by their labels `(n,)` of all rows; name: as of `held_out`."""
+        other = replace(self)
+        vars(other).update({each: vars(self)[each] for each in OF_THE_DESIGN if each in vars(self)})
+        vars(other)["held_out"] = labels, name
+        return other
+
     @cached_property
     def _by_others(self) -> HeldOut:
         """Its rows in the blocks of `held_out`."""

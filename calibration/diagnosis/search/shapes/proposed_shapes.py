@@ -116,7 +116,7 @@ def waves(linearised: LinearisedFit, components: tuple[Component, ...] = get_arg
 def waves_of(linearised: LinearisedFit, axis: str, components: tuple[Component, ...]) -> list[Candidate]:
     """The strongest cyclic error of one axis and each of these components."""
     measurement = linearised.measurement
-    frequencies = _frequencies(linearised, axis)
+    frequencies = frequencies_of(linearised, axis)
     if len(frequencies) < OVERSAMPLING:
         return []
     seen = [c for c in components if measurement.axis is None or c in observed_components(measurement, axis)]
@@ -128,7 +128,7 @@ def waves_of(linearised: LinearisedFit, axis: str, components: tuple[Component, 
     return found
 
 
-def _frequencies(linearised: LinearisedFit, axis: str) -> Array:
+def frequencies_of(linearised: LinearisedFit, axis: str) -> Array:
     """Frequencies `(m,)` of the waves along an axis that are tried, 1/mm or 1/degree."""
     measurement = linearised.measurement
     low, high = moving_axes(measurement)[axis]

@@ -1,0 +1,72 @@
+"""Waves whose period the positions of their axis do not determine, and errors between few positions."""
+
+import msgspec
+import numpy as np
+import pytest
+from support.diagnosis_cases import CFRAME, selector
+from support.virtual_measurements import THREE, measured, positions
+
+from calibration.diagnosis.acceptance import against_positions
+from calibration.diagnosis.residual.undetermined_periods import at_positions, undetermined
+from calibration.diagnosis.search.evaluation import WORTH, evaluate
+from calibration.diagnosis.search.shapes.proposed_shapes import waves_of
+from calibration.fit.acceptance import nominal_residuals
+from calibration.observation.stops_and_lines import inner_positions
+from kinematics.basis import Legendre
+from kinematics.effects import Cyclic, ErrorMotion
+from kinematics.error_model.model import no_errors
+
+LEVELS = np.array([3.0, 58.0, 117.0, 180.0, 239.0, 303.0, 361.0, 422.0, 487.0, 540.0, 596.0])
+SLOPE = ErrorMotion("Y", "X", Legendre((0.0, 600.0), 2), (0.0, 40.0, 25.0))
+WAVE = Cyclic("X", "X", 16.0, (60.0,), (20.0,))
+
+
+def points(*effects, levels=None, n=90):
+    """Random positions of the C-frame, X at some levels or anywhere, its errors just these effects."""
+    rng = np.random.default_rng(4)
+    q = positions(CFRAME, n, rng)
+    if levels is not None:
+        q[:, 0] = levels[np.arange(n) % len(levels)]
+    return measured(CFRAME, q, THREE, msgspec.structs.replace(no_errors(CFRAME), effects=effects), rng)
+
+
+def with_a_wave(data):
+    """The fit of error motions without and with the strongest wave of X."""
+    made = selector(data, 5)
+    best = evaluate((bare := made.stage([])).linearised, waves_of(bare.linearised, "X", ("X",)))[0]
+    return bare, made.stage([(best.candidate, best.score.size)])
+
+
+def test_irregular_positions_determine_the_period_of_a_wave():
+    _, stage = with_a_wave(points(SLOPE, WAVE))
+    assert stage.accepted[0].candidate.effect.period == pytest.approx(16.0, abs=0.02)
+    assert undetermined(stage) == []
+
+
+def test_at_few_positions_waves_of_many_periods_explain_the_errors():
+    bare, stage = with_a_wave(points(SLOPE, WAVE, levels=LEVELS))
+    assert stage.accepted[0].score.delta_bic < WORTH
+    (found,) = undetermined(stage)
+    assert found.accepted is stage.accepted[0]
+    assert found.periods[0] == found.effect.period
+    assert len(found.periods) > 1
+    dependence = at_positions(bare.linearised, found)
+    assert dependence.variables == ("X",)
+    assert dependence.periods == found.periods
+    left, noise = bare.linearised.residual - dependence.shape.reshape(-1), bare.linearised.degrees_of_freedom
+    assert left @ left - noise < 0.05 * (bare.linearised.squares - noise)
+
+
+def test_errors_between_few_positions_must_be_predicted():
+    bare, _ = with_a_wave(points(SLOPE, WAVE, levels=LEVELS))
+    assert "held-out positions of X" in against_positions(bare, nominal_residuals(bare.fit))
+    bare, _ = with_a_wave(points(SLOPE, levels=LEVELS))
+    assert against_positions(bare, nominal_residuals(bare.fit)) == ""
+
+
+def test_only_positions_inside_the_range_are_held_out():
+    labels = inner_positions(points(levels=LEVELS), "X")
+    assert (labels[:11] < 0).tolist() == [True, *[False] * 9, True]
+    assert len(np.unique(labels[1:10])) == 8
+    assert inner_positions(points(), "X") is None
+    assert inner_positions(points(levels=LEVELS[:4]), "X") is None
