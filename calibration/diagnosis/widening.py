@@ -38,6 +38,8 @@ SEEN = 1e-3
 MOMENTS, POSES = 5, 100
 """Moments of the measurement, and states at each of them, at which errors are predicted."""
 SEED = 1
+NOTABLE = 1.05
+"""Factor of the uncertainties from which they are enlarged."""
 
 
 class UnseenErrors(NamedTuple):
@@ -220,4 +222,5 @@ def widened(model: ErrorModel, measurement: Measurement, squares: Array, besides
     more = sum(factor * each @ each.T for factor, each in zip(factors.tolist(), own, strict=True))
     larger = model.with_parameters(model.parameters, np.array(model.covariance) + more)
     after = np.mean(larger.propagated(design) ** 2, axis=0)
-    return Widened(larger, float(np.sqrt(after.mean() / variance.mean())))
+    factor = float(np.sqrt(after.mean() / variance.mean()))
+    return Widened(larger, factor) if factor > NOTABLE else Widened(model, 1.0)

@@ -43,8 +43,6 @@ ORIGINS: dict[Origin, str] = {
 }
 LISTED = 8
 """Most outliers that are listed, and most tests; the JSON has all."""
-NOTABLE = 1.05
-"""Factor of the uncertainties from which a sentence states it."""
 SIMILAR = 3
 """Most similar causes that are listed for one cause."""
 SIGNS = (
@@ -308,7 +306,7 @@ def _unexplained(found: Diagnosis) -> Section:
 
 
 def _few_rows(factor: float) -> str:
-    if factor < NOTABLE:
+    if factor == 1.0:
         return ""
     return (
         " The data neither name nor exclude further causes, or leave open how fine the waves of rotary axes are: the "
