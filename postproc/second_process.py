@@ -27,7 +27,7 @@ from weakref import WeakSet
 import numpy as np
 
 from kinematics.running.memory import keep_freed_memory
-from kinematics.running.workers import STOPS, stops_wait
+from kinematics.running.stops import STOPS, stops_wait
 
 BUFFERS = 5
 """Protocol of pickle that leaves the memory of columns where it is."""

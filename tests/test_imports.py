@@ -61,7 +61,7 @@ POSTPROC = (
     "postproc.kinematic_parameters",
     "postproc.hooks",
 )
-TOP = ("ncomp", "postproc.commands", "postproc.cli")
+TOP = ("ncomp", "postproc.commands", "postproc.command_line", "postproc.cli")
 BOTH_SIDES = ("ncomp", "postproc.commands")
 """The only modules where NC programs and calibrations meet."""
 BESIDE_EACH_OTHER = ("postproc.iso", "postproc.siemens", "postproc.heidenhain")

@@ -30,7 +30,7 @@ from kinematics.basis import BSpline
 from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, QuantisedCompensation, Reversal
 from kinematics.effects.base import own_component, own_motion
 from kinematics.error_model.covariance import propagated
-from kinematics.error_model.model import ErrorModel, Provenance, reference
+from kinematics.error_model.model import SIMULATED, ErrorModel, Provenance, reference
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -259,6 +259,8 @@ def _provenance(data: Data, base: ErrorModel | None) -> Provenance:
     inputs, source = dict(data.fingerprints), f"continuous runs and targets of {data.axis}"
     if base is not None:
         inputs, source = base.provenance.inputs | inputs, f"{base.provenance.source}; {source}".removeprefix("; ")
+    if data.simulated or (base is not None and base.invented):  # announced on every use
+        source += f", {SIMULATED}"
     now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     return Provenance(f"ncomp {VERSION}", now, source, inputs)
 

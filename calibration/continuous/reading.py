@@ -14,7 +14,7 @@ import numpy as np
 from calibration.continuous.records import DIRECTION_NAMES, QuasiStatic, Record
 from calibration.measurement.readers import iso230_table, renishaw
 from calibration.measurement.readers.text import given_entries, old_text
-from calibration.measurement.states import DIRECTIONS
+from calibration.measurement.states import DIRECTIONS, MADE_BY, is_simulated
 from calibration.measurement.text_table import Table, parse_table, refuse_empty
 from kinematics.files import read_input
 from kinematics.machine import Machine, make_axis
@@ -22,7 +22,7 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 RUN_COLUMNS = ("time_s", "displacement_mm", "run", "direction")
-RUN_KEYS = ("machine", "instrument", "axis", "start_mm", "end_mm", "feed_mm_min")
+RUN_KEYS = ("machine", "instrument", "axis", "start_mm", "end_mm", "feed_mm_min", MADE_BY)
 SAME_UM = 1e-6
 STATE_COLUMN = re.compile(r"[A-CU-Z]\d?|time_s|feed|target|point|station|(dir|actual)_\w+|temp_\S+")
 """Other columns of a measurement file, which a run of one axis does not need."""
@@ -44,6 +44,8 @@ class Data(NamedTuple):
     """Files of quasi-static data."""
     machine: str = ""
     """Name of the machine, if a file gives it."""
+    simulated: bool = False
+    """True if a file is of a virtual machine."""
 
 
 class _File(NamedTuple):
@@ -89,7 +91,9 @@ def read_all(paths: Sequence[Path], header: Mapping[str, str]) -> Data:
     ]
     prints = {table.source: table.fingerprint for table in (*runs, *quasi_static)}
     standing = tuple(file.path for file in files if not file.continuous)
-    return Data(axis, records, _together(parts), prints, tuple(notes), standing, _machine([*runs, *quasi_static]))
+    tables = [*runs, *quasi_static]
+    simulated = any(is_simulated(table) for table in tables)
+    return Data(axis, records, _together(parts), prints, tuple(notes), standing, _machine(tables), simulated)
 
 
 def _read(path: Path, header: Mapping[str, str]) -> _File:

@@ -7,12 +7,17 @@ from collections.abc import Sequence
 from typing import BinaryIO
 
 from calibration.continuous.records import Record
+from calibration.measurement.states import MADE_BY
+from kinematics.version import VERSION
 
 CHUNK = 50_000
 
 
-def write_records(records: Sequence[Record], axis: str, machine: str, file: BinaryIO) -> None:
-    """Write runs over the same travel; several runs have columns `run` and `direction`."""
+def write_records(records: Sequence[Record], axis: str, machine: str, file: BinaryIO, origin: str = "") -> None:
+    """Write runs over the same travel; several runs have columns `run` and `direction`.
+
+    origin: of the data, for the header line `made_by`.
+    """
     first = records[0]
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     for key, value in (
@@ -21,6 +26,7 @@ def write_records(records: Sequence[Record], axis: str, machine: str, file: Bina
         ("start_mm", f"{first.start:g}"),
         ("end_mm", f"{first.end:g}"),
         ("feed_mm_min", f"{first.feed:g}"),
+        (MADE_BY, f"ncomp {VERSION}{origin}"),
     ):
         text.write(f"# {key}: {value}\n")
     several = len(records) > 1

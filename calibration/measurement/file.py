@@ -51,6 +51,7 @@ from calibration.measurement.states import (
     MeasurementStates,
     allow_columns,
     check_machine,
+    is_simulated,
     note_unknown_keys,
     read_states,
     refuse_unstated,
@@ -154,7 +155,7 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
         scatter=_scatter(table),
         spheres=spheres,
         distances=distances,
-        simulated=MADE_BY in table.entries and "simulated" in table.entries[MADE_BY].value,
+        simulated=is_simulated(table),
     )
 
 

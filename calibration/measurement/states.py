@@ -156,6 +156,11 @@ def read_states(table: Table, machine: Machine, notes: list[str]) -> Measurement
     )
 
 
+def is_simulated(table: Table) -> bool:
+    """True for a file of a virtual machine, by its header."""
+    return MADE_BY in table.entries and "simulated" in table.entries[MADE_BY].value
+
+
 def read_targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndarray]:
     """The targets by name, and the name of the target of each row `(n,)`."""
     if is_touch_probe(table):

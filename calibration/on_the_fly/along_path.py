@@ -155,7 +155,7 @@ def _measurement(taken: _Rows, readings: Readings, path: NominalPath) -> Measure
     return Measurement(
         path.machine, readings.instrument, with_moves(state, taken.approach), taken.observed, readings.targets,
         readings.stands_on, run=run, feed=taken.feed, lines=readings.lines[first], source=readings.source,
-        fingerprint=readings.fingerprint, notes=readings.notes,
+        fingerprint=readings.fingerprint, notes=readings.notes, simulated=readings.simulated,
         across=AcrossPath(taken.directions, taken.readings, path.ends, taken.distances),
     )  # fmt: skip
 

@@ -13,8 +13,10 @@ from calibration.measurement.file import read_instrument, uncertainty_keys
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.measurement.states import (
+    MADE_BY,
     allow_columns,
     check_machine,
+    is_simulated,
     note_unknown_keys,
     read_stands_on,
     read_targets,
@@ -55,6 +57,8 @@ class Readings:
     source: str
     fingerprint: str
     notes: tuple[str, ...] = ()
+    simulated: bool = False
+    """True for readings of a virtual machine."""
 
     def __len__(self) -> int:
         return len(self.time)
@@ -84,7 +88,7 @@ def read_readings(table: Table, machine: Machine) -> Readings:
     if not isinstance(instrument, LaserTracker):
         raise UserError(f"{table.source}: data taken on the fly (--path) need a laser tracker")
     check_machine(table, machine, notes)
-    keys = ["machine", "instrument", "stands_on", *uncertainty_keys(LaserTracker)]
+    keys = ["machine", "instrument", "stands_on", MADE_BY, *uncertainty_keys(LaserTracker)]
     note_unknown_keys(table, lambda key: key in keys, notes)
     positions = [name for name in machine.names if name in table.names]
     if positions:
@@ -105,7 +109,7 @@ def read_readings(table: Table, machine: Machine) -> Readings:
     found = Readings(
         instrument, targets, read_stands_on(table), time, np.stack([numbers[name] for name in "xyz"], axis=1), target,
         texts.get("station", np.full(len(table), ONLY)), texts.get("run", np.full(len(table), ONLY)),
-        read_temperatures(table), table.lines, table.source, table.fingerprint, tuple(notes),
+        read_temperatures(table), table.lines, table.source, table.fingerprint, tuple(notes), is_simulated(table),
     )  # fmt: skip
     for rows in found.passes():
         back = np.flatnonzero(np.diff(time[rows]) <= 0.0)

@@ -13,12 +13,14 @@ import numpy as np
 from calibration.measurement.file import CHUNK, header_lines
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target, with_moves
+from calibration.measurement.states import MADE_BY
 from calibration.on_the_fly.drive import Driven, PathDynamics, driven
 from calibration.on_the_fly.nominal_path import NominalPath
 from calibration.simulation.simulate import observe, with_temperatures
 from kinematics.error_model.model import ErrorModel
 from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array, Pose
+from kinematics.version import VERSION
 
 BETWEEN_S = 60.0
 """Time from the end of one pass to the start of the next, s."""
@@ -71,10 +73,13 @@ def readings_of(
     return replace(seen, observed=seen.observed + _vibration(session, state, run, rng))
 
 
-def write_readings(readings: Measurement, file: BinaryIO) -> None:
-    """Write the readings in the form of a tracker: time and points; target, station and run if there are several."""
+def write_readings(readings: Measurement, file: BinaryIO, origin: str = "") -> None:
+    """Write the readings in the form of a tracker: time and points; target, station and run if there are several.
+
+    origin: of the data, for the header line `made_by`.
+    """
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
-    for line in header_lines(readings):
+    for line in (*header_lines(readings), f"{MADE_BY}: ncomp {VERSION}{origin}"):
         text.write(f"# {line}\n")
     state = readings.state
     assert state.time is not None

@@ -12,6 +12,7 @@ import numpy as np
 from calibration.continuous.estimate import Estimate, OneDirection, Wave
 from calibration.continuous.reading import Data
 from calibration.continuous.records import DIRECTION_NAMES
+from calibration.reports.head import instrument_text
 from kinematics.files.report_head import ReportHead
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, MANY, Figure, Panel, band, dots, level, some
@@ -168,7 +169,7 @@ def continuous_report(found: Estimate, data: Data, command: str) -> Report:
     )
     lead, head = (
         ", ".join(data.fingerprints),
-        ReportHead(machine=data.machine, instrument="interferometer", command=command),
+        ReportHead(machine=data.machine, instrument=instrument_text("interferometer", data.simulated), command=command),
     )
     return Report(f"Positioning error of axis {data.axis}", lead, list(_sections(found, data)), verdict, head=head)
 

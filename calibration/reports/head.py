@@ -16,10 +16,15 @@ def measured_head(measurement: Measurement, model: ErrorModel | None, command: s
     return machine.report.filled(
         machine=machine.name,
         temperature=_temperatures(measurement),
-        instrument=kind_of(measurement.instrument),
+        instrument=instrument_text(kind_of(measurement.instrument), measurement.simulated),
         calibration="" if model is None else calibration_text(model),
         command=command,
     )
+
+
+def instrument_text(kinds: str, simulated: bool) -> str:
+    """The instruments, marked where they measured a virtual machine."""
+    return f"{kinds} (simulated)" if simulated else kinds
 
 
 def _temperatures(measurement: Measurement) -> str:

@@ -20,6 +20,7 @@ from calibration.reports.fit import (
     parameters,
     parameters_json,
 )
+from calibration.reports.head import instrument_text
 from kinematics.files.number_text import probability
 from kinematics.files.report_head import calibration_text
 from rendering.figures import Figure, Panel, against_normal, grid
@@ -65,7 +66,7 @@ def together_report(found: Together, command: str) -> Report:
     instruments = ", ".join(dict.fromkeys(kind_of(part.together.measurement.instrument) for part in found.parts))
     head = machine.report.filled(
         machine=machine.name,
-        instrument=instruments,
+        instrument=instrument_text(instruments, found.fit.measurement.simulated),
         calibration=calibration_text(found.model) if found.accepted else "",
         command=command,
     )

@@ -11,7 +11,6 @@ import hashlib
 import multiprocessing
 import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -25,6 +24,7 @@ from multiprocessing.connection import Connection
 from typing import Any, NoReturn, TypeVar
 
 from kinematics.files import remove_unpublished
+from kinematics.running.stops import end, send_discarded_again, stops_wait
 from kinematics.user_error import UserError
 
 LOCAL = "local"
@@ -36,7 +36,6 @@ RETRIES = 10
 CONNECT_S = 20
 GRACE_S = 5.0
 """Time, s, after which a worker that must end is ended in the midst of its work."""
-STOPS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 LARGEST_TASK = "2 GiB"
 """Size of a task for Dask without a warning: programs travel in their tasks."""
 Task = tuple[Any, ...]
@@ -148,32 +147,11 @@ class Processes(ProcessPoolExecutor):
         self._heard.close()
 
 
-@contextmanager
-def stops_wait() -> Iterator[None]:
-    """Signals that end this process are handled behind the block.
-
-    For the start of a process: one that this process starts only half would complain of it on the terminal.
-    """
-    if threading.current_thread() is not threading.main_thread():  # handlers are called in the main thread
-        yield
-        return
-    arrived: list[int] = []
-    handlers = {stop: handler for stop in STOPS if callable(handler := signal.getsignal(stop))}
-    for stop in handlers:
-        signal.signal(stop, lambda number, _: arrived.append(number))
-    try:
-        yield
-    finally:
-        for stop, handler in handlers.items():
-            signal.signal(stop, handler)
-        for number in arrived:
-            signal.raise_signal(number)
-
-
 def _prepare(heard: Connection) -> None:
     """In a worker: end with the process that holds the other end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all processes; the first one decides
     signal.signal(signal.SIGTERM, _end_process)
+    send_discarded_again()
     threading.Thread(target=_listen, args=(heard,), daemon=True).start()
 
 
@@ -187,10 +165,6 @@ def _listen(heard: Connection) -> None:
     os._exit(128 + signal.SIGTERM)
 
 
-def _end_task(number: int, _: object) -> None:
-    sys.exit(128 + number)
-
-
 def _end_process(*_: object) -> NoReturn:
     """Between tasks: the executor would take an exception for a result."""
     remove_unpublished()
@@ -201,7 +175,7 @@ def _do(function: Callable[..., Result], *task: Any) -> Result:
     """In a worker: the result of a task. A worker that must end does so after the task's own removals."""
     try:
         try:
-            signal.signal(signal.SIGTERM, _end_task)
+            signal.signal(signal.SIGTERM, end)
             return function(*task)
         finally:
             signal.signal(signal.SIGTERM, _end_process)

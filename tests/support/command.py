@@ -8,6 +8,7 @@ from typing import NamedTuple
 from unittest import mock
 
 from postproc import cli
+from postproc.command_line import command_line
 from postproc.commands.show.terminal import LEVEL
 
 
@@ -31,7 +32,7 @@ def run_command(*arguments: object, stdin: bytes = b"") -> Done:
 
 def run_raising(*arguments: object) -> Done:
     """Run `ncomp ARGUMENTS` below its entry point: exceptions are raised, UserError where it refuses."""
-    return _run(cli.command_line, arguments)
+    return _run(command_line, arguments)
 
 
 def succeed(*arguments: object) -> Done:
@@ -68,11 +69,13 @@ def _run(entry: Callable[[], object], arguments: tuple[object, ...], stdin: byte
     status, handlers = 0, {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     with mock.patch.multiple(sys, argv=["ncomp", *map(str, arguments)], stdin=given, stdout=out, stderr=err):
         LEVEL.quiet = LEVEL.verbose = False
+        hook = sys.unraisablehook
         try:
             entry()
         except SystemExit as end:
             status = end.code if isinstance(end.code, int) else int(end.code is not None)
         finally:
+            sys.unraisablehook = hook
             for number, handler in handlers.items():
                 signal.signal(number, handler)
     return Done(status, out.buffer.getvalue(), err.buffer.getvalue().decode())  # type: ignore[attr-defined]

@@ -26,7 +26,9 @@ GRID = 9
 STATUS = "\nstatus of the command: "
 """Before its exit code, behind its words."""
 FORKS = multiprocessing.get_context("forkserver")
-FORKS.set_forkserver_preload(["postproc.cli", "calibration.diagnosis.diagnose", "calibration.reports.diagnosis"])
+FORKS.set_forkserver_preload(
+    ["postproc.cli", "postproc.command_line", "calibration.diagnosis.diagnose", "calibration.reports.diagnosis"]
+)
 FINE_UM = 5.0
 """Amplitude of the finest wave of E_XX from which it has to be named; Table 1 draws up to 14."""
 

@@ -167,7 +167,7 @@ def simulate_continuous(
             temperatures=errors.temperatures(),
         )  # fmt: skip
     with whole_results(errors.truth, quasistatic, output) as (truth, readings, file):
-        write_records(measured.records, axis, found.name, file)
+        write_records(measured.records, axis, found.name, file, SIMULATED)
         write_measurement(measured.quasi, readings, SIMULATED)
         truth.write(encode_model(model))
     samples = sum(map(len, measured.records))

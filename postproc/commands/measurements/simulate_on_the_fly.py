@@ -11,6 +11,7 @@ from postproc.commands.options.declared import numbers, option, refuse_given
 from postproc.commands.options.shared import whole_results
 from postproc.commands.options.strategy import StrategyOptions
 from postproc.commands.options.virtual_instrument import FaultOptions, InstrumentOptions
+from postproc.commands.options.virtual_machine import SIMULATED
 
 if TYPE_CHECKING:
     import numpy as np
@@ -105,7 +106,7 @@ def simulate_on_path(
     if not len(made):
         raise UserError("--missing leaves no reading: choose a smaller share")
     with whole_results(*outputs) as (truth, file):
-        write_readings(made, file)
+        write_readings(made, file, SIMULATED)
         truth.write(encode_model(model))
     for note in spoiled:
         say("simulated", note)
