@@ -149,17 +149,22 @@ def coloured_dots(panel: Panel, x: Array, y: Array, values: Array) -> None:
 
 def ranked(rows: Sequence[tuple[str, float, str]], label: str, unit: str = "%") -> Figure:
     """A bar to the right below each name, with its share, or its value in a unit, and its colour."""
-    factor, form = (100.0, "{:.0f} %") if unit == "%" else (1.0, "{:.2f} " + unit)
+    factor = 100.0 if unit == "%" else 1.0
     panel = Panel(label, axes={"bare": True, "yaxis": {"visible": False, "range": [len(rows) - 0.45, -0.75]}})
     most = max(share for _, share, _ in rows)
-    panel.axes["xaxis"] = {"range": [0.0, 1.05 * factor * most], "ticksuffix": f" {unit}"}
+    panel.axes["xaxis"] = {"range": [0.0, 1.05 * factor * most]}
     bar = {"type": "bar", "orientation": "h", "width": 0.42, "hoverinfo": "skip", "showlegend": False}
     shares, colours = [factor * share for _, share, _ in rows], [colour for _, _, colour in rows]
     panel.traces.append(bar | {"y": list(range(len(rows))), "x": shares, "marker": {"color": colours}})
     for number, (name, share, _) in enumerate(rows):
-        text = f"{name}: <b>{form.format(factor * share)}</b>"
+        text = f"{name}: <b>{percent(share) if unit == '%' else f'{share:.2f} {unit}'}</b>"
         panel.notes.append({"x": 0, "y": number - 0.5, "text": text, "xanchor": "left", "yanchor": "middle"})
     return Figure([panel], height=70 + (46 if len(rows) <= FEW else 36) * len(rows))
+
+
+def percent(share: float) -> str:
+    """A share, rounded to a per cent; a small one is not shown as none."""
+    return "< 1 %" if 0.0 < share < 0.005 else f"{100.0 * share:.0f} %"
 
 
 def extent(

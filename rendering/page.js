@@ -64,7 +64,10 @@ function axis(palette, own, title) {
 
 const SIGHT = {right: [0.739, 0.674, 0], up: [-0.246, 0.269, 0.931], toViewer: [0.627, -0.688, 0.364]};
 const TAN = Math.tan(Math.PI / 8);                // of half the angle of view from top to bottom
-const ROOM = {across: 48, top: 12, bottom: 42};   // px, of the labels of a scene
+const ROOM = {across: 62, narrow: 48, top: 26, bottom: 42};   // px, of the labels of a scene
+const SLACK = 1.08;                                // share of the distance for lines and cones at the edges of a box
+const NARROW = 420;                                // px, width below which a scene has fewer ticks and small labels
+const CAPTION = 30, LEAST_HIGH = 210;             // px, of the title of a scene with its gaps; least height of a scene
 
 const along = (point, direction) => point[0] * direction[0] + point[1] * direction[1] + point[2] * direction[2];
 
@@ -81,20 +84,56 @@ function endsOf(traces) {
   });
 }
 
+// Camera before a box of these half sides, which fills with its labels an area of this size, px: the distance from the
+// centre of the box, and the shifts to the right and up. A shift fits between its limits of two corners if the distance is
+// at least half of the sum of their depths, plus half of their difference across over the tangent of the angle of view.
+function sight(half, width, height) {
+  const free = {right: TAN * width / height * Math.max(0.3, 1 - 2 * (width < NARROW ? ROOM.narrow : ROOM.across) / width),
+    up: TAN * Math.max(0.3, 1 - (ROOM.top + ROOM.bottom) / height)};
+  const corners = [...Array(8).keys()].map(corner => half.map((length, k) => corner >> k & 1 ? length : -length));
+  const depths = corners.map(point => along(point, SIGHT.toViewer)), found = {away: 0};
+  const offsets = name => corners.map(point => along(point, SIGHT[name]));
+  for (const name of ["right", "up"]) offsets(name).forEach((one, i, all) => all.forEach((other, j) => {
+    found.away = Math.max(found.away, (one - other) / (2 * free[name]) + (depths[i] + depths[j]) / 2);
+  }));
+  found.away *= SLACK;
+  for (const name of ["right", "up"]) {
+    const all = offsets(name), room = depths.map(depth => free[name] * (found.away - depth));
+    found[name] = (Math.max(...all.map((each, i) => each - room[i])) + Math.min(...all.map((each, i) => each + room[i]))) / 2;
+  }
+  found.up -= (ROOM.bottom - ROOM.top) / height * TAN * found.away;
+  return found;
+}
+
+const halves = sides => sides.map(side => 0.5 * side / Math.cbrt(sides[0] * sides[1] * sides[2]));
+
 // Camera of a scene of this size, px: as near as its box with these sides, and the labels around it, allow.
 function camera(sides, width, height) {
-  const mean = Math.cbrt(sides[0] * sides[1] * sides[2]), half = sides.map(side => 0.5 * side / mean);
-  const free = {across: Math.max(0.3, 1 - 2 * ROOM.across / width), up: Math.max(0.3, 1 - (ROOM.top + ROOM.bottom) / height)};
-  let away = 0;
-  for (let corner = 0; corner < 8; corner++) {
-    const point = half.map((length, k) => corner >> k & 1 ? length : -length), depth = along(point, SIGHT.toViewer);
-    away = Math.max(away, depth + Math.abs(along(point, SIGHT.right)) / (TAN * width / height * free.across),
-      depth + Math.abs(along(point, SIGHT.up)) / (TAN * free.up));
-  }
-  const shift = (ROOM.bottom - ROOM.top) / height * TAN * away, names = ["x", "y", "z"];
-  const at = distance => Object.fromEntries(names.map((name, k) => [name, distance * SIGHT.toViewer[k] - shift * SIGHT.up[k]]));
-  return {center: at(0), eye: at(away)};
+  const found = sight(halves(sides), width, height), names = ["x", "y", "z"];
+  const at = distance => Object.fromEntries(names.map((name, k) =>
+    [name, distance * SIGHT.toViewer[k] + found.right * SIGHT.right[k] + found.up * SIGHT.up[k]]));
+  return {center: at(0), eye: at(found.away)};
 }
+
+// Height of a row of scenes, px: the least at which all of them are about as large as in the greatest.
+function sceneHeight(panels, width, most) {
+  const half = panels.map(panel => halves(endsOf(panel.traces).map(([low, high]) => high - low)));
+  const sizes = height => half.map(each => (height - CAPTION) / sight(each, width - 12, height - CAPTION).away);
+  const full = sizes(most);
+  let high = most;
+  while (high - 10 >= LEAST_HIGH && sizes(high - 10).every((size, i) => size >= 0.97 * full[i])) high -= 10;
+  return high;
+}
+
+// Height of a panel, px: labels of several lines above bars make it higher.
+function roomy(panel, width, height) {
+  if (!(panel.axes || {}).bare) return height;
+  const lines = Math.max(...(panel.notes || []).map(note => noted(note, width).split("<br>").length));
+  return Math.max(height, lines > 1 ? 70 + (14 * lines + 3) / 0.58 * panel.notes.length : 0);
+}
+
+// Text of a label above a bar, in lines.
+const noted = (note, width) => wrapped(note.text, width - 12, FONT - 1);
 
 // Panel `i` in its cell (px: x0, x1 from the left, y0, y1 from the top) of a figure of this size.
 function place(layout, panel, i, cell, size, palette, spec, across) {
@@ -114,7 +153,7 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
   if (kind === "scene") {
     const width = box.x[1] - box.x[0], height = box.y[0] - box.y[1], ends = endsOf(panel.traces);
     const sides = ends.map(([low, high]) => high - low);
-    const most = (width < 420 ? 4 : 6) / Math.max(...sides);  // ticks of a length
+    const most = (width < NARROW ? 4 : 6) / Math.max(...sides);  // ticks of a length
     const plain = {backgroundcolor: palette.card, showbackground: true};
     const side = (name, k) => merged(axis(palette, {...plain, range: ends[k],
       nticks: Math.max(2, Math.round(most * sides[k]))}, panel[name]), own[`${name}axis`]);
@@ -131,7 +170,7 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
     layout[`yaxis${n}`] = {...y, domain: domain.y, anchor: `x${n}`};
     for (const note of panel.notes || []) {
       const xref = note.xref === "domain" ? `x${n} domain` : `x${n}`;
-      const text = bare ? wrapped(note.text, cell.x1 - cell.x0 - 12, FONT - 1) : note.text;
+      const text = bare ? noted(note, cell.x1 - cell.x0) : note.text;
       layout.annotations.push({showarrow: false, bgcolor: bare ? "" : palette.veil, borderpad: 1, font: {size: FONT - 1}, yref: `y${n}`, align: "left", ...note, text, xref});
     }
     for (const shape of panel.shapes || [])
@@ -147,7 +186,8 @@ function arranged(spec, width, palette, printed = false) {
   const most = Math.max(1, Math.min(spec.across, Math.floor(width / least)));
   const down = Math.ceil(panels.length / most), across = Math.ceil(panels.length / down);
   const names = legend(panels, width), flat = panels.some(panel => panel.kind !== "scene");
-  const high = flat ? (printed ? PRINTED.height : 1) * spec.height : Math.min(spec.height, Math.max(280, 0.85 * width / across));  // a narrow scene is not high
+  const high = flat ? Math.max(...panels.map(panel => roomy(panel, width / across, (printed ? PRINTED.height : 1) * spec.height)))
+    : sceneHeight(panels, width / across, Math.min(spec.height, Math.max(280, 0.85 * width / across)));  // a narrow scene is not high
   const size = {width, buttons: !printed && width >= BUTTONS.least, height: names.height + down * high + (spec.colours ? GAP.scale : 0)};
   const layout = {width, height: size.height, margin: {l: 0, r: 0, t: 0, b: 0, autoexpand: false}, paper_bgcolor: palette.paper,
     plot_bgcolor: palette.paper, font: {color: palette.ink, size: FONT, family: "system-ui, 'DejaVu Sans', sans-serif"},
@@ -164,7 +204,8 @@ function arranged(spec, width, palette, printed = false) {
     const where = {scene: {scene: `scene${n}`}, polar: {subplot: `polar${n}`}, xy: {xaxis: `x${n}`, yaxis: `y${n}`}}[panel.kind];
     for (const trace of panel.traces) {
       const named = Boolean(trace.name) && trace.showlegend !== false;
-      data.push({hoverlabel: {namelength: -1}, ...trace, ...where, legendgroup: trace.name || `${i}`,
+      const small = panel.kind === "scene" && trace.text && width / across < NARROW ? {textfont: {...trace.textfont, size: FONT - 3}} : {};
+      data.push({hoverlabel: {namelength: -1}, ...trace, ...small, ...where, legendgroup: trace.name || `${i}`,
         showlegend: named && !seen.has(trace.name)});
       if (named) seen.add(trace.name);
     }

@@ -67,7 +67,7 @@ def volume_section(machine: Machine, fields: Sequence[Field]) -> Iterator[Sectio
     values = [_values(machine, field, bounds, q) for field in fields]
     lines = [
         f"{field.title[0].upper()}{field.title[1:]}: {np.sqrt(np.mean(each.size**2)):.2f} um RMS, at most "
-        f"{each.size.max():.2f} um."
+        f"{each.size.max():.2f} um, relative to the centre of the volume."
         for field, each in zip(fields, values, strict=True)
     ]
     text = "\n".join([*lines, TEXT.format(tool=TOOL_MM, count=len(q))])

@@ -150,7 +150,7 @@ def lines(name, change):
         (lines("run.csv", lambda all_: [*all_[:3000], all_[2000], *all_[3000:]]), "does not follow"),
         (lines("run.csv", lambda all_: [*all_[:3000], "1;2", *all_[3000:]]), "cells"),
         (lines("run.csv", lambda all_: all_[:60]), "samples"),
-        (lines("run.csv", lambda all_: all_[:6]), "no rows"),
+        (lines("run.csv", lambda all_: all_[:7]), "no rows"),
         (spoilt("targets.csv", "interferometer", "laser-tracker"), "no interferometer"),
         (spoilt("targets.csv", "# u_um: 0.2", "# u_um: -0.2"), "negative"),
         (spoilt("targets.csv", "deviation_um", "deviation"), "neither a continuous run"),

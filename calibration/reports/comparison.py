@@ -13,13 +13,15 @@ from calibration.evaluation.comparison.sides import LEAST
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.report_head import calibration_text
 from rendering.figures import COLOURS, Figure, Panel, band, grid
-from rendering.report import Report, Section, Table
+from rendering.report import Report, Section, Table, shortened
 from rendering.volume import Field, volume_section
 
 MOTIONS = ("", "convention", "range A", "range B", "RMS B - A", "largest B - A", "at", "U (k=2)", "")
 FIGURES = ("", "", "unit", "A", "B", "B - A", "U (k=2)", "")
 ACROSS = 3
 """Curves side by side."""
+NAMED = 12
+"""Most errors that the verdict names."""
 SIGN = "Actual minus nominal, tool relative to workpiece. Differences are B minus A."
 
 
@@ -48,7 +50,8 @@ def _significant(found: Comparison) -> str:
     count = len(found.motions) + len(found.figures)
     if not names:
         return f"None of {count} compared errors differs significantly (k=2)."
-    return f"{len(names)} of {count} compared errors differ significantly (k=2): {', '.join(names)}."
+    listed = ", ".join(shortened(names, NAMED, "in the tables"))
+    return f"{len(names)} of {count} compared errors differ significantly (k=2): {listed}."
 
 
 def _differs(figure: Compared) -> bool:
@@ -60,7 +63,8 @@ def _sections(found: Comparison) -> Iterator[Section]:
     reference = ", ".join(f"{axis} {at:.5g} {unit[axis]}" for axis, at in found.reference.items())
     text = (
         f"{SIGN}\nReference position: {reference}. Straightness from the {found.straightness} line; its slope belongs "
-        "to the squareness. Both calibrations are transformed into the frame of ncomp fit."
+        "to the squareness. Both calibrations are transformed into the frame of ncomp fit. Significant: two "
+        "calibrations that agree differ so much, at any position, with a probability below 5 %."
     )
     for axis in dict.fromkeys(motion.axis for motion in found.motions):
         own = [motion for motion in found.motions if motion.axis == axis]
@@ -68,7 +72,7 @@ def _sections(found: Comparison) -> Iterator[Section]:
     yield Section("Error motions, ISO 230-1", text, Table(MOTIONS, list(map(_motion_row, found.motions))))
     if found.figures:
         rows = [
-            (f.name, f.title, f.unit, f"{f.a:.2f}", f"{f.b:.2f}", f"{f.b - f.a:+.2f}", f"{f.U:.2f}",
+            (f.name, f.title, f.unit, f"{f.a:z.2f}", f"{f.b:z.2f}", f"{f.b - f.a:+z.2f}", f"{f.U:.2f}",
              "significant" if _differs(f) else "")
             for f in found.figures
         ]  # fmt: skip
@@ -112,7 +116,10 @@ def _volume(found: Comparison) -> Section:
         for title, error in (("as they are", volume.difference), ("aligned", volume.aligned))
     ]
     rows.append(("standard uncertainty of the difference (k=1)", f"{volume.u_rms_um:.2f}", "", ""))
-    text = f"{bounds or 'One position'}; tool {volume.tool_mm:g} mm."
+    text = (
+        f"{bounds or 'One position'}; tool {volume.tool_mm:g} mm. Aligned: without the common shift and "
+        "rotation, which depend on the datum."
+    )
     return Section("Over the volume", text, Table(("B - A, um", "RMS", "95 %", "largest"), rows))
 
 

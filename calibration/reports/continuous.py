@@ -163,10 +163,16 @@ def _rms(values: Array) -> float:
 def continuous_report(found: Estimate, data: Data, command: str) -> Report:
     """The result for people; `command`: the command that made it."""
     rows = found.table()
+    of = f"{found.direction} of both directions" if found.direction == "mean" else found.direction
     verdict = (
-        f"Error {rows.error.min():.2f} to {rows.error.max():.2f} um ({found.direction}), standard uncertainty (k=1) "
-        f"{rows.u.min():.2f} to {rows.u.max():.2f} um."
+        f"Positioning error of {data.axis} ({of}): {rows.error.min():z.2f} to {rows.error.max():z.2f} um, U (k=2) at "
+        f"most {2 * rows.u.max():.2f} um."
     )
+    if (reversal := _reversal(found)) is not None:
+        verdict += (
+            f"\nReversal, forward minus backward: {reversal['mean_um']:z.2f} ± {2 * reversal['u_um']:.2f} um (mean "
+            "over the segment, k=2)."
+        )
     lead, head = (
         ", ".join(data.fingerprints),
         ReportHead(machine=data.machine, instrument=instrument_text("interferometer", data.simulated), command=command),
@@ -229,7 +235,7 @@ def _runs(found: Estimate) -> Section:
         (
             course.record.name,
             DIRECTION_NAMES[sign],
-            f"{course.feed:.6g}",
+            f"{course.feed:.5g}",
             f"{course.x.min():.3f} to {course.x.max():.3f}",
             str(len(course.raw_x)),
             f"{noise.total:.2g}",

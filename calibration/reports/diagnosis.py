@@ -29,7 +29,8 @@ from calibration.reports.machine_change import change_sections, change_sentences
 from calibration.reports.run_zeros import zeros_section
 from calibration.reports.separability import separability_section
 from kinematics.effects import CrossAxis
-from kinematics.files.number_text import probability, rounded
+from kinematics.files.number_text import p_value, probability, rounded
+from rendering.figures import percent
 from rendering.report import Report, Section, Table, facts, shortened
 from rendering.volume import Field, volume_section
 
@@ -188,7 +189,7 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
         "the bars may differ from 100 %."
     )
     ordered = sorted(found.causes, key=lambda cause: -cause.share)
-    shop = [(words.title(cause), f"{cause.share:.0%}", *words.workshop(cause.effect)) for cause in ordered]
+    shop = [(words.title(cause), percent(cause.share), *words.workshop(cause.effect)) for cause in ordered]
     table = Table(("cause", "share", "usual origin", "repair"), shop)
     yield Section("Share by cause", text, table, partial(share_chart, found), detail=True)
     numbered = [(str(number), words.title(cause), cause) for number, cause in enumerate(found.causes, start=1)]
@@ -199,7 +200,7 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
             "\n".join(words.sizes(cause)),
             f"{cause.delta_bic:.0f}",
             f"{round(-cause.heldout_gain_um, 2) + 0.0:+.2f}",
-            f"{cause.share:.0%}",
+            percent(cause.share),
             words.verdict(cause),
         )
         for number, title, cause in numbered
@@ -285,7 +286,7 @@ def _tests(found: Diagnosis) -> Table:
 
 
 def _tested(test: Test | None, marked: set[str]) -> tuple[str, str]:
-    return ("", "") if test is None else (f"{test.p_value:.2g}", "not noise" if test.name in marked else "")
+    return ("", "") if test is None else (p_value(test.p_value), "not noise" if test.name in marked else "")
 
 
 def _unexplained(found: Diagnosis) -> Section:

@@ -17,6 +17,7 @@ from calibration.fit.identifiability import Identifiability, Unidentifiable
 from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.on_the_fly.along_path import OnTheFly
 from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
+from calibration.reports.causes.text import line_meaning
 from calibration.reports.figures.fit import along_axes, by_direction, distribution, error_motions_figure
 from calibration.reports.head import measured_head
 from calibration.reports.run_zeros import zeros_section
@@ -220,10 +221,16 @@ def parameters(model: ErrorModel) -> Iterator[Section]:
     """Location errors and other effects of a calibration, with their uncertainties; its error motions are figures."""
     if locations := location_errors(model):
         rows = [
-            (e.name, f"{e.value:.2f}", f"{2 * e.uncertainties[0]:.2f}", "urad" if e.angular else "um")
+            (
+                e.name,
+                line_meaning(e.component, e.axis),
+                f"{e.value:z.2f}",
+                f"{2 * e.uncertainties[0]:.2f}",
+                "urad" if e.angular else "um",
+            )
             for e in locations
         ]
-        yield Section("Location errors", RIGHT_HANDED, Table(("", "value", "U (k=2)", ""), rows))
+        yield Section("Location errors", RIGHT_HANDED, Table(("", "", "value", "U (k=2)", ""), rows))
     others = [
         (effect.name, parameter.name, f"{value:.3f}", f"{2 * u:.3f}", parameter.unit)
         for effect in besides(model.effects)

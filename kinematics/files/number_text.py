@@ -14,4 +14,9 @@ def rounded(value: float, digits: int = 2) -> str:
 
 def probability(p: float, digits: int = 1) -> str:
     """`p = 0.03`, or `p < 1e-300`."""
-    return f"p = {p:.{digits}g}" if p >= LEAST_P else f"p < {LEAST_P:g}"
+    return f"p = {p:.{digits}g}" if p >= LEAST_P else f"p {p_value(p)}"
+
+
+def p_value(p: float) -> str:
+    """`0.025`, or `< 1e-300`."""
+    return f"{p:.2g}" if p >= LEAST_P else f"< {LEAST_P:g}"

@@ -25,8 +25,10 @@ from postproc.text.flow import Flow
 from postproc.text.line_numbers import ranges
 from postproc.text.notes import Notes
 from postproc.text.source import CHUNK, Source, chunks
-from rendering.report import Report, facts
+from rendering.report import Report, facts, shortened
 
+LISTED = 50
+"""Most refused blocks in the report."""
 UNKNOWN = "the travel is not checked before the work offset and the tool length are given"
 
 
@@ -90,7 +92,8 @@ class Findings:
         }
         rows += [(kind, f"{len(lines)}: lines {ranges(lines)}") for kind, lines in kinds.items() if lines]
         rows += [("note", note) for note in (*self.notes, self.evidence if self.refused else "") if note]
-        rows += [("refused", f"line {line}: {text!r}: {reason}") for line, text, reason in self.refused]
+        refused = [f"line {line}: {text!r}: {reason}" for line, text, reason in self.refused]
+        rows += [("refused", text) for text in shortened(refused, LISTED, "refused blocks, all in the file of --json")]
         number = len(self.refused)
         verdict = f"Refused: {number} block{'s' if number > 1 else ''}." if number else "Accepted."
         verdict += " The later ones may follow from the first." if number > 1 else ""

@@ -21,7 +21,9 @@ def location_figure(sides: Sequence[Side], name: str, pair: Sequence[Curve], uni
     """The mean of an error motion of a rotary axis."""
     means = [float(curve.values[:-1].mean()) for curve in pair]
     U = [side.U(curve.design[:-1].mean(axis=0)) for side, curve in zip(sides, pair, strict=True)]
-    return Figure(f"{name[:3]}0{name[3:]}", "location of the axis line", unit, *means, *U)
+    of = f"of the line of {name[3:]}"
+    title = f"position {of} in {name[2]}" if name[2] in "XYZ" else f"tilt {of} about {'XYZ'['ABC'.index(name[2])]}"
+    return Figure(f"{name[:3]}0{name[3:]}", title, unit, *means, *U)
 
 
 SQUARENESS = {("Y", "X"): ("C", -1.0), ("Z", "X"): ("B", 1.0), ("Z", "Y"): ("A", -1.0)}

@@ -66,13 +66,20 @@ def title(cause: Named) -> str:
 
 
 def meaning_of(effect: Effect) -> str:
-    """Meaning of a location error, of an error motion that changes, of a drift of the workpiece; empty for others."""
+    """Meaning of a location error or of a drift, period of a cyclic error; empty for others."""
     if isinstance(effect, LocationError):
-        return _line(effect.component, effect.axis)
+        return line_meaning(effect.component, effect.axis)
+    if isinstance(effect, Cyclic):
+        return f"period {effect.period:.4g} {'deg' if effect.axis[0] in 'ABC' else 'mm'}"
     if isinstance(effect, (WorkpieceDrift, WorkpieceDriftWithSensor)):
         return "of the table, the fixture or the part, in the workpiece's directions"
-    if not isinstance(effect, (LocationJump, DistortionWithTime, DistortionWithSensor)):
-        return ""
+    if isinstance(effect, (LocationJump, DistortionWithTime, DistortionWithSensor)):
+        return _motion_meaning(effect)
+    return ""
+
+
+def _motion_meaning(effect: LocationJump | DistortionWithTime | DistortionWithSensor) -> str:
+    """Meaning of an error motion that changes."""
     axis, component = effect.axis, effect.component
     if axis[0] in "ABC" or isinstance(effect, LocationJump):
         other = "line" if axis[0] in "ABC" else "squareness"
@@ -82,7 +89,7 @@ def meaning_of(effect: Effect) -> str:
     return f"squareness of {axis}" if effect.degree == 1 else f"straightness of {axis}"
 
 
-def _line(component: str, axis: str) -> str:
+def line_meaning(component: str, axis: str) -> str:
     """Name of a location error by ISO 230-1: squareness of two linear axes, position and tilt of a rotary axis."""
     along = own_component(axis)
     if component == along:
