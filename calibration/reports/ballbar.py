@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.circles.candidates import OTHER
 from calibration.circles.figures import CircularTest
-from calibration.circles.shares import Share, Shares
+from calibration.circles.result import Share, Shares
 from calibration.circles.spikes import kept
 from calibration.reports.causes.text import with_uncertainty
 from kinematics.effects.workshop import WORKSHOP

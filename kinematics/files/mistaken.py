@@ -81,6 +81,8 @@ def number_hint(text: str) -> str:
         return "; write a time in s from the begin in place of a date or clock time"
     if re.fullmatch(r"[-+]?\d+,\d*", text):
         return "; write the decimal point as '.'"
+    if inch := re.fullmatch(r"([-+]?\d*\.?\d+)\s*(in|inch|inches|\")", text):
+        return f"; write mm, without the unit: {25.4 * float(inch[1]):g}"
     if re.fullmatch(r"[-+]?[\d.]+\s*[^\d\s.,;].{0,8}", text):
         return "; write the number without its unit"
     return "; separate numbers by ','" if ";" in text else ""

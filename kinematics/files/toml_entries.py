@@ -42,7 +42,7 @@ def utf8_text(data: bytes, where: str) -> str:
 def read_table(text: str, where: str) -> dict[str, Any]:
     """The table in a TOML text; UserError with the line, for text that is none. `where` names it: `job file a.toml`."""
     try:
-        return tomllib.loads(text)
+        return tomllib.loads(text.removeprefix("\ufeff"))  # the mark of UTF-8 by editors of Windows
     except tomllib.TOMLDecodeError as fault:
         reason = str(fault)
         place = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason)
@@ -58,6 +58,8 @@ def read_table(text: str, where: str) -> dict[str, Any]:
 
 def _typing_hint(line: str) -> str:
     """Cure of the likely typing mistake in a line, behind a separator."""
+    if re.search(r'"[^"]*\\', line):
+        return "; write paths with / in place of \\, or in single quotes"
     if re.search(r"=\s*[-+]?\d+,\d", line):
         return "; write the decimal point as '.'"
     if re.search(r"=\s*[A-Za-z]", line):

@@ -58,7 +58,7 @@ KNOWN = (
     "1 down, ...'), ecmc-report (Markdown, 'ISO 230-2 motion test'), cmm ('Meas X Meas Y Nom X Nom Y ...'), epics "
     "('NAME date time value'), twincat-scope (CSV, 'Starttime of export'), ballbar-angles ('angle_deg,deviation_um,"
     "run'), robot (points 'x y z', and joints 'J1 J2 ...' in the same file or as the plan), delimited (any columns, "
-    "with a column map)"
+    "with a column map: --columns MAP.toml)"
 )
 HEAD = 20_000
 """Number of bytes from which a format is recognised."""

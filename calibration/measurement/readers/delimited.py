@@ -8,7 +8,7 @@ and the uncertainties of the instrument. Nothing is guessed. Maps for some progr
     decimal = "."                # or ","
     comment = "//"               # lines that begin so are left out; optional
     skip_lines = 0               # lines above the names or the data
-    names = false                # true: the first line names the columns
+    names = true                 # the first line names the columns; default: true if [columns] has a name
     join = "point"               # optional: the column that is looked up in the plan, by its name there
     reversed = ["EYX_um"]        # optional: error motions whose sign is not that of ISO 230-1 in the export
 
@@ -77,9 +77,14 @@ class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     header: dict[str, str | int | float | dict[str, str]] = {}
     skip_lines: Annotated[int, msgspec.Meta(ge=0)] = 0
     comment: str = ""
-    names: bool = False
+    names: bool | None = None
     reversed: tuple[str, ...] = ()
     join: str = ""
+
+    @property
+    def named(self) -> bool:
+        """True if the first line names the columns."""
+        return any(isinstance(each, str) for each in self.columns.values()) if self.names is None else self.names
 
     @property
     def keys(self) -> dict[str, str]:
@@ -98,7 +103,7 @@ def read_map(name: str) -> ColumnMap:
     path = MAPS / f"{name}.toml" if name in map_names() else Path(name)
     data = read_input(path, "column map")
     try:
-        found = msgspec.convert(tomllib.loads(data.decode()), ColumnMap)
+        found = msgspec.convert(tomllib.loads(data.decode("utf-8-sig")), ColumnMap)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as fault:
         raise UserError(f"column map {path}: {fault}") from None
     if found.delimiter == found.decimal:
@@ -155,7 +160,7 @@ def _cells(data: bytes, source: str, columns: ColumnMap) -> tuple[list[str], lis
     numbers = [number for number, _ in lines]
     if not rows:
         raise UserError(f"{source} contains no data")
-    return (rows[0], rows[1:], numbers[1:]) if columns.names else ([], rows, numbers)
+    return (rows[0], rows[1:], numbers[1:]) if columns.named else ([], rows, numbers)
 
 
 def _column(names: list[str], rows: list[list[str]], lines: list[int], requested: str | int, source: str) -> list[str]:
