@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from kinematics.files import reason_of
 from kinematics.files.mistaken import did_you_mean, missing
 from kinematics.files.report_head import ReportHead
 from kinematics.files.toml_entries import at_line, entry, read_table
@@ -56,7 +57,7 @@ def load(name_or_path: str) -> Machine:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as fault:
-        raise UserError(f"machine file {path}: {fault.strerror or fault}{missing(path)}") from None
+        raise UserError(f"machine file {path}: {reason_of(fault)}{missing(path)}") from None
     except UnicodeDecodeError:
         raise UserError(f"machine file {path}: not UTF-8 text: save it as UTF-8") from None
     return parse(text, str(path))

@@ -164,7 +164,7 @@ def ranked(rows: Sequence[tuple[str, float, str]], label: str, unit: str = "%") 
 
 def percent(share: float) -> str:
     """A share, rounded to a per cent; a small one is not shown as none."""
-    return "< 1 %" if 0.0 < share < 0.005 else f"{100.0 * share:.0f} %"
+    return "< 1%" if 0.0 < share < 0.005 else f"{share:.0%}"
 
 
 def extent(

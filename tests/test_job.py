@@ -155,3 +155,13 @@ def test_the_page_shows_a_job_that_is_valid(ncomp):
     assert result.status == 0, result.shown
     assert Path("corrected/roughing.nc").is_file()
     assert Path("corrected/posted/a.nc").is_file()
+
+
+def test_a_job_file_with_the_mark_of_windows_editors_is_read(ncomp, tmp_path):
+    (tmp_path / "job.toml").write_text(
+        '\ufeffmachine = "gantry"\r\ncalibration = "none"\r\nset_up_zero = true\r\n[programs]\r\n"in.nc" = "out.nc"\r\n',
+        encoding="utf-8",
+    )
+    done = ncomp("job.toml")
+    assert done.status == 0, done.err
+    assert (tmp_path / "out.nc").read_bytes() == (tmp_path / "in.nc").read_bytes()

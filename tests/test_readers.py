@@ -328,6 +328,13 @@ def test_shipped_maps():
         assert read_map(name).keys["instrument"] == "laser-tracker"
 
 
+def test_a_map_with_names_takes_them_from_the_first_line(tmp_path):
+    (tmp_path / "map.toml").write_text('delimiter = ";"\ndecimal = ","\n[columns]\nx = "Gemessen X"\ny = 2\n')
+    assert read_map(str(tmp_path / "map.toml")).named
+    (tmp_path / "map.toml").write_text('delimiter = ";"\ndecimal = ","\n[columns]\nx = 1\ny = 2\n')
+    assert not read_map(str(tmp_path / "map.toml")).named
+
+
 def test_map_and_plan_where_they_have_no_use(write):
     with pytest.raises(UserError, match="a column map is for delimited exports, not for format cmm"):
         read_any(write(CMM), GANTRY, "cmm", columns="leica")

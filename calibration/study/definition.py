@@ -11,7 +11,7 @@ from calibration.design.layout import Weighting
 from calibration.measurement.instruments import Instrument
 from calibration.measurement.tracker_tests import fit_tests, read_tests
 from kinematics.files import read_input
-from kinematics.files.toml_entries import at_line, entry, read_table
+from kinematics.files.toml_entries import at_line, entry, read_table, utf8_text
 from kinematics.user_error import UserError
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -136,10 +136,7 @@ class StudyEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def read_study(path: Path) -> StudyEntry:
     """The study in a TOML file; UserError, with file and key, for an entry that cannot be used."""
     where = f"study {path}"
-    try:
-        text = read_input(path, "study").decode()
-    except UnicodeDecodeError as fault:
-        raise UserError(f"{where}: {fault}") from None
+    text = utf8_text(read_input(path, "study"), where)
     content = read_table(text, where)
     if "case" not in content:
         raise UserError(f"{where}: case is missing: write [[case]] with name, strategy and points")

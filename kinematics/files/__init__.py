@@ -47,7 +47,8 @@ def writing(output: str | Path) -> Iterator[None]:
     except BrokenPipeError:
         raise
     except OSError as fault:
-        raise UserError(f"cannot write {output}: {reason_of(fault)}") from None
+        link = missing(output) if Path(output).is_symlink() else ""
+        raise UserError(f"cannot write {output}: {reason_of(fault)}{link}") from None
 
 
 class _NamedFile(io.FileIO):

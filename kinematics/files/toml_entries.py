@@ -62,6 +62,8 @@ def _typing_hint(line: str) -> str:
         return "; write paths with / in place of \\, or in single quotes"
     if re.search(r"=\s*[-+]?\d+,\d", line):
         return "; write the decimal point as '.'"
+    if re.search(r"=\s*\d+[-./]\d+[-./]\d", line):
+        return "; write a date as year-month-day: 2026-11-03"
     if re.search(r"=\s*[A-Za-z]", line):
         return "; write texts in quotes"
     if line.startswith("[") and "twice" not in line:

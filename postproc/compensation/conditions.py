@@ -206,6 +206,7 @@ def _read_log(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
     for name in ("time_s", *(names[i] for i in temperatures)):
         if names.count(name) != 1:
             lacks = _neither(unread) if name not in names else ""
+            lacks += "; separate cells by ','" if len(names) == 1 and ";" in names[0] else ""
             found = names.count(name) or "none"
             raise UserError(f"log {path}:{line}: expected one column {name}, found {found}{lacks}")
     columns = [names.index("time_s"), *temperatures]

@@ -28,7 +28,10 @@ def read_tool_table(path: Path, unit: str = "") -> ToolTable:
 
     unit: `mm` or `inch`, of a table that contains none; without it its lengths are taken in mm, and its entries marked.
     """
-    text = read_input(path, "tool table").decode("latin-1").removeprefix("\xef\xbb\xbf")
+    data = read_input(path, "tool table")
+    if b"\0" in data:
+        raise UserError(f"tool table {path} is a binary file, as of a spreadsheet: export it as text")
+    text = data.decode("latin-1").removeprefix("\xef\xbb\xbf")
     forms = (import_module(f".{name}", __package__) for name in FORMS)
     form = next(form for form in forms if form.is_it(path, text))
     table = checked(form.read(path, text), path)

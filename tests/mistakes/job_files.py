@@ -39,4 +39,7 @@ MISTAKES = (
     entry("program without quotes", '"in.nc" =', "in.nc =", 14, "expected a text in quotes, not a table", "write a name with a point in it in quotes"),
     entry("number in place of an output", '"out/out.nc"', "5", 14, 'programs."in.nc"', "expected a text in quotes, not a whole number"),
     entry("job file as its machine", '"gantry"', '"job.toml"', 1, "machine file job.toml:1: machine is not known", "did you mean 'chain'?"),
+    entry("path with backslashes", '"in.nc" =', '"jobs\\upper\\in.nc" =', 14, "column", "write paths with /"),
+    entry("impossible date", "[programs]", "[report]\nmeasured = 2026-13-40\n\n[programs]", 14, "'measured = 2026-13-40'", "write a date as year-month-day"),
+    entry("date with points", "[programs]", "[report]\nmeasured = 03.11.2026\n\n[programs]", 14, "'measured = 03.11.2026'", "write a date as year-month-day"),
 )  # fmt: skip
