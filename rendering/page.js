@@ -126,8 +126,8 @@ function sceneHeight(panels, width, most) {
 }
 
 // Height of a panel, px: labels of several lines above bars make it higher.
-function roomy(panel, width, height) {
-  if (!(panel.axes || {}).bare) return height;
+function roomy(panel, width, height, printed) {
+  if (!(panel.axes || {}).bare) return (printed ? PRINTED.height : 1) * height;
   const lines = Math.max(...(panel.notes || []).map(note => noted(note, width).split("<br>").length));
   return Math.max(height, lines > 1 ? 70 + (14 * lines + 3) / 0.58 * panel.notes.length : 0);
 }
@@ -186,7 +186,7 @@ function arranged(spec, width, palette, printed = false) {
   const most = Math.max(1, Math.min(spec.across, Math.floor(width / least)));
   const down = Math.ceil(panels.length / most), across = Math.ceil(panels.length / down);
   const names = legend(panels, width), flat = panels.some(panel => panel.kind !== "scene");
-  const high = flat ? Math.max(...panels.map(panel => roomy(panel, width / across, (printed ? PRINTED.height : 1) * spec.height)))
+  const high = flat ? Math.max(...panels.map(panel => roomy(panel, width / across, spec.height, printed)))
     : sceneHeight(panels, width / across, Math.min(spec.height, Math.max(280, 0.85 * width / across)));  // a narrow scene is not high
   const size = {width, buttons: !printed && width >= BUTTONS.least, height: names.height + down * high + (spec.colours ? GAP.scale : 0)};
   const layout = {width, height: size.height, margin: {l: 0, r: 0, t: 0, b: 0, autoexpand: false}, paper_bgcolor: palette.paper,
