@@ -360,6 +360,13 @@ def columns_exchanged(measured):
     return at(measured, degrees * DMU50.scale)
 
 
+def from_a_row_on(measured, axis, size):
+    """An axis farther by a size, mm, from row 51 on."""
+    behind = np.arange(len(measured)) >= 50
+    moved = at(measured, measured.state.positions + size * np.outer(behind, np.equal(DMU50.names, axis)))
+    return replace(moved, source="d.csv", lines=np.arange(len(moved)) + 8)
+
+
 def moved_sphere(measured):
     tips = tool_point(DMU50, measured.state.positions, measured.tool)
     tips[(measured.groups == "s1") & (np.arange(len(measured)) > 40)] += [1.2, 0.4, -0.3]
@@ -395,6 +402,16 @@ MISTAKES = {
     "inch": (
         lambda m: at(m, np.where(DMU50.rotary, m.state.positions, m.state.positions / 25.4)), True, "multiplied by 25.4",
     ),
+    "micrometres": (
+        lambda m: at(m, np.where(DMU50.rotary, m.state.positions, m.state.positions * 1e3)), True,
+        "commands of linear axes multiplied by 0.001",
+    ),
+    "column of B missing": (
+        lambda m: at(m, np.where(np.equal(DMU50.names, "B"), 0.0, m.state.positions)), True,
+        "is its column missing?",
+    ),
+    "work offset changed": (lambda m: from_a_row_on(m, "X", 2.0), True, "with the tip moved by 1.97 mm before d.csv:58"),
+    "tool length changed": (lambda m: from_a_row_on(m, "Z", 0.3), False, "mm before d.csv:58 (did a work offset"),
     "moved sphere": (moved_sphere, True, "with sphere s1 moved by 1.3"),
     "name of the sphere": (another_sphere, False, "from the centre of sphere s2: it is in sphere s1. Correct the name"),
     "reversed readings": (reversed_readings, True, "with the signs of dx, dy and dz reversed"),

@@ -18,7 +18,8 @@ UM, PER_M = 1e-3, 1e-6
 SQUARENESS_URAD = 30.0
 """Squareness of linear axes of a machine in good order (k = 1), urad, the same as of its rotary axes.
 
-ISO 10791-1 and -2 accept machining centres with up to 0.02 mm over 500 mm, which is 40 urad.
+Tolerances of acceptance are of this order: 0.02 mm over 500 mm, 40 urad. ISO 10791-1 and -2 are quoted with this
+figure; their text was not at hand.
 """
 
 

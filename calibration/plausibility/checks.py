@@ -32,7 +32,7 @@ from calibration.plausibility.recording_mistakes import (
     worst_rms,
 )
 from calibration.plausibility.repeated_positions import position_numbers
-from calibration.plausibility.spheres import misplaced_tip, moved_spheres, sphere_notes
+from calibration.plausibility.spheres import misplaced_tip, moved_spheres, moved_tip, sphere_notes
 from calibration.plausibility.times import paused, repeated_times
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -227,7 +227,7 @@ def _mistakes(measurement: Measurement) -> Iterator[Finding]:
     before = worst_rms(some, residual)
     if before < SUSPICIOUS:
         return
-    for kinds in (alternatives, other_chains, misplaced, moved_spheres):
+    for kinds in (alternatives, other_chains, misplaced, moved_spheres, moved_tip):
         tried = [(worst_rms(other.measurement, misfit(other.measurement)[0]), other) for other in kinds(some)]
         best = min((after for after, _ in tried), default=np.inf)
         if best < before / FALLS and best < PLAUSIBLE:
@@ -235,11 +235,13 @@ def _mistakes(measurement: Measurement) -> Iterator[Finding]:
             return
     lengths = np.linalg.norm(residual, axis=1)
     if float(np.median(lengths)) > HOPELESS:
+        still = np.array(some.machine.names)[np.ptp(some.state.positions, axis=0) == 0.0]
+        column = f" {', '.join(still)} does not move in these data: is its column missing?" if len(still) == 1 else ""
         yield Finding(
             "unexplained",
             f"the points differ from the commanded positions by {np.median(lengths):.4g} mm (median, instrument "
             "registered), and no exchange of columns, targets, signs or units explains this: are these points of this "
-            "machine and of these positions?",
+            f"machine and of these positions?{column}",
             True,
         )
         return

@@ -119,7 +119,16 @@ def _units(measurement: Measurement) -> Iterator[Alternative]:
         yield Alternative("units", by, replace(measurement, observed=measurement.observed / factor))
         by = f"with the commands of linear axes multiplied by {factor:.6g} ({mixed} mixed up)"
         linear = np.where(measurement.machine.rotary, 1.0, factor)
-        yield Alternative("units", by, _with_positions(measurement, measurement.state.positions * linear))
+        # shorter moves leave smaller residuals of spheres, also where they are wrong
+        if factor > 1.0 or not isinstance(measurement.instrument, TouchProbe) or _beyond_travel(measurement):
+            yield Alternative("units", by, _with_positions(measurement, measurement.state.positions * linear))
+
+
+def _beyond_travel(measurement: Measurement) -> bool:
+    """True where a linear axis moves farther than its travel."""
+    machine = measurement.machine
+    far = np.ptp(measurement.state.positions, axis=0) > np.ptp(machine.travel, axis=0)
+    return bool(np.any(far & ~machine.rotary))
 
 
 def _scale(measurement: Measurement) -> float | None:

@@ -9,9 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from calibration.measurement.instruments import TouchProbe
-from calibration.measurement.measurement import Measurement
+from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.observed_points import carried
 from calibration.observation.outliers import ASTRAY
-from calibration.plausibility.recording_mistakes import Alternative, misfit, misplaced, trimmed_rms
+from calibration.plausibility.recording_mistakes import Alternative, centred, misfit, misplaced, trimmed_rms
 from kinematics.transforms import Array
 
 APART_MM = 5.0
@@ -41,6 +42,39 @@ def moved_spheres(measurement: Measurement) -> Iterator[Alternative]:
         shift = np.median(residual[behind], axis=0) - np.median(residual[rows[rows < first]], axis=0)
         by = f"with sphere {sphere} moved by {np.linalg.norm(shift):.3g} mm before {measurement.where(int(first))}"
         yield Alternative("spheres", by, moved)
+
+
+def moved_tip(measurement: Measurement) -> Iterator[Alternative]:
+    """The measurement with the single tip at another position from one row on, where this brings most.
+
+    So it looks where a work offset or a tool length changes, or where the probe sits loose.
+    """
+    n = len(measurement)
+    if not isinstance(measurement.instrument, TouchProbe) or len(measurement.targets) != 1 or n < 2 * LEAST:
+        return
+    residual, registration = misfit(measurement)
+    directions = (registration.rotations(measurement) @ carried(measurement))[:, : residual.shape[1]]
+    off, gains = centred(measurement, residual).reshape(-1), {}
+    for first in range(LEAST, n - LEAST + 1):
+        behind = np.where((np.arange(n) >= first)[:, None, None], directions, 0.0).reshape(n, -1)
+        columns = centred(measurement, behind).reshape(-1, 3)
+        shift, *_ = np.linalg.lstsq(columns, off, rcond=None)
+        gains[first] = (float(np.sum((columns @ shift) ** 2)), shift)
+    first = max(gains, key=lambda row: gains[row][0])
+    shift = gains[first][1]
+    ((name, target),) = measurement.targets.items()
+    x, y, z = (np.array(target.position) + shift).tolist()
+    names = np.where(np.arange(n) >= first, f"{name} moved", name)
+    by = (
+        f"with the tip moved by {np.linalg.norm(shift):.3g} mm before {measurement.where(first)} (did a work offset or "
+        "the tool length change, or does the probe sit loose?)"
+    )
+    moved = replace(
+        measurement,
+        state=replace(measurement.state, target=names),
+        targets={name: target, f"{name} moved": Target((x, y, z))},
+    )
+    yield Alternative("spheres", by, moved)
 
 
 def sphere_notes(measurement: Measurement) -> Iterator[str]:
@@ -75,23 +109,27 @@ def sphere_notes(measurement: Measurement) -> Iterator[str]:
 
 
 def misplaced_tip(measurement: Measurement) -> Iterator[str]:
-    """Note on a single tip whose position, if it is another one, explains most of the residual.
+    """Note on a single tip whose position, if it is another one, also from a row on, explains most of the residual.
 
     Differences of millimetres are refused (`calibration.plausibility.checks`); smaller ones may be location errors.
     """
     if not isinstance(measurement.instrument, TouchProbe) or len(measurement.targets) != 1:
         return
     before = trimmed_rms(np.linalg.norm(misfit(measurement)[0], axis=1))
-    for other in misplaced(measurement):
+    for other in (*misplaced(measurement), *moved_tip(measurement)):
         after = trimmed_rms(np.linalg.norm(misfit(other.measurement)[0], axis=1))
-        pairs = zip(other.measurement.targets.values(), measurement.targets.values(), strict=True)
-        moved = max(float(np.linalg.norm(np.subtract(by_data.position, own.position))) for by_data, own in pairs)
+        stated = np.array(next(iter(measurement.targets.values())).position)
+        moved = max(float(np.linalg.norm(each.position - stated)) for each in other.measurement.targets.values())
         if moved >= TIP_MM and after < before / BETTER:
+            cure = (
+                "Measure the length of the probe again: the fit takes a wrong length for location errors of the rotary "
+                "axes, or for scale"
+            )
             yield (
                 f"the points differ from the commanded positions by {before:.2g} mm RMS, and by {after:.2g} mm "
-                f"{other.by}. Measure the length of the probe again: the fit takes a wrong length for location errors "
-                "of the rotary axes, or for scale"
+                f"{other.by}. {cure if len(other.measurement.targets) == 1 else 'Measure again'}"
             )
+            return
 
 
 def moment(residual: Array, least: int = LEAST) -> tuple[int, float]:
