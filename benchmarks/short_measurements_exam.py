@@ -414,19 +414,15 @@ class Case:
         (folder / "unseen.csv").write_text("\n".join(text) + "\n", encoding="utf-8")
 
     def unseen(self) -> States:
-        """Random states within the measured ranges, with directions of approach that the measurement has."""
+        """Random states within the measured ranges, with directions of approach that the measurement shows."""
         rng, rows, n = np.random.default_rng(7), self.rows, UNSEEN
         q = np.round(rng.uniform(rows.q.min(axis=0), rows.q.max(axis=0), (n, 3)), 3)
+        known = [column[np.argmax(at != at[0]) :] for column, at in zip(rows.approach.T, rows.q.T, strict=True)]
+        approach = np.stack([rng.choice(column, n) for column in known], axis=1)
         time = rows.time[-1] if self.effect == "crash" else round(float(rows.time.mean()), 1)
         degc = round(float(rows.degc.mean()), 2)
         target = rng.choice(np.array(list(TARGETS)[: self.plan.targets]), n)
-        return States(
-            q,
-            rng.permuted(rows.approach[rng.integers(len(rows.q), size=n)], axis=0),
-            np.full(n, time),
-            np.full(n, degc),
-            target,
-        )
+        return States(q, approach, np.full(n, time), np.full(n, degc), target)
 
 
 def arms(s: States) -> Array:
