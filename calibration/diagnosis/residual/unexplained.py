@@ -30,6 +30,7 @@ from calibration.diagnosis.residual.whiteness import ALONG_TIME, Columns, Test, 
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.score import Score
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.measurement.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement
@@ -198,8 +199,7 @@ def wandering(stage: Stage) -> list[Accepted]:
         without = even.without(i)
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
         # rows that are correlated count in full for the function: for a jump only if it explains far more
-        cost = score.effective_parameters * np.log(without.scalars)
-        in_full = 0.5 * (score.squares - cost)
+        in_full = _in_full(without, score)
         if with_walk(without).log_odds > FAR_MORE * in_full or _like_a_step(even, i):
             found.append(each)
             continue
@@ -236,11 +236,19 @@ def smoothed(stage: Stage) -> list[Accepted]:
             continue
         without = even.without(i)
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
-        own, dependence = -0.5 * score.delta_bic, unexplained(without)
+        own, dependence = _in_full(without, score) - each.candidate.rarity, unexplained(without)
         smooth = absorbing(without, dependence, whole=True, walk=False).log_odds
         if max(smooth, with_function_of_readings(without).log_odds) > own:
             found.append(each)
     return found
+
+
+def _in_full(without: LinearisedFit, score: Score) -> float:
+    """Log odds of a cause by its score on the fit without it, in the unit of those of a function.
+
+    The squares that it explains count in full, however large those are that it leaves.
+    """
+    return 0.5 * (score.squares - score.effective_parameters * float(np.log(without.scalars)))
 
 
 def in_lengths(linearised: LinearisedFit, dependence: Unexplained) -> Array:
