@@ -22,6 +22,7 @@ TABLE = {
     "chi2_reduced": (0.1, 1.0, 9.0),
     "specified": (True, False),
     "degrees_of_freedom": (5.0, 400.0),
+    "undecided": (False, True),
 }
 ABSENT = (
     "Nothing is missing",
@@ -58,7 +59,7 @@ def test_no_sentence_contradicts_a_figure():
         said = " ".join((missing, residual, advice, *notes, *(() if of.dependence else (unexplained,))))
         if not white:
             assert not [absent for absent in ABSENT if absent in said], (of, said)
-        if of.verdicts or of.failed:
+        if of.verdicts or of.failed or of.undecided:
             assert "Nothing is missing" not in said, of
         if {"tied", "weak"} & set(of.verdicts) or of.failed or of.reason:
             assert "No further measurement" not in said, of

@@ -49,6 +49,8 @@ class Conclusion:
     degrees_of_freedom: float
     model: str = "the present model"
     """Name of the model without the causes."""
+    undecided: bool = False
+    """True where noise larger than specified was estimated, and too few visits show whether it is noise."""
 
     @property
     def condition(self) -> Condition:
@@ -98,6 +100,11 @@ class Conclusion:
             return f"No cause was found, but the residuals are larger than the specified noise ({self._failing})"
         if self.condition == "untested":
             return f"No cause was found, but too few data are left for a test of the residuals ({self._freedom})"
+        if self.undecided:
+            return (
+                "No cause was found. The residuals look like noise, but they are larger than specified, and too few "
+                "positions were measured again to tell noise from errors that the model lacks"
+            )
         used = " that were used" if self.failed else ""
         start = "No missing cause was found" if self.failed else "Nothing is missing that these data can show"
         return f"{start}: {self.model} explains the data{used} down to their noise"

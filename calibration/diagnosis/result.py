@@ -175,6 +175,7 @@ class Diagnosis:
             fit.variance_factor == 1.0,
             fit.degrees_of_freedom,
             "the present model" if self.base.present is None else "the present calibration, updated by these data,",
+            fit.measurement.noise is not None and fit.measurement.noise.undecided,
         )
 
     @property
