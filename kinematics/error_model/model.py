@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -14,14 +14,15 @@ import msgspec
 import numpy as np
 
 from kinematics.effects import COMPONENTS, INSTRUMENT, Effect, ErrorMotion
-from kinematics.effects.base import Columns, unit_of
+from kinematics.effects.base import unit_of
 from kinematics.error_model.decoding_faults import CURE, given_twice, hint, reason_of_fault, utf8_content
+from kinematics.error_model.effect_sums import Design, total_errors
 from kinematics.error_model.layout import to_json
 from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.files.mistaken import kind_of_file
 from kinematics.machine import Machine
 from kinematics.state import REFERENCE, TEMPERATURE, State, variable_unit
-from kinematics.transforms import Array, blocks
+from kinematics.transforms import Array
 from kinematics.turn import beyond, gap_of, spread_beyond
 from kinematics.user_error import UserError
 
@@ -162,11 +163,11 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         In memory the rows of one error motion lie next to each other.
         """
         own = [effect for effect in self.effects if effect.ACTS_ON != "instrument"]
-        return _sum(own, machine, state)[:, :INSTRUMENT]
+        return total_errors(own, machine, state)[:, :INSTRUMENT]
 
     def observation(self, machine: Machine, state: State) -> Observation:
         """Changes of observations by all effects, those of the instrument too."""
-        columns_of_errors = _sum(self.effects, machine, state)
+        columns_of_errors = total_errors(self.effects, machine, state)
         return Observation(columns_of_errors[:, :INSTRUMENT], columns_of_errors[:, INSTRUMENT, :3])
 
     def design(self, machine: Machine, state: State, transform: Array) -> Array:
@@ -175,7 +176,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         transform `(n, rows, (axes + 1) * 6)`, as `error_transform_with_tool`. Columns of the instrument's parameters
         are zero.
         """
-        return Design(self, machine, state, with_instrument=False).of(slice(None), transform)
+        return Design(self.effects, machine, state, with_instrument=False).of(slice(None), transform)
 
     def observation_design(self, machine: Machine, state: State, transform: Array) -> Array:
         """Derivatives `(n, rows, parameters)` of `transform` times all that is in `observation`.
@@ -183,7 +184,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         transform `(n, rows, (axes + 1) * 6 + 3)`: behind the columns of the error motions those of the shift of the
         observed point.
         """
-        return Design(self, machine, state, with_instrument=True).of(slice(None), transform)
+        return Design(self.effects, machine, state, with_instrument=True).of(slice(None), transform)
 
     def standard_uncertainty(self, machine: Machine, state: State, transform: Array) -> Array:
         """Standard uncertainties (GUM, k = 1) `(n, rows)` of the error motions transformed by `transform`."""
@@ -261,48 +262,6 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
                 where = name, variable_unit(machine, variable)
                 found[where] = np.maximum(excess, found.get(where, 0.0))
         return found
-
-
-class Design:
-    """Derivatives by the parameters of a model, a block of rows at a time.
-
-    Columns of effects with memory, which depend on the rows before a block, are made from all rows, once. Those of the
-    instrument's parameters are zero without the instrument.
-    """
-
-    def __init__(self, model: ErrorModel, machine: Machine, state: State, *, with_instrument: bool) -> None:
-        self._machine, self._state, self._parameters = machine, state, sum(len(e.parameters) for e in model.effects)
-        self._width = 6 * (len(machine.axes) + 1) + 3 * with_instrument
-        chosen = [
-            (effect, part)
-            for effect, part in zip(model.effects, model.slices, strict=True)
-            if with_instrument or effect.ACTS_ON != "instrument"
-        ]
-        self._now = [(effect, part) for effect, part in chosen if not effect.HAS_MEMORY]
-        self._remembered = [(list(e.columns(machine, state)), part) for e, part in chosen if e.HAS_MEMORY]
-
-    def of(self, rows: slice | np.ndarray, transform: Array) -> Array:
-        """`(n, k, parameters)` at some rows; `transform` `(n, k, width)` as `ErrorModel.design` takes it there."""
-        if transform.shape[2] != self._width:
-            raise ValueError(f"transform has {transform.shape[2]} columns, {self._machine.name} takes {self._width}")
-        state, columns_of_errors = self._state.rows(rows), len(self._machine.axes) + 2
-        design = np.zeros((*transform.shape[:2], self._parameters))
-        for effect, part in self._now:
-            _fill(effect.columns(self._machine, state), transform, columns_of_errors, design[:, :, part])
-        for columns, part in self._remembered:
-            there = (each._replace(values=each.values[rows]) for each in columns)
-            _fill(there, transform, columns_of_errors, design[:, :, part])
-        return design
-
-
-def _fill(columns: Iterable[Columns], transform: Array, columns_of_errors: int, design: Array) -> None:
-    """Write the transformed columns of one effect into its part of a design `(n, k, parameters)`."""
-    for i, (column, component, values) in enumerate(columns):
-        arm = transform[:, :, 6 * (column % columns_of_errors) + component, None]
-        if i:
-            design += arm * values[:, None, :]
-        else:
-            np.multiply(arm, values[:, None, :], out=design)
 
 
 def no_errors(machine: Machine) -> ErrorModel:
@@ -410,25 +369,6 @@ def _take_units(content: dict[str, Any]) -> list[Any]:
     if not isinstance(effects, list):
         return []
     return [effect.pop("units", None) if isinstance(effect, dict) else None for effect in effects]
-
-
-def _sum(effects: Sequence[Effect], machine: Machine, state: State) -> Array:
-    """Errors `(n, axes + 2, 6)`, mm and rad, of effects at the axes, the tool, and the observed point."""
-    total = np.moveaxis(np.zeros((len(machine.axes) + 2, 6, len(state))), 2, 0)
-    for rows in blocks(len(state)):
-        part = state.rows(rows)
-        for effect in effects:
-            if not effect.HAS_MEMORY:
-                _add(total[rows], effect, machine, part)
-    for effect in effects:
-        if effect.HAS_MEMORY:
-            _add(total, effect, machine, state)
-    return total
-
-
-def _add(total: Array, effect: Effect, machine: Machine, state: State) -> None:
-    for column, component, values in effect.contributions(machine, state):
-        total[:, column, component] += values
 
 
 def _check(model: ErrorModel, units: list[Any], source: str) -> None:
