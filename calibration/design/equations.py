@@ -21,7 +21,8 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.full_model import axis_effects, least_priors, parse_basis, priors
 from kinematics.effects import Effect
-from kinematics.error_model.model import Design, ErrorModel, no_errors
+from kinematics.error_model.effect_sums import Design
+from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.transforms import Array
 
 IDENTIFIABLE = 1e-10
@@ -91,7 +92,7 @@ class Columns:
 
         Behind the observations: those of the stated values of the registration, which are zero.
         """
-        design = Design(model, self.measurement.machine, self.measurement.state, with_instrument=True)
+        design = Design(model.effects, self.measurement.machine, self.measurement.state, with_instrument=True)
         own = design.of(slice(None), self._transform).reshape(self._transform[:, :, 0].size, -1)
         return np.concatenate([own, np.zeros((len(self._stated), own.shape[1]))])
 

@@ -11,7 +11,8 @@ from calibration.evaluation.volumetric import rigid_columns
 from calibration.fit.linear import column_space
 from calibration.measurement.measurement import with_moves
 from calibration.planning.strategies import evaluation_grid
-from kinematics.error_model.model import Design, ErrorModel
+from kinematics.error_model.effect_sums import Design
+from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
 from kinematics.machine import Machine, Vector
@@ -69,7 +70,7 @@ class Volume:
 
     def columns(self, model: ErrorModel) -> Array:
         """Derivatives `(3 n, p)`, um per unit of its parameters, of the deviations of a model, aligned."""
-        design = Design(model, self.machine, self.state, with_instrument=False).of(slice(None), self.transform)
+        design = Design(model.effects, self.machine, self.state, with_instrument=False).of(slice(None), self.transform)
         flat = design.reshape(-1, design.shape[2]) * 1e3
         return np.asarray(flat - self.rigid @ (self.rigid.T @ flat))
 

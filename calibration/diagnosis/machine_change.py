@@ -23,7 +23,8 @@ from calibration.observation.mean_lines import mean_line
 from kinematics.deviation import exact_deviation
 from kinematics.effects import LocationError, Scale
 from kinematics.effects.base import own_component, own_motion
-from kinematics.error_model.model import Design, ErrorModel, no_errors
+from kinematics.error_model.effect_sums import Design
+from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
@@ -80,7 +81,7 @@ def machine_change(measurement: Measurement, kept: np.ndarray, present: ErrorMod
         own = model.part(lambda effect: effect.ACTS_ON != "instrument")
         errors = own.errors(machine, measurement.state)[rows]
         deviation = exact_deviation(machine, q, errors, tool).position.reshape(-1, 1)
-        design = Design(own, machine, measurement.state, with_instrument=False).of(rows, transform)
+        design = Design(own.effects, machine, measurement.state, with_instrument=False).of(rows, transform)
         apart = rigid.removed(design.reshape(len(deviation), -1)).reshape(design.shape)
         return rigid.removed(deviation)[:, 0] * UM, (own.propagated(apart).reshape(-1) * UM) ** 2
 

@@ -17,8 +17,8 @@ from calibration.diagnosis.widening import Moment, moments, scaled
 from kinematics.effects import Effect
 from kinematics.transforms import Array
 
-LEAST = 0.01
-"""Probability below which a cause does not count."""
+LIKELY = 1.0
+"""Odds against none from which a cause counts: with nothing hidden, many causes of small odds remain as well."""
 MOST = 40
 """Most causes that count."""
 
@@ -31,7 +31,8 @@ def squares_by_undecided(linearised: LinearisedFit, evaluated: Sequence[Evaluate
     tried = evaluate(linearised, [each.candidate for each in evaluated[:MOST]])
     odds = np.exp(-0.5 * np.array([each.score.delta_bic for each in tried]))
     shares = odds / (1.0 + odds.sum())
-    counted = [(each, share) for each, share in zip(tried, shares.tolist(), strict=True) if share > LEAST]
+    likely = zip(tried, shares.tolist(), odds.tolist(), strict=True)
+    counted = [(each, share) for each, share, against_none in likely if against_none >= LIKELY]
     model, squares = linearised.fit.model, []
     moved = [_moved(linearised, each) for each, _ in counted]
     for moment in moments(linearised.measurement):

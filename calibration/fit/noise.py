@@ -26,7 +26,7 @@ from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import outlying, robust_factor
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects.base import own_motion, unit_of
-from kinematics.error_model.model import Design
+from kinematics.error_model.effect_sums import Design
 from kinematics.transforms import Array, blocks
 
 CERTAIN = 4.0
@@ -255,7 +255,7 @@ class _Components:
         own = equations.registration_design(some, found.registration)
         own = own / np.maximum(np.linalg.norm(own.reshape(-1, own.shape[2]), axis=0), 1e-300)
         transform = equations.transform(some, found.registration)
-        model = Design(found.model, some.machine, measurement.state, with_instrument=True).of(rows, transform)
+        model = Design(found.model.effects, some.machine, measurement.state, with_instrument=True).of(rows, transform)
         finite = np.isfinite(found.prior)
         model = model * np.where(finite, found.prior, 1.0) if found.prior.ndim == 1 else model @ found.prior
         limits = finite.astype(float) if found.prior.ndim == 1 else np.ones(model.shape[2])

@@ -27,7 +27,8 @@ from calibration.measurement.states import (
 )
 from calibration.measurement.text_table import Table, read_table
 from kinematics.deviation import exact_deviation
-from kinematics.error_model.model import Design, ErrorModel
+from kinematics.error_model.effect_sums import Design
+from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -194,7 +195,7 @@ def predictions(model: ErrorModel, machine: Machine, state: State, tool: Array) 
     Only the error motions, and the columns of effects with memory, are in memory for all rows at once.
     """
     errors = model.errors(machine, state)
-    design = Design(model, machine, state, with_instrument=False)
+    design = Design(model.effects, machine, state, with_instrument=False)
     for rows in blocks(len(state)):
         q = state.positions[rows]
         deviation = exact_deviation(machine, q, errors[rows], tool[rows]).position

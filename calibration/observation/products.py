@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from scipy import sparse
 
@@ -21,7 +20,8 @@ from calibration.measurement.estimated_noise import Decorrelation
 from kinematics.basis import Basis
 from kinematics.effects import COMPONENTS, ErrorMotion
 from kinematics.effects.base import unit_of
-from kinematics.error_model.model import Design, ErrorModel
+from kinematics.error_model.effect_sums import Design
+from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array, read_only
@@ -184,12 +184,7 @@ class ModelProducts:
                 others.append(effect)
                 other_places.append(place)
         self._motions = list(motions.values())
-        self._others = Design(
-            msgspec.structs.replace(model, effects=tuple(others), covariance=None),
-            machine,
-            state,
-            with_instrument=True,
-        )
+        self._others = Design(others, machine, state, with_instrument=True)
         order = [*(place for of_basis in places.values() for place in of_basis), *other_places]
         self.order = np.concatenate(order) if order else np.zeros(0, int)
         """Number `(parameters,)` of the parameter of each column."""
@@ -208,7 +203,7 @@ def factored(model: ErrorModel, machine: Machine, state: State, transform: Array
     motions = [effect for effect in model.effects if isinstance(effect, ErrorMotion)]
     if len(motions) == len(model.effects) and len({(motion.axis, motion.basis) for motion in motions}) == 1:
         return error_motions(motions, machine, state, transform)
-    return Products(Design(model, machine, state, with_instrument=True).of(slice(None), transform))
+    return Products(Design(model.effects, machine, state, with_instrument=True).of(slice(None), transform))
 
 
 def error_motions(motions: Sequence[ErrorMotion], machine: Machine, state: State, transform: Array) -> Products:

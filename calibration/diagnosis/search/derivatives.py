@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
 from calibration.fit.fit import Fit
@@ -15,7 +14,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from kinematics.effects import Effect
-from kinematics.error_model.model import Design, no_errors
+from kinematics.error_model.effect_sums import Design
 from kinematics.transforms import Array
 
 TOGETHER = 64
@@ -45,7 +44,8 @@ def derivatives(
     some = measurement.rows(rows)
     transform = white @ equations.transform(some, registration)
     own = white @ equations.registration_design(some, registration)
-    of_model = Design(fit.model, measurement.machine, measurement.state, with_instrument=True).of(rows, transform)
+    effects, machine, state = fit.model.effects, measurement.machine, measurement.state
+    of_model = Design(effects, machine, state, with_instrument=True).of(rows, transform)
     n = len(rows) * some.components
     by_model = of_model.reshape(n, -1)
     finite = np.isfinite(fit.prior)
@@ -60,9 +60,7 @@ def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect
     table = [quantity for effect in effects for quantity in effect.parameter_table]
     linear = np.array([quantity.linear for quantity in table], bool)
     typical = np.array([quantity.typical for quantity in table])[linear]
-    machine, state = measurement.machine, measurement.state
-    alone = msgspec.structs.replace(no_errors(machine), effects=tuple(effects))
-    made = Design(alone, machine, state, with_instrument=True).of(rows, transform)
+    made = Design(effects, measurement.machine, measurement.state, with_instrument=True).of(rows, transform)
     columns = made.reshape(made.shape[0] * made.shape[1], made.shape[2])[:, linear]
     return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
 

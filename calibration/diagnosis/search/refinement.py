@@ -28,7 +28,8 @@ from calibration.observation.full_model import distinct_positions
 from calibration.observation.normal_equations import NormalEquations, residuals, whitened, whiteners
 from calibration.observation.stops_and_lines import stops, whole_stops
 from kinematics.effects import Effect, ErrorMotion
-from kinematics.error_model.model import Design, ErrorModel
+from kinematics.error_model.effect_sums import Design
+from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array, read_only
 
 LEVELS = (0, 1, 2)
@@ -137,7 +138,7 @@ class _Evidence:
             columns = self._white @ equations.registration_design(some, self._registration)
         elif part == PRESENT:
             machine, state = self._measurement.machine, self._measurement.state
-            design = Design(self._present, machine, state, with_instrument=True)
+            design = Design(self._present.effects, machine, state, with_instrument=True)
             columns = design.of(self._rows, self._transform) @ self._root
         else:
             axis, level = part
