@@ -10,7 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-SAMPLED_S = 0.02
+SAMPLED_S = 0.1
+"""Between two samples of the memory, each of which takes a processor for some milliseconds from the command."""
 
 
 class Spent(NamedTuple):
