@@ -28,7 +28,8 @@ from calibration.observation.normal_equations import (
 )
 from calibration.observation.products import Functions, Products, arm_products, between
 from kinematics.effects import Backlash
-from kinematics.error_model.model import Design, no_errors
+from kinematics.error_model.effect_sums import Design
+from kinematics.error_model.model import no_errors
 
 BASES = ("b-spline:2", "b-spline:12", "cubic:3", "cubic:14", "legendre:0", "legendre:4", "fourier:1", "fourier:5")
 
@@ -85,7 +86,9 @@ def data(name, n, seed, stops=0):
 def by_columns(measurement, model, registration, white, residual, decorrelation):
     """The normal equations of all columns of the design, made one by one."""
     transform = equations.transform(measurement, registration)
-    design = Design(model, measurement.machine, measurement.state, with_instrument=True).of(slice(None), transform)
+    design = Design(model.effects, measurement.machine, measurement.state, with_instrument=True).of(
+        slice(None), transform
+    )
     design = np.concatenate([equations.registration_design(measurement, registration), design], axis=2)
     design = decorrelation.apply(white @ design).reshape(residual.size, -1)
     return NormalEquations(design.T @ design, design.T @ residual.reshape(-1))

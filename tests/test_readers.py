@@ -280,7 +280,7 @@ def test_units_of_a_map(write):
         (('delimiter = ","', 'delimiter = "|"'), "Invalid enum value '|'"),
         (
             ("x = 6", 'x = "PosX"'),
-            "column 'PosX' is missing or occurs twice; the columns are none, because the map has names = false",
+            "column 'PosX' is missing or occurs twice; the columns are 2, 0.5, 294.65",
         ),
         (("x = 6", "x = 60"), "data.txt:1: column 60 is missing: the line has 9 columns"),
         (("x = 6", "x = 0"), "data.txt:1: column 0 is missing"),

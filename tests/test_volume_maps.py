@@ -32,7 +32,10 @@ def test_cones_are_the_exact_errors_relative_to_the_centre(name):
     found = np.array([cones[k][0] for k in "uvw"])
     np.testing.assert_allclose(found, first - centre, atol=1e-6)
     size = np.linalg.norm([cones[k] for k in "uvw"], axis=0)
-    assert f"Before: {np.sqrt(np.mean(size**2)):.2f} um RMS, at most {size.max():.2f} um." in section.text
+    assert (
+        f"Before: {np.sqrt(np.mean(size**2)):.2f} um RMS, at most {size.max():.2f} um, relative to the centre of the volume."
+        in section.text
+    )
     most = max(size.max(), *(surface["surfacecolor"].max() for surface in slices))
     assert section.figure().colours["cmax"] == pytest.approx(most)
 

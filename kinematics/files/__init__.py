@@ -47,7 +47,7 @@ def writing(output: str | Path) -> Iterator[None]:
     except BrokenPipeError:
         raise
     except OSError as fault:
-        link = missing(output) if Path(output).is_symlink() else ""
+        link = missing(output) if os.path.islink(output) else ""  # noqa: PTH114 - is_symlink raises in a closed folder
         raise UserError(f"cannot write {output}: {reason_of(fault)}{link}") from None
 
 
