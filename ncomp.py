@@ -23,10 +23,11 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
+
+import msgspec
 
 from kinematics.running.progress import Progress, silent
 from kinematics.user_error import UserError
@@ -156,8 +157,7 @@ def conditions(
     return make_conditions(temperature, elapsed, None if log is None else Path(log))
 
 
-@dataclass(frozen=True)
-class Corrected:
+class Corrected(msgspec.Struct, frozen=True, dict=True):
     """A corrected program."""
 
     text: str

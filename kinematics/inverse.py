@@ -21,9 +21,9 @@ rounding.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -45,8 +45,7 @@ TOOL_AXIS = read_only(np.array([0.0, 0.0, 1.0]))
 UNLIMITED = read_only(np.array([[-math.inf], [math.inf]]))
 
 
-@dataclass(frozen=True)
-class Inverse:
+class Inverse(msgspec.Struct, frozen=True):
     """Axis positions of n poses, with the conditions of their use."""
 
     q: Array

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from kinematics.user_error import UserError
 
@@ -18,8 +19,7 @@ _ENTRY = re.compile(r"(?:(probe|[A-Za-z]\d?)\s*=|([A-Za-z]))\s*([-+]?[\d.].*)")
 EXPECTED = "expected probed, true, or probed@X..,Y..,Z..,B..,C..,probe=mm"
 
 
-@dataclass(frozen=True)
-class Datum:
+class Datum(msgspec.Struct, frozen=True):
     """How one work offset was obtained.
 
     Probed: the commanded position at which the tip of a probe or tool touched the datum, so that the offset holds the
@@ -27,15 +27,14 @@ class Datum:
     """
 
     probed: bool = True
-    at: Mapping[str, float] = field(default_factory=dict)
+    at: Mapping[str, float] = msgspec.field(default_factory=dict)
     """Machine position of the touch-off by axis, mm and degrees; X Y Z are those of the tip. Without an axis: that of
     the work offset, and home for a rotary axis that the work offset does not shift."""
     probe: float | None = None
     """Length of the probe, mm, from the tool reference point to the tip; None for the length of the first tool."""
 
 
-@dataclass(frozen=True)
-class TouchOff:
+class TouchOff(msgspec.Struct, frozen=True):
     """The touch-off of one work offset, as far as the control knows it; positions `(axes,)`, mm and degrees."""
 
     name: str

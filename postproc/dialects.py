@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Protocol
+
+import msgspec
+from msgspec.structs import replace
 
 from kinematics.files.mistaken import none_of
 from kinematics.machine import Machine
@@ -56,8 +58,7 @@ class Interpreter(Protocol):
         """As `read`, for the blocks before the first one that is not fully understood, and its refusal."""
 
 
-@dataclass(frozen=True)
-class Dialect:
+class Dialect(msgspec.Struct, frozen=True):
     """Grammar and meaning of one kind of NC code."""
 
     name: str

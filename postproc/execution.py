@@ -10,10 +10,12 @@ import itertools
 import pickle
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TypeVar
 
+import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from kinematics.user_error import UserError
 from postproc.control.codes import AXES
@@ -32,8 +34,7 @@ KEPT = 16
 Item = TypeVar("Item")
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(msgspec.Struct, frozen=True):
     """A chunk of blocks in the order of execution."""
 
     motions: Motions
@@ -251,8 +252,7 @@ class _Contexts:
         return replace(part, varied=frozenset(i for i, index in enumerate(part.indices or ()) if index in self._varied))
 
 
-@dataclass
-class _Chunks:
+class _Chunks(msgspec.Struct):
     """The blocks of a program in chunks of CHUNK; a chunk does not end at a block that `leads` the next."""
 
     items: Iterator[Block | PlainRun]

@@ -95,7 +95,7 @@ def test_a_run_leaves_nothing_to_the_next(first, second, seed):
     other = job_of(second, seed + 1)
     everything(other)
     refused = dataclasses.replace(first, text=first.text + REFUSED[first.dialect])
-    assert "refused" in everything(dataclasses.replace(job, source=job_of(refused, seed).source))
+    assert "refused" in everything(msgspec.structs.replace(job, source=job_of(refused, seed).source))
     if "text" in alone:
         interrupted(job)
     assert everything(job) == alone
@@ -176,7 +176,13 @@ def shown(value, depth=8):
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = [field.name for field in dataclasses.fields(value) if field.init]
         return [(name, shown(getattr(value, name), depth - 1)) for name in fields] if depth else "..."
-    return repr(value) if isinstance(value, str | float | int | None | msgspec.Struct | StrEnum) else str(type(value))
+    if isinstance(value, msgspec.Struct):
+        return (
+            [(name, shown(entry, depth - 1)) for name, entry in msgspec.structs.asdict(value).items()]
+            if depth
+            else "..."
+        )
+    return repr(value) if isinstance(value, str | float | int | None | StrEnum) else str(type(value))
 
 
 def state_of_modules():
@@ -204,9 +210,15 @@ def writable(value, path, seen):
     elif isinstance(value, list | tuple):
         for i, entry in enumerate(value):
             yield from writable(entry, f"{path}[{i}]", seen)
-    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
-        for name, entry in vars(value).items():
+    elif (dataclasses.is_dataclass(value) or isinstance(value, msgspec.Struct)) and not isinstance(value, type):
+        for name, entry in fields_of(value).items():
             yield from writable(entry, f"{path}.{name}", seen)
+
+
+def fields_of(value):
+    """What an instance holds, by name, with what it keeps of its results."""
+    fields = msgspec.structs.asdict(value) if isinstance(value, msgspec.Struct) else {}
+    return fields | getattr(value, "__dict__", {})
 
 
 @pytest.mark.parametrize("name", quick(machines.names(), ["dmu50"]))
@@ -252,5 +264,5 @@ def columns_of(value):
     """The arrays of a column, or of columns together."""
     if isinstance(value, np.ndarray):
         return [value]
-    each = vars(value).values() if dataclasses.is_dataclass(value) else value
+    each = fields_of(value).values() if dataclasses.is_dataclass(value) or isinstance(value, msgspec.Struct) else value
     return [column for part in each for column in columns_of(part)]

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -344,7 +345,7 @@ def test_real_programs_are_corrected_alike(nc_data, lines, tmp_path):
 def test_refusals_name_the_same_line(text, piece):
     """Lines of the program are numbered through all pieces."""
     found = []
-    for dialect in (ISO, dataclasses.replace(ISO, plain=None)):
+    for dialect in (ISO, msgspec.structs.replace(ISO, plain=None)):
         lines = []
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("postproc.text.source.PIECE", piece)

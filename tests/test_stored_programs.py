@@ -3,6 +3,7 @@
 import dataclasses
 import io
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -43,7 +44,7 @@ def corrected(text, *effects, **options):
         return correct_position(machine, errors, nominal, *more)
 
     iso = find_dialect("iso", "", "")
-    counted = dataclasses.replace(iso, interpreter=interpreter)
+    counted = msgspec.structs.replace(iso, interpreter=interpreter)
     correct_position = compensate.correct_position
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compensate, "correct_position", solve)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from kinematics.error_model.model import ErrorModel
@@ -127,8 +128,7 @@ class Conditions:
         return notes
 
 
-@dataclass(frozen=True)
-class States:
+class States(msgspec.Struct, frozen=True):
     """The state of the machine as a function of positions, for moves with their approach directions."""
 
     conditions: Conditions

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from functools import cached_property
 
+import msgspec
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from kinematics.columns import ChainColumns, Vector, length, minus, rows_of, vector
@@ -24,8 +25,7 @@ COLD = Conditions()
 AT_REST = COLD.states()
 
 
-@dataclass(frozen=True)
-class Correction:
+class Correction(msgspec.Struct, frozen=True):
     """Corrected positions of a chunk of moves; positions `(n, axes)` in programmed coordinates, mm and degrees."""
 
     nominal: Array
@@ -106,8 +106,7 @@ def corrected_positions(
     return correct_position(machine, errors, nominal, tool, movable, start, shift, precision, slope, known)
 
 
-@dataclass(frozen=True)
-class PoseErrors:
+class PoseErrors(msgspec.Struct, frozen=True, dict=True):
     """Errors at n axis positions of a machine with errors, against nominal poses."""
 
     actual: ChainColumns

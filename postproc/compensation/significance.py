@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,8 +18,7 @@ COVERAGE = 2.0
 """Coverage factor k: improvements and deviations above k standard uncertainties are significant."""
 
 
-@dataclass
-class Significance:
+class Significance(msgspec.Struct):
     """Sum of the improvements at block ends, um, and the significant part of it."""
 
     tolerance_um: float = 0.0

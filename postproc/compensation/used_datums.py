@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
 from typing import Any
 
+import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
@@ -31,8 +32,7 @@ LISTED = 12
 """Largest number of listed touch-offs; a program that sets its work offsets itself may have any number."""
 
 
-@dataclass(frozen=True)
-class UsedDatum:
+class UsedDatum(msgspec.Struct, frozen=True):
     """A touched-off work offset that a program used."""
 
     touch_off: TouchOff
@@ -89,16 +89,15 @@ class UsedDatum:
         }
 
 
-@dataclass
-class UsedDatums:
+class UsedDatums(msgspec.Struct):
     """Touch-offs of the moves of a program, collected chunk by chunk."""
 
     setup: Setup
-    used: list[UsedDatum] = field(default_factory=list)
-    _known: set[TouchOff] = field(default_factory=set)
-    _turned_notes: dict[str, str] = field(default_factory=dict)
+    used: list[UsedDatum] = msgspec.field(default_factory=list)
+    _known: set[TouchOff] = msgspec.field(default_factory=set)
+    _turned_notes: dict[str, str] = msgspec.field(default_factory=dict)
     """Note, by work offset, on rotary axes whose position in its first move differs from its touch-off; or empty."""
-    _outside: list[str] = field(default_factory=list)
+    _outside: list[str] = msgspec.field(default_factory=list)
     """Notes on touch-offs outside the travel, or outside the range of the calibration."""
 
     def add(self, motions: Motions) -> None:

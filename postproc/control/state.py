@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+
+import msgspec
 
 from kinematics.touch_off import TouchOff, touch_off
 from postproc.control.setup import Origin, Setup
@@ -12,28 +13,27 @@ from postproc.motion.frames import Frame, Placement, cartesian
 from postproc.text.block import Block
 
 
-@dataclass
-class ControlState:
+class ControlState(msgspec.Struct):
     """Belongs to one interpreter: every reading of a program begins with a new one."""
 
     setup: Setup
-    offsets: dict[str, dict[str, float]] = field(default_factory=dict)
+    offsets: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
     """Work offsets that the program has set, by name and axis, mm or degrees; other axes are as in the set-up."""
-    fine: dict[str, dict[str, float]] = field(default_factory=dict)
+    fine: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
     """Fine shifts of work offsets, which come on top, by name and axis, mm or degrees."""
-    tools: dict[str, float] = field(default_factory=dict)
+    tools: dict[str, float] = msgspec.field(default_factory=dict)
     """Tool lengths that the program has set, mm, by number or name."""
-    radii: dict[str, float] = field(default_factory=dict)
+    radii: dict[str, float] = msgspec.field(default_factory=dict)
     """Tool radii that the program has set, mm, by number or name."""
-    wear: dict[str, float] = field(default_factory=dict)
+    wear: dict[str, float] = msgspec.field(default_factory=dict)
     """Added to tool lengths by the program, mm, by number."""
-    used_offsets: dict[str, str] = field(default_factory=dict)
+    used_offsets: dict[str, str] = msgspec.field(default_factory=dict)
     """Work offsets that a move was programmed in, with their values in words."""
-    used_tools: dict[str, str] = field(default_factory=dict)
+    used_tools: dict[str, str] = msgspec.field(default_factory=dict)
     """Tools that a programmed move was made with, with their lengths, mm, in words."""
-    assumed: dict[str, str] = field(default_factory=dict)
+    assumed: dict[str, str] = msgspec.field(default_factory=dict)
     """Work offsets and tools among them that the machine file assumes, with their values in words."""
-    _origins: dict[tuple[str, str, tuple[float, ...], float], str] = field(default_factory=dict)
+    _origins: dict[tuple[str, str, tuple[float, ...], float], str] = msgspec.field(default_factory=dict)
     """Origins, in words, of the frames of the programmed moves, by the names and values of the frames."""
     _frame: Frame | None = None
     """The last frame that was looked at."""

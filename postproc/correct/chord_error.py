@@ -13,10 +13,10 @@ import math
 import operator
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from kinematics.columns import ChainColumns, minus, rows_of, vector
@@ -46,8 +46,7 @@ SHORTEST_MM, SHORTEST_DEG = 0.2, 0.05
 """Shortest length of a segment: no continuous path can follow a jump of the error."""
 
 
-@dataclass(frozen=True)
-class CorrectedPaths:
+class CorrectedPaths(msgspec.Struct, frozen=True, dict=True):
     """Corrected paths of a chunk of moves, at any position along them."""
 
     motions: Motions

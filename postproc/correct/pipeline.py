@@ -12,10 +12,11 @@ import datetime
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, BinaryIO
 
+import msgspec
 import numpy as np
+from msgspec.structs import asdict, replace
 
 from kinematics.error_model.classes import ORIENTATION, select
 from kinematics.error_model.model import ErrorModel
@@ -60,8 +61,7 @@ SPOOLED = 1 << 24
 """Bytes of a corrected program that are kept in memory until its mark is known."""
 
 
-@dataclass(frozen=True)
-class Job:
+class Job(msgspec.Struct, frozen=True):
     """One program to be corrected for one machine."""
 
     source: Source
@@ -155,7 +155,7 @@ class Pipeline:
             marked = MarkedOutput(rest)
             self._correct_all(marked, progress)
             evaluated = self.evaluation.finish()
-            self.report, self.trace = replace(self.report, **vars(evaluated.errors)), evaluated.trace
+            self.report, self.trace = replace(self.report, **asdict(evaluated.errors)), evaluated.trace
             self._check_whole(evaluated)
             accepted = self.plausibility.met
             mark = mark_of(job.model, self.interpreter.control_state)

@@ -8,8 +8,8 @@ from __future__ import annotations
 import datetime
 import itertools
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 
 from kinematics.error_model.model import ROUNDING, ErrorModel
@@ -59,12 +59,11 @@ def parse_accepted(text: str | None, allowed: Iterable[str] = REASONS) -> frozen
     return frozenset(names)
 
 
-@dataclass
-class Plausibility:
+class Plausibility(msgspec.Struct):
     """Refuses conditions that are not accepted, and stores accepted ones by name."""
 
     accepted: frozenset[str] = frozenset()
-    met: dict[str, str] = field(default_factory=dict)
+    met: dict[str, str] = msgspec.field(default_factory=dict)
     """Accepted conditions that were met: text with the value, by name."""
 
     def meet(self, name: str, found: str) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
+
+import msgspec
 
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.used_datums import UsedDatums
@@ -11,8 +12,7 @@ from postproc.evaluation.predicted_errors import PredictedErrors, Statistic
 from postproc.text.line_numbers import ranges
 
 
-@dataclass(kw_only=True)
-class CorrectionResult(PredictedErrors):
+class CorrectionResult(PredictedErrors, kw_only=True):
     """The result of one run; lengths in um."""
 
     program: dict[str, Any]
@@ -28,26 +28,26 @@ class CorrectionResult(PredictedErrors):
     """Number of blocks added for backlash take-ups and for the segments of moves."""
     split_moves: int = 0
     """Number of moves written in several blocks, so that the path stays within the tolerance."""
-    left: dict[str, list[int]] = field(default_factory=dict)
+    left: dict[str, list[int]] = msgspec.field(default_factory=dict)
     """Lines of feed moves with axes that are not corrected, by these axes."""
-    conditions: Conditions = field(default_factory=Conditions)
-    correction: dict[str, Statistic] = field(default_factory=dict)
+    conditions: Conditions = msgspec.field(default_factory=Conditions)
+    correction: dict[str, Statistic] = msgspec.field(default_factory=dict)
     """Corrections by linear axis, um."""
-    rotary_correction: dict[str, Statistic] = field(default_factory=dict)
+    rotary_correction: dict[str, Statistic] = msgspec.field(default_factory=dict)
     """Corrections by rotary axis, urad, if the orientation is corrected."""
     max_correction_um: float | None = None
     """Largest correction that is not refused, um; None if nothing is corrected."""
-    accepted: dict[str, str] = field(default_factory=dict)
+    accepted: dict[str, str] = msgspec.field(default_factory=dict)
     """Implausible conditions that were accepted: text with the value, by the name of `--accept`."""
     not_evaluated: int = 0
     """Number of moves to machine coordinates, or before the program has given all linear axes."""
-    work_offsets: dict[str, str] = field(default_factory=dict)
-    tools: dict[str, str] = field(default_factory=dict)
-    assumed: list[str] = field(default_factory=list)
+    work_offsets: dict[str, str] = msgspec.field(default_factory=dict)
+    tools: dict[str, str] = msgspec.field(default_factory=dict)
+    assumed: list[str] = msgspec.field(default_factory=list)
     """Work offsets and tools that the machine file assumes."""
     assumption: str = ""
     """`assumed` as a sentence; empty for none."""
-    notes: list[str] = field(default_factory=list)
+    notes: list[str] = msgspec.field(default_factory=list)
 
     @property
     def relative(self) -> str:

@@ -7,9 +7,9 @@ input, the position before it is not corrected either.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
+from msgspec.structs import replace
 
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from kinematics.user_error import UserError
@@ -46,7 +47,7 @@ def unrolled(program: StoredProgram, interpreter: Interpreter) -> UnrolledProgra
     lines = (line if line.endswith(end) else line + end for line in _lines(program, moves))
     data = (source.mark + "".join(lines)).encode(ENCODING)
     head = data[:HEAD_SIZE].decode(ENCODING)
-    text = replace(source, name=f"{source.name} (unrolled)", head=head, data=data, origin=source.hash)
+    text = msgspec.structs.replace(source, name=f"{source.name} (unrolled)", head=head, data=data, origin=source.hash)
     if turns(text, program.dialect):
         raise UserError(f"{text.name}: a jump, a loop or a call could not be written out")
     return UnrolledProgram(text, program.dialect, interpreter, merged(moves))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Set
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from kinematics.columns import ChainColumns, Vector
@@ -59,8 +59,7 @@ class ErrorsBefore(NamedTuple):
         return ErrorsBefore((x, y, z), *errors)
 
 
-@dataclass(frozen=True)
-class WrittenMoves:
+class WrittenMoves(msgspec.Struct, frozen=True, dict=True):
     """The moves of a chunk, as programmed and as written."""
 
     motions: Motions

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 
 from kinematics.error_model.model import ROUNDING
@@ -25,15 +25,14 @@ UNSEEN_UM = 1e-4
 """Increase of the error, um, below which a move does not count as worse."""
 
 
-@dataclass
-class Outside:
+class Outside(msgspec.Struct):
     """Evaluated moves that end outside the range of the calibration, collected chunk by chunk."""
 
     moves: int = 0
     outside: int = 0
-    lines: list[int] = field(default_factory=list)
+    lines: list[int] = msgspec.field(default_factory=list)
     """Lines of the first MOST_LINES moves outside."""
-    largest: dict[tuple[str, str], float] = field(default_factory=dict)
+    largest: dict[tuple[str, str], float] = msgspec.field(default_factory=dict)
     """Largest excess by effect and unit, as `ErrorModel.outside`."""
 
     def add(self, excesses: Mapping[tuple[str, str], Array], lines: Array) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from kinematics.transforms import Array
@@ -13,8 +13,7 @@ from postproc.compensation.significance import Significance
 from postproc.text.line_numbers import ranges, shortened
 
 
-@dataclass
-class Statistic:
+class Statistic(msgspec.Struct):
     """Largest size and RMS of a stream of numbers."""
 
     count: int = 0
@@ -37,11 +36,10 @@ class Statistic:
         return {"max": round(self.largest, 4), "rms": round(self.rms, 4), "count": self.count}
 
 
-@dataclass
-class UnsplitMoves:
+class UnsplitMoves(msgspec.Struct):
     """Moves that deviate by more than the tolerance between their ends, and could not be split."""
 
-    lines: list[int] = field(default_factory=list)
+    lines: list[int] = msgspec.field(default_factory=list)
     largest_um: float = 0.0
 
     def add(self, line: int, size_um: float) -> None:
@@ -59,20 +57,19 @@ class UnsplitMoves:
         return {"reason": reason, "lines": ranges(self.lines), "strays_up_to_um": round(self.largest_um, 4)}
 
 
-@dataclass
-class PredictedErrors:
+class PredictedErrors(msgspec.Struct):
     """Errors that the exact model predicts before and after a correction, um; of the tool axis, urad."""
 
-    before: Statistic = field(default_factory=Statistic)
-    after: Statistic = field(default_factory=Statistic)
-    absolute_before: Statistic = field(default_factory=Statistic)
+    before: Statistic = msgspec.field(default_factory=Statistic)
+    after: Statistic = msgspec.field(default_factory=Statistic)
+    absolute_before: Statistic = msgspec.field(default_factory=Statistic)
     """Errors before correction from the nominal tool point, um, if the given work offsets are true."""
-    absolute_after: Statistic = field(default_factory=Statistic)
-    tilt_before: Statistic = field(default_factory=Statistic)
+    absolute_after: Statistic = msgspec.field(default_factory=Statistic)
+    tilt_before: Statistic = msgspec.field(default_factory=Statistic)
     """Errors of the tool axis, urad."""
-    tilt_after: Statistic = field(default_factory=Statistic)
-    between_ends: Statistic = field(default_factory=Statistic)
-    uncertainty: Statistic = field(default_factory=Statistic)
-    significance: Significance = field(default_factory=Significance)
-    not_split: dict[str, UnsplitMoves] = field(default_factory=dict)
+    tilt_after: Statistic = msgspec.field(default_factory=Statistic)
+    between_ends: Statistic = msgspec.field(default_factory=Statistic)
+    uncertainty: Statistic = msgspec.field(default_factory=Statistic)
+    significance: Significance = msgspec.field(default_factory=Significance)
+    not_split: dict[str, UnsplitMoves] = msgspec.field(default_factory=dict)
     """Moves in one segment that exceed the tolerance, by reason."""

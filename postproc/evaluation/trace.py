@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from kinematics.error_model.model import ErrorModel
@@ -104,15 +104,14 @@ class MoveEnd(NamedTuple):
     """Error after correction, um."""
 
 
-@dataclass
-class DrawnPaths:
+class DrawnPaths(msgspec.Struct):
     """Every `stride`-th feed move: points of its nominal tool path, with the errors before and after correction."""
 
     stride: int = 1
     seen: int = 0
-    points: Array = field(default_factory=lambda: np.empty((0, SEGMENTS + 1, 3)))
+    points: Array = msgspec.field(default_factory=lambda: np.empty((0, SEGMENTS + 1, 3)))
     """Tool points `(n, SEGMENTS + 1, 3)`, mm, workpiece frame."""
-    errors: Array = field(default_factory=lambda: np.empty((0, SEGMENTS + 1, 2)))
+    errors: Array = msgspec.field(default_factory=lambda: np.empty((0, SEGMENTS + 1, 2)))
     """Errors `(n, SEGMENTS + 1, 2)`, um, before and after."""
 
     def rows(self, rows: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import msgspec
 
 from postproc.control.arcs import read_arc
 from postproc.control.interpreter import AxisWords
@@ -34,8 +34,7 @@ def _turns(content: Content) -> int:
 # ---- polar coordinates
 
 
-@dataclass
-class PolarCoordinates:
+class PolarCoordinates(msgspec.Struct):
     """Radius and angle that still hold, from G16 to G15."""
 
     radius: float | None = None

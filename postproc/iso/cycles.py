@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
+
+import msgspec
 
 from postproc.control.interpreter import AxisWords
 from postproc.iso.codes import COORDINATE_CHANGES, CYCLE_WORDS, LENGTH_CODES, NOT_MOVING
@@ -26,8 +27,7 @@ class Hole(NamedTuple):
     cycle: Cycle
 
 
-@dataclass
-class CannedCycle:
+class CannedCycle(msgspec.Struct):
     """The cycle in force, from its G code to the code that ends it."""
 
     axis: int

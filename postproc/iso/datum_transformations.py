@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 from postproc.iso.codes import MIRROR, ROTATION, SCALE, TILT
 from postproc.motion.frames import Placement, euler, mirrored, rotated, scaled, shifted
@@ -12,8 +13,7 @@ from postproc.text.block import Block
 ALL_AXES = "XYZ"
 
 
-@dataclass(frozen=True)
-class Programmed:
+class Programmed(msgspec.Struct, frozen=True):
     """The words of a block that transforms the coordinates."""
 
     block: Block

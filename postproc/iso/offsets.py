@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+
+import msgspec
 
 from postproc.control.state import ControlState
 from postproc.iso.codes import WORK_OFFSETS
@@ -15,21 +16,20 @@ NUMBERED = dict(enumerate([*(f"G{g}" for g in range(54, 60)), "G59.1", "G59.2", 
 """Work offsets by the P of G10 L2."""
 
 
-@dataclass
-class Offsets:
+class Offsets(msgspec.Struct):
     """The work offset in force, and the shifts that the program adds to it."""
 
     state: ControlState
     name: str = "G54"
     selected: bool = False
     """The program has selected the one in force."""
-    local: Shifts = field(default_factory=dict)
+    local: Shifts = msgspec.field(default_factory=dict)
     """G52."""
     preset: Shifts | None = None
     """G92; None before the first one."""
     suspended: bool = False
     """G92.2."""
-    turned: dict[str, float] = field(default_factory=dict)
+    turned: dict[str, float] = msgspec.field(default_factory=dict)
     """Degrees by which G10 has turned X and Y of work offsets (LinuxCNC)."""
 
     def work(self) -> list[float]:
@@ -98,8 +98,7 @@ TCP_CODES = frozenset((43.4, 43.5))
 """The coordinates are those of the tool point in the workpiece frame; the latter gives the tool axis as a vector."""
 
 
-@dataclass
-class Lengths:
+class Lengths(msgspec.Struct):
     """The length in force."""
 
     state: ControlState

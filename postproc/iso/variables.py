@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+
+import msgspec
 
 from postproc.text.expressions import (
     ARITHMETIC,
@@ -124,17 +125,16 @@ def _differing(name: str) -> float:
     raise NotKnown(f"{name} of these numbers depends on the control")
 
 
-@dataclass
-class IsoVariables:
+class IsoVariables(msgspec.Struct):
     """The values of `#1`, `#<name>`; those that the program has not set are not known."""
 
-    operations: Operations = field(default_factory=lambda: OPERATIONS)
+    operations: Operations = msgspec.field(default_factory=lambda: OPERATIONS)
     empty: bool = False
     """#0, and a variable of a macro that its call leaves out, are empty (FANUC)."""
     system: int = SYSTEM
     """Number of the first variable that belongs to the control."""
-    shared: dict[str, Value | NotKnown] = field(default_factory=lambda: {VALUE: 0.0, RETURNED: 0.0})
-    own: list[dict[str, Value | NotKnown]] = field(default_factory=lambda: [{}])
+    shared: dict[str, Value | NotKnown] = msgspec.field(default_factory=lambda: {VALUE: 0.0, RETURNED: 0.0})
+    own: list[dict[str, Value | NotKnown]] = msgspec.field(default_factory=lambda: [{}])
     """Local variables of the main program, and of each subprogram that runs."""
 
     def get(self, name: str, indices: tuple[Value, ...]) -> Value:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from kinematics.transforms import Array
@@ -13,8 +13,7 @@ from postproc.motion.moves import Arc
 TURN = 2.0 * np.pi
 
 
-@dataclass(frozen=True)
-class CircleColumns:
+class CircleColumns(msgspec.Struct, frozen=True):
     """Arcs in their planes; columns `(k,)`, lengths in mm, programmed coordinates."""
 
     rows: np.ndarray

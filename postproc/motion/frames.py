@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 
 from kinematics.columns import ChainColumns, rows_of, vector
@@ -124,8 +125,7 @@ def _matrix(turn: tuple[float, ...]) -> Array:
     return np.array(turn).reshape(3, 3)
 
 
-@dataclass(frozen=True)
-class Placement:
+class Placement(msgspec.Struct, frozen=True):
     """A shift and a turn of programmed X Y Z, one after the other: placed = turn @ programmed + shift."""
 
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from kinematics.machine import Machine
@@ -384,7 +385,7 @@ class Recorder:
         there = frame.touch_off
         if there is None or there.probe is not None:
             return frame
-        return replace(frame, touch_off=replace(there, probe=self._first_lengths.get(there.name)))
+        return replace(frame, touch_off=msgspec.structs.replace(there, probe=self._first_lengths.get(there.name)))
 
     def _record(
         self,

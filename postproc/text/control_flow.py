@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+
+import msgspec
 
 from postproc.text.block import Block
 from postproc.text.statements import Again, Begin, Else, End, Leave, Step
@@ -11,18 +12,17 @@ from postproc.text.statements import Again, Begin, Else, End, Leave, Step
 LOOPS = frozenset(("WHILE", "FOR", "LOOP", "DO", "REPEAT"))
 
 
-@dataclass
-class Structures:
+class Structures(msgspec.Struct):
     """The structures of a program by index of their blocks; each has a block of its own."""
 
-    steps: dict[int, Begin | Else | End] = field(default_factory=dict)
-    begin: dict[int, int] = field(default_factory=dict)
+    steps: dict[int, Begin | Else | End] = msgspec.field(default_factory=dict)
+    begin: dict[int, int] = msgspec.field(default_factory=dict)
     """The block that opened the structure of an Else, an End, a Leave or an Again."""
-    end: dict[int, int] = field(default_factory=dict)
+    end: dict[int, int] = msgspec.field(default_factory=dict)
     """The block that closes a Begin or an Else."""
-    following: dict[int, int] = field(default_factory=dict)
+    following: dict[int, int] = msgspec.field(default_factory=dict)
     """The next Else, or the End, of a Begin or an Else."""
-    with_leave: set[int] = field(default_factory=set)
+    with_leave: set[int] = msgspec.field(default_factory=set)
     """Blocks that open a loop that contains a Leave of this loop."""
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import msgspec
+from msgspec.structs import replace
 
 from postproc.text.block import Block, Edit, Word
 from postproc.text.number_style import NumberStyle, decimals_of
@@ -32,12 +33,11 @@ def rank(word: Word) -> int | None:
     return _RANKS.get(word.address) if word.start < word.end else None
 
 
-@dataclass(frozen=True)
-class Layout:
+class Layout(msgspec.Struct, frozen=True):
     """How a program separates words and writes numbers, learned from the blocks before."""
 
     blank: bool = True
-    numbers: NumberStyle = field(default_factory=NumberStyle)
+    numbers: NumberStyle = msgspec.field(default_factory=NumberStyle)
     end: str = "\n"
     """How lines end."""
 
@@ -53,8 +53,7 @@ class Layout:
         return self if same else Layout(blank, numbers, end)
 
 
-@dataclass
-class Iterations:
+class Iterations(msgspec.Struct):
     """The numbers that a block was given when it ran first: it keeps them where others differ by no more than `counts`.
 
     So a block of a loop has one text, which is that of its first iteration in style too.
@@ -63,7 +62,7 @@ class Iterations:
     layout: Layout
     counts: float
     """Largest difference of a number from that of the first iteration, in units of its last decimal."""
-    numbers: dict[str, float | None] = field(default_factory=dict)
+    numbers: dict[str, float | None] = msgspec.field(default_factory=dict)
     """Numbers by a name for the word; None for a word that was left out."""
 
     def agreed(self, name: str, number: float, decimals: int) -> float:
@@ -84,15 +83,14 @@ class Iterations:
         return abs(number - first) <= self.counts * 10.0**-decimals
 
 
-@dataclass
-class WordEditor:
+class WordEditor(msgspec.Struct):
     """Collects the edits of one block; values in the units of its words."""
 
     block: Block
     layout: Layout
     iterations: Iterations | None = None
     """Iterations of a block that may run several times."""
-    edits: list[Edit] = field(default_factory=list)
+    edits: list[Edit] = msgspec.field(default_factory=list)
 
     def set(self, index: int, value: float, decimals: int) -> float:
         """Set a word to `value`, with no fewer decimals than it has or than given; returns its new value."""

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import Any, Protocol, cast
+
+import msgspec
 
 from postproc.text.block import Block
 from postproc.text.block_values import with_values
@@ -57,8 +58,7 @@ class Reader(Protocol):
         """The last block moved the tool; Refusal where whether a modal call follows it depends on the control."""
 
 
-@dataclass(eq=False)
-class _Called:
+class _Called(msgspec.Struct, eq=False):
     """A subprogram with the arguments of its call."""
 
     first: int
@@ -83,8 +83,7 @@ class _Called:
         }
 
 
-@dataclass
-class _Frame:
+class _Frame(msgspec.Struct):
     """A subprogram, or a part of the program that is run again."""
 
     caller: int
@@ -97,7 +96,7 @@ class _Frame:
     """The subprogram; None for a part, and for the main program."""
     modals: int | None
     """How many of the modal calls hold for its moves; None for all."""
-    loops: dict[int, int] = field(default_factory=dict)
+    loops: dict[int, int] = msgspec.field(default_factory=dict)
     """Remaining iterations of a loop, by the block that opens it."""
 
 

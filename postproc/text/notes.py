@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import msgspec
 
 
-@dataclass
-class Notes:
+class Notes(msgspec.Struct):
     """Collects notes for the user of conditions that do not stop the run."""
 
-    first: dict[str, int] = field(default_factory=dict)
-    count: dict[str, int] = field(default_factory=dict)
+    first: dict[str, int] = msgspec.field(default_factory=dict)
+    count: dict[str, int] = msgspec.field(default_factory=dict)
 
     def add(self, text: str, line: int, times: int = 1) -> None:
         """Note `text` for a block at `line`, the first of so many."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TypeVar
+
+import msgspec
 
 from kinematics.files.mistaken import number_hint
 from kinematics.user_error import UserError
@@ -32,8 +33,7 @@ def decimals_holding(value: float) -> int:
     return next((n for n in range(MOST_DECIMALS) if abs(round(value, n) - value) < near), MOST_DECIMALS)
 
 
-@dataclass(frozen=True)
-class NumberStyle:
+class NumberStyle(msgspec.Struct, frozen=True):
     """How a program writes numbers: sign on positive ones, decimal mark, zero before the mark."""
 
     plus: bool = False

@@ -9,9 +9,10 @@ import os
 import re
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+
+import msgspec
 
 from kinematics.files import reason_of
 from kinematics.files.mistaken import PROGRAM, kind_of_file, missing
@@ -33,8 +34,7 @@ _CONTROLS = frozenset(range(32)) - frozenset(b"\t\n\r\x00\x0c\x1a")
 _ODD = re.compile(f"[{re.escape(''.join(map(chr, sorted({0, *_CONTROLS}))))}]")
 
 
-@dataclass(frozen=True)
-class Source:
+class Source(msgspec.Struct, frozen=True, dict=True):
     """A program to be read, more than once if need be; a file is never held in memory as a whole."""
 
     name: str

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
 from enum import StrEnum
+
+import msgspec
 
 from postproc.control.codes import DISTANCES
 from postproc.iso.codes import FEED_MODES, UNITS
@@ -92,8 +93,7 @@ def lacks_motion(block: Block) -> bool:
     return block.kind == "words" and not any(programmed)
 
 
-@dataclass
-class AddedBlock:
+class AddedBlock(msgspec.Struct):
     """Block added beside a block of the program, built word by word in the style of the program."""
 
     beside: Block
@@ -107,13 +107,13 @@ class AddedBlock:
     """Iterations of the block beside it, if that may run several times."""
     number: int = 0
     """Number among the blocks added beside the same block, from 0."""
-    modes: list[str] = field(default_factory=list)
+    modes: list[str] = msgspec.field(default_factory=list)
     """Words for distances, feed and unit."""
-    feed: list[str] = field(default_factory=list)
+    feed: list[str] = msgspec.field(default_factory=list)
     """Feed words."""
-    functions: list[str] = field(default_factory=list)
+    functions: list[str] = msgspec.field(default_factory=list)
     """Words that take effect at the end of the move."""
-    _words: list[tuple[str, str]] = field(default_factory=list)
+    _words: list[tuple[str, str]] = msgspec.field(default_factory=list)
 
     @property
     def klartext(self) -> bool:

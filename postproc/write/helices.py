@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 
 from postproc.compensation.correction import Correction
@@ -51,11 +51,10 @@ def replaced_by_angle(
     return replaced if movable and not any(block.words[i].formula for i in replaced) else None
 
 
-@dataclass
-class FlatArcs:
+class FlatArcs(msgspec.Struct):
     """Klartext arcs that leave the correction of an axis across their plane to the next line."""
 
-    lines: list[int] = field(default_factory=list)
+    lines: list[int] = msgspec.field(default_factory=list)
     largest_um: float = 0.0
 
     def take(self, motions: Motions, correction: Correction, ends: np.ndarray) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from kinematics.transforms import Array
@@ -53,8 +53,7 @@ def _points(columns: Array) -> list[Point]:
     return list(zip(columns[:, 0].tolist(), columns[:, 1].tolist(), strict=True))
 
 
-@dataclass(frozen=True)
-class PlainArcs:
+class PlainArcs(msgspec.Struct, frozen=True):
     """Arcs of a run of plain lines with their ends on the control; one entry per arc."""
 
     lines: np.ndarray

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array, read_only
@@ -50,8 +51,7 @@ class WrittenRows(NamedTuple):
     """Layout after the last line."""
 
 
-@dataclass
-class PlainRows:
+class PlainRows(msgspec.Struct, dict=True):
     """The moves of a run of plain lines, one row per line, with their corrected ends."""
 
     run: PlainRun

@@ -6,7 +6,6 @@ within the correction.
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import random
 import re
@@ -19,6 +18,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from kinematics.basis import Polynomial
@@ -194,7 +194,7 @@ def _dialect(name: str) -> Dialect:
     """A dialect that reads a line once: those that nobody spoiled come again and again."""
     dialect = find_dialect(name, "", "")
     read = lru_cache(100_000)(lambda first, text: dialect.read_block(1 if first else 2, text))
-    return dataclasses.replace(dialect, read_block=lambda line, text: read(line == 1, text)._replace(line=line))
+    return msgspec.structs.replace(dialect, read_block=lambda line, text: read(line == 1, text)._replace(line=line))
 
 
 @cache

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from kinematics.error_model.model import ErrorModel
@@ -58,7 +58,7 @@ def outcome(
     source = open_source(str(path))
     dialect = find_dialect("auto", source.name, source.text_head)
     if pieces is None:
-        dialect = dataclasses.replace(dialect, plain=None)
+        dialect = msgspec.structs.replace(dialect, plain=None)
 
     def divided(source: Source) -> Iterator[bytes]:
         assert pieces is not None

@@ -1,10 +1,10 @@
 """Programs of plain lines with others between them, and a run of the whole job with the plain lines read in bulk or not."""
 
-import dataclasses
 import io
 import json
 import math
 
+import msgspec
 import pytest
 from hypothesis import strategies as st
 
@@ -136,7 +136,7 @@ def arc_programs(draw, siemens=False):
 def outcome(text, machine, model, *, plain=True, shortest=1, piece=1 << 20, dialect="iso", **options):
     """Text and report of the corrected program, or why it is refused; `plain`: plain lines are read in bulk."""
     source, out, read_as = source_of(text), io.BytesIO(), find_dialect(dialect, "", "")
-    read_as = read_as if plain else dataclasses.replace(read_as, plain=None)
+    read_as = read_as if plain else msgspec.structs.replace(read_as, plain=None)
     setup = setup_of(machine)
     job = Job(source, read_as, machine, model, setup, **{**AT_MOST, "travel_check": False, **options})
     with pytest.MonkeyPatch.context() as patch:

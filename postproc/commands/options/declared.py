@@ -5,10 +5,12 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, Field, field, fields, is_dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+import msgspec
 
 from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
@@ -34,8 +36,7 @@ def argument(help: str, metavar: str, default: Any = REQUIRED, **form: Any) -> A
     return field(default=default, metadata={"help": help, "metavar": metavar, **form})
 
 
-@dataclass(frozen=True)
-class Declared:
+class Declared(msgspec.Struct, frozen=True):
     """An option or argument with its name and its type."""
 
     name: str
@@ -112,8 +113,7 @@ class Declared:
         return given
 
 
-@dataclass(frozen=True)
-class Signature:
+class Signature(msgspec.Struct, frozen=True, dict=True):
     """A command with the declarations of its options and arguments, also of those in dataclasses of options."""
 
     command: Callable[..., None]

@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
 import ncomp
 from postproc.commands.options.declared import option
 from postproc.commands.options.program import ConditionsOptions, DatumOptions
@@ -43,8 +45,7 @@ class CorrectionOptions:
     force: bool = option("Correct a program that ncomp has already corrected.", default=False)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Request:
+class Request(msgspec.Struct, frozen=True, kw_only=True):
     """Everything that several corrections have in common, by the options of the command line."""
 
     machine: str
