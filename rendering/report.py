@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from kinematics.files.report_head import ReportHead
 
@@ -12,16 +13,14 @@ if TYPE_CHECKING:
     from rendering.figures import Figure
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(msgspec.Struct, frozen=True):
     """Rows of text below a heading row; with a heading row of empty cells: facts, each a name and its text."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
 
 
-@dataclass(frozen=True)
-class Section:
+class Section(msgspec.Struct, frozen=True):
     """A heading with its content; a section of a figure, without a table, is on the page only."""
 
     title: str
@@ -34,8 +33,7 @@ class Section:
     """True for a section that is on the page only, folded if it has no figure."""
 
 
-@dataclass(frozen=True)
-class Report:
+class Report(msgspec.Struct, frozen=True):
     """The result of a command for people."""
 
     title: str
@@ -48,7 +46,7 @@ class Report:
     """Sentence above everything else: the reason why a result is not written."""
     before: Sequence[Section] = ()
     """Sections that do not depend on the result, before the verdict."""
-    head: ReportHead = field(default_factory=ReportHead)
+    head: ReportHead = msgspec.field(default_factory=ReportHead)
     """Entries by which a shop files the page."""
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, TypeVar
+
+import msgspec
 
 from kinematics.machine import EVERY_OTHER, Machine
 from kinematics.touch_off import Datum, read_datum
@@ -36,8 +37,7 @@ class Given(NamedTuple, Generic[T]):
     origin: Origin
 
 
-@dataclass(frozen=True)
-class Setup:
+class Setup(msgspec.Struct, frozen=True):
     """Offsets by name and tool lengths by number, as they are before a program runs on one machine.
 
     Options have priority over a tool table, and a tool table over the machine file. A value that is not given is zero
@@ -45,21 +45,21 @@ class Setup:
     """
 
     machine: Machine
-    work_offsets: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    work_offsets: Mapping[str, Mapping[str, float]] = msgspec.field(default_factory=dict)
     """Given for this run, by name and axis, mm or degrees."""
-    tools: Mapping[str, float] = field(default_factory=dict)
+    tools: Mapping[str, float] = msgspec.field(default_factory=dict)
     """Lengths given for this run, mm, by number or name."""
     given_tools: frozenset[str] = frozenset()
     """Numbers of tools whose lengths were given one by one, not in a table."""
-    radii: Mapping[str, float] = field(default_factory=dict)
+    radii: Mapping[str, float] = msgspec.field(default_factory=dict)
     """Tool radii, mm, by number or name; from a table."""
-    datums: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    datums: Mapping[str, Mapping[str, float]] = msgspec.field(default_factory=dict)
     """Lines of a datum table by number and axis, mm or degrees."""
-    turned: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    turned: Mapping[str, tuple[float, float, float]] = msgspec.field(default_factory=dict)
     """Work offsets that turn the coordinates, by name: degrees about X, Y, Z."""
-    without_unit: Mapping[str, str] = field(default_factory=dict)
+    without_unit: Mapping[str, str] = msgspec.field(default_factory=dict)
     """Files whose lengths are taken in mm because nothing states their unit, by `tool 5` or `offset G54`."""
-    obtained: Mapping[str, Datum] = field(default_factory=dict)
+    obtained: Mapping[str, Datum] = msgspec.field(default_factory=dict)
     """Datum entries of work offsets that are given for this run, by name."""
     probed: bool = False
     """All other work offsets were touched off on the machine; otherwise they are true."""

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import msgspec
+from msgspec.structs import replace
 
 from kinematics.user_error import UserError
 
@@ -14,21 +16,20 @@ _NUMBER = re.compile(r"\d+(\.\d+)?")
 _ROTARY = frozenset("ABC")
 
 
-@dataclass(frozen=True)
-class ToolTable:
+class ToolTable(msgspec.Struct, frozen=True):
     """The set-up data of a table; lengths in mm, angles in degrees."""
 
-    tools: Mapping[str, float] = field(default_factory=dict)
+    tools: Mapping[str, float] = msgspec.field(default_factory=dict)
     """Lengths by tool: its number as text (`5`, `5.1` where tools have indices), or its name in capitals."""
-    work_offsets: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    work_offsets: Mapping[str, Mapping[str, float]] = msgspec.field(default_factory=dict)
     """By name (`G54`, or the number of a preset) and axis."""
-    radii: Mapping[str, float] = field(default_factory=dict)
+    radii: Mapping[str, float] = msgspec.field(default_factory=dict)
     """By tool, as lengths."""
-    datums: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    datums: Mapping[str, Mapping[str, float]] = msgspec.field(default_factory=dict)
     """Lines of a datum table, which shift within the work offset, by number and axis."""
-    turned: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    turned: Mapping[str, tuple[float, float, float]] = msgspec.field(default_factory=dict)
     """Work offsets that turn the coordinates, by name: about X, Y and Z, applied in this order, about fixed axes."""
-    without_unit: Mapping[str, str] = field(default_factory=dict)
+    without_unit: Mapping[str, str] = msgspec.field(default_factory=dict)
     """Files of tools and work offsets whose table contains no unit, and none was given, by `tool 5`, `offset G54`."""
 
     def in_unit(self, unit: float) -> ToolTable:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
+import msgspec
 import numpy as np
 
 from kinematics.machine import NDArrayBool
@@ -56,8 +56,7 @@ def _refused(*tables: Mapping[int, tuple[int, ...]]) -> NDArrayBool:
     return refused
 
 
-@dataclass(frozen=True)
-class PlainStyle:
+class PlainStyle(msgspec.Struct, frozen=True, dict=True):
     """The words of plain lines in a dialect; a line has no two words with one address."""
 
     other: str

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
+
+import msgspec
 
 import ncomp
 from kinematics.user_error import UserError
@@ -173,7 +175,7 @@ def plan(
             made = sequence.plan(found, choices)
         lines, shown = _lines(made, settings, dialect), plan_report(made)
     results = {"strategy": made.strategy, "observations": len(made), "minutes": made.minutes, "notes": made.notes}
-    shown = replace(shown, head=found.report.filled(machine=found.name))
+    shown = msgspec.structs.replace(shown, head=found.report.filled(machine=found.name))
     with whole_results(program.nc, output, *others.files) as (file, table, *files):
         write_plan(made, table)
         others.write(results, shown, tuple(files), inputs)
@@ -211,7 +213,7 @@ def _of_spheres(machine: Machine, choices: Choices, given: Given, output: str, o
     nc = program.nc
     mask = mask_of(control, machine) if nc not in (None, "-") else None
     beside = str(Path(str(nc)).with_name("ncomp.a")) if mask else None
-    report = replace(spheres_report(found, predicted), head=machine.report.filled(machine=machine.name))
+    report = msgspec.structs.replace(spheres_report(found, predicted), head=machine.report.filled(machine=machine.name))
     with whole_results(nc, output, beside, *others.files) as (file, rows, form, *files):
         write_plan(found.plan, rows)
         others.write(spheres_json(found, predicted), report, tuple(files), ())

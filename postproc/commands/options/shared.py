@@ -12,6 +12,8 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
+import msgspec
+
 from kinematics.files.mistaken import missing
 from kinematics.files.report_head import ReportHead, read_head
 from kinematics.user_error import UserError
@@ -98,9 +100,9 @@ class ResultOptions:
             from postproc.commands.show.terminal import console
             from rendering.page import page
 
-            head = made_now(report.head.under(self.head))
+            headed = msgspec.structs.replace(report, head=made_now(report.head.under(self.head)))
             with console.status("drawing the page") as status:
-                files[1].write(page(replace(report, head=head), partial(status.update, "drawing the page")))
+                files[1].write(page(headed, partial(status.update, "drawing the page")))
 
 
 def provenance(head: ReportHead, inputs: Iterable[str | Path]) -> dict[str, Any]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 import ncomp
 from postproc.commands.options.program import NoTravelCheck, Program, SetUpOptions

@@ -6,11 +6,13 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Literal, Protocol
+
+import msgspec
+from msgspec.structs import replace
 
 import rendering.terminal
 from kinematics.running.progress import Progress
@@ -21,8 +23,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-@dataclass
-class Level:
+class Level(msgspec.Struct):
     """How much a command shows; one for the whole process, because the command line sets it."""
 
     quiet: bool = False
