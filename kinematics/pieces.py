@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import msgspec
@@ -39,7 +40,7 @@ STEP = 4.0 * EXACT
 """Difference between the ends of two pieces that meet in a smooth error, mm and rad, at most."""
 HALVINGS = 12
 FEW = 24
-"""Pieces among rows up to which they are evaluated one after the other."""
+"""Pieces, and changes of the piece from row to row, up to which they are evaluated one after the other."""
 NODES = read_only(np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)))
 TESTS = read_only(np.linspace(-1.0, 1.0, 16) * (1.0 - 1e-9))
 """Where a piece is fitted and where it is tested, in its own coordinate -1 ... 1."""
@@ -69,11 +70,13 @@ class Table(NamedTuple):
         piece = np.searchsorted(self.breaks[1:-1], x, side="right")
         if self.directed and approach is not None:
             piece += pieces * (approach.astype(int) + 1)
+        ends = np.append(np.flatnonzero(piece[1:] != piece[:-1]) + 1, len(piece)).tolist()
+        if len(ends) <= FEW:  # a smooth path: no row is copied
+            for first, end in pairwise([0, *ends]):
+                self._put(piece[first : first + 1], x[first:end], values[:, first:end])
+            return
         low = int(piece.min())
         present = low + np.flatnonzero(np.bincount(piece - low))
-        if len(present) == 1:
-            self._put(present, x, values)
-            return
         if len(present) > FEW:
             self._put(piece, x, values)
             return

@@ -72,6 +72,8 @@ def mark_in(text: str) -> Mark | None:
 
 def mark_in_program(source: Source) -> Mark | None:
     """The mark of a corrected program; None if there is none."""
+    if source.has_line_feeds and not any(b"NCOMP" in piece for piece in source.pieces()):
+        return None
     return next((found for _, text in source.lines() if (found := mark_in(text))), None)
 
 
