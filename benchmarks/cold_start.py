@@ -14,12 +14,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 BLOCKS = 200
+RUNS = 9
 JOB = ("-c", "from postproc.cli import run; run()", "in.nc", "--machine", "dmu50", "--set-up-zero", "-o", "out.nc")
 NUMPY = ("-c", "import numpy")
 
@@ -49,8 +51,8 @@ def spent(arguments: tuple[str, ...], folder: str, environment: dict[str, str]) 
     return Spent(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, end - start)
 
 
-def main(runs: int) -> None:
-    """Measure and print."""
+def measured(runs: int) -> tuple[list[Spent], list[Spent]]:
+    """The times of ncomp's job and of the import of NumPy, run by run in turn."""
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "in.nc").write_text(program(BLOCKS))
         environment = os.environ | {
@@ -59,13 +61,24 @@ def main(runs: int) -> None:
             "PYTHONDONTWRITEBYTECODE": "",
         }
         pairs = [[spent(each, folder, environment) for each in (JOB, NUMPY)] for _ in range(runs + 1)][1:]
-    jobs, imports = zip(*pairs, strict=True)
-    print(f"{'median of ' + str(runs) + ' runs':<34}{'processor, s':>14}{'elapsed, s':>14}")
-    for name, column in ((f"ncomp, {BLOCKS} blocks", jobs), ("import numpy", imports)):
-        print(f"{name:<34}" + "".join(f"{statistics.median(times):>14.3f}" for times in zip(*column, strict=True)))
-    ratios = [tuple(a / b for a, b in zip(job, other, strict=True)) for job, other in pairs]
-    print(f"{'ratio':<34}" + "".join(f"{statistics.median(each):>14.2f}" for each in zip(*ratios, strict=True)))
+    return [job for job, _ in pairs], [other for _, other in pairs]
+
+
+def table(runs: int) -> tuple[Sequence[str], list[Sequence[str]]]:
+    """Head and rows: medians of the times, and of the ratios within a run."""
+    jobs, imports = measured(runs)
+    ratios = [
+        Spent(job.processor / other.processor, job.elapsed / other.elapsed)
+        for job, other in zip(jobs, imports, strict=True)
+    ]
+    columns = {f"ncomp, {BLOCKS} five-axis blocks": (jobs, 3), "import numpy": (imports, 3), "ratio": (ratios, 2)}
+    return ("process", "processor, s", "elapsed, s"), [
+        (name, *(f"{statistics.median(times):.{digits}f}" for times in zip(*column, strict=True)))
+        for name, (column, digits) in columns.items()
+    ]
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 9)
+    head, rows = table(int(sys.argv[1]) if len(sys.argv) > 1 else RUNS)
+    for name, *cells in (head, *rows):
+        print(f"{name:<34}" + "".join(f"{cell:>14}" for cell in cells))

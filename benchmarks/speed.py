@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import before_after
+import cold_start
 import numpy as np
 from plain_share import WITH_A, errors_of, lines_in_bulk, machine_of
 from processes import Failed, Spent, spent
@@ -142,6 +143,7 @@ def main() -> None:
         makers: dict[str, tuple[str, Callable[[], Table]]] = {
             "forms": (f"{lines:,} moves", lambda: clothings(bench, lines)),
             "growth": ("From short to long", lambda: growth(bench, [n for n in GROWTH if n < lines] + [lines])),
+            "start": ("Start", lambda: cold_start.table(cold_start.RUNS)),
             "readers": ("Other readers", lambda: readers(bench)),
         }
         if given.real.is_dir():
@@ -150,13 +152,14 @@ def main() -> None:
             makers["commands"] = "Commands, before and after", lambda: commands(before, given.rounds)
         for name in (name for name in makers if name in given.only):
             title, make = makers[name]
-            sections[title] = f"{as_markdown(make())}\n\n{conditions(given.rounds)}"
+            rounds = cold_start.RUNS if name == "start" else given.rounds
+            sections[title] = f"{as_markdown(make())}\n\n{conditions(rounds)}"
             print(f"## {title}\n\n{sections[title]}\n", flush=True)
     if given.page is not None:
         given.page.write_text(page(sections, given.page))
 
 
-TABLES = ("forms", "growth", "readers", "real", "commands")
+TABLES = ("forms", "growth", "start", "readers", "real", "commands")
 """Names of the tables, in the order of the page."""
 
 
@@ -166,7 +169,7 @@ def page(sections: dict[str, str], path: Path) -> str:
     kept = {title: text.strip() for title, text in zip(present[::2], present[1::2], strict=True)}
     if any(title.endswith(" moves") for title in sections):
         kept = {title: text for title, text in kept.items() if not title.endswith(" moves")}
-    order = ("moves", "short", "Other", "Real", "Commands")
+    order = ("moves", "short", "Start", "Other", "Real", "Commands")
     titles = sorted(kept | sections, key=lambda title: next(i for i, word in enumerate(order) if word in title))
     return "\n\n".join([INTRODUCTION.rstrip(), *(f"## {t}\n\n{(kept | sections)[t]}" for t in titles)]) + "\n"
 
@@ -319,7 +322,8 @@ INTRODUCTION = """\
 Programs of one smooth path, in the clothings that CAM systems post, are corrected by ncomp for the shipped DMU 50 and
 its demonstration calibration: read, corrected, checked and written, with the start of the process. For long programs
 two further processes read ahead and evaluate the corrections. In turn with it LinuxCNC's interpreter, in C++, only
-reads the same moves (`rs274 -g`). Ratios are those within a round. Memory is that of all processes together.
+reads the same moves (`rs274 -g`). Ratios are those within a round. Memory is that of all processes together. The
+start is that of a short job beside a process that only imports NumPy (`benchmarks/cold_start.py`).
 
 Lines in bulk are read, moved and written in columns, together with the lines around them. The others are read one by
 one: comments, cycles, M functions, increments (G91), tool vectors (LN, A3 B3 C3), and moves that are split. All lines
