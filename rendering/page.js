@@ -7,8 +7,11 @@ const scale = colours => colours.map((colour, i) => [i / (colours.length - 1), c
 const LIGHT = {ink: "#1d2127", grey: "#8a8f98", paper: "#ffffff", veil: "rgba(255,255,255,0.75)", card: "#f5f7fa", grid: "#e3e6eb",
   sizes: scale(["#1f4fa8", "#5b3fb0", "#a32f9c", "#d8495f", "#f08a1d"])};
 const DARK = {ink: "#e6e8ec", grey: "#8a919e", paper: "#14171c", veil: "rgba(20,23,28,0.75)", card: "#1e232b", grid: "#2d333d",
-  sizes: scale(["#6d8fe0", "#9f7fe6", "#dc72c4", "#f58a7a", "#ffd24d"])};
-// `sizes`: colours from zero to the largest value, all of them visible on the paper.
+  sizes: scale(["#6d8fe0", "#9f7fe6", "#dc72c4", "#f58a7a", "#ffd24d"]), cover: 1.8,
+  instead: {"#3b7dd8": "#6ea8f7", "#d9700a": "#f29a45", "#4e9a06": "#85cc3f", "#d4372c": "#ff8073", "#8a8f98": "#a8aeb9",
+    "#1d4f9c": "#5b90e6", "#a1440d": "#dd7d40", "#2f6b3c": "#5fb57b"}};
+// `sizes`: colours from zero to the largest value, all of them visible on the paper. `instead`: brighter ones for thin lines
+// on dark paper; `cover`: factor of the opacity of dots there.
 const LEAST = {xy: 250, polar: 330, scene: 300};  // px, least width of a panel
 const PRINTED = {width: 900, height: 0.9};        // px, width of a figure for the printer; share of the height of its panels
 const GAP = {left: 62, right: 16, top: 12, bottom: 46, title: 22, scale: 58};
@@ -19,10 +22,11 @@ const system = window.matchMedia("(prefers-color-scheme: dark)");
 const isDark = () => root.dataset.theme ? root.dataset.theme === "dark" : system.matches;
 
 function coloured(value, palette) {
-  if (typeof value === "string") return value[0] === "@" && palette[value.slice(1)] || value;
-  if (Array.isArray(value)) return typeof value[0] === "number" ? value : value.map(each => coloured(each, palette));
+  if (typeof value === "string") return value[0] === "@" && palette[value.slice(1)] || (palette.instead || {})[value] || value;
+  if (Array.isArray(value)) return typeof value[0] === "number" && typeof value[1] !== "string" ? value : value.map(each => coloured(each, palette));
   if (value && typeof value === "object")
-    return Object.fromEntries(Object.entries(value).map(([key, each]) => [key, coloured(each, palette)]));
+    return Object.fromEntries(Object.entries(value).map(([key, each]) => [key, key === "opacity" && typeof each === "number"
+      ? Math.min(1, (palette.cover || 1) * each) : coloured(each, palette)]));
   return value;
 }
 
@@ -64,7 +68,7 @@ function axis(palette, own, title) {
 
 const SIGHT = {right: [0.739, 0.674, 0], up: [-0.246, 0.269, 0.931], toViewer: [0.627, -0.688, 0.364]};
 const TAN = Math.tan(Math.PI / 8);                // of half the angle of view from top to bottom
-const ROOM = {across: 62, narrow: 48, top: 26, bottom: 42};   // px, of the labels of a scene
+const ROOM = {across: 90, narrow: 74, top: 26, bottom: 42};   // px, of the labels of a scene
 const SLACK = 1.08;                                // share of the distance for lines and cones at the edges of a box
 const NARROW = 420;                                // px, width below which a scene has fewer ticks and small labels
 const CAPTION = 30, LEAST_HIGH = 210;             // px, of the title of a scene with its gaps; least height of a scene
@@ -154,7 +158,7 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
     const width = box.x[1] - box.x[0], height = box.y[0] - box.y[1], ends = endsOf(panel.traces);
     const sides = ends.map(([low, high]) => high - low);
     const most = (width < NARROW ? 4 : 6) / Math.max(...sides);  // ticks of a length
-    const plain = {backgroundcolor: palette.card, showbackground: true};
+    const plain = {backgroundcolor: palette.card, showbackground: true, title: {font: {size: FONT}}};
     const side = (name, k) => merged(axis(palette, {...plain, range: ends[k],
       nticks: Math.max(2, Math.round(most * sides[k]))}, panel[name]), own[`${name}axis`]);
     layout[`scene${n}`] = merged({domain, xaxis: side("x", 0), yaxis: side("y", 1), zaxis: side("z", 2), aspectmode: "data",

@@ -25,6 +25,41 @@ OVERFLOW = """return [...document.querySelectorAll('body *')].filter(e => !e.clo
 SIDEWAYS = """return [...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth)
   .map(e => e.textContent.slice(0, 80))"""
 """Tables that scroll sideways."""
+FAINT = """const paint = document.createElement('canvas').getContext('2d', {willReadFrequently: true});
+function over(colour, opacity, paper) {
+  paint.globalAlpha = 1; paint.fillStyle = paper; paint.fillRect(0, 0, 1, 1);
+  paint.globalAlpha = opacity; paint.fillStyle = colour; paint.fillRect(0, 0, 1, 1);
+  return paint.getImageData(0, 0, 1, 1).data;
+}
+function luminance(rgb) {
+  const [r, g, b] = [...rgb].slice(0, 3).map(v => v / 255).map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+}
+const found = [];
+for (const plot of document.querySelectorAll('.plot')) for (const trace of plot._fullData || []) {
+  const paper = plot._fullLayout.paper_bgcolor, back = luminance(over(paper, 1, paper));
+  const lines = trace.mode && trace.mode.includes('lines') && trace.line.width > 0 ? [[trace.line.color, 1, 3]] : [];
+  const dots = trace.mode && trace.mode.includes('markers') ? [[trace.marker.color, trace.marker.opacity ?? 1, arguments[0]]] : [];
+  const bars = trace.type === 'bar' ? [[trace.marker.color, trace.marker.opacity ?? 1, 3]] : [];
+  for (const [colour, opacity, least] of [...lines, ...dots, ...bars]) {
+    if (typeof colour !== 'string') continue;
+    const front = luminance(over(colour, opacity, paper));
+    const ratio = (Math.max(front, back) + 0.05) / (Math.min(front, back) + 0.05);
+    if (ratio < least) found.push([trace.name, trace.type, colour, opacity, ratio.toFixed(2)]);
+  }
+}
+return found"""
+"""Lines and bars with less than 3 to 1 (WCAG 1.4.11) before their paper, and dots with less than the argument."""
+CUT = """return [...document.querySelectorAll('.plot')].flatMap(plot => { const room = plot.getBoundingClientRect();
+  return [...plot.querySelectorAll('text')].map(t => [t.textContent, t.getBoundingClientRect()])
+    .filter(([text, box]) => text && box.width && (box.left < room.left - 1 || box.right > room.right + 1
+      || box.top < room.top - 1 || box.bottom > room.bottom + 1)).map(([text]) => text) })"""
+"""Labels that a figure cuts."""
+EMPTY = """return [...document.querySelectorAll('table:not(.facts)')].flatMap(table => {
+  const rows = [...table.querySelectorAll('tbody tr')];
+  return [...table.querySelectorAll('th')].map((head, i) => [head.textContent, rows.every(row => !row.cells[i].textContent.trim())])
+    .filter(([, empty]) => empty).map(([head]) => [head, table.querySelector('th').textContent]) })"""
+"""Columns of tables without a text."""
 CAMERA = "return document.querySelector('.plot')._fullLayout.scene._scene.getCamera().eye"
 
 
@@ -56,6 +91,9 @@ def check_screens(chromium, page, screens=((PHONE, False), (DESKTOP, True))):
         assert chromium.run("return document.documentElement.scrollWidth") <= width
         assert chromium.run(OVERFLOW) == []
         assert chromium.run(SIDEWAYS) == []
+        assert chromium.run(FAINT, 2.0 if night else 1.4) == []
+        assert chromium.run(CUT) == []
+        assert chromium.run(EMPTY) == []
         colour = chromium.run("return getComputedStyle(document.documentElement).backgroundColor")
         assert (sum(map(int, re.findall(r"\d+", colour))) < 200) == night
     assert chromium.errors() == []
@@ -221,6 +259,39 @@ def test_page_of_a_tracker(chromium, tmp_path):
     (text,) = printed(page)
     assert "along the beam" in text
     assert "u_angle_um_per_m" in text
+
+
+def numbers_without_scale(page):
+    """Traces whose colours are numbers that no scale of the figure explains."""
+    return [
+        trace.get("name", trace["type"])
+        for figure in figures(page)
+        for panel in figure["panels"]
+        for trace in panel.get("traces", ())
+        if isinstance(trace.get("marker", {}).get("color"), list)
+        and not isinstance(trace["marker"]["color"][0], str)
+        and not ("coloraxis" in trace["marker"] and figure["colours"]["title"])
+    ]
+
+
+@pytest.mark.statistical
+def test_page_of_a_plan(chromium, tmp_path):
+    page = tmp_path / "plan.html"
+    succeed(
+        "plan",
+        "--machine",
+        "dmu50",
+        "--strategy",
+        "random",
+        "--points",
+        40,
+        "-o",
+        tmp_path / "plan.csv",
+        "--report",
+        page,
+    )
+    assert numbers_without_scale(page) == []
+    check_screens(chromium, page, ((PHONE, True),))
 
 
 @pytest.mark.statistical

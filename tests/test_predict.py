@@ -203,7 +203,10 @@ def test_notes_and_summary(ncomp):
     ]
     for note in data["notes"]:
         assert f"note: {note}" in done.err
-    assert "2 points; at 100.0 % the deviation is significant" in done.err
+    assert (
+        "2 points: deviation of the tool point 353.55 um RMS, at most 500.00 um; at 100.0 % of them it is significant"
+        in done.err
+    )
     assert Path("out.csv").read_bytes().count(b"\r") == 0
 
 

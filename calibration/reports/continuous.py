@@ -239,7 +239,8 @@ def _runs(found: Estimate) -> Section:
             f"{course.x.min():.3f} to {course.x.max():.3f}",
             str(len(course.raw_x)),
             f"{noise.total:.2g}",
-            "\n".join(f"{f:.3g} Hz, {a:.2g} um" for f, a in [*each.found.bound_to_time, *noise.vibrations]),
+            "\n".join(f"{f:.3g} Hz, {a:.2g} um" for f, a in [*each.found.bound_to_time, *noise.vibrations])
+            or "none found",
         )
         for sign, each in found.by_direction.items()
         for course, noise in zip(each.courses, each.noises, strict=True)

@@ -302,8 +302,8 @@ def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, st
     for finding in found.findings:
         yield "note", finding.message
     rotary = found.choice.rotary_scale
-    sizes = f"{found.choice.prior_scale:g}" + (f", of rotary axes x {rotary:g}" if rotary is not None else "")
-    yield "model", f"{identified.parameters} parameters: {bases}; size of errors x {sizes}"
+    sizes = f"{found.choice.prior_scale:g}" + (f", of rotary axes {rotary:g}" if rotary is not None else "")
+    yield "model", f"{identified.parameters} parameters: {bases}; expected size of errors {sizes} times the typical one"
     yield (
         "rank",
         f"{identified.rank} with the instrument's position known, {identified.rank_registered} with it fitted; "

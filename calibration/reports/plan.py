@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.measurement.plan import Plan
 from kinematics.forward import tool_point
-from rendering.figures import SIZES, Figure, Panel, some
+from rendering.figures import Figure, Panel, colour_axis, some
 from rendering.report import Report, Section, facts
 
 MOST = 2000
@@ -20,7 +20,7 @@ def plan_report(plan: Plan) -> Report:
     machine = plan.machine
     ends = zip(machine.axes, plan.positions.min(axis=0), plan.positions.max(axis=0), machine.scale, strict=True)
     rows = [(axis.name, f"{low / scale:g} to {high / scale:g} {axis.unit}") for axis, low, high, scale in ends]
-    text = "The points are the planned positions of the targets, workpiece frame, coloured in the order of measuring."
+    text = "The points are the planned positions of the targets, workpiece frame, joined in the order of measuring."
     sections = [
         Section("Positions", text, figure=partial(_positions, plan)),
         Section("Ranges", table=facts("", rows).table, detail=True),
@@ -44,6 +44,8 @@ def _positions(plan: Plan) -> Figure:
         "z": z,
         "line": {"width": 1, "color": "#8a8f98"},
     }
-    order = np.arange(len(rows))
-    panel.traces.append(trace | {"marker": {"size": 3, "color": order, "colorscale": SIZES}, "hoverinfo": "x+y+z"})
-    return Figure([panel], height=560)
+    marker = {"size": 3, "color": rows + 1, "coloraxis": "coloraxis"}
+    hover = "observation %{marker.color}: %{x:.4g}, %{y:.4g}, %{z:.4g} mm<extra></extra>"
+    panel.traces.append(trace | {"marker": marker, "hovertemplate": hover})
+    colours = colour_axis(1.0, float(len(plan)), "number of the observation, in the order of measuring")
+    return Figure([panel], height=560, colours=colours)

@@ -100,7 +100,7 @@ def _table(results: Sequence[Result]) -> Table:
         rows.append((result.case.name, *counts, *numbers, f"{standard_errors(result.after[0])[0]:.2f}"))
     regions = ("volume", "program")[: len(results[0].before)]
     columns = [f"{region} {stage}, um" for region in regions for stage in ("before", "after", "95 %")]
-    return Table(("case", "points", "min", "draws", *columns, "u (k=1) of the mean, um"), rows)
+    return Table(("case", "points", "time, min", "draws", *columns, "u (k=1) of the mean, um"), rows)
 
 
 def _notes(results: Sequence[Result], draws: Draws) -> Iterator[str]:

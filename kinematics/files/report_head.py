@@ -88,7 +88,7 @@ def calibration_text(model: ErrorModel) -> str:
     """Identifier and date of a calibration; `none` for one without effects."""
     if not model.effects:
         return "none"
-    demonstration = ", a demonstration" if model.demonstration else ""
+    demonstration = ", a demonstration" if model.demonstration else ", from simulated data" if model.invented else ""
     return f"{model.id}, made {model.provenance.made_at:%Y-%m-%d}{demonstration}"
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinematics.files.report_head import calibration_text
 from kinematics.running.durations import age_in_words
 from postproc.control.tool_table import shown_tool
 from postproc.correct.result import CorrectionResult
@@ -36,12 +37,7 @@ HEAD = ("um", "max", "RMS", "number")
 def correction_report(job: Job, result: CorrectionResult, trace: Trace | None, command: str) -> Report:
     """The result for people; `trace`: the moves, for figures; `command`: the command line of the correction."""
     lead = f"machine {result.machine['name']} · calibration {result.calibration['id']}"
-    calibrated = "" if result.calibration["id"] == "none" else f", made {result.calibration['made_at'][:10]}"
-    head = job.machine.report.filled(
-        machine=job.machine.name,
-        calibration=f"{result.calibration['id']}{calibrated}",
-        command=command,
-    )
+    head = job.machine.report.filled(machine=job.machine.name, calibration=calibration_text(job.model), command=command)
     warnings = [result.assumption, DEMONSTRATION if job.model.invented else ""]
     verdict = "\n".join(line for line in (*warnings, _verdict(result)) if line)
     return Report(
@@ -74,7 +70,8 @@ def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterat
     yield facts("Set-up", list(_set_up(result)))
     yield Section("Options and inputs", table=Table(("", ""), _choices(job, result)), detail=True)
     yield Section("Conventions", f"{SIGNS}\n{RELATIVE if result.relative else ''}", detail=True)
-    yield Section("Errors", table=Table(HEAD, _error_rows(result, trace)))
+    if result.calibration["id"] != "none":
+        yield Section("Errors", table=Table(HEAD, _error_rows(result, trace)))
     if result.correction:
         corrections = [(f"correction {axis}", statistic) for axis, statistic in result.correction.items()]
         corrections += [(f"correction {axis}, urad", statistic) for axis, statistic in result.rotary_correction.items()]
@@ -100,6 +97,7 @@ def _set_up(result: CorrectionResult) -> Iterator[tuple[str, str]]:
     """Program, set-up and numbers of moves."""
     program, machine, calibration = result.program, result.machine, result.calibration
     age = f", {age_in_words(calibration['age_days'])}" if calibration["id"] != "none" else ""
+    age = ", a demonstration" if calibration["demonstration"] else age
     yield "program", f"{program['name']}  ({program['dialect']}, {result.blocks} blocks)"
     yield "machine", f"{machine['name']}  {machine['chain']}"
     yield "calibration", f"{calibration['id']}{age}"

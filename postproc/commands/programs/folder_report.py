@@ -16,7 +16,10 @@ from rendering.report import Report, Section, Table, facts
 
 LISTED = 40
 """Largest number of corrected programs that the terminal lists; the page and the JSON file have all."""
-HEAD = ("program", "", "moves", "blocks changed", "added", "error before max, um", "after max, um", "s")
+HEAD = (
+    *("program", "result", "moves", "blocks changed", "blocks added"),
+    *("largest error before, um", "largest error after, um", "time, s"),
+)
 
 
 @dataclass(frozen=True)

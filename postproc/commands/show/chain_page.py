@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from kinematics.machine import Machine
-from postproc.commands.show.chain import Shape, shapes
+from postproc.commands.show.chain import Shape, shapes, size_of
 from postproc.commands.show.chain_svg import HEAD, axis_rows, colour_of
 from rendering.report import Report, Section, Table
 
@@ -13,11 +13,13 @@ if TYPE_CHECKING:
     from rendering.figures import Figure
 
 SIGNS = (
-    "The arrows show the motion of the tool relative to the workpiece for a positive command (ISO 841). Lengths are in "
-    "mm, in the machine frame."
+    "The arrows show the motion of the tool relative to the workpiece for a positive command (ISO 841), short dotted "
+    "ones the motion of a table. Lengths are in mm, in the machine frame."
 )
 PLACES = {"part": "middle left", "turn": "top left"}
 """Positions of the labels of shapes beside their points."""
+NEAR = 0.06
+"""Share of the size of the drawing."""
 DASHES = {"line": "dash", "opposite": "dot"}
 
 
@@ -34,13 +36,17 @@ def chain_report(machine: Machine) -> Report:
 def _figure(machine: Machine) -> Figure:
     from rendering.figures import Figure, Panel
 
+    room = NEAR * size_of(machine)  # labels of dots within it would lie upon one another: the first one has all names
     panel, found = Panel("x, mm", "y, mm", z="z, mm", kind="scene", traces=[]), list(shapes(machine))
     for shape in found:
-        same = [each.axis for each in found if each.kind == "pivot" and each.points.tolist() == shape.points.tolist()]
-        if shape.axis in same[1:]:
-            continue  # the dot of the first of these axes has the names of all
-        panel.traces += list(_traces(shape, ", ".join(same)))
+        near = [each for each in found if each.kind == shape.kind == "pivot" and _distance(each, shape) < room]
+        panel.traces += list(_traces(shape, ", ".join(each.axis for each in near if near[0] is shape)))
     return Figure([panel], height=480)
+
+
+def _distance(one: Shape, other: Shape) -> float:
+    """Distance of the first points of two shapes, mm."""
+    return float(sum((one.points[0] - other.points[0]) ** 2) ** 0.5)
 
 
 def _traces(shape: Shape, axes: str) -> list[dict[str, Any]]:
@@ -49,12 +55,13 @@ def _traces(shape: Shape, axes: str) -> list[dict[str, Any]]:
     x, y, z = shape.points.T
     trace = {"type": "scatter3d", "x": x, "y": y, "z": z, "showlegend": False, "hoverinfo": "text", "name": shape.label}
     at = len(x) // 2 if shape.kind == "turn" else len(x) - 1  # the ends of several turns and axes may be close together
-    text = [shape.label if i == at else "" for i in range(len(x))]
+    labelled = shape.kind != "opposite"  # of several tables they would lie upon one another
+    text = [shape.label if i == at and labelled else "" for i in range(len(x))]
     hover = [shape.label or shape.axis] * len(x)
     if shape.kind == "pivot":
         marker = {"color": colour, "size": 6}
         form = {"mode": "markers+text", "marker": marker, "textposition": "bottom right"}
-        return [trace | form | {"text": [axes], "hovertext": [f"{axes} {shape.label.partition(' ')[2]}"]}]
+        return [trace | form | {"text": [axes], "hovertext": [shape.label]}]
     line = {
         "color": colour,
         "width": 6 if shape.kind in ("axis", "turn") else 3,

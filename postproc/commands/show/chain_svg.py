@@ -24,7 +24,7 @@ STYLE = (
     ".part{fill:none;stroke:#888;stroke-width:2}.leader{stroke:#aaa}.small{font-size:12px;fill:#555}"
 )
 HEAD = ("axis", "for a positive command", "direction of the tool", "point, mm", "travel", "home")
-COLUMNS = (20, 70, 330, 480, 650, 800)
+COLUMNS = (20, 70, 345, 495, 660, 810)
 
 
 def chain_svg(machine: Machine) -> bytes:
@@ -140,7 +140,7 @@ def axis_rows(machine: Machine) -> list[tuple[str, ...]]:
             f"({', '.join(f'{v:g}' for v in axis.direction)})",
             f"({', '.join(f'{v:g}' for v in axis.point)})",
             travel_of(axis),
-            f"{axis.home:g}",
+            f"{axis.home:g} {axis.unit}",
         )
         for axis in machine.axes
     ]

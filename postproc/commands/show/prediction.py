@@ -55,10 +55,11 @@ class Summary:
             rows.append((f"d{xyz}", f"{d.largest:.2f}", f"{d.rms:.2f}", f"{u.rms:.2f}"))
         table = Table(("um", "max", "RMS", "standard uncertainty (k=1), RMS"), rows)
         verdict = (
-            f"{self.count} points; at {100 * share:.1f} % the deviation is significant: a component exceeds "
+            f"{self.count} points: deviation of the tool point {self.point.rms:.2f} um RMS, at most "
+            f"{self.point.largest:.2f} um; at {100 * share:.1f} % of them it is significant: a component exceeds "
             f"{COVERAGE:g} times its standard uncertainty."
         )
-        text = "Actual minus nominal, tool relative to workpiece. Cones point where the tool is off."
+        text = "Actual minus nominal, tool relative to workpiece. A cone points to the side to which the tool deviates."
         sections = [
             Section("Deviations in the workpiece frame", text, figure=figure),
             Section("Deviation, workpiece frame", table=table),

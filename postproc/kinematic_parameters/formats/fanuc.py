@@ -89,7 +89,7 @@ nose (with the tool holder offset 19666) to the (second) rotary axis of the head
 one. The axes are numbered from the bed on. The control has no small tilts of the lines.""",
     loading="""\
 Write down the present values of the control and compare them with parameters_before.csv: they must agree, up to a
-shift along the line of an axis. Otherwise change the present values by the differences in the table below instead.
+shift along the line of an axis. Otherwise change the present values by the differences under Parameters instead.
 Enter the new ones by hand under parameter write enable; power off may be required. Machine coordinates of the
 machine file must be those of the control: its zeros are the reference positions.""",
     certainty="""\

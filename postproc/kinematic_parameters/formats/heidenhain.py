@@ -105,7 +105,7 @@ it the rotations back. With --sign correction COORD is the position of the next 
 machine coordinates at rotary positions 0.""",
     loading="""\
 Do not replace the kinematics description of the machine with these rows: it has other rows too (linear axes, collision
-objects, MachBase). Find the rows Trans before each MachAxis and change COORD by the differences in the table below;
+objects, MachBase). Find the rows Trans before each MachAxis and change COORD by the differences under Parameters;
 cycle 450 saves the present kinematics first. By the machine builder. Controls with NCK software have the same
 transformations in their configuration data.""",
     certainty="""\

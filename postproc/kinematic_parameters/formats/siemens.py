@@ -140,7 +140,7 @@ control: experimental. --sign correction has the vectors as described above."""
 LOADING = """\
 First compare the file of the present values (kinematics_before) with the control: they must agree, up to the sign of
 whole vectors and to a shift of their beginning along a line. Otherwise do not load these values: change the present
-values of the control by the differences in the table below instead. Keep an archive of the control."""
+values of the control by the differences under Parameters instead. Keep an archive of the control."""
 
 TRAFO5 = ParameterFormat(
     name="siemens-trafo5",
