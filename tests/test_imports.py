@@ -60,6 +60,7 @@ POSTPROC = (
     "postproc.tables",
     "postproc.kinematic_parameters",
     "postproc.hooks",
+    "postproc.interface",
 )
 TOP = ("ncomp", "postproc.commands", "postproc.command_line", "postproc.cli")
 BOTH_SIDES = ("ncomp", "postproc.commands")

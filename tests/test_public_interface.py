@@ -24,9 +24,11 @@ HEAVY = ("scipy.optimize", "sympy", "plotly", "lark", "rich")
 def test_every_public_function_has_a_docstring_and_the_examples_run():
     functions = [getattr(ncomp, name) for name in ncomp.__all__]
     assert all(function.__doc__ for function in functions)
-    results = doctest.testmod(ncomp)
-    assert results.attempted > 10
-    assert results.failed == 0
+    names = {name: getattr(ncomp, name) for name in ncomp.__all__}
+    modules = {module for function in functions if (module := sys.modules.get(function.__module__))}
+    results = [doctest.testmod(module, extraglobs=names) for module in (ncomp, *modules)]
+    assert sum(result.attempted for result in results) > 20
+    assert sum(result.failed for result in results) == 0
 
 
 def test_the_import_is_light():

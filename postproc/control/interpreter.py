@@ -19,7 +19,8 @@ from postproc.control.words import value_of
 from postproc.motion.frames import Frame, cartesian, in_workpiece, to_machine
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, AxisWord, Kind, Known
-from postproc.motion.recorder import PlainMoves, Recorder
+from postproc.motion.plain_moves import PlainMoves
+from postproc.motion.recorder import Recorder
 from postproc.text.block import Block, Refusal
 from postproc.text.blocks import Blocks, PlainRun
 from postproc.text.flow import Variables

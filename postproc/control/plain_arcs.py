@@ -12,7 +12,7 @@ from kinematics.machine import NDArrayBool
 from postproc.motion.arcs import CENTRES, Ends, centre_letters, circle_by_centre, circle_by_radius
 from postproc.motion.circles import radius_fault
 from postproc.motion.moves import Arc, Known
-from postproc.motion.recorder import PlainMoves
+from postproc.motion.plain_moves import PlainMoves
 from postproc.text.blocks import PlainRun
 
 RADIUS = "R"

@@ -35,7 +35,7 @@ from postproc.heidenhain.tools import Tools
 from postproc.heidenhain.variables import operations_of
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, Kind
-from postproc.motion.recorder import PlainMoves
+from postproc.motion.plain_moves import PlainMoves
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
 

@@ -52,7 +52,7 @@ from postproc.iso.variables import variables_of
 from postproc.iso.words import Content, check_content, dwells_alone, sort_words, take_own_words
 from postproc.motion.cutter_compensation import follow_contour
 from postproc.motion.moves import Arc, AxisWord, Kind
-from postproc.motion.recorder import PlainMoves
+from postproc.motion.plain_moves import PlainMoves
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
 

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import Any
 
-import msgspec
 import numpy as np
 
 from kinematics.machine import Machine
-from kinematics.transforms import Array
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.circles import SAME
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
 from postproc.motion.motions import BY_ROW, Motions
 from postproc.motion.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd
+from postproc.motion.plain_moves import PlainMoves
+from postproc.motion.probe_lengths import ProbeLengths
 from postproc.text.block import Block
 from postproc.text.blocks import Blocks, PlainRun
 
@@ -24,21 +24,6 @@ _Places = tuple[float, ...]
 _Knowledge = tuple[Known, ...]
 _Modes = tuple[bool, bool, bool]
 _Row = tuple[int, Kind, int, float, bool, bool, bool, _Places, _Places, _Knowledge, _Knowledge]
-
-
-class PlainMoves(NamedTuple):
-    """Moves of plain lines to absolute positions; columns `(lines, axes)`."""
-
-    start: Array
-    target: Array
-    """Programmed coordinates, mm and degrees."""
-    known_start: np.ndarray
-    known: np.ndarray
-    """`Known` before and after the moves."""
-
-    def first(self, lines: int) -> PlainMoves:
-        """The first moves."""
-        return PlainMoves(*(column[:lines] for column in self))
 
 
 RECORDED = {
@@ -82,8 +67,7 @@ class Recorder:
     _frames: list[Frame] = field(init=False)
     _last: tuple[Frame, _Places, _Places, Arc | None] | None = field(init=False, default=None)
     """Frame, start, end and circle of the last move."""
-    _first_lengths: dict[str, float] = field(init=False, default_factory=dict)
-    """Length of the first tool that moved in each work offset, mm, by name of the work offset."""
+    _probes: ProbeLengths = field(init=False, default_factory=ProbeLengths)
     used: Frame | None = field(init=False, default=None)
     """The frame of the last programmed move."""
 
@@ -147,16 +131,7 @@ class Recorder:
 
     def plain_moves(self, run: PlainRun, unit: float) -> PlainMoves:
         """The moves of plain lines to absolute positions; unit: mm per unit of the words of linear axes."""
-        words, lines, axes = run.columns, len(run), len(self.position)
-        named = (words.end[:axes] > 0).T
-        values = words.value[:axes].T * np.where(self.machine.rotary, 1.0, unit)
-        last = np.maximum.accumulate(np.where(named, np.arange(lines)[:, None], -1), axis=0)
-        found = last >= 0
-        target = np.where(found, values[np.maximum(last, 0), np.arange(axes)], self.position)
-        before = np.array([self.known], np.int8)
-        known = np.where(found, np.int8(Known.PROGRAM), before)
-        start, known_start = np.concatenate([[self.position], target[:-1]]), np.concatenate([before, known[:-1]])
-        return PlainMoves(start, target, known_start, known)
+        return PlainMoves.of(run, np.where(self.machine.rotary, 1.0, unit), self.position, self.known)
 
     def append(
         self,
@@ -346,7 +321,7 @@ class Recorder:
         n = len(columns["block"])
         columns |= {"added": np.zeros(n, bool), "start_fraction": np.zeros(n), "words": AxisWords(words), **by_row}
         own = ~np.isin(columns["kind"], (Kind.MACHINE, Kind.PRESET))
-        frames = self._with_probes(frames, set(columns["frame"][own].tolist()))
+        frames = self._probes.in_frames(frames, set(columns["frame"][own].tolist()))
         return Motions(self.machine, Blocks(blocks), frames, polar_ends=polar_ends, **columns)
 
     @property
@@ -367,25 +342,6 @@ class Recorder:
             self._column_words.append(self._words)
             self._joined += len(self._rows)
             self._rows, self._words = [], []
-
-    def _with_probes(self, frames: list[Frame], used: set[int]) -> list[Frame]:
-        """The frames, with a length in each touch-off.
-
-        Without a probe it is the length of the first tool that moves in the work offset. Moves before the first tool
-        keep a touch-off without a length.
-        """
-        found = []
-        for i, frame in enumerate(frames):
-            if frame.touch_off is not None and i in used and frame.tool_length > 0.0:
-                self._first_lengths.setdefault(frame.touch_off.name, frame.tool_length)
-            found.append(self._with_probe(frame))
-        return found
-
-    def _with_probe(self, frame: Frame) -> Frame:
-        there = frame.touch_off
-        if there is None or there.probe is not None:
-            return frame
-        return replace(frame, touch_off=msgspec.structs.replace(there, probe=self._first_lengths.get(there.name)))
 
     def _record(
         self,

@@ -14,7 +14,8 @@ from postproc.control.words import value_of, whole_of
 from postproc.motion.cutter_compensation import follow_contour
 from postproc.motion.frames import Frame, Placement, renamed
 from postproc.motion.moves import Arc, AxisWord, Kind, Known
-from postproc.motion.recorder import PlainMoves, Recorder
+from postproc.motion.plain_moves import PlainMoves
+from postproc.motion.recorder import Recorder
 from postproc.siemens.arcs import ARC_WORDS, Programmed, arc_of, calculated_arc, with_angle
 from postproc.siemens.calls import ends
 from postproc.siemens.codes import (
@@ -36,19 +37,18 @@ from postproc.siemens.codes import (
 )
 from postproc.siemens.control_data import edge_key
 from postproc.siemens.cycle800 import read_tilted_plane, rotary_positions
+from postproc.siemens.cycle832 import check_tolerance_cycle
 from postproc.siemens.cycles import Cycles
 from postproc.siemens.frames import DatumTransformations
 from postproc.siemens.polar import POLAR, Polar
 from postproc.siemens.variables import EMPTY, SiemensVariables
 from postproc.siemens.words import Content, check, plain_of, sort
-from postproc.text.block import Block, Word
+from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
-from postproc.text.expressions import Constant, NotKnown, whole
+from postproc.text.expressions import Constant
 
 BY_CONTROL = -1.0
 """Instead of a G code: a circle that the control calculates (CIP, CT) is active."""
-OLDER_TOLERANCE_MODE = range(100, 1_000_000)
-"""Second arguments of CYCLE832 whose second last digit switches TRAORI; in others it is for the orientation."""
 LENGTH_STAYS = (
     "G18 or G19 with a tool length: the length is taken to stay along Z, which needs setting data SD42940 "
     "($SC_TOOL_LENGTH_CONST) other than 0"
@@ -209,7 +209,7 @@ class SiemensInterpreter(Interpreter):
                 "before it"
             )
         if "CYCLE832" in content.names:
-            self._check_tolerance_cycle(block, block.words[content.names["CYCLE832"]])
+            check_tolerance_cycle(block, block.words[content.names["CYCLE832"]], self.scope, tcp=self.tcp)
         if not CALCULATED_ARCS.isdisjoint(content.names):
             self._calculate_arc(block, content)
         if "TRAORI" in content.names or "TRAFOOF" in content.names:
@@ -233,18 +233,6 @@ class SiemensInterpreter(Interpreter):
                 "CIP or CT directly after a chamfer or rounding is not corrected: write G2 or G3 with a centre"
             )
         self.motion = BY_CONTROL
-
-    def _check_tolerance_cycle(self, block: Block, word: Word) -> None:
-        """CYCLE832 in the older form, whose second digit switches the five-axis transformation."""
-        given = word.arguments or ()
-        try:
-            mode = whole(given[1], self.scope) if len(given) > 1 and given[1] != EMPTY else 0
-        except NotKnown as reason:
-            raise block.refuse(f"second argument of CYCLE832: {reason}") from None
-        if mode in OLDER_TOLERANCE_MODE and mode // 10 % 10 != int(self.tcp):
-            raise block.refuse(
-                f"CYCLE832 with {mode} switches TRAORI by its tens digit: write TRAORI or TRAFOOF before it"
-            )
 
     def take_mode(self, block: Block, code: float) -> bool:
         """Take over a modal G code; another plane has no polar coordinates yet."""
