@@ -212,6 +212,7 @@ class _Klartext:
     block: int = -1
 
     def head(self, remarks: Sequence[str]) -> list[str]:
+        """The lines before the first move: name of the program, remarks, preset; UserError for a preset by name."""
         start = [
             self._numbered(f"BEGIN PGM {self.name} MM"),
             *(self._numbered(f"; {plain(text)}") for text in remarks),

@@ -69,6 +69,7 @@ def spikes_by_feed(
     target = deviation - others @ (others.T @ deviation)
 
     def loss(logarithms: Array) -> float:
+        """Sum of squares, um^2, that spikes with these decays, ln mm by feed, leave of the deviation."""
         columns = np.concatenate(
             [
                 spike_columns(measurement, transform, rows, axis, {feed: float(np.exp(value))})

@@ -314,6 +314,7 @@ def _replaced_by(axis: str, both: bool) -> Callable[[Effect], bool]:
     own = own_component(axis)
 
     def is_replaced(effect: Effect) -> bool:
+        """True for an effect of the present model in whose place the measured errors of the axis come."""
         if isinstance(effect, ErrorMotion | Cyclic) and effect.component == own:
             return effect.axis == axis
         if isinstance(effect, Reversal) and effect.component == own:

@@ -33,6 +33,7 @@ def _evidence(fits: Fits, drawn: Sample) -> Evidence:
     right: dict[Part, Array] = {}
 
     def of_one(choice: Choice, draws: np.ndarray) -> Array:
+        """Logarithm of the evidence of one choice of bases, for each of these draws."""
         parts = parts_of(fits, choice)
         for part in parts:
             if part not in right:
