@@ -19,6 +19,9 @@ ONCE = ("correct", "batch", "watch", "verify", "check", "export", "job")
 EVERYWHERE = ("--quiet", "--verbose", "--help")
 """Options of every command."""
 
+JOB = {"job": ": the options of ncomp correct are entries of the job file (docs/job.md)"}
+"""The place of an unknown option, by command."""
+
 
 class Misuse:
     """The arguments of one command."""
@@ -81,7 +84,8 @@ class Misuse:
             each = self.options[name]
         if each is None and name not in self.refusals:
             if all_mistakes:
-                self._refuse(f"unknown option {name}{did_you_mean(self._likely(name), [*self.names, '--version'])}")
+                meant = did_you_mean(self._likely(name), [*self.names, "--version"])
+                self._refuse(f"unknown option {name}{meant or JOB.get(self.command, '')}")
             return
         if each is None or each.kind is bool:
             if equals and all_mistakes:

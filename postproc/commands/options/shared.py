@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -52,7 +53,6 @@ def number_of_workers(given: int | None, dask: str | None, name: str) -> int:
 
     UserError for a number beside the address of a cluster, whose workers are there already.
     """
-    import os
 
     if given is not None and dask not in (None, "local"):
         raise UserError(f"{name} and --dask {dask} exclude each other: give one of them")
@@ -72,7 +72,11 @@ class ResultOptions:
     )
 
     def __post_init__(self) -> None:
-        """Read the head before any work is done."""
+        """Read the head before any work is done; UserError for one without a page."""
+        if self.report_head is not None and self.report is None:
+            raise UserError(
+                f"--report-head {self.report_head}: there is no page that it belongs to: add --report FILE.html"
+            )
         _ = self.head
 
     @cached_property
@@ -154,7 +158,7 @@ def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str |
         if name == "--report" and path.suffix.lower() == ".pdf":
             html = path.with_suffix(".html")
             raise UserError(f"--report {output}: a page is HTML; name {html}, and ncomp report {html} --pdf {output}")
-        if path.is_dir():
+        if path.is_dir() or str(output).endswith(("/", os.sep)):
             raise UserError(f"cannot write {output}: Is a directory: give the name of a file")
         if not path.parent.is_dir():
             if path.parent.exists():
@@ -167,7 +171,6 @@ class _Spool:
     """A result for standard output (`-`), a device or a pipe, or one that is discarded (None)."""
 
     def __init__(self, target: str | None) -> None:
-        import os
         import tempfile
 
         from kinematics.files import named_file, writing

@@ -88,6 +88,8 @@ def check_folders(folder: Path, output: Path) -> None:
         raise UserError(f"folder {folder}: {why}{missing(folder)}")
     if folder.resolve() == output.resolve():
         raise UserError(f"the output folder {output} is the input: name another one")
+    if output.exists() and not output.is_dir():
+        raise UserError(f"cannot write {output}: it is a file: name a folder")
 
 
 def present_programs(folder: Path, output: Path, patterns: Sequence[str]) -> list[FolderProgram]:

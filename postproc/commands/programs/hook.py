@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from kinematics.files import write_whole
+from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument, option
 
@@ -35,7 +36,7 @@ def hook(
     from postproc.commands.show.terminal import output as screen
 
     if cam is not None and cam not in HOOKS:
-        raise UserError(f"unknown hook {cam!r}: there are {', '.join(HOOKS)}")
+        raise UserError(f"unknown hook {cam!r}{did_you_mean(cam, HOOKS)}: there are {', '.join(HOOKS)}")
     if install and (cam != "freecad" or output is not None):
         raise UserError("--install is for freecad alone, without -o: write the other hooks with -o FOLDER")
     if cam is None:

@@ -26,7 +26,7 @@ class Answers:
             try:
                 return read(given)
             except UserError as fault:
-                raise UserError(f"{option} {given}: {fault}") from None
+                raise UserError(f"{option}{'' if option.endswith('=') else ' '}{given}: {fault}") from None
         if not self.asks:
             if default is None:
                 raise UserError(f"{option} is missing: {question}")

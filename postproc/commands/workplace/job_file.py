@@ -15,7 +15,7 @@ import ncomp
 from kinematics.error_model.classes import parse_classes
 from kinematics.files import read_input
 from kinematics.files.mistaken import missing, none_of
-from kinematics.files.report_head import TABLE, ReportHead
+from kinematics.files.report_head import ReportHead
 from kinematics.files.toml_entries import at_line, entry, read_table, utf8_text
 from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
@@ -135,9 +135,11 @@ class _Reader:
         others = ResultOptions(
             json=self._output(results.json, "results.json"),
             report=self._output(results.report, "results.report"),
-            report_head=self._path if TABLE in msgspec.structs.asdict(content) and content.report else None,
+            report_head=self._path if content.report and results.report is not None else None,
         )
-        return Job(request, others, list(self._programs()))
+        programs = list(self._programs())
+        self._check_results(request, others, programs)
+        return Job(request, others, programs)
 
     def _here(self, name: str) -> Path:
         """A path of the file: relative to its folder."""
@@ -155,6 +157,18 @@ class _Reader:
             return name
         self._refuse_itself(path := self._here(str(name)), where)
         return str(path)
+
+    def _check_results(self, request: Request, others: ResultOptions, programs: list[FolderProgram]) -> None:
+        """UserError for a result that would replace a file that the job reads, or another output of it."""
+        read = [each.path for each in programs] + [Path(each) for each in request.set_up.tool_table]
+        read += [Path(each) for each in (request.machine, request.calibration, request.at.log) if each is not None]
+        taken = {path.resolve(): "is read by this job" for path in read}
+        written = [(f'programs."{each.name}"', each.target) for each in programs]
+        written += [(f"results.{name[2:]}", Path(each)) for name, each in others.by_option.items() if each]
+        for where, output in written:
+            if (reason := taken.get(output.resolve())) and str(output) != "-":
+                raise UserError(f"{where}: {output} {reason}: name another file")
+            taken[output.resolve()] = f"is the output of {where} too"
 
     def _refuse_itself(self, output: Path, where: str) -> None:
         """UserError for an output that would replace the job file."""
@@ -190,11 +204,14 @@ class _Reader:
             if not given:
                 raise UserError(f"{where}: expected the offset of each axis, {{ X = -30, Y = -20, Z = 150 }}")
             offsets.append(f"{name}={','.join(f'{axis}={value!r}' for axis, value in given.items())}")
-        tools = list[str]()
+        tools, found = list[str](), dict[str, str]()
         for name, length in content.tools.items():
             number = entry(length, float, f"tools.{name}")
             tools.append(f"T{name}={number!r}" if name.isdigit() else f"{name}={number!r}")
-            _within(f"tools.{name}", parse_tool_length, tools[-1])
+            tool, _ = _within(f"tools.{name}", parse_tool_length, tools[-1])
+            if other := found.get(tool):
+                raise UserError(f"tools.{name}: this is tool {other} again: give its length once")
+            found[tool] = name
         return DatumOptions(
             dialect=content.dialect,
             pass_through=",".join(content.pass_through),
@@ -213,7 +230,9 @@ class _Reader:
             raise UserError('programs: expected "part.nc" = "part_c.nc" for each program')
         for name, target in self._content.programs.items():
             where, path = f'programs."{name}"', self._here(name)
-            output = self._here(entry(target, str, where))
+            if not name or entry(target, str, where) in ("", "-"):
+                raise UserError(f'{where}: expected "part.nc" = "part_c.nc", the names of two files or folders')
+            output = self._here(target)
             if path.is_dir():
                 found = _within(where, programs_of, path, output, ())
             elif path.is_file():
