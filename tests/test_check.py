@@ -37,9 +37,9 @@ def test_a_program_with_jumps(command, tmp_path):
         ["Accepted."],
         ["program", "a.nc", "(iso,", "13", "blocks,", "7", "moves)"],
         ["corrected", "5:", "lines", "3,", "6,", "11"],
-        ["not", "complete", "1:", "lines", "2"],
-        ["machine", "1:", "lines", "4"],
-        ["repeated", "1:", "lines", "6"],
+        ["not", "complete", "1:", "line", "2"],
+        ["machine", "1:", "line", "4"],
+        ["repeated", "1:", "line", "6"],
         ["not", "run", "2:", "lines", "10,", "13"],
     ]
 
@@ -53,6 +53,16 @@ def test_every_line_that_is_refused(command, tmp_path):
         (2, "G31 F10 X5."), (4, "X3. (a (b))"), (6, "G999"),
     ]  # fmt: skip
     assert b"refused      line 2: 'G31 F10 X5.': G31 is a probing move" in done.out
+
+
+def test_lines_that_are_refused_for_one_reason_are_listed_once(command, tmp_path):
+    (tmp_path / "a.nc").write_text("G21 G90\nG0 X1. Y1. Z1.\nG1 X9999. F500\nY2.\nY3.\nX5.\nG999\n")
+    done = command("check", "a.nc", "--machine", "gantry", "--json", "out.json")
+    assert len(json.loads((tmp_path / "out.json").read_text())["refused"]) == 4
+    shown = [line for line in done.out.decode().splitlines() if line.startswith("refused")]
+    assert len(shown) == 2
+    assert "line 3: 'G1 X9999. F500': X would go to 12499" in shown[0]
+    assert shown[0].endswith("(the same in lines 4-5)")
 
 
 def test_the_travel_needs_the_set_up(command, tmp_path):

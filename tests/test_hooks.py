@@ -30,9 +30,12 @@ STOCK = {
     "mach3_mach4": "--no-header",
 }
 """Stock posts of FreeCAD, with their arguments."""
+LOW = f"--stock linuxcnc --ncomp {NCOMP} --machine dmu50 --work-offset G54=-30,-20,-40 --tool-length T1=80"
+"""A part so low that Z reaches the clearance height only with a tool length, which FreeCAD programs after it."""
 OUTSIDE = ("G0 X5000 Y0 Z60",)
 FAULTS = {
     "refused program": (f"--stock linuxcnc --ncomp {NCOMP} {SETUP}", OUTSIDE, "X would go to 4970"),
+    "clearance height without a tool": (LOW, (), "-14.0000 mm .* and no tool length in force"),
     "unknown machine": (f"--stock linuxcnc --ncomp {NCOMP} --machine nomill", (), "unknown machine 'nomill'"),
     "ncomp is missing": ("--stock linuxcnc --ncomp /nowhere/ncomp --machine dmu50", (), "cannot start /nowhere/ncomp"),
     "killed midway": ("--stock linuxcnc --ncomp KILLED --machine dmu50", (), "no program was written"),
@@ -72,6 +75,8 @@ def posted(freecad: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> tup
         ours = f"--stock {name} --ncomp {NCOMP} {SETUP} -- {arguments}"
         posts[name] = Post("ncomp", ours, f"{home}/{name}.nc")
     posts["five axes"] = Post("ncomp", f"--ncomp {NCOMP} {SETUP} -- --no-header", f"{home}/five.nc", FIVE_AXES)
+    preamble = '--no-header "--preamble=G17 G54 G40 G80 G90 T1 M6 G43 H1"'  # as docs/cam/freecad.md has it
+    posts["tool in the preamble"] = Post("ncomp", f"{LOW} -- {preamble}", f"{home}/low.nc")
     succeed("tutorial", home / "mill")
     options = "--machine mill.toml --calibration true.json -- --no-header"
     posts["relative paths"] = Post("ncomp", options, f"{home}/mill/block.nc")
@@ -102,6 +107,15 @@ def test_freecad_writes_five_axes(posted: tuple[Path, dict[str, str | None]]) ->
     folder, faults = posted
     assert faults["five axes"] is None
     assert re.search(r"^G1 X20\.\d+ Y\d+\.\d+ Z\d+\.\d+ B30\.125\d* C45\.5", (folder / "five.nc").read_text(), re.M)
+
+
+def test_freecad_moves_to_the_clearance_height_with_a_tool_of_the_preamble(
+    posted: tuple[Path, dict[str, str | None]],
+) -> None:
+    folder, faults = posted
+    assert faults["tool in the preamble"] is None
+    lines = (folder / "low.nc").read_text().splitlines()
+    assert lines.index("G17 G54 G40 G80 G90 T1 M6 G43 H1") < next(i for i, each in enumerate(lines) if "Z" in each)
 
 
 def test_freecad_finds_ncomp_and_files_beside_the_output(posted: tuple[Path, dict[str, str | None]]) -> None:

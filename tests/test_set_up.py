@@ -194,6 +194,29 @@ def test_shipped_machines_assume_a_part_in_the_middle_of_the_table(name, machine
     assert found["work_offsets"][offset].endswith(" (assumed)")
 
 
+def test_axes_that_a_work_offset_leaves_out_are_named(command):
+    """Zero for them is documented, and seldom meant: `check` and the correction say so."""
+    sentence = "work offset G54 does not give Y and Z: they count as 0"
+    Path("p.nc").write_text(ISO.replace("Z3.0", "Z300.0"))
+    given = ("--machine", "own.toml", "--tool-length", "T1=80")
+    assert sentence in command("check", "p.nc", *given, "--work-offset", "G54=X=5").out.decode()
+    assert sentence in command("p.nc", *given, "-c", "none", "--work-offset", "G54=X=5", "-o", "out").shown
+    Path("job.toml").write_text(
+        'machine = "own.toml"\n[work_offsets]\nG54 = { X = 5, Y = 0 }\n[tools]\n1 = 80\n[programs]\n"p.nc" = "out"\n'
+    )
+    assert "work offset G54 does not give Z: it counts as 0" in command("job.toml", "--check").out.decode()
+    for whole in ("--work-offset", "G54=5,0,0"), ("--set-up-zero",):
+        assert "does not give" not in command("check", "p.nc", *given, *whole).shown
+
+
+def test_a_travel_refusal_before_the_first_tool_names_the_length_that_is_missing(command):
+    """FreeCAD goes to the clearance height before the first tool change: Z then has no tool length."""
+    Path("p.nc").write_text("G21 G90 G54\nG0 Z26\nT1 M6\nG43 H1\nG0 X1 Y2 Z30\nM30\n")
+    given = ("--work-offset", "G54=0,0,-90", "--tool-length", "T1=80")
+    done = command("check", "p.nc", "--machine", "own.toml", *given)
+    assert "G54 = X 0, Y 0, Z -90 and no tool length in force: check these" in done.out.decode()
+
+
 @pytest.mark.parametrize("machine", machines.names())
 def test_assumed_offsets_leave_room(machine):
     """The middle of X and Y; 100 mm below the part and 100 mm above the nose of a tool of 100 mm that touches it."""
@@ -295,7 +318,7 @@ def test_travel_names_the_set_up_before_the_way_round_it(command):
     assert done.status == 2
     assert (
         "outside its travel 0..400 with work offset G54 = X 0, Y 0, Z 100 (assumed) and tool T1 = 100 mm (assumed): "
-        "check these (--work-offset, --tool-length); --no-travel-check lets it pass"
+        "check these (--work-offset, --tool-length, or their entries in the job or machine file); --no-travel-check lets it pass"
     ) in done.err
 
 

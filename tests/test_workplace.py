@@ -171,6 +171,10 @@ def test_init_shows_the_form_of_a_set_up_that_is_not_known(command):
         ((*NEW[:6], *AXES[:4]), "--travel Z= is missing"),
         ((*NEW, "--travel", "A=0:5"), "--travel A=0:5: the chain has no axis A"),
         ((*NEW[:6], "--travel", "X=5:1"), "travel 5:1: expected the lower end first"),
+        (
+            (*NEW, "--calibration", "G54=1,2,3"),
+            "--calibration G54=1,2,3: 'G54=1,2,3': expected the .json file of a cal",
+        ),
         ((*NEW, "--tool-length", "80"), "--tool-length 80: expected T1=mm"),
         ((*NEW[:6], *AXES, "--work-offset", "G54=1,2"), "expected G54=x,y,z, got 2 of 3"),
     ],
@@ -181,6 +185,36 @@ def test_answers_that_cannot_be_used(command, arguments, message):
     assert message in done.err
     assert not Path("new").exists()
     assert not Path("made").exists()
+
+
+TABLE = ("init", "made", "--name", "trunnion", "--chain", "w C A X Y b Z t", "--travel", "X=0:500", "--travel", "Y=-400:0",
+         "--travel", "Z=-300:0", "--travel", "A=-120:30", "--travel", "C=-inf:inf", "--program", "../part.nc")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("c", "places"),
+    [("250,-200,-410", "X 250, Y -200; if not"), ("0,10,-410", "X 0, Y 10 (outside the travel of Y); if not")],
+)
+def test_init_names_positions_that_show_a_wrong_point(command, c, places):
+    """A table on a cross table: with all axes at 0 its middle is seldom below the spindle."""
+    done = command(*TABLE, "--point", f"C={c}", "--point", "A=250,-200,-400")
+    assert done.status == 0, done.err
+    shown = " ".join(done.err.split())
+    assert f"the line of C is below the spindle at {places}, correct point in made/trunnion.toml" in shown
+    assert "the line of A is below the spindle at Y -200; if not" in shown
+    found = machines.load("made/trunnion.toml")
+    q = found.scale * [{"X": 250.0, "Y": -200.0}.get(name, 0.0) for name in found.names]
+    nose = forward(found, q).translation[0]
+    assert nose[:2] == pytest.approx((250.0, -200.0))  # in the workpiece frame, where the point is given
+
+
+def test_init_names_a_program_that_is_not_there(command):
+    assert command(*NEW, "--program", "part.nc").status == 0
+    Path("part.nc").write_text("G21 G90 G54\nG0 X1. Y1. Z1.\nM30\n")
+    done = command(*NEW, "--force", "--program", "part.nc")
+    assert "first: put the program at made/part.nc\n" in done.err
+    Path("made/part.nc").write_text(Path("part.nc").read_text())
+    assert "put the program" not in command(*NEW, "--force", "--program", "part.nc").err
 
 
 @pytest.mark.statistical

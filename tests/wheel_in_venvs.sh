@@ -22,6 +22,15 @@ for version in 3.11 3.12 3.13; do
         export PATH="$folder/$version/bin:$PATH"
         python -c "import ncomp; assert ncomp.__file__.startswith('$folder'), ncomp.__file__"
         ncomp --version
+        ncomp --version --json >log && grep -q '"numpy"' log
+        ncomp doctor >log || { cat log; exit 1; }
+        _NCOMP_COMPLETE=complete_bash COMP_WORDS="ncomp verif" COMP_CWORD=1 ncomp >log && grep -qx verify log
+        ncomp tutorial "mill$version"
+        ncomp check "mill$version/part.nc" --machine "mill$version/mill.toml" >log || { cat log; exit 1; }
+        ncomp init "own$version" --name own --chain "w C A X Y b Z t" --travel X=0:500 --travel Y=-400:0 \
+            --travel Z=-300:0 --travel A=-120:30 --travel C=-inf:inf --point A=250,-200,-400 --point C=250,-200,-410 \
+            --work-offset G54=250,-200,-385 --tool-length T1=95 --program "../mill$version/part.nc" 2>log
+        grep -q "line of C is below the spindle at X 250, Y -200" log
         setup=(--machine dmu50 --work-offset G54=-30,-20,150 --tool-length T1=80)
         ncomp "$root/examples/box.nc" "${setup[@]}" -o "box$version.nc" --report page.html 2>log || { cat log; exit 1; }
         python -m ncomp verify "$root/examples/box.nc" "box$version.nc" "${setup[@]}" >log

@@ -197,6 +197,8 @@ class ControlState(msgspec.Struct):
             tool = tool_key(frame.tool_name)
             length = _with_origin(f"{self.tool_length(tool):g} mm", self._tool_origin(tool))
             parts.append(f"tool {shown_tool(tool)} = {length}")
+        elif parts:
+            parts.append("no tool length in force")
         return " and ".join(parts)
 
     def assumption(self) -> str:
@@ -212,6 +214,18 @@ class ControlState(msgspec.Struct):
             f"{names[0].upper()}{names[1:]} {'are' if others else 'is'} assumed: {'; '.join(self.assumed.values())}; "
             f"give {' / '.join(options)}"
         )
+
+    def left_out(self) -> list[str]:
+        """Notes on linear axes that a work offset of the set-up leaves out, and for which zero was used."""
+        linear = [axis for axis in "XYZ" if axis in self.setup.machine.names]
+        notes = []
+        for name in self.used_offsets:
+            values = self._offset_values(name)
+            axes = [axis for axis in linear if axis not in values]
+            if axes and self._offset_origin(name) is not Origin.ZERO:
+                they = "they count" if len(axes) > 1 else "it counts"
+                notes.append(f"work offset {name} does not give {' and '.join(axes)}: {they} as 0")
+        return notes
 
     def unused(self) -> list[str]:
         """Notes on work offsets and tool lengths that were given for this run and not used: misspelt, perhaps."""

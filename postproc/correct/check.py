@@ -25,10 +25,18 @@ from postproc.text.flow import Flow
 from postproc.text.line_numbers import ranges
 from postproc.text.notes import Notes
 from postproc.text.source import CHUNK, Source, chunks
-from rendering.report import Report, facts, shortened
+from rendering.report import Report, Section, Table, shortened
 
 LISTED = 50
 """Most refused blocks in the report."""
+MEANINGS = {
+    "corrected": "the coordinates of these lines get a correction",
+    "not complete": "moves before the program has given every axis or a tool; their start is assumed, they stay",
+    "machine": "moves in machine coordinates (G53, G28); they stay",
+    "repeated": "lines that run more than once",
+    "not run": "lines that jumps skip, or that follow the end of the program",
+}
+"""Kinds of lines, each with its meaning, for the page."""
 UNKNOWN = "the travel is not checked before the work offset and the tool length are given"
 
 
@@ -90,18 +98,27 @@ class Findings:
             "repeated": self.repeated,
             "not run": self.not_run,
         }
-        rows += [(kind, f"{len(lines)}: lines {ranges(lines)}") for kind, lines in kinds.items() if lines]
+        found = {kind: lines for kind, lines in kinds.items() if lines}
+        for kind, lines in found.items():
+            rows.append((kind, f"{len(lines)}: line{'s' if len(set(lines)) > 1 else ''} {ranges(lines)}"))
         rows += [("note", note) for note in (*self.notes, self.evidence if self.refused else "") if note]
-        refused = [f"line {line}: {text!r}: {reason}" for line, text, reason in self.refused]
+        same = dict[str, list[tuple[int, str]]]()
+        for line, text, reason in sorted(self.refused, key=lambda refused: refused[0]):
+            same.setdefault(reason, []).append((line, text))
+        refused = [
+            f"line {line}: {text!r}: {reason}{_also([line for line, _ in others])}"
+            for reason, ((line, text), *others) in same.items()
+        ]
         rows += [("refused", text) for text in shortened(refused, LISTED, "refused blocks, all in the file of --json")]
         number = len(self.refused)
         verdict = f"Refused: {number} block{'s' if number > 1 else ''}." if number else "Accepted."
         verdict += " The later ones may follow from the first." if number > 1 else ""
         verdict = f"{self.assumption}\n{verdict}" if self.assumption else verdict
-        return Report(f"Check of {name}", "", [facts("Findings", rows)], verdict)
+        text = "\n".join(f"{kind.capitalize()}: {MEANINGS[kind]}." for kind in found)
+        return Report(f"Check of {name}", "", [Section("Findings", text, Table(("", ""), rows))], verdict)
 
     def take(self, motions: Motions) -> None:
-        """Add the moves of a chunk."""
+        """Add the lines of the moves of a chunk, each to the list of its treatment."""
         evaluated, before = motions.evaluated.tolist(), -1
         for row, (index, kind) in enumerate(zip(motions.block.tolist(), motions.kind.tolist(), strict=True)):
             if kind == Kind.PRESET or (kind == Kind.MACHINE and index == before):
@@ -149,9 +166,14 @@ def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, t
         for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
             findings.blocks += len(lines)
             _read(_blocks(lines, dialect, interpreter, findings), interpreter, findings, take)
-    findings.notes = notes.texts()
+    findings.notes = notes.texts() + state.left_out()
     findings.assumed, findings.assumption = list(state.assumed), state.assumption()
     return findings
+
+
+def _also(lines: list[int]) -> str:
+    """The other lines with the reason of the first one."""
+    return f" (the same in line{'s' if len(set(lines)) > 1 else ''} {ranges(lines)})" if lines else ""
 
 
 def _blocks(

@@ -237,7 +237,7 @@ class Pipeline:
 
     def _summary(self, evaluated: Evaluated) -> list[str]:
         """Notes on the whole program."""
-        unused = self.interpreter.control_state.unused()
+        state = self.interpreter.control_state
         beyond = [
             f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
             for (name, unit), excess in sorted(evaluated.outside.largest.items())
@@ -248,7 +248,13 @@ class Pipeline:
             for axes, lines in self.report.left.items()
         ]
         left += self._flat_arcs.notes() + evaluated.notes
-        return unused + beyond + left + [not_split.text(reason) for reason, not_split in self.report.not_split.items()]
+        return (
+            state.left_out()
+            + state.unused()
+            + beyond
+            + left
+            + [not_split.text(reason) for reason, not_split in self.report.not_split.items()]
+        )
 
     def _put(self, out: MarkedOutput, blocks: Sequence[Block], texts: Sequence[str | PlainText]) -> None:
         """Write corrected blocks of the program, with room for the mark."""

@@ -38,7 +38,11 @@ def refusals_outside(
     for row, i in np.argwhere(outside if only is None else outside & only[:, None]):
         axis = machine.axes[i]
         origins = state.origins(motions.frames[motions.frame[row]]) if programmed[row] else ""
-        setup = f" with {origins}: check these (--work-offset, --tool-length)" if origins else ""
+        setup = (
+            f" with {origins}: check these (--work-offset, --tool-length, or their entries in the job or machine file)"
+            if origins
+            else ""
+        )
         yield motions.blocks[motions.block[row]].refuse(
             f"{axis.name} would go to {positions[row, i] / machine.scale[i]:.4f} {axis.unit} {when} (machine "
             f"coordinates), outside its travel {axis.travel[0]:g}..{axis.travel[1]:g}{setup}; "

@@ -60,6 +60,7 @@ def init(
     from postproc.commands.show.terminal import say
     from postproc.commands.workplace.answers import Answers
     from postproc.commands.workplace.job_file import read_job
+    from postproc.commands.workplace.new_machine import lines_below_the_spindle
 
     answers = Answers()
     files: dict[str, bytes] = {}
@@ -79,11 +80,15 @@ def init(
         check_files((), {"FOLDER": folder / name})
         write_whole(folder / name, data)
         say("written", str(folder / name))
-    read_job(folder / "job.toml", there=False)
+    job = read_job(folder / "job.toml", there=False)
+    for line in lines_below_the_spindle(found) if machine == f"{found.name}.toml" else ():
+        say("compare", f"with the machine: {line}; if not, correct point in {folder / machine}")
+    for absent in (each.path for each in job.programs if not each.path.exists()):
+        say("first", f"put the program at {absent}")
     say("next", f"ncomp {folder / 'job.toml'} --check")
     if b'calibration = "none"' in files["job.toml"]:
-        job = folder / "job.toml"
-        say("then", f"measure the machine, write its calibration into {job}, and correct by ncomp {job}")
+        path = folder / "job.toml"
+        say("then", f"measure the machine, write its calibration into {path}, and correct by ncomp {path}")
 
 
 def _machine(new: NewMachine, answers: Answers) -> tuple[str, str]:
@@ -138,7 +143,7 @@ def _job(
     from postproc.control.setup import parse_tool_length, parse_work_offset
 
     own = "" if default_calibration(found) else "none"
-    calibration = answers.one(calibration, "--calibration", "Calibration: CAL.json, or none", str, own)
+    calibration = answers.one(calibration, "--calibration", "Calibration: CAL.json, or none", _calibration, own)
     if not work_offset and answers.asks:
         question = "Work offset of the part, mm, G54=x,y,z; empty if it is not known"
         work_offset = _given(answers.one(None, "", question, lambda text: _checked_offset(text, found), ""))
@@ -147,7 +152,9 @@ def _job(
         question = "Length of the first tool, mm, T1=mm; empty if it is not known"
         tool_length = _given(answers.one(None, "", question, _checked_tool, ""))
     tools = dict(map(parse_tool_length, tool_length))
-    programs = program or (answers.one(None, "--program", "Program to correct", str, "part.nc"),)
+    programs = program or (
+        answers.one(None, "--program", "Program to correct, relative to the folder of the job file", str, "part.nc"),
+    )
     return _job_text(machine, calibration, offsets, tools, programs)
 
 
@@ -183,6 +190,12 @@ def _key(name: str) -> str:
 def _given(answer: str) -> tuple[str, ...]:
     """An answer, unless it is empty."""
     return (answer,) if answer else ()
+
+
+def _calibration(text: str) -> str:
+    if text not in ("", "none") and Path(text).suffix.lower() != ".json":
+        raise UserError(f"{text!r}: expected the .json file of a calibration, or none")
+    return text
 
 
 def _checked_offset(text: str, found: Machine) -> str:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from kinematics.machine import split_chain
+import numpy as np
+
+from kinematics.machine import Machine, split_chain
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import numbers
 from postproc.commands.workplace.answers import Answers, by_name
@@ -93,7 +95,7 @@ def machine_text(name: str, description: str, chain: str, family: str, given: Gi
         low, high = answers.one(travels.get(axis), f"--travel {axis}=", question, read_travel, None)
         lines += ["", f"[axes.{axis}]", f"travel = [{number(low)}, {number(high)}]"]
         if rotary:
-            question = f"A point on the line of {axis}, mm, machine frame, x,y,z"
+            question = f"A point on the line of {axis}, mm from the spindle nose with all axes at 0, x,y,z"
             point = answers.one(points.get(axis), f"--point {axis}=", question, read_vector, None)
             lines.append(f"point = [{', '.join(map(number, point))}]")
         if axis in directions:
@@ -105,3 +107,24 @@ def machine_text(name: str, description: str, chain: str, family: str, given: Gi
     if family != "any":
         lines += ["", "[control]", f"family = {json.dumps(family)}"]
     return "\n".join(lines) + "\n"
+
+
+def lines_below_the_spindle(machine: Machine) -> Iterator[str]:
+    """For each rotary axis of a table, the positions of X and Y at which its line is below the spindle, in words.
+
+    They follow from its point; a line that is not along X, Y or Z of the machine has none.
+    """
+    linear = [axis for axis in machine.axes if axis.name in ("X", "Y")]
+    for table in machine.axes:
+        if not table.rotary or table.side != "workpiece" or sum(map(bool, table.direction)) != 1:
+            continue
+        crossed = [axis for axis in linear if not np.dot(axis.direction, table.direction)]
+        below = [float(np.dot(table.point, axis.unit_direction)) for axis in crossed]
+        where = ", ".join(f"{axis.name} {number(value)}" for axis, value in zip(crossed, below, strict=True))
+        beyond = [
+            axis.name
+            for axis, value in zip(crossed, below, strict=True)
+            if not axis.travel[0] <= value <= axis.travel[1]
+        ]
+        outside = f" (outside the travel of {' and '.join(beyond)})" if beyond else ""
+        yield f"the line of {table.name} is below the spindle at {where}{outside}"
