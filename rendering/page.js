@@ -14,7 +14,7 @@ const DARK = {ink: "#e6e8ec", grey: "#8a919e", paper: "#14171c", veil: "rgba(20,
 // on dark paper; `cover`: factor of the opacity of dots there.
 const LEAST = {xy: 250, polar: 330, scene: 300};  // px, least width of a panel
 const PRINTED = {width: 900, height: 0.9};        // px, width of a figure for the printer; share of the height of its panels
-const GAP = {left: 62, right: 16, top: 12, bottom: 46, title: 22, scale: 58};
+const GAP = {left: 62, right: 16, top: 12, bottom: 46, title: 22, scale: 66};
 const BUTTONS = {least: 560, width: 110, high: 30}; // px: least width of a figure with buttons, and their size, top right
 const FONT = 12;
 
@@ -217,7 +217,7 @@ function arranged(spec, width, palette, printed = false) {
   if (spec.colours) {
     const {title, ...own} = spec.colours;
     layout.coloraxis = {...own, colorbar: {orientation: "h", x: 0.5, xanchor: "center", len: Math.min(0.9, 420 / width),
-      y: 0, yanchor: "bottom", thickness: 10, outlinewidth: 0, title: {text: title, side: "top", font: {size: FONT}}, ypad: 2,
+      y: 8 / size.height, yanchor: "bottom", thickness: 10, outlinewidth: 0, title: {text: title, side: "top", font: {size: FONT}}, ypad: 2,
       tickfont: {size: FONT - 1}}};
   }
   const edges = [...Array(down).keys()].slice(1).map(row => names.height + row * high);  // px, between rows of panels
