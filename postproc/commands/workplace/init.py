@@ -109,7 +109,9 @@ def _machine(new: NewMachine, answers: Answers) -> tuple[str, str]:
         for number, (chain, kind) in CHAINS.items():
             console.print(f"  {number}  {chain:<18} {kind}")
     chain = answers.one(new.chain, "--chain", "Chain, or its number", read_chain, None)
-    family = answers.one(new.family, "--family", f"Control: {', '.join(FAMILIES)}", _family, "any")
+    family = answers.one(
+        new.family, "--family", f"Control: {', '.join(FAMILIES)} (any: HAAS, Siemens, Heidenhain, ...)", _family, "any"
+    )
     axes = GivenAxes(new.travel, new.point, new.direction, new.home)
     return name, machine_text(name, description, chain, family, axes, answers)
 

@@ -91,7 +91,7 @@ def machine_text(name: str, description: str, chain: str, family: str, given: Gi
     for axis in names:
         rotary = axis[0] in "ABC"
         unit = "degrees" if rotary else "mm"
-        question = f"Travel of {axis}, {unit}, low:high"
+        question = f"Travel of {axis}, {unit}, low:high{' (-inf:inf without ends)' if rotary else ''}"
         low, high = answers.one(travels.get(axis), f"--travel {axis}=", question, read_travel, None)
         lines += ["", f"[axes.{axis}]", f"travel = [{number(low)}, {number(high)}]"]
         if rotary:
