@@ -212,7 +212,7 @@ def against_normal(panel: Panel, white: Array, most: float) -> None:
     density, _ = np.histogram(np.clip(white.ravel(), -most, most), edges, density=True)
     middle = (edges[1:] + edges[:-1]) / 2.0
     bar = {"type": "bar", "x": middle, "y": density, "name": "residuals", "width": float(np.diff(edges)[0])}
-    panel.traces.append(bar | {"marker": {"color": COLOURS[0], "opacity": 0.55, "line": {"width": 0}}})
+    panel.traces.append(bar | {"marker": {"color": COLOURS[0], "opacity": 0.85, "line": {"width": 0}}})
     line(panel, edges, np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi), INK, "noise alone")
     panel.x, panel.y = "residual / standard uncertainty", "density"
 

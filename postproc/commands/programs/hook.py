@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from kinematics.files import write_whole
-from kinematics.files.mistaken import did_you_mean
+from kinematics.files.mistaken import did_you_mean, missing
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument, option
 
@@ -49,7 +49,8 @@ def hook(
         return
     for folder in _macro_folders() if output is None else [output]:
         if not folder.is_dir():
-            raise UserError(f"cannot write {folder}: it is no folder")
+            why = "it is a file: name a folder" if folder.exists() else f"No such folder{missing(folder)}: make it"
+            raise UserError(f"cannot write {folder}: {why}")
         target = folder / file.name
         line_end = "\r\n" if file.suffix == ".cmd" else "\n"
         write_whole(target, _with_path(file.read_text()).replace("\n", line_end).encode())
