@@ -117,6 +117,27 @@ def test_protocols_are_named_with_the_export_to_use(ncomp, write, name):
     assert not Path("new.json").exists()
 
 
+AS_EXPORTED = {
+    "UTF-16": ("KINEMATIK VERMESSEN\r\nStreuung A 0,012\r\n".encode("utf-16"), "log.txt:1: 'KINEMATIK VERMESSEN'"),
+    "lower case": (b"tch probe 451 measure kinematics\n", "KinematicsOpt"),
+    "French": ("CYCLE 451\r\nMESURER CIN\u00c9MATIQUE\r\nA 0,012".encode("latin-1"), "log.txt:2: 'MESURER CIN"),
+    "Italian": (b"MISURA CINEMATICA\rDispersione A 0,012", "log.txt:1: 'MISURA CINEMATICA'"),
+    "Spanish, BOM": (b"\xef\xbb\xbfMEDIR CINEMATICA\r\nA 0,012\r\n", "log.txt:1: 'MEDIR CINEMATICA'"),
+    "vectors": (b"; swivel data\n$TC_CARR1[1]=0.0005\n", "ncomp import --format siemens-tcarr"),
+}
+"""Encodings, line ends and languages of controls; the texts are not samples of their protocols."""
+
+
+@pytest.mark.parametrize(("data", "message"), AS_EXPORTED.values(), ids=AS_EXPORTED)
+def test_protocols_in_other_languages_and_encodings_are_named(tmp_path, data, message):
+    path = tmp_path / "log.txt"
+    path.write_bytes(data)
+    with pytest.raises(UserError) as refused:
+        read_any(path, CFRAME)
+    assert message in str(refused.value)
+    assert "It is not read" in str(refused.value)
+
+
 def test_the_line_that_shows_a_protocol_is_named(write):
     with pytest.raises(
         UserError, match=r"log.txt:2: 'TCH PROBE 451 MEASURE KINEMATICS': this is a protocol of HEIDENHAIN"

@@ -25,6 +25,7 @@ from calibration.fit.datum import to_datum
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.location_errors import split_locations, transformed
+from calibration.fit.omitted_waves import OmittedWaves, omitted_waves
 from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
@@ -125,7 +126,11 @@ def calibrate(
     before = nominal_residuals(found)
     before_rms_um, before_max_um, before_chi2_reduced = _sizes(found, before)
     too_many = disagreement(found)
-    curved, between = with_curves_between(found) if wanted.automatic else (found, ())
+    waves = omitted_waves(found)
+    honest = found if waves is None else waves.beside(found)
+    curved, between = with_curves_between(honest) if wanted.automatic else (honest, ())
+    if waves is not None:
+        curved = replace(curved, model=waves.uncertain(curved.model))
     written = _written(curved, valid_days)
     result = Calibration(
         fit=found,
@@ -138,7 +143,7 @@ def calibrate(
         dependences=tuple(dependences(found)),
         cross_validation=held_out,
         between_positions=between,
-        findings=(*findings, *_findings(found, too_many)),
+        findings=(*findings, *_findings(found, too_many, waves)),
         targets=tuple(positions),
         relative_deviation=relative_deviations(written, found.measurement.rows(np.flatnonzero(found.kept))),
         objection=too_many or reason_against(found, before, held_out),
@@ -163,10 +168,11 @@ def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], li
     return [*findings, *target_findings(measurement, positions)], positions
 
 
-def _findings(found: Fit, too_many: str) -> list[Finding]:
+def _findings(found: Fit, too_many: str, waves: OmittedWaves | None) -> list[Finding]:
     """Anomalies of the data that a fit shows; too_many: the statement that too many rows disagree, or empty."""
     outliers = [Finding("outliers", too_many, False)] if too_many else []
-    return [*zero_findings(run_zeros(found)), *distance_findings(found), *repeat_findings(found), *outliers]
+    lacking = [] if waves is None else waves.findings()
+    return [*zero_findings(run_zeros(found)), *distance_findings(found), *repeat_findings(found), *lacking, *outliers]
 
 
 def _held_out(found: Fit, choice: Choice, wanted: Wanted, progress: Progress) -> CrossValidation | None:

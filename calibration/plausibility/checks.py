@@ -27,12 +27,18 @@ from calibration.plausibility.recording_mistakes import (
     alternatives,
     centred,
     misfit,
-    misplaced,
     trimmed_rms,
     worst_rms,
 )
+from calibration.plausibility.r_test import wrong_readings
 from calibration.plausibility.repeated_positions import position_numbers
-from calibration.plausibility.spheres import misplaced_tip, moved_spheres, moved_tip, sphere_notes
+from calibration.plausibility.spheres import (
+    misplaced_or_zeros,
+    misplacements,
+    moved_spheres,
+    moved_tip,
+    sphere_notes,
+)
 from calibration.plausibility.times import paused, repeated_times
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -198,7 +204,7 @@ def _distances(measurement: Measurement) -> Iterator[Finding]:
 
 def _spheres(measurement: Measurement) -> Iterator[Finding]:
     yield from (Finding("spheres", text, False) for text in sphere_notes(measurement))
-    yield from (Finding("targets", text, False) for text in misplaced_tip(measurement))
+    yield from (Finding(check, text, False) for check, text in misplacements(measurement))
 
 
 def _small_volume(measurement: Measurement) -> Iterator[Finding]:
@@ -224,10 +230,14 @@ def _mistakes(measurement: Measurement) -> Iterator[Finding]:
         rows = np.sort(np.random.default_rng(0).choice(rows, ROWS, replace=False))
     some = measurement.rows(rows)
     residual, _ = misfit(some)
+    before, readings = wrong_readings(some)
+    if readings:
+        yield _mistake(before, readings)
+        return
     before = worst_rms(some, residual)
     if before < SUSPICIOUS:
         return
-    for kinds in (alternatives, other_chains, misplaced, moved_spheres, moved_tip):
+    for kinds in (alternatives, other_chains, misplaced_or_zeros, moved_spheres, moved_tip):
         tried = [(worst_rms(other.measurement, misfit(other.measurement)[0]), other) for other in kinds(some)]
         best = min((after for after, _ in tried), default=np.inf)
         if best < before / FALLS and best < PLAUSIBLE:

@@ -66,10 +66,8 @@ def alternatives(measurement: Measurement) -> Iterator[Alternative]:
 
 
 def _signs(measurement: Measurement) -> Iterator[Alternative]:
-    """Points of a left-handed frame; readings of an R-test with the opposite sign."""
+    """Points of a left-handed frame; for the readings of an R-test see `calibration.plausibility.r_test`."""
     if isinstance(measurement.instrument, TouchProbe):
-        by = "with the signs of dx, dy and dz reversed (they are those of the centre from the tip)"
-        yield Alternative("sign", by, replace(measurement, observed=-measurement.observed))
         return
     mirrored = measurement.observed * np.append(-1.0, np.ones(measurement.instrument.components - 1))
     yield Alternative(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -12,7 +12,16 @@ from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.observed_points import carried
 from calibration.observation.outliers import ASTRAY
-from calibration.plausibility.recording_mistakes import Alternative, centred, misfit, misplaced, trimmed_rms
+from calibration.plausibility.recording_mistakes import (
+    ROUNDS,
+    TIED,
+    Alternative,
+    by_axes,
+    centred,
+    misfit,
+    misplaced,
+    trimmed_rms,
+)
 from kinematics.transforms import Array
 
 APART_MM = 5.0
@@ -20,7 +29,11 @@ APART_MM = 5.0
 TIP_MM = 0.1
 """Least distance of a tip from its stated position, mm, that is noted: three times the expected location errors."""
 BETTER = 2.0
-"""Factor by which the residual must fall with the tip at this distance."""
+"""Factor by which the residual must fall with the tip at this distance, or with zeros of rotary axes shifted."""
+ZERO = np.deg2rad(0.01)
+"""Least shift of the zero of a rotary axis, rad, that is noted: six times the expected tilts of lines."""
+SEEN = 0.1
+"""Share of the largest sensitivity to a rotary axis' zero, per rad, below which the spheres do not show one."""
 LEAST = 3
 """Least number of rows before and behind the moment at which a sphere moved."""
 
@@ -108,28 +121,81 @@ def sphere_notes(measurement: Measurement) -> Iterator[str]:
             yield f"spheres {one} and {other} are at the same position: are they one sphere?"
 
 
-def misplaced_tip(measurement: Measurement) -> Iterator[str]:
-    """Note on a single tip whose position, if it is another one, also from a row on, explains most of the residual.
+def misplaced_or_zeros(measurement: Measurement) -> Iterator[Alternative]:
+    """The measurement with each tip at the position that follows from the points, and with the zeros that do."""
+    yield from chain(misplaced(measurement), shifted_zeros(measurement))
 
-    Differences of millimetres are refused (`calibration.plausibility.checks`); smaller ones may be location errors.
+
+def shifted_zeros(measurement: Measurement) -> Iterator[Alternative]:
+    """The measurement with other zeros of the rotary axes, as far as the spheres show them.
+
+    A rotary axis that carries the spheres alone turns its zero about them all: no sphere shows it.
+    """
+    machine, other = measurement.machine, measurement
+    if not isinstance(measurement.instrument, TouchProbe):
+        return
+    shift = np.zeros(len(machine.axes))
+    for _ in range(ROUNDS):
+        residual, registration = misfit(other)
+        slopes = by_axes(other, registration) * machine.rotary
+        slopes = centred(other, slopes.reshape(len(other), -1)).reshape(-1, len(shift))
+        sizes = np.linalg.norm(slopes, axis=0)
+        seen = (sizes > SEEN * sizes.max()) & (sizes > 0.0)
+        step, *_ = np.linalg.lstsq(slopes[:, seen], centred(other, residual).reshape(-1))
+        shift[seen] += step
+        other = _with_zeros(measurement, shift)
+    own = np.abs(shift) >= ZERO
+    if own.any():
+        zeros = " and ".join(f"{machine.names[i]} shifted by {np.degrees(shift[i]):+.3f} deg" for i in np.flatnonzero(own))
+        by = (
+            f"with the zero of {zeros} (or with a line of a rotary axis tilted by as much: compare it with an edge along a "
+            "linear axis)"
+        )
+        yield Alternative("zeros", by, _with_zeros(measurement, np.where(own, shift, 0.0)))
+
+
+def _with_zeros(measurement: Measurement, shift: Array) -> Measurement:
+    """The measurement with positions farther by shifts `(axes,)`."""
+    return replace(measurement, state=replace(measurement.state, positions=measurement.state.positions + shift))
+
+
+def misplacements(measurement: Measurement) -> Iterator[tuple[str, str]]:
+    """Check and message for another position of a single tip, or other zeros, that explain most of the residual.
+
+    Otherwise for a tip that moved at a row. Differences of millimetres are refused (`calibration.plausibility.checks`);
+    smaller ones may be location errors.
     """
     if not isinstance(measurement.instrument, TouchProbe) or len(measurement.targets) != 1:
         return
     before = trimmed_rms(np.linalg.norm(misfit(measurement)[0], axis=1))
-    for other in (*misplaced(measurement), *moved_tip(measurement)):
-        after = trimmed_rms(np.linalg.norm(misfit(other.measurement)[0], axis=1))
-        stated = np.array(next(iter(measurement.targets.values())).position)
-        moved = max(float(np.linalg.norm(each.position - stated)) for each in other.measurement.targets.values())
-        if moved >= TIP_MM and after < before / BETTER:
-            cure = (
-                "Measure the length of the probe again: the fit takes a wrong length for location errors of the rotary "
-                "axes, or for scale"
-            )
-            yield (
-                f"the points differ from the commanded positions by {before:.2g} mm RMS, and by {after:.2g} mm "
-                f"{other.by}. {cure if len(other.measurement.targets) == 1 else 'Measure again'}"
-            )
+    for kinds in (misplaced_or_zeros, moved_tip):
+        others = [each for each in kinds(measurement) if each.mistake == "zeros" or _tip_moved(measurement, each)]
+        tried = [(trimmed_rms(np.linalg.norm(misfit(each.measurement)[0], axis=1)), each) for each in others]
+        best = min((after for after, _ in tried), default=np.inf)
+        if best < before / BETTER:
+            tied = [each for after, each in tried if after <= min(TIED * best, before / BETTER)]
+            words, cures = ", or ".join(each.by for each in tied), ". ".join(map(_cure, tied))
+            text = f"the points differ from the commanded positions by {before:.2g} mm RMS, and by {best:.2g} mm {words}"
+            yield "zeros" if tied[0].mistake == "zeros" else "targets", f"{text}. {cures}"
             return
+
+
+def _tip_moved(measurement: Measurement, other: Alternative) -> bool:
+    """True where a tip of another measurement is farther than TIP_MM from the single one of a measurement."""
+    stated = np.array(next(iter(measurement.targets.values())).position)
+    return any(np.linalg.norm(each.position - stated) >= TIP_MM for each in other.measurement.targets.values())
+
+
+def _cure(other: Alternative) -> str:
+    """Sentence of a note, without a full stop."""
+    if other.mistake == "zeros":
+        return "The fit takes a wrong zero for tilts of lines: correct it in the control, and measure again"
+    if len(other.measurement.targets) > 1:
+        return "Measure again"
+    return (
+        "Measure the length of the probe again: the fit takes a wrong length for location errors of the rotary axes, or "
+        "for scale"
+    )
 
 
 def moment(residual: Array, least: int = LEAST) -> tuple[int, float]:

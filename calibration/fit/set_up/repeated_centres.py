@@ -17,6 +17,8 @@ SIGNIFICANCE = 0.01
 SAME = 1e-5
 """Largest difference, rad, of rotary positions that are the same."""
 COVERAGE = 2.0
+FAR_UM = 500.0
+"""Shift, um, from which a row is wrong: no machine drifts so far. Other checks name such rows."""
 
 
 def repeat_findings(found: Fit) -> Iterator[Finding]:
@@ -29,9 +31,11 @@ def repeat_findings(found: Fit) -> Iterator[Finding]:
     if not isinstance(measurement.instrument, TouchProbe):
         return
     first, again = _repeats(measurement.groups, measurement.state.positions[:, measurement.machine.rotary])
+    shift = -1e3 * (found.residual[again] - found.residual[first])
+    near = np.linalg.norm(shift, axis=1) < FAR_UM
+    first, again, shift = first[near], again[near], shift[near]
     if not len(again):
         return
-    shift = -1e3 * (found.residual[again] - found.residual[first])
     u = measurement.instrument.u_um * (2.0 * max(found.chi2_reduced, 1.0)) ** 0.5
     k = int(np.argmax(np.linalg.norm(shift, axis=1)))
     if np.abs(shift[k]).max() <= u * -special.ndtri(SIGNIFICANCE / (2.0 * shift.size)):

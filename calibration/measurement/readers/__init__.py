@@ -172,12 +172,13 @@ def _recognised(data: bytes, path: Path) -> str:
     if "# instrument" in head or (names and "," in names[0] and head.lstrip().startswith("#")):
         return "ncomp"
     kind = kind_of_file(data)
-    protocol = protocols.refused(head, str(path))
+    utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    protocol = protocols.refused(data[:HEAD].decode("utf-16", "replace") if utf16 else head, str(path))
     if protocol and kind != "an NC program":
         raise UserError(protocol)
     if kind:
         raise UserError(f"{path}: this is {kind}, no measurement: give the data of an instrument")
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+    if utf16:
         raise UserError(f"{path} is UTF-16 text: save it as plain text (CSV, UTF-8)")
     if b"\0" in data[:HEAD]:
         raise UserError(f"{path} is a binary file, no measurement: give the data of an instrument as text")

@@ -32,24 +32,24 @@ class Protocol(NamedTuple):
 
 PROTOCOLS = (
     Protocol(
-        "a protocol of HEIDENHAIN's cycles 450 to 453 (KinematicsOpt)",
-        r"TCHPR45[0-3].*",
-        r"TCHPR45[0-3]|TCH PROBE 45[0-3]|KinematicsOpt|MEASURE KINEMATICS|KINEMATIK VERMESSEN|PRESET COMPENSATION",
-        "it lists results of the control's evaluation in a layout that no public manual describes, and no positions",
-        f"{_CENTRES}: with FN 16 behind a probing cycle at each rotary position",
-    ),
-    Protocol(
         "a protocol of Siemens' CYCLE996 or CYCLE9960 (measure kinematics)",
-        r"",
-        r"CYCLE9960?\b|_OVR\[\d+\]",
+        r"CYCLE9960?\b.*",
+        r"(?i)CYCLE9960?\b|_OVR\[\d+\]|\$TC_CARR\d+\[|TRAFO5_\w+\[",
         "it lists vectors of the kinematics by the control's evaluation in a layout that no public manual describes",
         f"{_CENTRES}: with WRITE behind CYCLE977 at each rotary position. The vectors themselves, as $TC_CARR or "
         "$MC_TRAFO5_ assignments, are read by ncomp import --format siemens-tcarr or siemens-trafo5",
     ),
     Protocol(
+        "a protocol of HEIDENHAIN's cycles 450 to 453 (KinematicsOpt)",
+        r"TCHPR45[0-3].*",
+        r"(?i)TCHPR45[0-3]|TCH PROBE 45[0-3]|Kinematics\s?Opt|MEASURE KINEMATICS|KINEMATIK VERMESSEN|PRESET COMPENSATION",
+        "it lists results of the control's evaluation in a layout that no public manual describes, and no positions",
+        f"{_CENTRES}: with FN 16 behind a probing cycle at each rotary position",
+    ),
+    Protocol(
         "a file of Renishaw AxiSet",
         r".*axiset.*",
-        r"\bAxiSet\b",
+        r"(?i)\bAxiSet\b",
         "its layout is not public",
         f"{_CENTRES}; AxiSet's macros print these positions",
     ),
@@ -60,6 +60,13 @@ PROTOCOLS = (
         "its layout is not public",
         "export angle and deviation as text, and add a header and names of columns (angle_deg,deviation_um,run,feed; "
         "docs/measurements.md#ballbar-angles)",
+    ),
+    Protocol(
+        "a protocol of a control's cycle that measures kinematics",
+        r"",
+        r"(?i)kinemati[ck]|cin[e\u00e9]mati[cq]",
+        "it lists results of the control's evaluation, and no positions",
+        _CENTRES,
     ),
 )
 

@@ -1,0 +1,163 @@
+"""Waves of rotary axes that a fit leaves out, in its uncertainties.
+
+A basis has the waves per turn that the rows demand, or that a user states. The next one may be in the machine all the
+same: over a part of a turn it shifts the mean line of its axis, and few rows do not show that. Each error motion of a
+rotary axis therefore has one more wave here, of the size that its others are expected to have. It stays zero, so that no
+estimate changes; the covariance is that of the errors of this estimate: the covariance beside the wave, and the square
+of the shift d by the wave's most probable size, C + d d'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import msgspec
+import numpy as np
+
+from calibration.fit.fit import Fit
+from calibration.fit.linear import Posterior
+from calibration.fit.problem import Problem
+from calibration.measurement.instruments import TouchProbe
+from calibration.observation.full_model import ROTARY
+from calibration.plausibility.checks import Finding
+from kinematics.basis import Basis, Fourier, Harmonics
+from kinematics.effects import Effect, ErrorMotion
+from kinematics.error_model.model import ErrorModel
+from kinematics.transforms import Array
+
+LIKELY = 20.0
+"""Odds against none from which a wave that the basis lacks is reported (Kass and Raftery 1995: strong evidence)."""
+MANY = 1000
+"""Odds above which a report gives no number."""
+
+
+@dataclass(frozen=True)
+class OmittedWaves:
+    """A model with one more wave of zero in each error motion of its rotary axes."""
+
+    model: ErrorModel
+    """The model with these waves, and its covariance beside them."""
+    prior: Array
+    """Standard deviations `(p,)` of its parameters."""
+    own: np.ndarray
+    """True `(p,)` for the parameters of these waves."""
+    information: Array
+    """Information `(p, p)` of the data, in units of the priors, registration eliminated."""
+    step: Array
+    """Step `(p,)` to the most probable parameters, in units of the priors."""
+
+    @classmethod
+    def of(cls, model: ErrorModel, prior: Array, own: np.ndarray, information: Array, slope: Array) -> OmittedWaves:
+        """The waves `own` of a model; slope `(p,)`: of the log likelihood; all in units of the priors."""
+        posterior = Posterior(information, 1.0)
+        step = posterior.solve(slope - model.parameters / prior)
+        root = prior[:, None] * posterior.root
+        return cls(model.with_parameters(model.parameters, root @ root.T), prior, own, information, step)
+
+    def beside(self, found: Fit) -> Fit:
+        """The fit with this model: of the result, only the model and the priors belong to the waves."""
+        return replace(found, model=self.model, prior=self.prior)
+
+    def uncertain(self, model: ErrorModel) -> ErrorModel:
+        """A model with the same waves, whose covariance is that beside them, with the covariance of its errors."""
+        of_waves = {e.name: part for e, part in zip(self.model.effects, self.model.slices, strict=True)}
+        rows, sizes = list[int](), list[float]()
+        for effect, part in zip(model.effects, model.slices, strict=True):
+            mine = of_waves.get(effect.name)
+            if mine is not None and self.own[mine].any():
+                rows += [part.stop - 2, part.stop - 1]
+                sizes += (self.prior * self.step)[mine][-2:].tolist()
+        covariance = np.array(model.covariance)
+        moved = covariance[:, rows] @ np.linalg.solve(covariance[np.ix_(rows, rows)], sizes)
+        return model.with_parameters(model.parameters, covariance + np.outer(moved, moved))
+
+    def findings(self) -> Iterator[Finding]:
+        """A finding for each axis whose next wave is LIKELY times as likely as none."""
+        waves = list(self._waves())
+        for axis in dict.fromkeys(effect.axis for effect, _ in waves):
+            motions = [(effect, part) for effect, part in waves if effect.axis == axis]
+            rows = np.concatenate([np.arange(part.stop - 2, part.stop) for _, part in motions])
+            odds = self._odds(rows)
+            if odds < np.log(LIKELY):
+                continue
+            sizes = np.linalg.norm((self.prior * self.step)[rows].reshape(-1, 2), axis=1)
+            k = int(np.argmax(sizes / self.prior[rows[::2]]))
+            effect, number = motions[k][0], _waves_of(motions[k][0])
+            size = f"{sizes[k]:.2g} {'urad' if effect.angular else 'um'} of {effect.name}"
+            times = f"{np.exp(odds):.0f}" if odds < np.log(MANY) else f"more than {MANY}"
+            yield Finding(
+                "waves",
+                f"the rows show a wave number {number} per turn of {axis} ({size}), which its basis lacks: {times} times as "
+                f"likely as none. The fit leaves it out, and U contains it: state {axis}=fourier:{number}, or leave out "
+                "--basis",
+                False,
+            )
+
+    def _waves(self) -> Iterator[tuple[ErrorMotion, slice]]:
+        for effect, part in zip(self.model.effects, self.model.slices, strict=True):
+            if isinstance(effect, ErrorMotion) and self.own[part].any():
+                yield effect, part
+
+    def _odds(self, rows: np.ndarray) -> float:
+        """Logarithm of the odds of some of the waves against none: evidence with and without them."""
+        others = np.flatnonzero(~self.own)
+        slope = self.information @ self.step + self.step
+        without = Posterior(self.information[np.ix_(others, others)], 1.0)
+        own, cross = self.information[np.ix_(rows, rows)], self.information[np.ix_(others, rows)]
+        schur = without.complement(own, cross) + np.eye(len(rows))
+        along = slope[rows] - cross.T @ without.solve(slope[others])
+        return 0.5 * float(along @ np.linalg.solve(schur, along) - np.linalg.slogdet(schur)[1])
+
+
+def omitted_waves(found: Fit) -> OmittedWaves | None:
+    """The waves that a fit leaves out; None for other instruments than a touch probe, and without a rotary axis."""
+    if not isinstance(found.measurement.instrument, TouchProbe) or found.prior.ndim > 1:
+        return None
+    model, prior, own = with_next_waves(found.model, found.prior)
+    if not own.any():
+        return None
+    problem = Problem.of(found.measurement, model, prior)
+    point = problem.point(model.parameters, found.registration)
+    solved = problem.solve(point, found.kept.astype(float), found.variance_factor * found.widening)
+    # the problem starts here, so that its priors have no part in the step
+    step = solved.step[point.registered :] / prior
+    return OmittedWaves.of(model, prior, own, solved.information, solved.information @ step + step)
+
+
+def with_next_waves(model: ErrorModel, prior: Array) -> tuple[ErrorModel, Array, np.ndarray]:
+    """The model with the next wave, zero, of each error motion of waves per turn; its priors; true for these waves.
+
+    prior `(p,)`: of the model; a wave has that of the wave before it.
+    """
+    effects, priors, own = list[Effect](), list[Array](), list[np.ndarray]()
+    for effect, part in zip(model.effects, model.slices, strict=True):
+        wider = _with_next_wave(effect)
+        added = len(wider.parameters) - len(effect.parameters)
+        effects.append(wider)
+        priors.append(np.append(prior[part], np.full(added, prior[part.stop - 1])))
+        own.append(np.arange(len(wider.parameters)) >= len(effect.parameters))
+    wide = msgspec.structs.replace(model, effects=tuple(effects), covariance=None)
+    return wide, np.concatenate(priors), np.concatenate(own)
+
+
+def _with_next_wave(effect: Effect) -> Effect:
+    if not (isinstance(effect, ErrorMotion) and effect.axis[0] in ROTARY):
+        return effect
+    basis: Basis
+    match effect.basis:
+        case Fourier(interval, harmonics):
+            turns = (interval[1] - interval[0]) / 180.0
+            basis = Fourier(interval, (*harmonics, turns * (len(harmonics) + 1)))
+        case Harmonics(interval, order):
+            basis = Harmonics(interval, order + 1)
+        case _:
+            return effect
+    return ErrorMotion(
+        effect.component, effect.axis, basis, (*effect.parameters, 0.0, 0.0), u=(0.0,) * (len(effect.parameters) + 2)
+    )
+
+
+def _waves_of(effect: ErrorMotion) -> int:
+    """Number of waves of an error motion."""
+    return (len(effect.parameters) - 1) // 2
