@@ -24,6 +24,7 @@ from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.observation.full_model import moving_axes, priors
 from calibration.observation.normal_equations import whiteners
 from calibration.observation.stops_and_lines import inner_positions
+from kinematics.effects import LocationJump, StationShift
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
@@ -70,7 +71,7 @@ class Acceptance(Judged):
             present = _compared(after, _of_all_rows(after, _unchanged(after, calibration)))
         else:
             present = None if after is before else _compared(after, _held_out(before))
-        too_many = _disagreement(after.fit)
+        too_many = _disagreement(after)
         causes = [each for each in after.accepted if each.candidate.effect.ACTS_ON != "instrument"]
         confirmed = updated and not causes and present is not None and not present.gains.better
         against = _against_present(present, updated=updated) if not confirmed else ""
@@ -85,10 +86,16 @@ class Acceptance(Judged):
         return cls(none, present, too_many or reason, force, confirmed and not (too_many or reason))
 
 
-def _disagreement(found: Fit) -> str:
-    """As `calibration.fit.acceptance.disagreement`, with the spheres whose move is the reason."""
-    too_many = disagreement(found)
-    moved = moved_spheres(found.measurement) if too_many else ""
+def _disagreement(after: Stage) -> str:
+    """As `calibration.fit.acceptance.disagreement`, with the spheres whose move is the reason.
+
+    Fine bases may take up the move of all spheres together, so that no row disagrees: without a named jump it counts.
+    """
+    too_many = disagreement(after.fit)
+    jumps = any(isinstance(each.candidate.effect, StationShift | LocationJump) for each in after.accepted)
+    moved = "" if jumps and not too_many else moved_spheres(after.fit.measurement)
+    if moved and not too_many:
+        return f"{moved}; --force writes the calibration nevertheless"
     return f"{moved}; {too_many}" if moved else too_many
 
 

@@ -128,17 +128,39 @@ def omitted_waves(found: Fit) -> OmittedWaves | None:
 def with_next_waves(model: ErrorModel, prior: Array) -> tuple[ErrorModel, Array, np.ndarray]:
     """The model with the next wave, zero, of each error motion of waves per turn; its priors; true for these waves.
 
-    prior `(p,)`: of the model; a wave has that of the wave before it.
+    prior `(p,)`: of the model.
     """
     effects, priors, own = list[Effect](), list[Array](), list[np.ndarray]()
+    sizes = _sizes(model, prior)
     for effect, part in zip(model.effects, model.slices, strict=True):
         wider = _with_next_wave(effect)
         added = len(wider.parameters) - len(effect.parameters)
         effects.append(wider)
-        priors.append(np.append(prior[part], np.full(added, prior[part.stop - 1])))
+        priors.append(np.append(prior[part], [sizes[_class_of(wider)]] * added if added else []))
         own.append(np.arange(len(wider.parameters)) >= len(effect.parameters))
     wide = msgspec.structs.replace(model, effects=tuple(effects), covariance=None)
     return wide, np.concatenate(priors), np.concatenate(own)
+
+
+def _sizes(model: ErrorModel, prior: Array) -> dict[str, float]:
+    """Standard deviations of the next waves, um and urad, by axis and kind of error motion.
+
+    Amplitudes of errors of form fall with the number n of waves about as 1/n: that of the last wave, as found with its
+    uncertainty, times n / (n + 1). The prior is the limit.
+    """
+    squares: dict[str, list[float]] = {}
+    for effect, part in zip(model.effects, model.slices, strict=True):
+        if _with_next_wave(effect) is not effect:
+            number = _waves_of(effect)
+            last = np.array(effect.parameters[-2:]) ** 2 + np.array(effect.uncertainties[-2:]) ** 2
+            least = np.minimum(last, prior[part][-2:] ** 2) * (max(number, 1) / (number + 1.0)) ** 2
+            squares.setdefault(_class_of(effect), []).extend(least.tolist())
+    return {name: float(np.sqrt(np.mean(own))) for name, own in squares.items()}
+
+
+def _class_of(effect: Effect) -> str:
+    """Axis and kind of an error motion; empty for other effects."""
+    return f"{effect.axis} {effect.angular}" if isinstance(effect, ErrorMotion) else ""
 
 
 def _with_next_wave(effect: Effect) -> Effect:

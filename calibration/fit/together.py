@@ -13,7 +13,7 @@ distribution with the rank of P. The prior has no part in it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import chain
@@ -188,9 +188,20 @@ class _Single:
         findings, positions = checked(measurement, force=force)
         choice, own = with_bases_and_noise(at_positions(measurement, positions), wanted)
         start, _ = with_effects(own.measurement, choice.bases, wanted.effects, *choice.scales)
-        findings += [*zero_findings(run_zeros(own)), *distance_findings(own), *repeat_findings(own)]
+        findings += [*zero_findings(run_zeros(own)), *distance_findings(own), *repeat_findings(own), *_noise_findings(own)]
         named = (each._replace(message=f"{measurement.source}: {each.message}") for each in findings)
         return cls(own, start, choice, tuple(named))
+
+
+def _noise_findings(own: Fit) -> Iterator[Finding]:
+    """A finding where the residuals of a measurement alone contradict the specification of its instrument."""
+    if own.measurement.noise is not None:
+        yield Finding(
+            "noise",
+            f"chi2/dof {own.chi2_reduced:.3g} by the instrument specification, which the residuals contradict. The noise "
+            f"of the fit is that of the residuals: {own.measurement.noise.text.rstrip('.')}",
+            False,
+        )
 
 
 def _prior(model: ErrorModel, singles: Sequence[_Single], measurements: Sequence[Measurement]) -> Array:

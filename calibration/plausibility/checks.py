@@ -7,7 +7,8 @@ and 0.1 mrad do not cause a finding.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -81,7 +82,7 @@ def sanity(measurement: Measurement) -> list[Finding]:
     mistakes = [*_order(own), *_temperatures(own), *_dead(own), *_far_targets(own)]
     odd = [*_copies(measurement, copies), *_times(own)]
     if measurement.across is None:  # otherwise the alignment with the path finds them
-        mistakes += list(_of_instrument(own))
+        mistakes += list(_of_instrument(own)) or [each for part in _files(own) for each in _named(part, _of_instrument)]
         mistakes += list(_distances(own))
     if measurement.across is None and not any(finding.fatal for finding in mistakes):
         odd += [*_spheres(own), *_small_volume(own), *_motion(own)]
@@ -202,8 +203,29 @@ def _distances(measurement: Measurement) -> Iterator[Finding]:
                 )
 
 
+def _files(measurement: Measurement) -> list[Measurement]:
+    """The rows of each of several files with enough of them: a mistake may be in one file alone. None for one file."""
+    if measurement.file is None or measurement.axis is not None:
+        return []
+    names, counts = np.unique(measurement.file, return_counts=True)
+    own = [name for name, count in zip(names.tolist(), counts.tolist(), strict=True) if count >= LEAST]
+    return [measurement.rows(np.flatnonzero(measurement.file == name)) for name in own if len(names) > 1]
+
+
+def _named(part: Measurement, check: Callable[[Measurement], Iterator[Finding]]) -> Iterator[Finding]:
+    """Findings of a check on the rows of one file, with its name."""
+    assert part.file is not None
+    yield from (each._replace(message=f"{part.file[0]}: {each.message}") for each in check(part))
+
+
 def _spheres(measurement: Measurement) -> Iterator[Finding]:
     yield from (Finding("spheres", text, False) for text in sphere_notes(measurement))
+    files = _files(measurement)
+    yield from chain.from_iterable(_named(part, _misplacements) for part in files)
+    yield from _misplacements(measurement) if not files else ()
+
+
+def _misplacements(measurement: Measurement) -> Iterator[Finding]:
     yield from (Finding(check, text, False) for check, text in misplacements(measurement))
 
 

@@ -62,7 +62,8 @@ def moved_spheres(measurement: Measurement) -> str:
     names = f"sphere {step.spheres[0]}" if one else f"spheres {', '.join(step.spheres)}"
     lengths = ", ".join(f"{1e3 * length:.0f}" for length in sizes)
     cause = "its clamping is loose" if one else "the table, the clamping or the probe was knocked"
-    other = f"{step.spheres[0]}b"
+    # the name in its own file: joined files add theirs
+    other = f"{step.spheres[0].rpartition(':')[2]}b"
     return (
         f"{names} moved by {lengths} um before {measurement.where(step.first)}: {cause}. Measure again, or give "
         f"{'it' if one else 'each'} another name from this row on, such as {other} with its header line # sphere."

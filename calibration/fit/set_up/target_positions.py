@@ -191,7 +191,18 @@ def findings(measurement: Measurement, found: Sequence[TargetPosition]) -> Itera
     if isinstance(measurement.instrument, LaserTracker):
         yield Finding("targets", ONE_TARGET, False)
     if isinstance(measurement.instrument, TouchProbe):
-        yield Finding("targets", ONE_TIP, False)
+        yield Finding("targets", ONE_TIP + _zero_of_table(measurement), False)
+
+
+def _zero_of_table(measurement: Measurement) -> str:
+    """Clause on the zero of a rotary axis that turns all spheres as one; empty without such an axis."""
+    first = measurement.machine.axes[0]
+    if not first.rotary or first.side != "workpiece":
+        return ""
+    return (
+        f"; the zero of {first.name}, which alone carries the spheres, is that of the workpiece frame, and no sphere shows "
+        "it: compare it with an edge along a linear axis"
+    )
 
 
 def _on_tool(measurement: Measurement) -> list[str]:
