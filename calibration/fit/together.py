@@ -53,6 +53,8 @@ STEPS, CONVERGED = 8, 1e-3
 """Most steps of the fit, and the length of a step, in units of the priors, at which it ends."""
 CONTRADICTED = 1e-3
 """p-value below which a measurement contradicts the others."""
+LISTED = 5
+"""Most outliers of a measurement that are listed one by one."""
 SEEN = 1e-8
 """Share of the largest eigenvalue of an information above which it has information on a direction."""
 
@@ -190,7 +192,17 @@ class _Single:
         start, _ = with_effects(own.measurement, choice.bases, wanted.effects, *choice.scales)
         findings += [*zero_findings(run_zeros(own)), *distance_findings(own), *repeat_findings(own), *_noise_findings(own)]
         named = (each._replace(message=f"{measurement.source}: {each.message}") for each in findings)
-        return cls(own, start, choice, tuple(named))
+        return cls(own, start, choice, (*named, *_left_out(own)))
+
+
+def _left_out(own: Fit) -> Iterator[Finding]:
+    """A finding for each of the first rows that were left out as outliers."""
+    rows = own.outliers.tolist()
+    for row in rows[:LISTED]:
+        off = f"{own.measurement.where(row)}: outlier, {own.residual_um[row]:.1f} um from the other rows, left out"
+        yield Finding("outliers", off, False)
+    if len(rows) > LISTED:
+        yield Finding("outliers", f"{own.measurement.source}: {len(rows) - LISTED} more rows are left out", False)
 
 
 def _noise_findings(own: Fit) -> Iterator[Finding]:

@@ -82,7 +82,7 @@ def sanity(measurement: Measurement) -> list[Finding]:
     mistakes = [*_order(own), *_temperatures(own), *_dead(own), *_far_targets(own)]
     odd = [*_copies(measurement, copies), *_times(own)]
     if measurement.across is None:  # otherwise the alignment with the path finds them
-        mistakes += list(_of_instrument(own)) or [each for part in _files(own) for each in _named(part, _of_instrument)]
+        mistakes += _recording(own)
         mistakes += list(_distances(own))
     if measurement.across is None and not any(finding.fatal for finding in mistakes):
         odd += [*_spheres(own), *_small_volume(own), *_motion(own)]
@@ -201,6 +201,14 @@ def _distances(measurement: Measurement) -> Iterator[Finding]:
                     f"the data {found:.6g} mm: no axis errs so much. Correct the distance, or the names of its spheres",
                     True,
                 )
+
+
+def _recording(measurement: Measurement) -> list[Finding]:
+    """Recording mistakes: of single files where only some of several have one, otherwise of all rows."""
+    by_file = [list(_named(part, _of_instrument)) for part in _files(measurement)]
+    if any(by_file) and not all(by_file):
+        return [*chain.from_iterable(by_file)]
+    return list(_of_instrument(measurement))
 
 
 def _files(measurement: Measurement) -> list[Measurement]:

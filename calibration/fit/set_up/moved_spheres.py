@@ -50,7 +50,9 @@ def moved_spheres(measurement: Measurement) -> str:
     tried = [(step, after) for step, after in tried if _together(_sizes(after, step))]
     if not tried:
         return ""
-    step, after = min(tried, key=lambda each: _squares(each[1], each[1].kept))
+    # a row that another step leaves out counts as well, as far as a step does
+    most = SIZE * min(each.rms_um for _, each in tried)
+    step, after = min(tried, key=lambda each: float(np.sum(np.minimum(each[1].residual_um, most) ** 2)))
     kept, sizes = after.kept, _sizes(after, step)
     gain = 0.5 * kept.sum() * found.residual.shape[1] * np.log(_squares(found, kept) / _squares(after, kept))
     size = float(sizes.max())
@@ -72,10 +74,12 @@ def moved_spheres(measurement: Measurement) -> str:
 
 
 def _steps(found: Fit) -> Iterator[_Step]:
-    """Steps of each sphere, and of all together, that are clear in the residuals of a fit."""
-    groups = found.measurement.groups
+    """Steps of each sphere, of all of one file, and of all together, that are clear in the residuals of a fit."""
+    groups, file = found.measurement.groups, found.measurement.file
     names = np.unique(groups).tolist()
-    for spheres in [(name,) for name in names] + ([tuple(names)] if len(names) > 1 else []):
+    by_file = [] if file is None else [tuple(np.unique(groups[file == own]).tolist()) for own in np.unique(file)]
+    several = [spheres for spheres in dict.fromkeys([*by_file, tuple(names)]) if len(spheres) > 1]
+    for spheres in [*((name,) for name in names), *several]:
         rows = np.flatnonzero(np.isin(groups, spheres))
         if len(rows) < 2 * LEAST * len(spheres):
             continue
