@@ -274,6 +274,23 @@ def test_the_scatter_gives_the_uncertainty():
     assert np.sqrt(np.mean(off**2)) * 1e3 == pytest.approx(probed.u_um, rel=0.25)
 
 
+def test_the_scatter_contains_the_servo_cycle():
+    """A control reads the axes once in a cycle, up to one cycle late: half of it is in the radius, the rest is scatter."""
+    found, cycle_um = planned("dmu50", points=40), 4.0
+    positions = contacts(found, model_of(DMU50, []), cycle_um=cycle_um)
+    probed = centres_of(read(found, "siemens", positions), found.plan, "log.txt")
+    assert probed.scatter_um == pytest.approx(cycle_um / 12**0.5, rel=0.15)
+    assert probed.radii["s1"] == pytest.approx(CONTACT - cycle_um / 2e3, abs=3e-4)
+    actual = np.add(found.plan.spheres["s1"], (0.3, -0.2, 0.4))
+    off = tool_point(DMU50, probed.measurement.state.positions, TIP) - actual
+    assert np.sqrt(np.mean(off**2)) * 1e3 == pytest.approx(probed.u_um, rel=0.25)
+
+
+def test_programs_state_the_resolution_of_a_contact():
+    lines = list(probing_program(sequence_of(planned("dmu50")), settings_of("linuxcnc"), "linuxcnc", "test"))
+    assert any("AT 30 MM/MIN AND 1 MS 0.5 UM - U 0.14 UM" in line for line in lines)
+
+
 def test_a_drift_shows_at_the_repeated_centre():
     found = planned("dmu50", points=12, references=4)
     n = len(found.plan)

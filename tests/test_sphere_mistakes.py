@@ -5,8 +5,9 @@ The files are those of `support.trunnion_spheres`, whose kinematics are its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ class Mistake(NamedTuple):
     spoilt: Callable[[], Touches]
     status: int
     words: str
-    others: dict[str, tuple[int, str]] = {}
+    others: Mapping[str, tuple[int, str]] = MappingProxyType({})
     """Status and words of roads where another file shows more."""
 
 

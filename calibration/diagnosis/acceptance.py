@@ -18,7 +18,7 @@ from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.widening import UnseenErrors
 from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, not_better, reason_against
 from calibration.fit.cross_validation import CrossValidation, summed_up, uncorrected
-from calibration.fit.fit import Fit, fit
+from calibration.fit.fit import fit
 from calibration.fit.problem import FIXED
 from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.observation.full_model import moving_axes, priors

@@ -126,7 +126,7 @@ def calibrate(
     before = nominal_residuals(found)
     before_rms_um, before_max_um, before_chi2_reduced = _sizes(found, before)
     too_many = disagreement(found)
-    waves = omitted_waves(found)
+    waves = omitted_waves(found, chosen=wanted.automatic)
     honest = found if waves is None else waves.beside(found)
     curved, between = with_curves_between(honest) if wanted.automatic else (honest, ())
     if waves is not None:

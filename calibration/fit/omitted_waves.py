@@ -1,15 +1,16 @@
 """Waves of rotary axes that a fit leaves out, in its uncertainties.
 
 A basis has the waves per turn that the rows demand, or that a user states. The next one may be in the machine all the
-same: over a part of a turn it shifts the mean line of its axis, and few rows do not show that. Each error motion of a
-rotary axis therefore has one more wave here, of the size that its others are expected to have. It stays zero, so that no
-estimate changes; the covariance is that of the errors of this estimate: the covariance beside the wave, and the square
-of the shift d by the wave's most probable size, C + d d'.
+same: over a part of a turn it shifts the mean line of its axis, and few rows do not show that. Each error motion of
+such an axis therefore has one more wave here, as large as its last one may be. It stays zero, so that no estimate
+changes; the covariance is that of the errors of this estimate: the covariance C beside the wave, and the square of the
+shift d by the wave's most probable size, C + d d'. Over a whole turn a wave shifts no line; what the evidence leaves
+out there is as small as the noise, but what a stated basis leaves out may have any size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -28,6 +29,8 @@ from kinematics.transforms import Array
 
 LIKELY = 20.0
 """Odds against none from which a wave that the basis lacks is reported (Kass and Raftery 1995: strong evidence)."""
+PART_DEG = 300.0
+"""Arc, degrees, below which the next wave shifts the mean line of an axis."""
 MANY = 1000
 """Odds above which a report gives no number."""
 
@@ -72,6 +75,10 @@ class OmittedWaves:
         moved = covariance[:, rows] @ np.linalg.solve(covariance[np.ix_(rows, rows)], sizes)
         return model.with_parameters(model.parameters, covariance + np.outer(moved, moved))
 
+    def uncertain_fit(self, found: Fit) -> Fit:
+        """The fit with this model, and the covariance of its errors."""
+        return replace(self.beside(found), model=self.uncertain(self.model))
+
     def findings(self) -> Iterator[Finding]:
         """A finding for each axis whose next wave is LIKELY times as likely as none."""
         waves = list(self._waves())
@@ -88,9 +95,9 @@ class OmittedWaves:
             times = f"{np.exp(odds):.0f}" if odds < np.log(MANY) else f"more than {MANY}"
             yield Finding(
                 "waves",
-                f"the rows show a wave number {number} per turn of {axis} ({size}), which its basis lacks: {times} times as "
-                f"likely as none. The fit leaves it out, and U contains it: state {axis}=fourier:{number}, or leave out "
-                "--basis",
+                f"the rows show wave number {number} per turn of {axis} ({size}), which its basis lacks: {times} times "
+                f"as likely as none. The fit leaves it out, and U contains it: state {axis}=fourier:{number}, or "
+                "leave out --basis",
                 False,
             )
 
@@ -110,11 +117,14 @@ class OmittedWaves:
         return 0.5 * float(along @ np.linalg.solve(schur, along) - np.linalg.slogdet(schur)[1])
 
 
-def omitted_waves(found: Fit) -> OmittedWaves | None:
-    """The waves that a fit leaves out; None for other instruments than a touch probe, and without a rotary axis."""
+def omitted_waves(found: Fit, *, chosen: bool) -> OmittedWaves | None:
+    """The waves that a fit leaves out; None for other instruments than a touch probe, and without a rotary axis.
+
+    chosen: the evidence has selected the bases.
+    """
     if not isinstance(found.measurement.instrument, TouchProbe) or found.prior.ndim > 1:
         return None
-    model, prior, own = with_next_waves(found.model, found.prior)
+    model, prior, own = with_next_waves(found.model, found.prior, PART_DEG if chosen else np.inf)
     if not own.any():
         return None
     problem = Problem.of(found.measurement, model, prior)
@@ -125,36 +135,33 @@ def omitted_waves(found: Fit) -> OmittedWaves | None:
     return OmittedWaves.of(model, prior, own, solved.information, solved.information @ step + step)
 
 
-def with_next_waves(model: ErrorModel, prior: Array) -> tuple[ErrorModel, Array, np.ndarray]:
+def with_next_waves(model: ErrorModel, prior: Array, most_deg: float) -> tuple[ErrorModel, Array, np.ndarray]:
     """The model with the next wave, zero, of each error motion of waves per turn; its priors; true for these waves.
 
-    prior `(p,)`: of the model.
+    prior `(p,)`: of the model. most_deg: only where the measured arc is shorter, degrees.
     """
     effects, priors, own = list[Effect](), list[Array](), list[np.ndarray]()
-    sizes = _sizes(model, prior)
-    for effect, part in zip(model.effects, model.slices, strict=True):
-        wider = _with_next_wave(effect)
-        added = len(wider.parameters) - len(effect.parameters)
-        effects.append(wider)
-        priors.append(np.append(prior[part], [sizes[_class_of(wider)]] * added if added else []))
-        own.append(np.arange(len(wider.parameters)) >= len(effect.parameters))
+    wider = [_with_next_wave(effect, most_deg) for effect in model.effects]
+    sizes = _sizes(model, [new is not old for new, old in zip(wider, model.effects, strict=True)])
+    for effect, part in zip(wider, model.slices, strict=True):
+        added = len(effect.parameters) - (part.stop - part.start)
+        effects.append(effect)
+        priors.append(np.append(prior[part], [sizes[_class_of(effect)]] * added if added else []))
+        own.append(np.arange(len(effect.parameters)) >= part.stop - part.start)
     wide = msgspec.structs.replace(model, effects=tuple(effects), covariance=None)
     return wide, np.concatenate(priors), np.concatenate(own)
 
 
-def _sizes(model: ErrorModel, prior: Array) -> dict[str, float]:
+def _sizes(model: ErrorModel, widened: Sequence[bool]) -> dict[str, float]:
     """Standard deviations of the next waves, um and urad, by axis and kind of error motion.
 
-    Amplitudes of errors of form fall with the number n of waves about as 1/n: that of the last wave, as found with its
-    uncertainty, times n / (n + 1). The prior is the limit.
+    They are the RMS size of the last waves, as found with their uncertainties.
     """
     squares: dict[str, list[float]] = {}
-    for effect, part in zip(model.effects, model.slices, strict=True):
-        if _with_next_wave(effect) is not effect:
-            number = _waves_of(effect)
+    for effect, own in zip(model.effects, widened, strict=True):
+        if own:
             last = np.array(effect.parameters[-2:]) ** 2 + np.array(effect.uncertainties[-2:]) ** 2
-            least = np.minimum(last, prior[part][-2:] ** 2) * (max(number, 1) / (number + 1.0)) ** 2
-            squares.setdefault(_class_of(effect), []).extend(least.tolist())
+            squares.setdefault(_class_of(effect), []).extend(last.tolist())
     return {name: float(np.sqrt(np.mean(own))) for name, own in squares.items()}
 
 
@@ -163,14 +170,16 @@ def _class_of(effect: Effect) -> str:
     return f"{effect.axis} {effect.angular}" if isinstance(effect, ErrorMotion) else ""
 
 
-def _with_next_wave(effect: Effect) -> Effect:
+def _with_next_wave(effect: Effect, most_deg: float) -> Effect:
     if not (isinstance(effect, ErrorMotion) and effect.axis[0] in ROTARY):
+        return effect
+    low, high = effect.basis.interval
+    if high - low >= most_deg:
         return effect
     basis: Basis
     match effect.basis:
         case Fourier(interval, harmonics):
-            turns = (interval[1] - interval[0]) / 180.0
-            basis = Fourier(interval, (*harmonics, turns * (len(harmonics) + 1)))
+            basis = Fourier(interval, (*harmonics, (high - low) / 180.0 * (len(harmonics) + 1)))
         case Harmonics(interval, order):
             basis = Harmonics(interval, order + 1)
         case _:

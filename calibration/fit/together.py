@@ -13,7 +13,7 @@ distribution with the rank of P. The prior has no part in it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import chain
@@ -31,12 +31,15 @@ from calibration.fit.datum import error_motions
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.linear import Posterior, pseudo_inverse
+from calibration.fit.omitted_waves import PART_DEG, OmittedWaves, with_next_waves
 from calibration.fit.problem import FIXED, Problem
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
 from calibration.fit.set_up.distances import distance_findings
 from calibration.fit.set_up.repeated_centres import repeat_findings
+from calibration.fit.set_up.rows_and_noise import noise_findings, outlier_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import at_positions
+from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import least_priors, priors, with_effects
 from calibration.observation.outliers import Variance
@@ -53,8 +56,6 @@ STEPS, CONVERGED = 8, 1e-3
 """Most steps of the fit, and the length of a step, in units of the priors, at which it ends."""
 CONTRADICTED = 1e-3
 """p-value below which a measurement contradicts the others."""
-LISTED = 5
-"""Most outliers of a measurement that are listed one by one."""
 SEEN = 1e-8
 """Share of the largest eigenvalue of an information above which it has information on a direction."""
 
@@ -166,7 +167,8 @@ def calibrate_together(
         parts.append(joint.part(k, hold_out=hold_out))
     findings = chain.from_iterable(single.findings for single in singles)
     objection = "; ".join(part.objection for part in parts if part.objection)
-    written = _written(whole, parts, valid_days)
+    waves = joint.omitted_waves(chosen=Wanted(basis, 0, (), None, variance, silent).automatic)
+    written = _written(whole if waves is None else waves.uncertain_fit(whole), parts, valid_days)
     result = Together(tuple(parts), whole, written, identified, tuple(findings), objection, force)
     if not result.accepted:
         raise TogetherNotAccepted(result)
@@ -190,30 +192,14 @@ class _Single:
         findings, positions = checked(measurement, force=force)
         choice, own = with_bases_and_noise(at_positions(measurement, positions), wanted)
         start, _ = with_effects(own.measurement, choice.bases, wanted.effects, *choice.scales)
-        findings += [*zero_findings(run_zeros(own)), *distance_findings(own), *repeat_findings(own), *_noise_findings(own)]
+        findings += [
+            *zero_findings(run_zeros(own)),
+            *distance_findings(own),
+            *repeat_findings(own),
+            *noise_findings(own),
+        ]
         named = (each._replace(message=f"{measurement.source}: {each.message}") for each in findings)
-        return cls(own, start, choice, (*named, *_left_out(own)))
-
-
-def _left_out(own: Fit) -> Iterator[Finding]:
-    """A finding for each of the first rows that were left out as outliers."""
-    rows = own.outliers.tolist()
-    for row in rows[:LISTED]:
-        off = f"{own.measurement.where(row)}: outlier, {own.residual_um[row]:.1f} um from the other rows, left out"
-        yield Finding("outliers", off, False)
-    if len(rows) > LISTED:
-        yield Finding("outliers", f"{own.measurement.source}: {len(rows) - LISTED} more rows are left out", False)
-
-
-def _noise_findings(own: Fit) -> Iterator[Finding]:
-    """A finding where the residuals of a measurement alone contradict the specification of its instrument."""
-    if own.measurement.noise is not None:
-        yield Finding(
-            "noise",
-            f"chi2/dof {own.chi2_reduced:.3g} by the instrument specification, which the residuals contradict. The noise "
-            f"of the fit is that of the residuals: {own.measurement.noise.text.rstrip('.')}",
-            False,
-        )
+        return cls(own, start, choice, (*named, *outlier_findings(own)))
 
 
 def _prior(model: ErrorModel, singles: Sequence[_Single], measurements: Sequence[Measurement]) -> Array:
@@ -316,6 +302,17 @@ class _Joint:
             registered=sum(share.registered for share in self.shares),
         )
         return replace(_registered(largest, self.result), model=self.result, prior=self.prior, solved=solved)
+
+    def omitted_waves(self, *, chosen: bool) -> OmittedWaves | None:
+        """The waves that the model leaves out, as `calibration.fit.omitted_waves.omitted_waves`."""
+        if not any(isinstance(share.alone.measurement.instrument, TouchProbe) for share in self.shares):
+            return None
+        model, prior, own = with_next_waves(self.result, self.prior, PART_DEG if chosen else np.inf)
+        if not own.any():
+            return None
+        shares = [_Share.of(share.alone, model, prior) for share in self.shares]
+        information, slope = _sum([each.information for each in shares]), _sum([each.slope for each in shares])
+        return OmittedWaves.of(model, prior, own, information, slope)
 
     def _p_value(self, number: int) -> float:
         """p-value of the difference of one measurement from the others, in directions that both show."""

@@ -20,6 +20,7 @@ from calibration.observation.outliers import duplicates, first_registration
 from calibration.plausibility.chain_order import other_chains
 from calibration.plausibility.circles import circle_mistakes
 from calibration.plausibility.motion import LEAST, clock_lag, read_back
+from calibration.plausibility.r_test import wrong_readings
 from calibration.plausibility.recording_mistakes import (
     FALLS,
     PLAUSIBLE,
@@ -31,7 +32,6 @@ from calibration.plausibility.recording_mistakes import (
     trimmed_rms,
     worst_rms,
 )
-from calibration.plausibility.r_test import wrong_readings
 from calibration.plausibility.repeated_positions import position_numbers
 from calibration.plausibility.spheres import (
     misplaced_or_zeros,

@@ -146,10 +146,12 @@ def shifted_zeros(measurement: Measurement) -> Iterator[Alternative]:
         other = _with_zeros(measurement, shift)
     own = np.abs(shift) >= ZERO
     if own.any():
-        zeros = " and ".join(f"{machine.names[i]} shifted by {np.degrees(shift[i]):+.3f} deg" for i in np.flatnonzero(own))
+        zeros = " and ".join(
+            f"{machine.names[i]} shifted by {np.degrees(shift[i]):+.3f} deg" for i in np.flatnonzero(own)
+        )
         by = (
-            f"with the zero of {zeros} (or with a line of a rotary axis tilted by as much: compare it with an edge along a "
-            "linear axis)"
+            f"with the zero of {zeros} (or with a line of a rotary axis tilted by as much: compare it with an edge "
+            "along a linear axis)"
         )
         yield Alternative("zeros", by, _with_zeros(measurement, np.where(own, shift, 0.0)))
 
@@ -175,7 +177,9 @@ def misplacements(measurement: Measurement) -> Iterator[tuple[str, str]]:
         if best < before / BETTER:
             tied = [each for after, each in tried if after <= min(TIED * best, before / BETTER)]
             words, cures = ", or ".join(each.by for each in tied), ". ".join(map(_cure, tied))
-            text = f"the points differ from the commanded positions by {before:.2g} mm RMS, and by {best:.2g} mm {words}"
+            text = (
+                f"the points differ from the commanded positions by {before:.2g} mm RMS, and by {best:.2g} mm {words}"
+            )
             yield "zeros" if tied[0].mistake == "zeros" else "targets", f"{text}. {cures}"
             return
 
@@ -193,8 +197,8 @@ def _cure(other: Alternative) -> str:
     if len(other.measurement.targets) > 1:
         return "Measure again"
     return (
-        "Measure the length of the probe again: the fit takes a wrong length for location errors of the rotary axes, or "
-        "for scale"
+        "Measure the length of the probe again: the fit takes a wrong length for location errors of the rotary axes, "
+        "or for scale"
     )
 
 

@@ -17,7 +17,7 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.probing.iso import Fanuc, LinuxCnc
 from postproc.probing.klartext import Klartext, mask
-from postproc.probing.sequence import ProbingSequence, ProbingSettings, Touch
+from postproc.probing.sequence import SERVO_CYCLE_MS, ProbingSequence, ProbingSettings, Touch
 from postproc.probing.siemens import Siemens
 
 CONTROLS = ("linuxcnc", "fanuc", "heidenhain", "siemens")
@@ -108,6 +108,7 @@ def _words(machine: Machine, positions: Array) -> dict[str, float]:
 
 def _remarks(sequence: ProbingSequence, settings: ProbingSettings, control: str, title: str) -> list[str]:
     machine, touches = sequence.machine, int(np.count_nonzero(sequence.touch))
+    way, u = settings.contact_um, settings.contact_um / 12.0**0.5  # uniform within a cycle
     untried = [f"NOT TRIED ON A CONTROL: CHECK IT BLOCK BY BLOCK BEFORE THE FIRST RUN - {control}"]
     return [
         f"{title} - MACHINE {machine.name} - PLAN {sequence.plan_id}",
@@ -115,6 +116,8 @@ def _remarks(sequence: ProbingSequence, settings: ProbingSettings, control: str,
         f"{len(sequence.rows)} CENTRES OF SPHERES - {touches} TOUCHES",
         f"FEED {settings.feed:g} - PROBING {settings.probing:g} - MEASURING {settings.measuring:g} MM/MIN"
         + (" - DEG/MIN WHERE ONLY ROTARY AXES MOVE" if machine.rotary.any() else ""),
+        f"A CONTACT IS READ ONCE IN A SERVO CYCLE: AT {settings.measuring:g} MM/MIN AND {SERVO_CYCLE_MS:g} MS "
+        f"{way:.2g} UM - U {u:.2g} UM - THE SCATTER OF THE CONTACTS HOLDS IT",
         "POSITIONS ARE AXIS POSITIONS - MM AND DEG - SIGNS BY ISO 841: TOOL RELATIVE TO WORKPIECE",
         "MOVES AVOID SPHERES - STEMS AND TABLE OF THE PLAN: CLAMPS AND HOUSING ARE NOT KNOWN",
         "SPINDLE OFF AND ORIENTED - TOOL LENGTH 0 - TRY IT AT LOW OVERRIDE WITH A HAND ON THE STOP",

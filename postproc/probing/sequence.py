@@ -27,6 +27,10 @@ class ProbingSequence:
     plan_id: int
 
 
+SERVO_CYCLE_MS = 1.0
+"""Usual servo cycle of controls, ms: that of LinuxCNC by default; others have 0.5 to 4 ms."""
+
+
 @dataclass(frozen=True)
 class ProbingSettings:
     """Feeds, mm/min (deg/min where only rotary axes move), and the work offset."""
@@ -38,6 +42,11 @@ class ProbingSettings:
     """Distance by which the tip goes back between both touches, mm."""
     offset: tuple[str, Mapping[str, float]] | None = None
     """Name of the work offset and its values by axis, mm and degrees; None for machine coordinates."""
+
+    @property
+    def contact_um(self) -> float:
+        """Way of the tip in a servo cycle at the feed of the touch that counts, um: the control reads once in it."""
+        return self.measuring / 60.0 * SERVO_CYCLE_MS
 
 
 @dataclass(frozen=True)

@@ -47,10 +47,11 @@ def settings_of(control):
     return ProbingSettings(offset=offset)
 
 
-def contacts(found, model, *, noise_um=0.0, seed=0, shift=None):
+def contacts(found, model, *, noise_um=0.0, seed=0, shift=None, cycle_um=0.0):
     """Axis positions `(touches, axes)`, mm and rad, at which the actual tip meets the actual sphere, by bisection.
 
-    shift: displacement of all spheres by row `(rows, 3)`, mm.
+    shift: displacement of all spheres by row `(rows, 3)`, mm. cycle_um: way in a servo cycle, at whose end the control
+    reads the positions.
     """
     machine, moves = found.plan.machine, found.moves
     touches = np.flatnonzero(moves.kind == TOUCH)
@@ -66,7 +67,12 @@ def contacts(found, model, *, noise_um=0.0, seed=0, shift=None):
         tip = tool_point(machine, q, TIP, model.errors(machine, State(q)))
         outside = np.linalg.norm(tip - centres[moves.row[touches]], axis=1) > radius
         low, high = np.where(outside, middle, low), np.where(outside, high, middle)
-    return start + ((low + high) / 2.0)[:, None] * (end - start)
+    share = (low + high) / 2.0
+    if cycle_um:
+        linear = ~machine.rotary
+        cycles = np.linalg.norm((end - start)[:, linear], axis=1) / (cycle_um * 1e-3)
+        share = np.ceil(share * cycles) / cycles
+    return start + share[:, None] * (end - start)
 
 
 def log_of(found, control, positions):

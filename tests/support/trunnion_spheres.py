@@ -92,7 +92,9 @@ class Touches:
         return replace(self, **changed)
 
 
-def touched(seed=0, *, poses=30, spheres=SPHERES, mill=Mill(), zeros=(0.0, 0.0), moved=None, r_test=False, noise_um=1.0):
+def touched(
+    seed=0, *, poses=30, spheres=SPHERES, mill=Mill(), zeros=(0.0, 0.0), moved=None, r_test=False, noise_um=1.0
+):
     """A file of the spheres at random angles, the first centre again at the end.
 
     zeros: true angles of A and C at their stated zeros, degrees. moved: rows `(n,)` to shifts, mm, of the workpiece.
@@ -106,7 +108,7 @@ def touched(seed=0, *, poses=30, spheres=SPHERES, mill=Mill(), zeros=(0.0, 0.0),
     for number, (name, a, c) in enumerate(order):
         point = placed[name] + (0.0 if moved is None else moved(number, name))
         centre = mill.carried(point, a + zeros[0], c + zeros[1])
-        found = mill.commanded(centre + [0.0, 0.0, PROBE]) + rng.normal(0.0, noise_um * UM, 3)
+        found = mill.commanded(centre + np.array([0.0, 0.0, PROBE])) + rng.normal(0.0, noise_um * UM, 3)
         start = np.round(found + rng.uniform(-0.1, 0.1, 3), 3) if r_test else found
         rows.append([*start, a, c])
         readings.append(found - start)

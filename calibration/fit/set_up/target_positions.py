@@ -200,8 +200,8 @@ def _zero_of_table(measurement: Measurement) -> str:
     if not first.rotary or first.side != "workpiece":
         return ""
     return (
-        f"; the zero of {first.name}, which alone carries the spheres, is that of the workpiece frame, and no sphere shows "
-        "it: compare it with an edge along a linear axis"
+        f"; the zero of {first.name}, which alone carries the spheres, is that of the workpiece frame, and no sphere "
+        "shows it: compare it with an edge along a linear axis"
     )
 
 

@@ -42,7 +42,8 @@ PROTOCOLS = (
     Protocol(
         "a protocol of HEIDENHAIN's cycles 450 to 453 (KinematicsOpt)",
         r"TCHPR45[0-3].*",
-        r"(?i)TCHPR45[0-3]|TCH PROBE 45[0-3]|Kinematics\s?Opt|MEASURE KINEMATICS|KINEMATIK VERMESSEN|PRESET COMPENSATION",
+        r"(?i)TCHPR45[0-3]|TCH PROBE 45[0-3]|Kinematics\s?Opt|PRESET COMPENSATION"
+        r"|MEASURE KINEMATICS|KINEMATIK VERMESSEN",
         "it lists results of the control's evaluation in a layout that no public manual describes, and no positions",
         f"{_CENTRES}: with FN 16 behind a probing cycle at each rotary position",
     ),
