@@ -23,7 +23,6 @@ from support.probe_cases import AROUND, MIDDLE, TIP, in_datum
 import machines
 from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.fit.calibrate import calibrate
-from calibration.fit.calibrate import in_datum as fitted_in_datum
 from calibration.fit.fit import Fit
 from calibration.fit.prediction import relative
 from calibration.measurement.instruments import TouchProbe
@@ -107,7 +106,7 @@ def examined(plan, seed, linear):
         print(f"  draw {seed}: {refusal}")
         return None
     true = in_datum(model, found.fit)
-    got = {e.name: e for e in fitted_in_datum(found.fit).effects if isinstance(e, LocationError)}
+    got = {e.name: e for e in found.model.effects if isinstance(e, LocationError)}
     inside = [abs(e.value - true[name]) <= 2.0 * e.uncertainties[0] for name, e in got.items()]
     q = other_poses(plan, np.random.default_rng(seed + 1000))
     states, tips = State(q), np.tile(TIP, (len(q), 1))
