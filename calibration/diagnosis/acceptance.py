@@ -15,12 +15,13 @@ import msgspec
 import numpy as np
 
 from calibration.diagnosis.search.stage import Stage
-from calibration.diagnosis.widening import UnseenErrors
+from calibration.diagnosis.widening import UnseenErrors, correction_and_uncertainty
 from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, not_better, reason_against
 from calibration.fit.cross_validation import CrossValidation, summed_up, uncorrected
 from calibration.fit.fit import fit
 from calibration.fit.problem import FIXED
 from calibration.fit.set_up.moved_spheres import moved_spheres
+from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes, priors
 from calibration.observation.normal_equations import whiteners
 from calibration.observation.stops_and_lines import inner_positions
@@ -56,13 +57,14 @@ class Acceptance(Judged):
         calibration: ErrorModel | None,
         unexplained_um: float,
         unseen: UnseenErrors | None,
+        new: ErrorModel,
         *,
         force: bool,
     ) -> Acceptance:
         """The acceptance of the model `after`; `before`: the fit of the present model; calibration: as it was given.
 
         unexplained_um: RMS, um per scalar, of a dependence of the residuals that no cause explains. unseen: errors of
-        the model at unseen states beside it.
+        the model at unseen states beside it. new: the machine's part of the model, with its uncertainties.
         """
         nominal = nominal_residuals(after.fit)
         none = _compared(after, _of_all_rows(after, nominal))
@@ -81,6 +83,7 @@ class Acceptance(Judged):
             against = against or against_learned(unseen)
         reason = against or ("" if confirmed else reason_against(after.fit, nominal, none))
         reason = reason or ("" if confirmed else against_positions(after, nominal))
+        reason = reason or ("" if updated else against_uncertain(new, after.fit.measurement))
         if confirmed and none is not None and none.gains.worse:
             reason = f"{not_better('the present calibration, updated,', none, 'the nominal machine')}. {ADVICE}"
         return cls(none, present, too_many or reason, force, confirmed and not (too_many or reason))
@@ -125,7 +128,7 @@ def against_learned(unseen: UnseenErrors) -> str:
     Held-out blocks do not show it where the error holds on from block to block, as one that moves with time does.
     """
     if unseen.recurs:
-        return _against_uncertain(unseen)
+        return _against_open(unseen)
     if unseen.with_um < ESTABLISHED * unseen.without_um:
         return ""
     return (
@@ -135,7 +138,7 @@ def against_learned(unseen: UnseenErrors) -> str:
     )
 
 
-def _against_uncertain(unseen: UnseenErrors) -> str:
+def _against_open(unseen: UnseenErrors) -> str:
     """Reason why a model may not improve on an error of the machine that it lacks: this error is too uncertain."""
     uncertain = float(unseen.squares.sum()) - unseen.with_um**2
     if unseen.without_um**2 - unseen.with_um**2 > uncertain:
@@ -145,6 +148,20 @@ def _against_uncertain(unseen: UnseenErrors) -> str:
         "the model leaves open whether the new model is an improvement: at unseen poses errors of "
         f"{unseen.with_um:.3g} um RMS are expected with it, {unseen.without_um:.3g} um without it, and "
         f"the function is uncertain by {math.sqrt(max(uncertain, 0.0)):.3g} um. {ADVICE}"
+    )
+
+
+def against_uncertain(new: ErrorModel, measurement: Measurement) -> str:
+    """Reason why a correction, by its uncertainty, may leave larger errors than it removes; empty where it does not.
+
+    A correction d with standard uncertainty u removes d^2 - u^2 on the average, and leaves u^2.
+    """
+    rms_um, u_um = correction_and_uncertainty(new, measurement)
+    if not 0.0 < rms_um < math.sqrt(2.0) * u_um:
+        return ""
+    return (
+        f"at unseen poses within the measured ranges the correction is {rms_um:.3g} um RMS, with a standard "
+        f"uncertainty of {u_um:.3g} um: it may add more error than it removes. {ADVICE}"
     )
 
 

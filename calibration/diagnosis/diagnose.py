@@ -28,12 +28,13 @@ from calibration.diagnosis.result import LEFT, Diagnosis
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, Candidate
 from calibration.diagnosis.search.common_causes import commoner
 from calibration.diagnosis.search.evaluation import Evaluated, evaluate
+from calibration.diagnosis.search.imitated_causes import imitated
 from calibration.diagnosis.search.selection import Search, Selection, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.diagnosis.search.sudden_changes import sudden_changes
 from calibration.diagnosis.separability import separability
-from calibration.diagnosis.undecided_causes import squares_by_undecided
+from calibration.diagnosis.undecided_causes import squares_by_lost_motion, squares_by_undecided
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import (
     below_spacing,
@@ -43,7 +44,7 @@ from calibration.diagnosis.verdict import (
     outliers,
     with_changed_lines,
 )
-from calibration.diagnosis.widening import errors_by_choice, unseen_errors, widened
+from calibration.diagnosis.widening import UnseenErrors, Widened, errors_by_choice, unseen_errors, widened
 from calibration.fit.acceptance import disagreement
 from calibration.fit.curves.between_positions import with_curves_between
 from calibration.fit.fit import Fit
@@ -171,16 +172,10 @@ def _concluded(
     unexplained_um = 0.0 if dependence is None else unexplained_residual.shared_rms(found.stage.linearised, dependence)
     held = dependence is None or len(after.accepted) != len(found.stage.accepted)  # by the model, as an unnamed effect
     unseen = None if held or dependence is None else unseen_errors(after.linearised, dependence, calibration)
-    acceptance = Acceptance.of(before, after, calibration, unexplained_um, unseen, force=force)
     curved, between = with_curves_between(after.fit) if selector.base.curves else (after.fit, ())
-    model, factor = new_calibration(selector.base, curved, added, calibration), 1.0
-    if unseen is not None:
-        model, factor = widened(model, selector.measurement, unseen.squares)
-    elif dependence is None:
-        finer_fit = selector.with_finer_turns(after)
-        by_choice = np.zeros(3) if finer_fit is None else errors_by_choice(after.fit, finer_fit)
-        besides = squares_by_undecided(after.linearised, evaluated)
-        model, factor = widened(model, selector.measurement, by_choice, besides)
+    alone = new_calibration(selector.base, curved, added, calibration)
+    model, factor = _with_uncertainties(alone, completed, dependence, unseen, evaluated)
+    acceptance = Acceptance.of(before, after, calibration, unexplained_um, unseen, model, force=force)
     given, change = before, None
     if first.base.present is not None and calibration is not None:
         given = first.on(first.base.as_it_is).bare
@@ -221,6 +216,26 @@ def _concluded(
     )
 
 
+def _with_uncertainties(
+    model: ErrorModel,
+    completed: _Completed,
+    dependence: Unexplained | None,
+    unseen: UnseenErrors | None,
+    evaluated: Sequence[Evaluated],
+) -> Widened:
+    """The new calibration, its uncertainties enlarged by errors that it lacks."""
+    selector, after = completed.selector, completed.stage
+    if unseen is not None:
+        return widened(model, selector.measurement, unseen.squares)
+    if dependence is not None:
+        return Widened(model, 1.0)
+    finer = selector.with_finer_turns(after)
+    by_choice = np.zeros(3) if finer is None else errors_by_choice(after.fit, finer)
+    undecided = squares_by_undecided(after.linearised, evaluated)
+    besides = np.maximum(undecided, squares_by_lost_motion(after.linearised))
+    return widened(model, selector.measurement, by_choice, besides)
+
+
 def _findings(fit: Fit) -> list[Finding]:
     """Anomalies of the data that the fit of the result shows."""
     too_many = disagreement(fit)
@@ -234,7 +249,8 @@ def _causes(selector: Selector) -> _Found:
     Shapes must be likely beside a smooth function of the variables on which the residual depends.
     """
     coarser = selector.on(selector.base.coarser(selector.measurement, selector.progress))
-    found = _with_bases(coarser, sudden_changes(coarser))
+    beside = imitated(coarser)
+    found = _with_bases(beside[0], beside[1].accepted) if beside else _with_bases(coarser, sudden_changes(coarser))
     common = commoner(found.selector, found.stage)
     if common is not found.stage:
         found = _with_bases(found.selector, common.accepted)

@@ -180,7 +180,7 @@ def moments(measurement: Measurement) -> Iterator[Moment]:
     rng = np.random.default_rng(SEED)
     for row in np.linspace(0, len(state) - 1, MOMENTS + 2).astype(int)[1:-1].tolist():
         q = rng.uniform(low, high, (POSES, len(low)))
-        approach = None if state.approach is None else state.approach[rng.integers(len(state), size=POSES)]
+        approach = None if state.approach is None else _approaches(state.approach, rng)
         here = replace(state.rows(np.full(POSES, row)), positions=q, approach=approach)
         tools, machine = np.tile(tool[row], (POSES, 1)), measurement.machine
         mean = replace(
@@ -189,6 +189,22 @@ def moments(measurement: Measurement) -> Iterator[Moment]:
             temperatures={name: np.full(POSES, kelvin.mean()) for name, kelvin in state.temperatures.items()},
         )
         yield Moment(machine, here, tools, without_clamp(forward(machine, q).apply(tools)), mean)
+
+
+def _approaches(approach: Array, rng: np.random.Generator) -> Array:
+    """Random directions `(POSES, axes)` of approach, as often as measured; before its first move an axis has none."""
+    known = [column[column != 0.0] if column.any() else column for column in approach.T]
+    return np.stack([rng.choice(column, POSES) for column in known], axis=1)
+
+
+def correction_and_uncertainty(model: ErrorModel, measurement: Measurement) -> tuple[float, float]:
+    """RMS lengths, um, at unseen states: of the deviations that a model predicts, and of their standard uncertainty."""
+    squares = []
+    for moment in moments(measurement):
+        u = model.propagated(moment.design(model))
+        squares.append([np.sum(each**2) / POSES for each in (moment.deviations(model), u)])
+    rms_um, u_um = np.sqrt(np.mean(squares, axis=0)).tolist()
+    return rms_um, u_um
 
 
 def widened(model: ErrorModel, measurement: Measurement, squares: Array, besides: Array | float = 0.0) -> Widened:

@@ -137,10 +137,12 @@ class Base:
 
     def coarser(self, measurement: Measurement, progress: Progress) -> Base:
         """The base for the search for causes, too coarse to imitate one with an error motion."""
-        if not self.fine(measurement):
-            return self
+        return self.coarser_beside(measurement, (), progress) if self.fine(measurement) else self
+
+    def coarser_beside(self, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
+        """The base for the search, its bases selected by the evidence together with some effects."""
         most = coarse(measurement)
-        return _automatic(measurement, (), (most, float(most)), progress, self.known)
+        return _automatic(measurement, effects, (most, float(most)), progress, self.known)
 
     def coarsest(self, measurement: Measurement) -> Base:
         """The base of bases that cannot imitate single rows, for few rows of spheres."""
