@@ -249,8 +249,10 @@ def _causes(selector: Selector) -> _Found:
     Shapes must be likely beside a smooth function of the variables on which the residual depends.
     """
     coarser = selector.on(selector.base.coarser(selector.measurement, selector.progress))
-    beside = imitated(coarser)
-    found = _with_bases(beside[0], beside[1].accepted) if beside else _with_bases(coarser, sudden_changes(coarser))
+    found = _with_bases(coarser, sudden_changes(coarser))
+    beside, more = imitated(found.selector, found.stage)
+    if more is not found.stage:
+        found = _with_bases(beside, more.accepted)
     common = commoner(found.selector, found.stage)
     if common is not found.stage:
         found = _with_bases(found.selector, common.accepted)

@@ -11,36 +11,37 @@ import numpy as np
 
 from calibration.diagnosis.search.evaluation import WORTH, Evaluated, evaluate
 from calibration.diagnosis.search.selection import Selector
-from calibration.diagnosis.search.stage import Stage
+from calibration.diagnosis.search.stage import Stage, chosen_of
 
 MOST = 6
 """Most causes beside which bases are selected."""
 
 
-def imitated(selector: Selector) -> tuple[Selector, Stage] | None:
-    """The selector with the bases beside an imitated cause, and the stage with this cause; None without one.
+def imitated(selector: Selector, stage: Stage) -> tuple[Selector, Stage]:
+    """The selector with the bases beside a cause that those of a stage imitate, and the stage with this cause too.
 
-    The bases and the cause must be likelier than the present bases alone, and predict held-out blocks better.
+    The bases and the cause must be likelier than the bases of the stage alone, and predict held-out blocks better.
     """
-    if selector.base.choice is None:
-        return None
-    found, most = None, _bic(selector.bare) + WORTH
-    for each in _suspected(selector):
-        effect = each.candidate.effect
-        selector.progress(f"selecting bases beside {effect.name}")
-        base = selector.base.coarser_beside(selector.measurement, (effect,), selector.progress)
-        trial = selector.on(base).stage([(each.candidate, each.score.size)])
-        likely = trial.accepted[0].score.delta_bic < WORTH and _bic(trial) < most
-        if likely and selector.bare.predicts_worse_than(trial):
+    found, most = (selector, stage), _bic(stage) + WORTH
+    for each in _suspected(selector, stage) if selector.base.choice is not None else ():
+        selector.progress(f"selecting bases beside {each.candidate.effect.name}")
+        effects = [stage.fit.model.effects[i] for i in stage.numbers if i >= len(selector.base.model.effects)]
+        effects.append(each.candidate.effect)
+        base = selector.base.coarser_beside(selector.measurement, effects, selector.progress)
+        trial = selector.on(base).stage([*chosen_of(stage.accepted), (each.candidate, each.score.size)])
+        likely = trial.accepted[-1].score.delta_bic < WORTH and _bic(trial) < most
+        if likely and stage.predicts_worse_than(trial):
             found, most = (selector.on(base), trial), _bic(trial)
     return found
 
 
-def _suspected(selector: Selector) -> list[Evaluated]:
-    """Causes that coarse bases leave to be explained, and the present bases do not; the likeliest first."""
-    coarse = selector.on(selector.base.coarsest(selector.measurement)).bare.linearised
-    tried = [each for each in evaluate(coarse, selector.library) if each.score.delta_bic < WORTH]
-    beside = evaluate(selector.bare.linearised, [each.candidate for each in tried])
+def _suspected(selector: Selector, stage: Stage) -> list[Evaluated]:
+    """Causes that coarse bases leave to be explained, and those of a stage do not; the likeliest first."""
+    coarse = selector.on(selector.base.coarsest(selector.measurement)).stage(chosen_of(stage.accepted))
+    known = {each.candidate.cause for each in stage.accepted}
+    left = [candidate for candidate in selector.library if candidate.cause not in known]
+    tried = [each for each in evaluate(coarse.linearised, left) if each.score.delta_bic < WORTH]
+    beside = evaluate(stage.linearised, [each.candidate for each in tried])
     explained = {id(each.candidate) for each in beside if each.score.delta_bic > WORTH}
     found: dict[object, Evaluated] = {}
     for each in tried:
