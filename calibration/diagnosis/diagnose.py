@@ -133,7 +133,8 @@ def _searched(first: Selector, bare: Stage, progress: Progress) -> _Searched:
     found = without = _Found(first, bare, ())
     # the noise of an axis hides whatever acts along it, a larger noise of the instrument any cause
     doubtful = _noisier(bare) or len(bare.fit.outliers) or first.base.fine(first.measurement)
-    if doubtful or combined(tests, GATE):
+    # noise is also left where finer bases have taken the place of a cause
+    if doubtful or combined(tests, GATE) or imitated(first, bare)[1] is not bare:
         found = _causes(first)
     progress("testing the residual")
     before = first.cautious(bare)

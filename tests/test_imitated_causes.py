@@ -1,0 +1,108 @@
+"""Causes that fine bases imitate, and corrections that are less certain than large.
+
+Layers: an axis is approached from its second side at one end of its travel alone.
+"""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from support.diagnosis_cases import CFRAME, data_with, fitted
+from support.virtual_measurements import ONE, measured, truth
+
+from calibration.diagnosis.acceptance import against_uncertain
+from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.preparation import prepared
+from calibration.diagnosis.search.imitated_causes import imitated
+from calibration.diagnosis.undecided_causes import squares_by_lost_motion
+from calibration.diagnosis.widening import correction_and_uncertainty, moments
+from calibration.observation.stops_and_lines import stops
+from kinematics.effects import Backlash
+from kinematics.error_model.model import no_errors
+from kinematics.running.progress import silent
+
+LOW, HIGH = np.array([axis.travel for axis in CFRAME.axes]).T
+LOST = Backlash("Y", 150.0)
+
+
+def shares():
+    """Three layers in turning lines, then three lines up, as shares of the travels."""
+    along, across = np.linspace(0.05, 0.95, 7), np.linspace(0.05, 0.95, 5)
+    rows = [(x, y, z) for z in (0.1, 0.5, 0.85) for j, y in enumerate(across) for x in along[:: 1 - 2 * (j % 2)]]
+    return rows + [(x, y, z) for x, y in ((0.1, 0.1), (0.9, 0.2), (0.2, 0.9)) for z in np.linspace(0.1, 0.85, 6)]
+
+
+def layers(*effects):
+    """Layers of the C-frame with smooth error motions and these effects."""
+    rng = np.random.default_rng(8)
+    errors = truth(CFRAME, rng, 5.0)
+    model = msgspec.structs.replace(no_errors(CFRAME), effects=(*errors.effects, *effects))
+    return measured(CFRAME, LOW + np.array(shares()) * (HIGH - LOW), ONE, model, rng)
+
+
+def unrepeatable(data, size=0.06):
+    """The data of a machine whose Z is off by a random amount, mm, at each stop."""
+    off = np.random.default_rng(1).normal(0.0, size, int(stops(data).max()) + 1)[stops(data)]
+    along = fitted(data).registration.rotations(data)[:, :, 2]
+    observed = data.observed + off[:, None] * along
+    return replace(data, observed=observed, state=replace(data.state, observed=observed))
+
+
+def test_a_backlash_is_named_although_an_error_motion_can_bend_around_it():
+    found = diagnose(layers(LOST))
+    (cause,) = found.causes
+    assert (cause.kind, cause.axis) == ("backlash", "Y")
+    assert cause.effect.parameters[0] == pytest.approx(150.0, abs=3.0 * cause.effect.uncertainties[0])
+    assert found.accepted
+
+
+def test_coarser_bases_stand_beside_a_cause_that_the_others_imitate():
+    selector = prepared(layers(LOST), None, "sheet", silent, silent).selector
+    beside, stage = imitated(selector, selector.bare)
+    assert [each.candidate.cause[:2] for each in stage.accepted] == [("backlash", "Y")]
+    parameters = [each.bare.linearised.posterior.effective_parameters for each in (selector, beside)]
+    assert parameters[1] < parameters[0]
+
+
+def test_nothing_is_imitated_where_nothing_is_hidden():
+    selector = prepared(layers(), None, "sheet", silent, silent).selector
+    assert imitated(selector, selector.bare) == (selector, selector.bare)
+    assert diagnose(layers()).causes == ()
+
+
+def test_an_axis_that_does_not_repeat_may_have_lost_motion_that_the_model_has_learned():
+    """Unless positions all over the travel are approached from both sides."""
+    data = unrepeatable(layers(Backlash("Z", 120.0))), unrepeatable(data_with(n=123)), layers()
+    found, scattered, quiet = (diagnose(each) for each in data)
+    of_layers, of_scattered, none = (
+        np.sqrt(squares_by_lost_motion(each.after.linearised)) for each in (found, scattered, quiet)
+    )
+    for each in (found, scattered):
+        assert (each.causes, list(each.after.fit.measurement.noise.non_repeatability)) == ((), ["Z"])
+    assert of_layers[2] > 20.0
+    assert 0.0 < of_scattered[2] < 10.0
+    assert not none.any()
+    assert found.widened > 1.5
+    assert "it may add more error than it removes" in against_uncertain(found.model, data[0])
+
+
+@pytest.mark.parametrize(("factor", "accepted"), [(0.1, True), (1.6, False)])
+def test_a_correction_must_be_larger_than_its_uncertainty(factor, accepted):
+    """By how many times the root of two it is less, where factor is above one."""
+    data = layers()
+    model = diagnose(data).model
+    d, u = correction_and_uncertainty(model, data)
+    larger = model.with_parameters(model.parameters, np.array(model.covariance) * (factor * d / u) ** 2 / 2.0)
+    assert correction_and_uncertainty(larger, data) == pytest.approx((d, factor * d / 2.0**0.5))
+    reason = against_uncertain(larger, data)
+    assert (reason == "") == accepted
+    assert accepted or f"{d:.3g} um RMS" in reason
+
+
+def test_unseen_states_have_directions():
+    """Before its first move an axis has none, at unseen states it has."""
+    data = layers()
+    assert (data.state.approach == 0.0).any()
+    for moment in moments(data):
+        assert set(np.unique(moment.state.approach)) == {-1.0, 1.0}
