@@ -1,0 +1,1 @@
+"""Third exam of `ncomp diagnose`: its machines, designs, effects and answers."""
