@@ -10,6 +10,7 @@ from support.effect_examples import HEAD_HEAD
 from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions
 
 import machines
+from calibration.diagnosis.not_visible import below_spacing
 from calibration.diagnosis.search.candidates import Candidate, at_zero, changes, library
 from calibration.diagnosis.search.causes import causes, jumps
 from calibration.diagnosis.search.evaluation import evaluate, siblings
@@ -18,7 +19,7 @@ from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.stage import Accepted
 from calibration.diagnosis.search.start_model import Base
 from calibration.diagnosis.updated_model import new_calibration
-from calibration.diagnosis.verdict import Named, below_spacing
+from calibration.diagnosis.verdict import Named
 from calibration.fit.fit import fit
 from calibration.measurement.instruments import Part
 from calibration.observation.full_model import BasisChoice, rigid_model

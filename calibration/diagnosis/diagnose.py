@@ -14,6 +14,7 @@ from calibration.diagnosis.improvement import closure, volume
 from calibration.diagnosis.machine_change import machine_change
 from calibration.diagnosis.misplaced_targets import beside_causes, misplaced_targets
 from calibration.diagnosis.next.ranking import proposed_measurements
+from calibration.diagnosis.not_visible import below_spacing, not_visible
 from calibration.diagnosis.preparation import Start, prepared
 from calibration.diagnosis.residual import unexplained as unexplained_residual
 from calibration.diagnosis.residual.absorber import absorbed
@@ -36,14 +37,7 @@ from calibration.diagnosis.search.sudden_changes import sudden_changes
 from calibration.diagnosis.separability import separability
 from calibration.diagnosis.undecided_causes import squares_by_lost_motion, squares_by_undecided
 from calibration.diagnosis.updated_model import new_calibration
-from calibration.diagnosis.verdict import (
-    below_spacing,
-    in_terms_of,
-    named,
-    not_visible,
-    outliers,
-    with_changed_lines,
-)
+from calibration.diagnosis.verdict import in_terms_of, named, outliers, with_changed_lines
 from calibration.diagnosis.widening import UnseenErrors, Widened, errors_by_choice, unseen_errors, widened
 from calibration.fit.acceptance import disagreement
 from calibration.fit.curves.between_positions import with_curves_between

@@ -12,6 +12,7 @@ from calibration.diagnosis.conclusion import Conclusion
 from calibration.diagnosis.improvement import Figures, Volume, by_direction, figures
 from calibration.diagnosis.machine_change import MachineChange
 from calibration.diagnosis.next.ranking import ProposedMeasurement
+from calibration.diagnosis.not_visible import NotVisible, smallest_sizes
 from calibration.diagnosis.repeatability import Repeats
 from calibration.diagnosis.residual import unexplained as unexplained_residual
 from calibration.diagnosis.residual.dependence import Unexplained
@@ -23,11 +24,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.search.start_model import Base
 from calibration.diagnosis.separability import Separability
-from calibration.diagnosis.verdict import (
-    Named,
-    NotVisible,
-    smallest_sizes,
-)
+from calibration.diagnosis.verdict import Named
 from calibration.fit.acceptance import relative_deviations, significant_share
 from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.identifiability import Identifiability

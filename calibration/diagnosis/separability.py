@@ -12,11 +12,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from calibration.diagnosis.not_visible import REMEDIES
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import EVEN, SEEN, complexity
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Projected
-from calibration.diagnosis.verdict import ALIKE, REMEDIES
+from calibration.diagnosis.verdict import ALIKE
 from calibration.fit.linear import pseudo_inverse
 from kinematics.transforms import Array
 

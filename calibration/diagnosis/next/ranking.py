@@ -20,12 +20,13 @@ from scipy import special
 from calibration.diagnosis.next.predicted_information import Information, PredictedInformation
 from calibration.diagnosis.next.proposals import follow_up_designs
 from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
+from calibration.diagnosis.not_visible import REMEDIES
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unexplained import shared_rms
 from calibration.diagnosis.search.candidates import contract_kind
 from calibration.diagnosis.search.evaluation import SEEN, WORTH
 from calibration.diagnosis.search.stage import Stage
-from calibration.diagnosis.verdict import CLEAR, REMEDIES, Named, tied_with
+from calibration.diagnosis.verdict import CLEAR, Named, tied_with
 from calibration.fit.fit import Fit
 from kinematics.effects import Effect
 from kinematics.transforms import Array
