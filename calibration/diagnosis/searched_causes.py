@@ -1,0 +1,197 @@
+"""The search for missing causes: first in the library, then searched shapes; and the doubts about those found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.diagnosis.residual import unexplained as unexplained_residual
+from calibration.diagnosis.residual.absorber import absorbed
+from calibration.diagnosis.residual.cancelling import cancelling
+from calibration.diagnosis.residual.chance_level import ByChance
+from calibration.diagnosis.residual.dependence import Unexplained
+from calibration.diagnosis.residual.modulation import Modulated, modulated, modulation
+from calibration.diagnosis.residual.undetermined_periods import Undetermined, at_positions, undetermined
+from calibration.diagnosis.residual.whiteness import Test, combined
+from calibration.diagnosis.result import LEFT
+from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.common_causes import commoner
+from calibration.diagnosis.search.evaluation import Evaluated
+from calibration.diagnosis.search.imitated_causes import imitated
+from calibration.diagnosis.search.selection import Search, Selection, Selector
+from calibration.diagnosis.search.shapes import proposed_shapes
+from calibration.diagnosis.search.stage import Accepted, Stage
+from calibration.diagnosis.search.sudden_changes import sudden_changes
+from kinematics.running.progress import Progress
+
+GATE = 0.2
+"""Chance that causes are searched for although the residuals are pure noise."""
+AGAIN = 3
+"""Times that the bases are selected again with the causes found."""
+DOUBTS = (unexplained_residual.misread, unexplained_residual.wandering, unexplained_residual.smoothed)
+"""Each finds causes of a stage that only imitate another error; they are tried in turn."""
+
+
+class Found(NamedTuple):
+    """State of the search: its selector, the present stage and the candidates evaluated last."""
+
+    selector: Selector
+    stage: Stage
+    evaluated: tuple[Evaluated, ...]
+
+
+class Searched(NamedTuple):
+    """Result of the search for causes; the whiteness tests are those before and after it."""
+
+    before: Stage
+    """Fit of the present model, with the uncertainties of a result."""
+    tests: list[Test]
+    found: Found
+    tests_after: list[Test]
+    dependence: Unexplained | None
+
+
+def searched_causes(first: Selector, bare: Stage, progress: Progress) -> Searched:
+    """The causes of the residuals of the present model, of which `bare` is the fit."""
+    tests = unexplained_residual.tests(bare.linearised)
+    found = without = Found(first, bare, ())
+    # the noise of an axis hides whatever acts along it, a larger noise of the instrument any cause
+    doubtful = _noisier(bare) or len(bare.fit.outliers) or first.base.fine(first.measurement)
+    # noise is also left where finer bases have taken the place of a cause
+    if doubtful or combined(tests, GATE) or imitated(first, bare)[1] is not bare:
+        found = _causes(first)
+    progress("testing the residual")
+    before = first.cautious(bare)
+    return Searched(before, tests, *_without_impostors(found, without, before))
+
+
+def _causes(selector: Selector) -> Found:
+    """The causes, each compared with its siblings: first those of the library, then searched shapes.
+
+    Shapes must be likely beside a smooth function of the variables on which the residual depends.
+    """
+    coarser = selector.on(selector.base.coarser(selector.measurement, selector.progress))
+    found = _with_bases(coarser, sudden_changes(coarser))
+    beside, more = imitated(found.selector, found.stage)
+    if more is not found.stage:
+        found = _with_bases(beside, more.accepted)
+    common = commoner(found.selector, found.stage)
+    if common is not found.stage:
+        found = _with_bases(found.selector, common.accepted)
+    tests = unexplained_residual.tests(found.stage.linearised)
+    dependence = _dependence(found.stage, tests) or _random_walk(found.stage, tests)
+    absorb = partial(absorbed, dependence=dependence)
+    shapes = Search(proposed_shapes.proposals, absorb, ByChance(selector.library))
+    return _with_bases(replace(found.selector, search=shapes), found.stage.accepted)
+
+
+def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
+    """The causes beside those known; bases are selected again until the causes do not change them."""
+    done: dict[str, tuple[Selection, Stage]] = {}
+
+    def selected(known: Sequence[Accepted]) -> tuple[Selection, Stage]:
+        """The causes beside those known, and the stage compared with siblings; once for the same base and causes."""
+        key = repr((selector.base.bases, [(each.candidate.effect, each.size.tolist()) for each in known]))
+        if key not in done:
+            selection = selector.select(known)
+            done[key] = selection, selector.against_siblings(selection.stages[-1])
+        return done[key]
+
+    selection, stage = selected(known)
+    for _ in range(AGAIN):
+        base = selector.chosen_again(stage)
+        if base is selector.base and len(stage.accepted) == len(selection.stages[-1].accepted):
+            break
+        selector = selector.on(base)
+        selection, stage = selected(stage.accepted)
+    return Found(selector, stage, selection.last_round)
+
+
+def _noisier(stage: Stage) -> bool:
+    """True where the noise of a stage is larger than specified: it may hold errors that the model lacks."""
+    noise = stage.fit.measurement.noise
+    return _unrepeatable(stage) or (noise is not None and noise.instrument_factor > 1.0)
+
+
+def _unrepeatable(stage: Stage) -> bool:
+    """True where the noise of a stage holds non-repeatability, or misfit, of an axis."""
+    noise = stage.fit.measurement.noise
+    return noise is not None and bool(noise.non_repeatability or noise.misfit)
+
+
+def _dependence(stage: Stage, tests: Sequence[Test]) -> Unexplained | None:
+    """The dependence of the residuals of a stage that its causes leave; None where they are noise as specified.
+
+    tests: of these residuals. Non-repeatability may hide a dependence.
+    """
+    return unexplained_residual.unexplained(stage.linearised) if _doubtful(stage, tests) else None
+
+
+def _random_walk(stage: Stage, tests: Sequence[Test]) -> Unexplained | None:
+    """The random walk that the causes of a stage leave, as by `_dependence`.
+
+    It withdraws no cause: beside so many steps nearly every cause would have little support.
+    """
+    return unexplained_residual.random_walk(stage.linearised) if _doubtful(stage, tests) else None
+
+
+def _doubtful(stage: Stage, tests: Sequence[Test]) -> bool:
+    """True where the residuals of a stage, by their tests, may be more than noise as specified."""
+    return _unrepeatable(stage) or bool(combined(tests, LEFT))
+
+
+def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[Found, list[Test], Unexplained | None]:
+    """The result without impostors, the tests of its residuals, and the dependence that no cause explains.
+
+    Impostors are causes that were accepted only because they imitate this dependence, alone or together. Where no cause
+    remains, the bases of the search stay only if they predict held-out rows as well as those of the result `without`
+    the search, whose fit with the uncertainty of errors that the model lacks is `cautious`.
+    """
+    imitated: list[Modulated | Undetermined] = []
+    while True:
+        stage, selector = found.stage, found.selector
+        searched = not stage.accepted and selector is not without.selector
+        if searched and selector.cautious(stage).predicts_worse_than(cautious, 1.0):
+            found = without
+            continue
+        blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
+        if not blamed:
+            more: list[Modulated | Undetermined] = [*modulated(stage), *undetermined(stage)]
+            imitated += more
+            blamed = [each.accepted for each in more]
+        for doubted in DOUBTS:
+            blamed = blamed or doubted(stage)
+        blamed = blamed or _unsupported(selector, stage)
+        if not blamed:
+            tests = unexplained_residual.tests(stage.linearised)
+            dependence = _dependence(stage, tests) or next(filter(None, _imitated(stage, imitated)), None)
+            blamed = unexplained_residual.impostors(stage, dependence, selector.library) if dependence else []
+            if not blamed:
+                return found, tests, dependence or _random_walk(stage, tests)
+        kept: Sequence[tuple[Candidate, np.ndarray]] = [
+            (each.candidate, each.size) for each in stage.accepted if not _among(each, blamed)
+        ]
+        fewer = selector.pruned(selector.stage(kept)) if kept else selector.bare
+        found = found._replace(stage=fewer, evaluated=())
+
+
+def _unsupported(selector: Selector, stage: Stage) -> list[Accepted]:
+    """Causes of a stage without evidence where errors that the model lacks are part of the noise."""
+    cautious = selector.cautious(stage)
+    both = zip(stage.accepted, cautious.accepted, strict=True)
+    return [each for each, other in both if other.score.delta_bic > 0.0]
+
+
+def _imitated(stage: Stage, imitated: Sequence[Modulated | Undetermined]) -> Iterator[Unexplained | None]:
+    """The error that each of some causes imitates, in the residual of a stage without them."""
+    for each in imitated:
+        found = stage.linearised
+        yield modulation(found, each) if isinstance(each, Modulated) else at_positions(found, each)
+
+
+def _among(accepted: Accepted, others: Sequence[Accepted]) -> bool:
+    return any(accepted is other for other in others)
