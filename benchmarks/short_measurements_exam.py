@@ -10,11 +10,11 @@ motions. The header of the file gives half, once or twice the true noise. Each a
 (--records); a question that has its answer there is not asked again.
 
 An effect is named if a cause has its kind and its axis, tied if an alternative has, and unexplained if only variables
-are listed. Otherwise it is missed, or invisible where the power of the data to show it is below 0.5 (the Fisher
-information of the true effect, `short_measurements/visibility.py`). Every other cause is false. Errors at 300 unseen
-poses are those that the best rigid motion leaves, by the calibration that --force writes. "worse": ncomp accepts a
-calibration that leaves more than no correction does. "refused": it does not accept one that leaves less. "covered" is
-the share of errors within the intervals of 95 %, of accepted calibrations.
+are listed, or the axis of a stick-slip is stated not to repeat. Otherwise it is missed, or invisible where the power of
+the data to show it is below 0.5 (the Fisher information of the true effect, `short_measurements/visibility.py`). Every
+other cause is false. Errors at 300 unseen poses are those that the best rigid motion leaves, by the calibration that
+--force writes. "worse": ncomp accepts a calibration that leaves more than no correction does. "refused": it does not
+accept one that leaves less. "covered" is the share of errors within the intervals of 95 %, of accepted calibrations.
 """
 
 from __future__ import annotations

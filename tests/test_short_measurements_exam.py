@@ -61,6 +61,10 @@ def test_causes_count_by_kind_and_axis():
     assert judged(case, [tied], None) == {"verdict": "tied", "false": [], "variables": None}
     assert judged(case, [], {"variables": ["X"]})["verdict"] == "unexplained"
     assert judged(case, [], None)["verdict"] == "missed"
+    slip = Case("cframe", "sparse", "stick-slip", 5)
+    noise = {"non_repeatability": {AXES[slip.axis]: 30.0}}
+    assert judged(slip, [], None, noise)["verdict"] == "unexplained"
+    assert judged(case, [], None, noise)["verdict"] == "missed"
 
 
 def test_the_table_counts_calibrations_that_are_worse_or_refused():

@@ -53,7 +53,7 @@ def asked(case: Case, folder: Path) -> Record:
     if not out.exists():
         return {**record, "failure": said[-300:]}
     found = json.loads(out.read_text(encoding="utf-8"))
-    record |= judged(case, found["effects"], found["unexplained"])
+    record |= judged(case, found["effects"], found["unexplained"], found["estimated_noise"])
     s = case.unseen()
     nominal = case.nominal(s)
     true = without_rigid(nominal, (case.points(s, unseen=True) - nominal) / UM)
@@ -62,8 +62,8 @@ def asked(case: Case, folder: Path) -> Record:
     return record
 
 
-def judged(case: Case, effects: list[Record], unexplained: Record | None) -> Record:
-    """Verdict on the causes, and those that are not there."""
+def judged(case: Case, effects: list[Record], unexplained: Record | None, noise: Record | None = None) -> Record:
+    """Verdict on the causes, and those that are not there; noise: as estimated from the data."""
 
     def fits(cause: Record) -> bool:
         where = case.effect not in OF_ONE_AXIS or cause.get("axis") in (AXES[case.axis], None)
@@ -72,7 +72,8 @@ def judged(case: Case, effects: list[Record], unexplained: Record | None) -> Rec
     named = [each for each in effects if fits(each)]
     tied = [each for each in effects if each not in named and any(map(fits, each.get("alternatives", [])))]
     false = [each for each in effects if each not in named and each not in tied]
-    verdict = "named" if named else "tied" if tied else "unexplained" if unexplained else "missed"
+    stated = case.effect == "stick-slip" and AXES[case.axis] in (noise or {}).get("non_repeatability", {})
+    verdict = "named" if named else "tied" if tied else "unexplained" if unexplained or stated else "missed"
     words = [f"{each['kind']} {each.get('axis') or ''} {each['verdict']}" for each in false]
     return {"verdict": verdict, "false": words, "variables": (unexplained or {}).get("variables")}
 
