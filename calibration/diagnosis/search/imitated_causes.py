@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.diagnosis.search.evaluation import WORTH, Evaluated, evaluate
+from calibration.diagnosis.search.evaluation import SEEN, WORTH, Evaluated, evaluate
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage, chosen_of
 
@@ -36,16 +36,16 @@ def imitated(selector: Selector, stage: Stage) -> tuple[Selector, Stage]:
 
 
 def _suspected(selector: Selector, stage: Stage) -> list[Evaluated]:
-    """Causes that coarse bases leave to be explained, and those of a stage do not; the likeliest first."""
-    coarse = selector.on(selector.base.coarsest(selector.measurement)).stage(chosen_of(stage.accepted))
+    """Causes that are not visible beside the bases of a stage, and that coarse bases leave; the likeliest first."""
     known = {each.candidate.cause for each in stage.accepted}
     left = [candidate for candidate in selector.library if candidate.cause not in known]
-    tried = [each for each in evaluate(coarse.linearised, left) if each.score.delta_bic < WORTH]
-    beside = evaluate(stage.linearised, [each.candidate for each in tried])
-    explained = {id(each.candidate) for each in beside if each.score.delta_bic > WORTH}
+    hidden = [each.candidate for each in evaluate(stage.linearised, left) if each.projected.visible < SEEN]
+    if not hidden:
+        return []
+    coarse = selector.on(selector.base.coarsest(selector.measurement)).stage(chosen_of(stage.accepted))
     found: dict[object, Evaluated] = {}
-    for each in tried:
-        if id(each.candidate) in explained:
+    for each in evaluate(coarse.linearised, hidden):
+        if each.score.delta_bic < WORTH and each.projected.visible >= SEEN:
             found.setdefault(each.candidate.cause, each)
     return list(found.values())[:MOST]
 
