@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from calibration.diagnosis.search.stage import Stage
-from calibration.diagnosis.widening import UnseenErrors, correction_and_uncertainty
+from calibration.diagnosis.widening import UnseenErrors, rms_correction
 from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, not_better, reason_against
 from calibration.fit.cross_validation import CrossValidation, summed_up, uncorrected
 from calibration.fit.fit import fit
@@ -58,13 +58,15 @@ class Acceptance(Judged):
         unexplained_um: float,
         unseen: UnseenErrors | None,
         new: ErrorModel,
+        undecided_um: float,
         *,
         force: bool,
     ) -> Acceptance:
         """The acceptance of the model `after`; `before`: the fit of the present model; calibration: as it was given.
 
         unexplained_um: RMS, um per scalar, of a dependence of the residuals that no cause explains. unseen: errors of
-        the model at unseen states beside it. new: the machine's part of the model, with its uncertainties.
+        the model at unseen states beside it. new: the machine's part of the model. undecided_um: RMS length of its
+        errors by causes that are undecided.
         """
         nominal = nominal_residuals(after.fit)
         none = _compared(after, _of_all_rows(after, nominal))
@@ -83,7 +85,7 @@ class Acceptance(Judged):
             against = against or against_learned(unseen)
         reason = against or ("" if confirmed else reason_against(after.fit, nominal, none))
         reason = reason or ("" if confirmed else against_positions(after, nominal))
-        reason = reason or ("" if updated else against_uncertain(new, after.fit.measurement))
+        reason = reason or ("" if updated else against_undecided(new, after.fit.measurement, undecided_um))
         if confirmed and none is not None and none.gains.worse:
             reason = f"{not_better('the present calibration, updated,', none, 'the nominal machine')}. {ADVICE}"
         return cls(none, present, too_many or reason, force, confirmed and not (too_many or reason))
@@ -128,7 +130,7 @@ def against_learned(unseen: UnseenErrors) -> str:
     Held-out blocks do not show it where the error holds on from block to block, as one that moves with time does.
     """
     if unseen.recurs:
-        return _against_open(unseen)
+        return _against_uncertain(unseen)
     if unseen.with_um < ESTABLISHED * unseen.without_um:
         return ""
     return (
@@ -138,7 +140,7 @@ def against_learned(unseen: UnseenErrors) -> str:
     )
 
 
-def _against_open(unseen: UnseenErrors) -> str:
+def _against_uncertain(unseen: UnseenErrors) -> str:
     """Reason why a model may not improve on an error of the machine that it lacks: this error is too uncertain."""
     uncertain = float(unseen.squares.sum()) - unseen.with_um**2
     if unseen.without_um**2 - unseen.with_um**2 > uncertain:
@@ -151,17 +153,19 @@ def _against_open(unseen: UnseenErrors) -> str:
     )
 
 
-def against_uncertain(new: ErrorModel, measurement: Measurement) -> str:
-    """Reason why a correction, by its uncertainty, may leave larger errors than it removes; empty where it does not.
+def against_undecided(new: ErrorModel, measurement: Measurement, undecided_um: float) -> str:
+    """Reason why a correction may be no improvement beside causes that are undecided; empty where it is one.
 
-    A correction d with standard uncertainty u removes d^2 - u^2 on the average, and leaves u^2.
+    undecided_um: RMS length of the errors by causes that it lacks, of which it may have learned a part. A correction d
+    with such an error l removes d^2 - l^2 on the average, and leaves l^2.
     """
-    rms_um, u_um = correction_and_uncertainty(new, measurement)
-    if not 0.0 < rms_um < math.sqrt(2.0) * u_um:
+    correction_um = rms_correction(new, measurement)
+    if correction_um**2 >= 2.0 * undecided_um**2:
         return ""
     return (
-        f"at unseen poses within the measured ranges the correction is {rms_um:.3g} um RMS, with a standard "
-        f"uncertainty of {u_um:.3g} um: it may add more error than it removes. {ADVICE}"
+        "causes that the data neither name nor exclude leave open whether the new model is an improvement: at unseen "
+        f"poses within the measured ranges the correction is {correction_um:.3g} um RMS, and errors of "
+        f"{undecided_um:.3g} um are expected by these causes. {ADVICE}"
     )
 
 

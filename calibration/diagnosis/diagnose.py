@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -27,7 +26,7 @@ from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.searched_causes import Searched, searched_causes
 from calibration.diagnosis.separability import separability
-from calibration.diagnosis.undecided_causes import squares_by_lost_motion, squares_by_undecided
+from calibration.diagnosis.undecided_causes import squares_by_undecided
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, in_terms_of, named, outliers, with_changed_lines
 from calibration.diagnosis.widening import UnseenErrors, Widened, errors_by_choice, unseen_errors, widened
@@ -45,6 +44,7 @@ from calibration.plausibility.checks import Finding
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress, numbered, silent
+from kinematics.transforms import Array
 
 LeftOver = Literal["report", "add"]
 
@@ -206,9 +206,12 @@ def _calibrated(
     unseen = None if held or dependence is None else unseen_errors(after.linearised, dependence, calibration)
     curved, between = with_curves_between(after.fit) if selector.base.curves else (after.fit, ())
     alone = new_calibration(selector.base, curved, added, calibration)
-    new = _with_uncertainties(alone, completed, dependence, unseen, evidence.evaluated)
-    before = searched.before
-    acceptance = Acceptance.of(before, after, calibration, unexplained_um, unseen, new.model, force=force)
+    undecided = squares_by_undecided(after.linearised, evidence.evaluated) if dependence is None else np.zeros(3)
+    new = _with_uncertainties(alone, completed, dependence, unseen, undecided)
+    undecided_um = float(np.sqrt(undecided.sum()))
+    acceptance = Acceptance.of(
+        searched.before, after, calibration, unexplained_um, unseen, new.model, undecided_um, force=force
+    )
     return _Calibrated(new, between, acceptance)
 
 
@@ -238,7 +241,7 @@ def _with_uncertainties(
     completed: _Completed,
     dependence: Unexplained | None,
     unseen: UnseenErrors | None,
-    evaluated: Sequence[Evaluated],
+    undecided: Array,
 ) -> Widened:
     """The new calibration, its uncertainties enlarged by errors that it lacks."""
     selector, after = completed.selector, completed.stage
@@ -248,9 +251,7 @@ def _with_uncertainties(
         return Widened(model, 1.0)
     finer = selector.with_finer_turns(after)
     by_choice = np.zeros(3) if finer is None else errors_by_choice(after.fit, finer)
-    undecided = squares_by_undecided(after.linearised, evaluated)
-    besides = np.maximum(undecided, squares_by_lost_motion(after.linearised))
-    return widened(model, selector.measurement, by_choice, besides)
+    return widened(model, selector.measurement, by_choice, undecided)
 
 
 def _findings(fit: Fit) -> list[Finding]:

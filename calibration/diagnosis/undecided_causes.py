@@ -8,6 +8,7 @@ lost motion too: friction and play make both. It counts with the size that the n
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,70 +24,65 @@ LIKELY = 20.0
 
 With nothing hidden, the best of many waves reaches 5 to 15.
 """
+HALF_WIDTH = 1.0
+"""Standard deviation of half the width of a backlash before the data, as a multiple of the axis' non-repeatability."""
 MOST = 40
 """Most causes that count."""
+
+
+class _Possible(NamedTuple):
+    """A cause that the model may lack."""
+
+    weight: float
+    """Expected square of its size, as a multiple of that of `effect`."""
+    effect: Effect
+    moved: Array
+    """Change `(p,)` of the parameters of the model beside the effect."""
 
 
 def squares_by_undecided(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Array:
     """Mean squares `(3,)`, um^2, of the errors of a model at unseen states, besides those of its uncertainty.
 
-    evaluated: candidates beside the model, the best first, with the scores of any noise.
+    Those by causes that are likely, and by lost motion of axes that do not repeat. evaluated: candidates beside the
+    model, the best first, with the scores of any noise.
     """
-    tried = evaluate(linearised, [each.candidate for each in evaluated[:MOST]])
-    odds = np.exp(-0.5 * np.array([each.score.delta_bic for each in tried]))
-    shares = odds / (1.0 + odds.sum())
-    likely = zip(tried, shares.tolist(), odds.tolist(), strict=True)
-    counted = [(each, share) for each, share, against_none in likely if against_none >= LIKELY]
-    model, squares = linearised.fit.model, []
-    signals = [linearised.candidate(each.candidate.effect).columns @ each.score.size for each, _ in counted]
-    moved = [_moved(linearised, signal) for signal in signals]
-    for moment in moments(linearised.measurement):
-        design = moment.design(model)
-        own = np.zeros(moment.tool.shape)
-        for (each, share), parameters in zip(counted, moved, strict=True):
-            own += share * (_lacking(moment, _of_size(each)) + design @ parameters) ** 2
-        squares.append(own.mean(axis=0))
-    return np.asarray(np.mean(squares, axis=0))
-
-
-def squares_by_lost_motion(linearised: LinearisedFit) -> Array:
-    """Mean squares `(3,)`, um^2, of the errors at unseen states by backlash of axes that do not repeat.
-
-    Where the two directions of an axis lie at different positions, its error motions may have learned the backlash.
-    """
+    causes = list(_likely(linearised, evaluated))
+    causes += _lost_motions(linearised, [*linearised.fit.model.effects, *(cause.effect for cause in causes)])
     squares = np.zeros(3)
-    for effect in _lost_motions(linearised):
-        candidate = linearised.candidate(effect)
-        expected = _expected(linearised, effect)
-        variance = 1.0 / (expected**-2 + float(candidate.schur[0, 0]))
-        size = variance * float(candidate.columns[:, 0] @ linearised.residual)
-        moved = _moved(linearised, candidate.columns[:, 0])
-        found = effect.with_parameters([effect.parameter_table[0].typical], (0.0,))
-        of_one = [
-            (moment.deviations_of(found) + moment.design(linearised.fit.model) @ moved) ** 2
-            for moment in moments(linearised.measurement)
-        ]
-        squares += (variance + size**2) * np.mean(of_one, axis=(0, 1))
+    for count, moment in enumerate(moments(linearised.measurement) if causes else (), start=1):
+        design = moment.design(linearised.fit.model)
+        errors = [cause.weight * (_lacking(moment, cause.effect) + design @ cause.moved) ** 2 for cause in causes]
+        squares += (np.sum(errors, axis=0).mean(axis=0) - squares) / count
     return squares
 
 
-def _lost_motions(linearised: LinearisedFit) -> Iterator[Backlash]:
-    """Backlash of each axis that does not repeat, unless the model has an effect of its direction."""
-    measurement, effects = linearised.measurement, linearised.fit.model.effects
+def _likely(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterator[_Possible]:
+    """Causes that are likely against none, each of its most likely size, with its probability."""
+    tried = evaluate(linearised, [each.candidate for each in evaluated[:MOST]]) if evaluated else []
+    odds = np.exp(-0.5 * np.array([each.score.delta_bic for each in tried]))
+    for each, against_none in zip(tried, odds.tolist(), strict=True):
+        if against_none >= LIKELY:
+            signal = linearised.candidate(each.candidate.effect).columns @ each.score.size
+            yield _Possible(against_none / (1.0 + float(odds.sum())), _of_size(each), _moved(linearised, signal))
+
+
+def _lost_motions(linearised: LinearisedFit, effects: Sequence[Effect]) -> Iterator[_Possible]:
+    """Backlash of each axis that does not repeat, of typical size, unless one of the effects is of its direction.
+
+    Where the two directions of an axis lie at different positions, its error motions may have learned the backlash.
+    """
+    measurement = linearised.measurement
     if measurement.noise is None or measurement.state.approach is None:
         return
     known = {where(effect) for effect in effects if "approach" in effect.needs and effect.ACTS_ON != "instrument"}
-    yield from (Backlash(axis, 0.0) for axis in measurement.noise.non_repeatability if axis not in known)
-
-
-def _expected(linearised: LinearisedFit, effect: Backlash) -> float:
-    """Standard deviation of the width of a backlash, in its typical size, before the data.
-
-    Half of it is as large as the non-repeatability of its axis.
-    """
-    assert linearised.measurement.noise is not None
-    off = linearised.measurement.noise.non_repeatability[effect.axis] / unit_of(effect.axis)[1]
-    return 2.0 * off / effect.parameter_table[0].typical
+    for axis, off in measurement.noise.non_repeatability.items():
+        if axis in known:
+            continue
+        candidate, typical = linearised.candidate(Backlash(axis, 0.0)), Backlash.QUANTITIES[0].typical
+        before = HALF_WIDTH * 2.0 * off / unit_of(axis)[1] / typical
+        variance = 1.0 / (before**-2 + float(candidate.schur[0, 0]))
+        size = variance * float(candidate.columns[:, 0] @ linearised.residual)
+        yield _Possible(variance + size**2, Backlash(axis, typical), _moved(linearised, candidate.columns[:, 0]))
 
 
 def _moved(linearised: LinearisedFit, signal: Array) -> Array:

@@ -197,14 +197,10 @@ def _approaches(approach: Array, rng: np.random.Generator) -> Array:
     return np.stack([rng.choice(column, POSES) for column in known], axis=1)
 
 
-def correction_and_uncertainty(model: ErrorModel, measurement: Measurement) -> tuple[float, float]:
-    """RMS lengths, um, at unseen states: of the deviations that a model predicts, and of their standard uncertainty."""
-    squares = []
-    for moment in moments(measurement):
-        u = model.propagated(moment.design(model))
-        squares.append([np.sum(each**2) / POSES for each in (moment.deviations(model), u)])
-    rms_um, u_um = np.sqrt(np.mean(squares, axis=0)).tolist()
-    return rms_um, u_um
+def rms_correction(model: ErrorModel, measurement: Measurement) -> float:
+    """RMS length, um, of the deviations that a model predicts at unseen states, a common shift and rotation apart."""
+    squares = [np.sum(moment.deviations(model) ** 2) / POSES for moment in moments(measurement)]
+    return float(np.sqrt(np.mean(squares)))
 
 
 def widened(model: ErrorModel, measurement: Measurement, squares: Array, besides: Array | float = 0.0) -> Widened:
