@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.diagnosis_cases import data_with, framed, selector
 
-from calibration.diagnosis import diagnose
+from calibration.diagnosis import searched_causes
 from calibration.diagnosis.search import evaluation, selection
 from calibration.diagnosis.search.candidates import RARE, Candidate, at_zero
 from calibration.diagnosis.search.common_causes import commoner, drifting, knocked
@@ -81,8 +81,8 @@ def test_without_causes_the_bases_of_the_search_stay_only_if_they_predict_as_wel
     good, poor = selector(data), selector(data, order=1)
     assert poor.bare.held_out_um > good.bare.held_out_um
     for first, searched in ((good, poor), (poor, good)):
-        without, found = (diagnose._Found(each, each.bare, ()) for each in (first, searched))
-        found, *_ = diagnose._without_impostors(found, without, without.stage)
+        without, found = (searched_causes.Found(each, each.bare, ()) for each in (first, searched))
+        found, *_ = searched_causes._without_impostors(found, without, without.stage)
         assert found.selector is good
 
 
