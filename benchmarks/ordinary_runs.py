@@ -31,7 +31,8 @@ def hidden(truth: dict[str, Any]) -> list[Hidden]:
     for number, kind in enumerate(truth["kinds"]):
         values = truth["params"][number] if truth["params"] else {}
         moved = zip("XYZ", values.get("vec", ()), strict=False)
-        axes = {name for name, size in moved if size} or {values[key] for key in ("ax",) if key in values}
+        # an error that depends on two axes has either of them as its own
+        axes = {name for name, size in moved if size} or {values[key] for key in ("ax", "by") if key in values}
         found.append((kind, frozenset(axes)))
     return found
 
