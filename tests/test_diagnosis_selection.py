@@ -362,3 +362,14 @@ def test_jumps_at_one_moment_are_a_knock_where_one_explains_them(truth, jumping,
     found = evaluate(made.bare.linearised, jumps)
     stage = knocked(made, made.stage([(each.candidate, each.score.size) for each in found]))
     assert {each.candidate.kind for each in stage.accepted} == {kind}
+
+
+@pytest.mark.parametrize(("windup", "parameters"), [(None, 1), (400.0, 2)])
+def test_the_plainer_form_of_a_cause_stands_where_a_full_fit_with_it_is_likelier(windup, parameters):
+    made = selector(data_with(Backlash("X", 200.0, windup)))
+    forms = [candidate for candidate in made.library if candidate.cause[:2] == ("backlash", "X")]
+    (both,) = (candidate for candidate in forms if len(candidate.effect.parameters) == 2)
+    stage = made.stage([(both, np.ones(2))])
+    found = made.plainer(stage)
+    assert len(found.accepted[0].candidate.effect.parameters) == parameters
+    assert (found is stage) == (parameters == 2)

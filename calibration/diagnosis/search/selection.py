@@ -211,7 +211,7 @@ class Selector:
             if trial.cost + 2.0 * trial.rarity >= stage.cost + 2.0 * stage.rarity:
                 break
             stage = trial
-        kept = self.leaner(self.pruned(stage))
+        kept = self.plainer(self.leaner(self.pruned(stage)))
         return stage._replace(accepted=tuple(accepted)) if kept is stage else self.against_siblings(kept)
 
     def _compared(self, stage: Stage, index: int, found: Sequence[Sibling]) -> tuple[Sibling, ...]:
@@ -253,6 +253,22 @@ class Selector:
                 trial = self.stage(chosen)
                 if trial.cost < stage.cost + BETTER:
                     return self.refined(trial)
+        return stage
+
+    def plainer(self, stage: Stage) -> Stage:
+        """The stage with a form of a cause of fewer parameters, where a full fit with it is likelier.
+
+        Of large causes linearised fits prefer forms with more parameters.
+        """
+        for i, own in enumerate(stage.accepted):
+            most = own.score.delta_bic + max(-WORTH, NEARLY * abs(own.score.delta_bic))
+            forms = [c for c in self.library if c.cause == own.candidate.cause]
+            forms = [c for c in forms if complexity(c) < complexity(own.candidate)]
+            for each in evaluate(stage.without(i), forms) if forms else ():
+                chosen = chosen_of(stage.accepted)
+                chosen[i] = (each.candidate, each.score.size)
+                if each.score.delta_bic < most and (trial := self.stage(chosen)).cost < stage.cost:
+                    return self.plainer(trial)
         return stage
 
     def leaner(self, stage: Stage) -> Stage:
