@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -58,3 +59,12 @@ def test_a_measurement_is_planned_simulated_fitted_and_predicted(tmp_path):
     write_model(found.model, tmp_path / "cal.json")
     prediction = ncomp.predict(plan.positions / plan.machine.scale, "gantry", tmp_path / "cal.json")
     assert prediction.deviation_um.shape == prediction.u_um.shape == (60, 3)
+
+
+def test_the_page_of_functions_has_those_that_are_defined_elsewhere():
+    """MkDocs shows a function of another package only if it has read that package before."""
+    functions = [getattr(ncomp, name) for name in ncomp.__all__ if name != "UserError"]
+    packages = {function.__module__.partition(".")[0] for function in functions} - {"ncomp"}
+    read = re.search(r"preload_modules: \[(.*)\]", (EXAMPLES.parent / "mkdocs.yml").read_text())
+    assert read is not None
+    assert packages == set(read[1].split(", "))
