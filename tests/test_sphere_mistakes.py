@@ -117,6 +117,7 @@ MISTAKES = {
     "u_um": Mistake(lambda: touched().but(u_um=0.1), 0, NOISE),
 }  # fmt: skip
 QUICK = {
+    ("length 1 mm", "two files"),
     ("zero of A 0.05 deg", "fit"), ("zero of A 0.5 deg", "two files"), ("sign of dx", "fit"), ("sign of readings", "diagnose"),
     ("frame of readings", "two files"), ("sphere moved 50 um", "two files"), ("u_um", "two instruments"),
     ("zero of C 0.5 deg", "fit"), ("name of a sphere", "fit"), ("row 1 mm", "two files"), ("spheres moved 0.1 mm", "diagnose"),

@@ -8,6 +8,7 @@ and 0.1 mrad do not cause a finding.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
 
@@ -217,7 +218,14 @@ def _files(measurement: Measurement) -> list[Measurement]:
         return []
     names, counts = np.unique(measurement.file, return_counts=True)
     own = [name for name, count in zip(names.tolist(), counts.tolist(), strict=True) if count >= LEAST]
-    return [measurement.rows(np.flatnonzero(measurement.file == name)) for name in own if len(names) > 1]
+    parts = [measurement.rows(np.flatnonzero(measurement.file == name)) for name in own if len(names) > 1]
+    return [_with_own_targets(part) for part in parts]
+
+
+def _with_own_targets(part: Measurement) -> Measurement:
+    """The rows without the targets that only others have: a mistake in one file exchanges none of them."""
+    used = np.array(list(part.targets))[np.unique(part.target_number)].tolist()
+    return replace(part, targets={name: part.targets[name] for name in used})
 
 
 def _named(part: Measurement, check: Callable[[Measurement], Iterator[Finding]]) -> Iterator[Finding]:
