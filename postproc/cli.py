@@ -5,6 +5,7 @@ It imports little, so that a signal that arrives while Python imports the rest e
 
 from __future__ import annotations
 
+import atexit
 import gc
 import io
 import os
@@ -24,6 +25,7 @@ its time."""
 def run() -> None:
     """Entry point."""
     gc.set_threshold(OBJECTS)
+    atexit.register(gc.freeze)  # Python would look through all objects for unreachable ones once more
     end_by_exception()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -36,7 +38,6 @@ def run() -> None:
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()
-            gc.freeze()  # at its end Python would look through all objects for unreachable ones
     except UserError as fault:
         _end(2, str(fault))
     except KeyboardInterrupt:
