@@ -216,7 +216,7 @@ def writable(value, path, seen):
 
 
 def fields_of(value):
-    """What an instance holds, by name, with what it keeps of its results."""
+    """Fields of an instance and its cached results, by name."""
     fields = msgspec.structs.asdict(value) if isinstance(value, msgspec.Struct) else {}
     return fields | getattr(value, "__dict__", {})
 

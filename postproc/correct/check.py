@@ -150,6 +150,7 @@ def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, t
     state = interpreter.control_state
 
     def take(motions: Motions) -> None:
+        """Add moves, and those that leave the travel."""
         findings.take(motions)
         if travel_check:
             given = np.array([state.is_given(frame) for frame in motions.frames], bool)[motions.frame]

@@ -34,7 +34,7 @@ class Mill:
     c_shift: tuple[float, float, float] = (-18 * UM, 27 * UM, 0.0)
     c_line: tuple[float, float, float] = (-29 * URAD, 16 * URAD, 1.0)
     square: tuple[float, float, float] = (12 * URAD, -19 * URAD, 14 * URAD)
-    """Of y to x, z to x, and z to y."""
+    """Squareness of y to x, of z to x, and of z to y."""
     waves_um: float = 1.5
     """Radial and axial error motions of both rotary axes, one and two waves per turn."""
 
