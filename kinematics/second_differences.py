@@ -23,6 +23,8 @@ with the largest slope and second derivative of its pieces, and the sums of the 
 
 Under TCP the rotary axes and the tool point move evenly, and the linear axes follow: Q = inverse(L) R^T (P - b), with
 the directions L of the linear axes, the rotation R in front of them and the tool point b for linear axes at zero.
+
+Shifts d of the axes displace the nominal tool point by J d, with its derivatives J somewhere between the two positions.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.columns import ChainColumns, length, minus, vector
-from kinematics.machine import NDArrayBool
+from kinematics.machine import Machine, NDArrayBool
 from kinematics.pieces import ErrorMotions
 from kinematics.transforms import Array
 
@@ -92,6 +94,33 @@ class _Stretches(NamedTuple):
     def rows(self, rows: np.ndarray) -> _Stretches:
         """Some of the paths."""
         return _Stretches(*(column[..., rows] for column in self))
+
+
+def nominal_bends(
+    machine: Machine, start: Array, end: Array, tool: Array, tcp: NDArrayBool, first: Array, last: Array
+) -> tuple[Array, Array]:
+    """Bounds `(n,)`, mm, of second differences of the nominal tool point, and of its displacement by shifts of axes.
+
+    The shifts change evenly from `first` to `last` along paths from `start` to `end`, all `(n, axes)`, mm and rad. tool
+    `(n, 3)`, mm. tcp `(n,)`: the tool point moves evenly with and without the shifts.
+    """
+    starts, ends, sizes, changes = (
+        np.ascontiguousarray(each.T) for each in (start, end, np.maximum(np.abs(first), np.abs(last)), last - first)
+    )
+    point, moved = Along(length(vector(tool))), NOTHING
+    for i in range(len(machine.axes) - 1, -1, -1):
+        axis, shift = machine.axes[i], Along(sizes[i], np.abs(changes[i]))
+        way = np.abs(ends[i] - starts[i]) + shift.change
+        if not axis.rotary:
+            farthest = np.maximum(np.abs(starts[i]), np.abs(ends[i])) + shift.size
+            point, moved = point.plus(Along(farthest, way)), moved.plus(shift)
+            continue
+        turn, centre = turning(way), Along(float(np.linalg.norm(axis.point)))
+        point, moved = turn.times(point.plus(centre)), turn.times(moved)
+        if sizes[i].any():
+            moved = moved.plus(shift.times(point))
+        point = point.plus(centre)
+    return np.where(tcp, 0.0, point.bend), np.where(tcp, 0.0, moved.bend)
 
 
 class SecondDifferences:

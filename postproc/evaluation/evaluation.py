@@ -18,12 +18,11 @@ from postproc.compensation.correction import PoseErrors, pose_errors
 from postproc.compensation.predicted_error import MachineStates
 from postproc.compensation.significance import Significance
 from postproc.evaluation.guard import Guard, Outside, WorseMove
+from postproc.evaluation.joined_moves import JoinedMoves
 from postproc.evaluation.predicted_errors import PredictedErrors, UnsplitMoves
 from postproc.evaluation.sampled_uncertainty import SampledUncertainties
 from postproc.evaluation.trace import Trace
-from postproc.motion.frames import Frame
 from postproc.motion.motions import Motions
-from postproc.motion.moves import Kind
 
 BETWEEN = (0.25, 0.5, 0.75)
 """Shares of the path of a written block at which the error between its ends is predicted."""
@@ -77,6 +76,11 @@ class WrittenMoves(msgspec.Struct, frozen=True, dict=True):
     """Errors in the input at the ends of the rows, if the correction has found them."""
 
     @cached_property
+    def written(self) -> Array:
+        """Axis positions `(n, axes)` at the written ends, mm and rad."""
+        return self.motions.in_machine(self.commanded.target)
+
+    @cached_property
     def correctable(self) -> NDArrayBool:
         """Rows `(n,)` that end programmed moves."""
         return np.asarray(self.motions.programmed & ~self.motions.intermediate)
@@ -101,17 +105,6 @@ class Evaluated(NamedTuple):
     """Text on moves that are worse than in the input, if that is accepted; empty for none."""
     notes: list[str]
     trace: Trace | None
-
-
-class _RowEnd(NamedTuple):
-    """The end of the last row of a chunk; nan before the first."""
-
-    frame: Frame | None
-    programmed: Array
-    """`(axes,)`, as `written`."""
-    written: Array
-    left: Array
-    """Error after the correction `(3,)`, mm."""
 
 
 class Evaluation:
@@ -139,8 +132,7 @@ class Evaluation:
         self._guard = Guard(machine, worse=worse, turns=turns)
         self._outside = Outside()
         self._trace = Trace(machine, model) if traced else None
-        nowhere = np.full(len(machine.axes), np.nan)
-        self._last = _RowEnd(None, nowhere, nowhere, np.full(3, np.nan))
+        self._joined = JoinedMoves(machine, 3)
 
     def add(self, moves: WrittenMoves) -> None:
         """Evaluate the moves of the next chunk; Refusal for one that is worse than in the input."""
@@ -159,9 +151,6 @@ class Evaluation:
         errors[evaluated], left[evaluated] = self._evaluate_ends(moves, evaluated)
         self._guard.check_ends(motions, moves.lines, np.flatnonzero(evaluated), errors[evaluated])
         self._evaluate_between(moves, errors[:, 0], left)
-        if len(motions):
-            frame = motions.frames[motions.frame[-1]]
-            self._last = _RowEnd(frame, motions.target[-1], moves.commanded.target[-1], left[-1])
         if self._trace is not None:
             moved = np.where(moves.corrected, moves.moved, np.nan)
             self._trace.add(motions, moves.lines, moves.correctable, moved, errors)
@@ -183,7 +172,7 @@ class Evaluation:
         states_after = self._after.states(moves.commanded, evaluated)
         if not evaluated.any():
             return np.empty((0, 2)), np.empty((0, 3))
-        nominal, ends = motions.machine_target[evaluated], motions.in_machine(moves.commanded.target)[evaluated]
+        nominal, ends = motions.machine_target[evaluated], moves.written[evaluated]
         shift = self._before.datum_shifts(motions)[evaluated]
         if moves.before is None:
             found_before = pose_errors(machine, self._model, nominal, nominal, tool, states_before, shift)
@@ -210,13 +199,13 @@ class Evaluation:
         left `(n, 3)`: errors after the correction at these ends, mm.
         """
         motions, commanded = moves.motions, moves.commanded
-        rows = motions.known_paths
+        errors_by_ends, rows = self._between_by_ends(moves, before, left), motions.known_paths
         if not rows.any():
             return
         evaluated = motions.evaluated_paths[rows]
         if self._trace is not None:
             self._trace.between_before.add(self._errors_between(motions, motions, self._before, rows)[evaluated])
-        errors_between = self._between_by_ends(moves, before, left)[rows]
+        errors_between = errors_by_ends[rows]
         exact = np.isnan(errors_between)
         if exact.any():
             some = np.flatnonzero(rows)[exact]
@@ -236,31 +225,16 @@ class Evaluation:
         difference; it is unknown where this is more than a share STRAIGHT of the tolerance, or could make the move
         worse than the tolerance or the input.
         """
-        motions, commanded, last = moves.motions, moves.commanded, self._last
-        found = np.full(len(motions), np.nan)
+        found = np.full(len(left), np.nan)
+        joined = self._joined.follow(moves.motions, moves.commanded, moves.written, left)
         if self._after.axes:
             return found
-        frames: dict[Frame | None, int] = {last.frame: -1}
-        frame = np.array([frames.setdefault(frame, i) for i, frame in enumerate(motions.frames)])[motions.frame]
-        joined = (frame == _behind(-1, frame)) & (motions.kind == Kind.LINE)
-        joined &= (motions.start == _behind(last.programmed, motions.target)).all(axis=1)
-        joined &= (commanded.start == _behind(last.written, commanded.target)).all(axis=1)
-        linear, rotary = motions.machine.translators, motions.machine.rotary
-        shifts, first_shifts = (
-            (commanded.target - motions.target)[:, linear],
-            (commanded.start - motions.start)[:, linear],
-        )
-        largest_shifts = np.maximum(np.linalg.norm(shifts, axis=1), np.linalg.norm(first_shifts, axis=1))
-        turned = np.deg2rad(np.abs((motions.target - motions.start)[:, rotary]).sum(axis=1))
-        turned[motions.tcp] = 0.0
-        bound = moves.bounds + turned**2 / 4.0 * largest_shifts
-        bound = (bound + turned / 2.0 * np.linalg.norm(shifts - first_shifts, axis=1)) * 1e3
-        first = _behind(last.left, left)
+        bound, first = (moves.bounds + joined.bends) * 1e3, joined.first
         largest = (
             np.max([np.linalg.norm((1.0 - share) * first + share * left, axis=1) for share in BETWEEN], axis=0) * 1e3
         )
         tolerance = self._tolerance_um
-        straight = joined & (bound <= STRAIGHT * tolerance) & (largest + bound <= np.minimum(tolerance, before))
+        straight = joined.rows & (bound <= STRAIGHT * tolerance) & (largest + bound <= np.minimum(tolerance, before))
         found[straight] = largest[straight]
         return found
 
@@ -304,10 +278,3 @@ class Evaluation:
             here = pose_errors(self.machine, self._model, actual, nominal, tool, states, shift).point_um
             errors_between = np.maximum(errors_between, here)
         return errors_between
-
-
-def _behind(first: Array | float, column: Array) -> Array:
-    """A column `(n, …)` with each value one row later, and `first` in the first row."""
-    moved = np.empty_like(column)
-    moved[:1], moved[1:] = first, column[:-1]
-    return moved

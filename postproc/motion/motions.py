@@ -273,12 +273,14 @@ BY_ROW = ("arcs", "cycles", "polars", "cutter_compensated", "locked_axes")
 
 def merged(parts: Sequence[Motions]) -> Motions:
     """The chunks of a program as one, with the blocks that they hold."""
-    counts = [(len(part), len(part.frames), len(part.blocks)) for part in parts]
-    firsts = np.cumsum([(0, 0, 0), *counts[:-1]], axis=0).tolist()
+    counts = [(len(part), len(part.blocks)) for part in parts]
+    firsts = np.cumsum([(0, 0), *counts[:-1]], axis=0).tolist()
+    frames: dict[Frame, int] = {}
     columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
     by_row: dict[str, Any] = {name: {} for name in (*BY_ROW, "polar_ends")}
-    for part, (row, frame, block) in zip(parts, firsts, strict=True):
-        columns["frame"][row : row + len(part)] += frame
+    for part, (row, block) in zip(parts, firsts, strict=True):
+        numbers = np.array([frames.setdefault(frame, len(frames)) for frame in part.frames], int)
+        columns["frame"][row : row + len(part)] = numbers[part.frame]
         columns["block"][row : row + len(part)] += block
         for name in BY_ROW:
             by_row[name].update({row + i: value for i, value in getattr(part, name).items()})
@@ -289,7 +291,7 @@ def merged(parts: Sequence[Motions]) -> Motions:
     return Motions(
         parts[0].machine,
         text_blocks.joined([part.blocks for part in parts]),
-        [frame for part in parts for frame in part.frames],
+        list(frames),
         words=axis_words.joined([part.words for part in parts]),
         **columns,
         **by_row,
