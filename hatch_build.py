@@ -1,9 +1,11 @@
-"""Build hook of the wheel: the packages of this repository become packages of `ncomp`.
+"""Build hooks: the addresses of the project, and the packages of this repository as packages of `ncomp` in the wheel.
 
 In the repository they lie side by side (`kinematics`, `machines`, ...) and import one another by these names. In a
 wheel such names would lie beside the packages of other people, so each goes below `ncomp/`, `ncomp.py` becomes
 `ncomp/__init__.py`, and `kinematics` in an import becomes `ncomp.kinematics`. An editable installation keeps the
 repository as it is.
+
+The addresses are those of the repository that the checkout was cloned from: nothing else knows where it is published.
 """
 
 from __future__ import annotations
@@ -11,11 +13,13 @@ from __future__ import annotations
 import ast
 import re
 import shutil
+import subprocess
 import tempfile
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 NAME = "ncomp"
 PACKAGES = ("calibration", "grammars", "kinematics", "machines", "postproc", "rendering")
@@ -27,6 +31,46 @@ if __name__ == "__main__":
     run()
 '''
 LEFT_OUT = ("__pycache__", ".*")
+PUBLIC = re.compile(
+    r"(?:(?P<scheme>https?|ssh|git)://(?:[^@/]*@)?|[\w.-]+@)(?P<host>[\w-]+(?:\.[\w-]+)+)(?P<port>:\d+(?=/))?[:/]+"
+    r"(?P<path>[^:]+?)(?:\.git)?/*"
+)
+"""A remote of git whose host has a dot. No user or password becomes public."""
+PROJECT_URL = re.compile(r"^Project-URL: ([^,]+), (\S+)$", re.MULTILINE)
+"""An address in the metadata of a source distribution."""
+
+
+class Addresses(MetadataHookInterface):
+    """Puts the addresses of the project into the metadata, as far as the checkout or source distribution has them."""
+
+    def update(self, metadata: dict[str, Any]) -> None:
+        """Add `urls` to the project table."""
+        root = Path(self.root)
+        known = root / "PKG-INFO"
+        metadata["urls"] = (
+            addresses(_remote(root)) if not known.exists() else dict(PROJECT_URL.findall(known.read_text()))
+        )
+
+
+def addresses(remote: str) -> dict[str, str]:
+    """Addresses of the repository with this remote of git, by label; none for a folder or a host without a domain."""
+    found = PUBLIC.fullmatch(remote.strip())
+    if found is None:
+        return {}
+    port = found["port"] or "" if (found["scheme"] or "").startswith("http") else ""
+    home = f"https://{found['host']}{port}/{found['path']}"
+    return {"Homepage": home, "Source": home, "Issues": f"{home}/issues"}
+
+
+def _remote(root: Path) -> str:
+    """The address that the checkout was cloned from; empty without git or outside of a checkout."""
+    if not (root / ".git").exists():
+        return ""
+    asked = ("git", "-C", str(root), "remote", "get-url", "origin")
+    try:
+        return subprocess.run(asked, capture_output=True, text=True, check=False).stdout
+    except OSError:
+        return ""
 
 
 class BelowOneName(BuildHookInterface):  # type: ignore[type-arg]

@@ -6,6 +6,7 @@ import ast
 import importlib.util
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -158,3 +159,56 @@ def test_no_module_is_named_in_a_text():
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in modules
     ]
     assert found == [("dmu50_demonstration.py", "machines.calibrations.dmu50_demonstration")]  # the maker's name
+
+
+@pytest.mark.parametrize(
+    ("remote", "home"),
+    [
+        ("git@github.com:maker/ncomp.git\n", "https://github.com/maker/ncomp"),
+        ("https://github.com/maker/ncomp", "https://github.com/maker/ncomp"),
+        ("https://name:secret@gitlab.example.org/shop/tools/ncomp.git/", "https://gitlab.example.org/shop/tools/ncomp"),
+        ("ssh://git@codeberg.org:2222/maker/ncomp.git", "https://codeberg.org/maker/ncomp"),
+        ("https://git.example.org:8443/ncomp", "https://git.example.org:8443/ncomp"),
+        ("/home/maker/ncomp", ""),
+        ("../ncomp", ""),
+        ("file:///srv/git/ncomp.git", ""),
+        ("git@server:ncomp.git", ""),
+        ("C:/work/ncomp", ""),
+        ("", ""),
+    ],
+)
+def test_addresses_of_the_project_are_public(remote, home):
+    found = hatch_build.addresses(remote)
+    assert found == ({"Homepage": home, "Source": home, "Issues": f"{home}/issues"} if home else {})
+
+
+@pytest.mark.parametrize("remote", ["git@git.example.org:maker/ncomp.git", ""])
+def test_the_package_has_the_addresses_of_its_repository(remote, tmp_path):
+    """The wheel is built from the source distribution, which is no checkout."""
+    project, built = tmp_path / "project", tmp_path / "built"
+    project.mkdir()
+    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", "ncomp.py"):
+        shutil.copy(ROOT / name, project)
+    for package in hatch_build.PACKAGES:
+        (project / package).mkdir()
+        (project / package / "__init__.py").touch()
+    shutil.copy(ROOT / "kinematics" / "version.py", project / "kinematics")
+    subprocess.run(["git", "init", "-q", project], check=True)
+    if remote:
+        subprocess.run(["git", "-C", project, "remote", "add", "origin", remote], check=True)
+
+    def build(folder: Path, kind: str) -> Path:
+        code = f"import hatchling.build as b, sys; print(b.build_{kind}(sys.argv[1]))"
+        done = subprocess.run(
+            [sys.executable, "-c", code, built], cwd=folder, capture_output=True, text=True, check=True
+        )
+        return built / done.stdout.split()[-1]
+
+    with tarfile.open(build(project, "sdist")) as archive:
+        archive.extractall(tmp_path, filter="data")
+        (unpacked,) = {tmp_path / Path(name).parts[0] for name in archive.getnames()}
+    with zipfile.ZipFile(build(unpacked, "wheel")) as archive:
+        (metadata,) = (archive.read(name).decode() for name in archive.namelist() if name.endswith("/METADATA"))
+    found = dict(hatch_build.PROJECT_URL.findall(metadata))
+    assert found == hatch_build.addresses(remote)
+    assert bool(found) == bool(remote)
