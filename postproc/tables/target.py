@@ -15,6 +15,7 @@ from kinematics.effects import Cyclic, Effect, ErrorMotion, QuantisedCompensatio
 from kinematics.effects.base import own_motion
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import TURN, Axis, Machine
+from kinematics.pieces import ErrorMotions
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -87,7 +88,7 @@ class Target:
         came = np.zeros_like(q) if approach is None else approach
 
         def errors(positions: Array) -> Array:
-            return self.model.errors(self.machine, State(positions, came))
+            return self._motions.at(positions, came)
 
         start = q.copy()
         for i in np.flatnonzero(self.machine.rotary).tolist() if self.rotary else ():
@@ -97,6 +98,10 @@ class Target:
         tool = np.broadcast_to(self.tool, (len(q), 3))
         movable = np.ones(q.shape, bool)
         return np.asarray(correct_position(self.machine, errors, q, tool, movable, start) - q)
+
+    @cached_property
+    def _motions(self) -> ErrorMotions:
+        return ErrorMotions(self.machine, self.model, State)
 
     @cached_property
     def bounds(self) -> Array:
