@@ -3,9 +3,14 @@
 import re
 
 import pytest
+from hypothesis import strategies as st
 from support.backlash_paths import played
 from support.corrected_lines import written
 from support.programs import correct, load, random_model, setup_of, shifted
+from support.tiers import drawn
+
+from postproc.write import block_numbers
+from postproc.write.block_numbers import BlockNumbers
 
 GANTRY = load("gantry")
 SETUP = setup_of(GANTRY, ["0=0,0,0"], ["T1=0"])
@@ -69,3 +74,45 @@ def test_a_pole_is_said_once():
     lines = corrected(text, shifted(GANTRY, X=100.0, Y=-200.0))
     assert [line for line in lines if " CC " in line] == ["7 CC X+1809.9000 Y+1010.2000"]
     assert "9 C X+1799.9000 Y+1010.2000 DR+" in lines
+
+
+NUMBERS = st.one_of(
+    st.integers(0, 10**4).map(str),
+    st.sampled_from(["0", "9", "99", "999", "0998", "007", "10" * 8, "10" * 9, "9" * 20, ""]),
+)
+LINE = st.builds(
+    "{}{}{}{}".format,
+    st.sampled_from(["", "", "", " ", "\t ", "   "]),
+    NUMBERS,
+    st.sampled_from([" L X+1", " ", "\t", "", "L X1", "\r", " L X+10 \r", " 12 13"]),
+    st.sampled_from(["", " F500", " ; 7 8"]),
+)
+
+
+@drawn(100, 3000, lines=st.lists(LINE, max_size=12), added=st.integers(0, 1200), ended=st.booleans())
+def test_numbers_of_many_lines_are_raised_as_each_by_itself(lines, added, ended):
+    data = ("\n".join(lines) + "\n" * ended).encode()
+    numbers = BlockNumbers(klartext=True)
+    numbers._added = added
+    each = re.sub(rb"(?m)^([ \t]*)(\d+)(?=[ \t])", lambda n: n[1] + b"%d" % (int(n[2]) + added), data)
+    assert numbers.renumbered_lines(data) == (each if added else data)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"1 L X+1\n", b"10 L X+1\n  11 L X+2\n", b"8 L\n9 L\n", b"L X+1\n5 L X+2\n"],
+    ids=["one", "two", "longer", "none"],
+)
+def test_numbers_that_keep_their_lengths_need_no_pattern(data, monkeypatch):
+    numbers = BlockNumbers(klartext=True)
+    numbers._added, expected = 1, re.sub(rb"(?m)\d+(?= L)", lambda n: b"%d" % (int(n[0]) + 1), data)
+    if b"9 L" not in data:
+        monkeypatch.setattr(block_numbers, "_NUMBER_IN_BYTES", _Once())
+    assert numbers.renumbered_lines(data) == expected
+
+
+class _Once:
+    """A pattern for the last line alone."""
+
+    def match(self, *_):
+        return None

@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
+
 from postproc.text.block import Block
 
 _NUMBER = re.compile(r"[ \t]*(\d+)(?=[ \t])")
 
 _NUMBER_IN_BYTES = re.compile(rb"^([ \t]*)(\d+)(?=[ \t])", re.MULTILINE)
+MOST_DIGITS = 17
+"""Digits of a block number that fit into a column."""
 
 
 class BlockNumbers:
@@ -51,10 +55,7 @@ class BlockNumbers:
             return data
         last = _NUMBER_IN_BYTES.match(data, data.rfind(b"\n", 0, len(data) - 1) + 1)
         self._last = int(last[2]) + self._added if last else None
-        return _NUMBER_IN_BYTES.sub(self._moved, data) if self._added else data
-
-    def _moved(self, number: re.Match[bytes]) -> bytes:
-        return b"%s%d" % (number[1], int(number[2]) + self._added)
+        return _raised(data, self._added) if self._added else data
 
     def next_number(self) -> str:
         """Number and blank at the start of the next added line; empty if the block before has no number."""
@@ -63,3 +64,34 @@ class BlockNumbers:
         self._added += 1
         self._last += 1
         return f"{self._last} "
+
+
+def _raised(data: bytes, by: int) -> bytes:
+    """Text of lines with larger block numbers, in columns where all of them keep their lengths."""
+    text = np.frombuffer(data + b"\n" * (MOST_DIGITS + 1), np.uint8).copy()
+    at = np.append(0, np.flatnonzero(text[: len(data) - 1] == ord("\n")) + 1)
+    while (indented := _blank(text[at])).any():
+        at = at + indented
+    number, length, more = np.zeros(len(at), np.int64), np.zeros(len(at), int), np.ones(len(at), bool)
+    for place in range(MOST_DIGITS):
+        digit = text[at + place] - np.uint8(ord("0"))  # other characters become large
+        more &= digit < 10
+        if not more.any():
+            break
+        number = np.where(more, number * 10 + digit, number)
+        length += more
+    numbered = (length > 0) & _blank(text[at + length])
+    last, number, length = (at + length - 1)[numbered], number[numbered] + by, length[numbered]
+    powers = 10 ** np.arange(MOST_DIGITS + 1)
+    if more.any() or (number >= powers[length]).any() or ((number < powers[length - 1]) & (length > 1)).any():
+        return _NUMBER_IN_BYTES.sub(lambda found: b"%s%d" % (found[1], int(found[2]) + by), data)
+    for place in range(int(length.max(initial=0))):
+        some = length > place
+        text[(last - place)[some]] = ord("0") + number[some] % 10
+        number = number // 10
+    return text[: len(data)].tobytes()
+
+
+def _blank(characters: np.ndarray) -> np.ndarray:
+    """True for a blank or a tabulator."""
+    return np.asarray((characters == ord(" ")) | (characters == ord("\t")))
