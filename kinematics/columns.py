@@ -257,6 +257,12 @@ class ChainColumns:
         return _from((-x, -y, -z), self._turn(i, _from((x, y, z), p)))
 
 
+def point_deviations(machine: Machine, q: Array, errors: Array, tool: Array) -> Array:
+    """Deviations of the tool point `(n, 3)`, mm, workpiece frame, at n positions; as `exact_deviation`."""
+    chain, tip = ChainColumns(machine, q), vector(tool)
+    return rows_of(minus(chain.point(tip, errors), chain.point(tip)), len(q))
+
+
 _Z: Vector = (read_only(np.zeros(1)), read_only(np.zeros(1)), read_only(np.ones(1)))
 _UPRIGHT = read_only(np.eye(3))
 

@@ -7,7 +7,8 @@ from support.random_chains import chains
 from support.tiers import drawn
 
 import machines
-from kinematics.columns import ChainColumns, length, minus, rows_of, vector
+from kinematics.columns import ChainColumns, length, minus, point_deviations, rows_of, vector
+from kinematics.deviation import exact_deviation
 from kinematics.forward import forward
 from kinematics.machine import Machine
 
@@ -28,6 +29,8 @@ def assert_agrees(machine: Machine, seed: int, size: float, rows: int = 40) -> N
         points = rows_of(chain.point(vector(tool), given), rows)
         assert np.abs(points - pose.apply(tool)).max() < MM
         assert np.abs(rows_of(chain.tool_axis(given), rows) - pose.rotation[:, :, 2]).max() < DIRECTION
+    exact = exact_deviation(machine, q, errors, tool).position
+    assert np.abs(point_deviations(machine, q, errors, tool) - exact).max() < MM
     some = np.arange(0, rows, 3)
     part = chain.rows(some).point(vector(tool[some]))
     assert np.abs(rows_of(part, len(some)) - forward(machine, q[some]).apply(tool[some])).max() < MM

@@ -26,6 +26,7 @@ from calibration.measurement.states import (
     state_columns,
 )
 from calibration.measurement.text_table import Table, read_table
+from kinematics.columns import point_deviations
 from kinematics.deviation import exact_deviation
 from kinematics.error_model.effect_sums import Design
 from kinematics.error_model.model import ErrorModel
@@ -198,7 +199,7 @@ def predictions(model: ErrorModel, machine: Machine, state: State, tool: Array) 
     design = Design(model.effects, machine, state, with_instrument=False)
     for rows in blocks(len(state)):
         q = state.positions[rows]
-        deviation = exact_deviation(machine, q, errors[rows], tool[rows]).position
+        deviation = point_deviations(machine, q, errors[rows], tool[rows])
         transform = error_transform_with_tool(machine, q, tool[rows])[:, :3]
         unmeasured = model.unmeasured_variance(machine, state.rows(rows), transform)
         yield Predicted(rows, deviation * MM, model.propagated(design.of(rows, transform), unmeasured) * MM)

@@ -200,7 +200,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             variance = np.sum(design @ np.array(self.covariance) * design, axis=2)
         else:
             u = np.array([v for effect in self.effects for v in effect.uncertainties])
-            variance = np.einsum("nrp,p->nr", design**2, u**2)
+            variance = design**2 @ u**2
         return np.asarray(np.sqrt(np.maximum(variance, 0.0) + additional))  # below zero by rounding only
 
     def unmeasured_variance(self, machine: Machine, state: State, transform: Array) -> Array:
