@@ -40,7 +40,7 @@ test-unit: $(INSTALLED) ## run the unit tests only
 
 # pytest ends with 5 where there is no test to run.
 test-statistical: $(INSTALLED) ## run the tests with many draws only
-	$(BIN)/pytest -n 2 --dist worksteal -m statistical $(ARGS) || [ $$? -eq 5 ]
+	$(BIN)/pytest -n 2 --dist worksteal --durations=20 -m statistical $(ARGS) || [ $$? -eq 5 ]
 
 test-all: $(INSTALLED) ## run every test; those of LinuxCNC and FreeCAD fail, rather than skip, without them
 	NCOMP_REQUIRE_CLIENTS=1 $(BIN)/pytest -n 2 --dist worksteal $(ARGS)
