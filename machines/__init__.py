@@ -8,10 +8,10 @@ from typing import Any
 
 import msgspec
 
-from kinematics.files import reason_of
-from kinematics.files.mistaken import did_you_mean, missing
+from kinematics.files import read_input
+from kinematics.files.mistaken import did_you_mean
 from kinematics.files.report_head import ReportHead
-from kinematics.files.toml_entries import at_line, entry, read_table
+from kinematics.files.toml_entries import at_line, entry, read_table, utf8_text
 from kinematics.machine import EVERY_OTHER, Control, Machine, make_axis, split_chain
 from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
@@ -54,13 +54,7 @@ def load(name_or_path: str) -> Machine:
     A shipped name means the shipped machine; other names are those of the files in the user's folders.
     """
     path = path_of(name_or_path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as fault:
-        raise UserError(f"machine file {path}: {reason_of(fault)}{missing(path)}") from None
-    except UnicodeDecodeError:
-        raise UserError(f"machine file {path}: not UTF-8 text: save it as UTF-8") from None
-    return parse(text, str(path))
+    return parse(utf8_text(read_input(path, "machine file"), f"machine file {path}"), str(path))
 
 
 def path_of(name_or_path: str) -> Path:

@@ -75,10 +75,14 @@ const CAPTION = 30, LEAST_HIGH = 210;             // px, of the title of a scene
 
 const along = (point, direction) => point[0] * direction[0] + point[1] * direction[1] + point[2] * direction[2];
 
-// Ends of the axes of a scene: those of its points, with a margin; cones reach beyond their points.
+// Coordinates of the tips of cones, whose tails are at their points.
+const tips = (trace, name, vector) => trace.type === "cone" ? trace[name].map((at, i) => at + trace.sizeref * trace[vector][i]) : [];
+
+// Ends of the axes of a scene: those of its points and of the tips of its cones, with a margin for the bases of cones.
 function endsOf(traces) {
   const margin = traces.some(trace => trace.type === "cone") ? 0.1 : 0.04;
-  const ends = ["x", "y", "z"].map(name => traces.flatMap(trace => [trace[name] || []].flat(2)).filter(Number.isFinite)
+  const ends = [["x", "u"], ["y", "v"], ["z", "w"]].map(([name, vector]) =>
+    traces.flatMap(trace => [...[trace[name] || []].flat(2), ...tips(trace, name, vector)]).filter(Number.isFinite)
     .reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]))
     .map(([low, high]) => low <= high ? [low, high] : [0, 0]);
   const longest = Math.max(...ends.map(([low, high]) => high - low)) || 20;

@@ -50,6 +50,17 @@ class Report(msgspec.Struct, frozen=True):
     """Entries by which a shop files the page."""
 
 
+def with_notes(report: Report, notes: Sequence[str]) -> Report:
+    """The report with those of these notes that it does not have yet, each once, at its end."""
+    cells = (cell for each in report.sections if each.table is not None for row in each.table.rows for cell in row)
+    present = "\n".join((report.verdict, *(each.text for each in report.sections), *cells))
+    new = [note for note in dict.fromkeys(notes) if note not in present]
+    if not new:
+        return report
+    title = "Further notes" if any(each.title == "Notes" for each in report.sections) else "Notes"
+    return msgspec.structs.replace(report, sections=[*report.sections, Section(title, "\n".join(new))])
+
+
 def facts(title: str, rows: Sequence[Sequence[str]]) -> Section:
     """A section of facts, each a name and its text."""
     return Section(title, table=Table(("", ""), rows))

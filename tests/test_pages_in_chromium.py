@@ -7,12 +7,16 @@ import shutil
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 from clients.chromium import DESKTOP, PHONE
 from pypdf import PdfReader
 from support.command import succeed
 from support.pages import figures, panels
+from support.three_points_cases import SERIES, measured, model, random_effects, station
 
+import machines
+from calibration.measurement.file import write_measurement
 from rendering.page import page as page_of
 from rendering.report import Report, Section, Table
 
@@ -60,6 +64,14 @@ EMPTY = """return [...document.querySelectorAll('table:not(.facts)')].flatMap(ta
   return [...table.querySelectorAll('th')].map((head, i) => [head.textContent, rows.every(row => !row.cells[i].textContent.trim())])
     .filter(([, empty]) => empty).map(([head]) => [head, table.querySelector('th').textContent]) })"""
 """Columns of tables without a text."""
+UNNAMED = """return [...document.querySelectorAll('table:not(.facts)')].filter(table =>
+  [...table.querySelectorAll('th')].some(head => !head.textContent.trim())).map(table => table.textContent.slice(0, 80))"""
+"""Tables with a column without a name."""
+CUT_CONES = """return [...document.querySelectorAll('.plot')].flatMap(plot => (plot._fullData || [])
+  .filter(trace => trace.type === 'cone').flatMap(trace => { const scene = plot._fullLayout[trace.scene];
+    return [['x', 'u'], ['y', 'v'], ['z', 'w']].flatMap(([name, vector]) => { const [low, high] = scene[`${name}axis`].range;
+      return [...trace[name]].map((at, i) => at + trace.sizeref * trace[vector][i]).filter(tip => tip < low || tip > high) }) }))"""
+"""Coordinates of the tips of cones outside of their scenes."""
 CAMERA = "return document.querySelector('.plot')._fullLayout.scene._scene.getCamera().eye"
 
 
@@ -94,6 +106,8 @@ def check_screens(chromium, page, screens=((PHONE, False), (DESKTOP, True))):
         assert chromium.run(FAINT, 2.0 if night else 1.4) == []
         assert chromium.run(CUT) == []
         assert chromium.run(EMPTY) == []
+        assert chromium.run(UNNAMED) == []
+        assert chromium.run(CUT_CONES) == []
         colour = chromium.run("return getComputedStyle(document.documentElement).backgroundColor")
         assert (sum(map(int, re.findall(r"\d+", colour))) < 200) == night
     assert chromium.errors() == []
@@ -292,6 +306,41 @@ def test_page_of_a_plan(chromium, tmp_path):
     )
     assert numbers_without_scale(page) == []
     check_screens(chromium, page, ((PHONE, True),))
+
+
+@pytest.mark.statistical
+def test_page_of_three_points(chromium, tmp_path, monkeypatch):
+    for axis, positions in list(SERIES.items()):
+        monkeypatch.setitem(SERIES, axis, positions[::2])
+    dmu50 = machines.load("dmu50")
+    eyes = {"1": (800.0, -850.0, -650.0), "2": (-800.0, 850.0, -650.0), "3": (850.0, 800.0, 950.0)}
+    stations = {name: station(eye, float(name)) for name, eye in eyes.items()}
+    truth, rng = model(dmu50, random_effects(3, degree=2)), np.random.default_rng(5)
+    with (tmp_path / "data.csv").open("wb") as file:
+        write_measurement(measured(dmu50, truth, stations, axes="XYZC", rng=rng), file)
+    page = tmp_path / "three_points.html"
+    succeed("three-points", tmp_path / "data.csv", "-m", "dmu50", "-o", tmp_path / "cal.json", "--report", page)
+    check_screens(chromium, page, ((PHONE, True),))
+    texts = printed(page)
+    assert "error motion range u (k=1) unit degree" in " ".join(texts)
+    assert "measure C at 17 positions" in texts[-1].replace("\n", " ").partition("Notes")[2]
+
+
+FOLDER = {"box.nc": BOX.read_text(), "sub/probing.nc": "G21 G90 G54\nG0 X1. Y1. Z1.\nG31 X5.\nM30\n"}
+
+
+@pytest.mark.statistical
+def test_page_of_a_folder(chromium, tmp_path, command):
+    for name, text in FOLDER.items():
+        (tmp_path / "in" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "in" / name).write_text(text)
+    set_up = ("--machine", "dmu50", "--work-offset", "G54=-30,-20,150", "--tool-length", "T1=80")
+    page = tmp_path / "batch.html"
+    assert command("batch", "in", "out", *set_up, "--report", page).status == 2
+    check_screens(chromium, page)
+    text = " ".join(printed(page))
+    for words in ("u (k=1), µm", "G31 is a probing move", "An error relative to the datum", "its home 0 is assumed"):
+        assert words in text
 
 
 @pytest.mark.statistical

@@ -3,14 +3,17 @@
 import csv
 import dataclasses
 import datetime
+import html
 import json
 import math
+import re
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from support.file_examples import LASER
+from support.pages import text_of
 
 import machines
 from calibration.fit.prediction import predictions, read_points
@@ -21,6 +24,7 @@ from kinematics.error_model.model import ErrorModel, Provenance, read_model, ref
 from kinematics.machine import Machine
 from kinematics.transforms import BLOCK
 from kinematics.user_error import UserError
+from rendering.si import si
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 
@@ -204,10 +208,24 @@ def test_notes_and_summary(ncomp):
     for note in data["notes"]:
         assert f"note: {note}" in done.err
     assert (
-        "2 points: deviation of the tool point 353.55 um RMS, at most 500.00 um; at 100.0 % of them it is significant"
+        "2 points: deviation of the tool point 353.55 um RMS, at most 500.00 um; at 2 of them it is significant"
         in done.err
     )
     assert Path("out.csv").read_bytes().count(b"\r") == 0
+
+
+def test_the_page_has_the_notes_of_the_terminal(ncomp):
+    Path("p.csv").write_text("X,Y,Z,B,C\n0,0,100,190,0\n50,20,120,60,90\n")
+    done = ncomp("predict", "p.csv", "-m", "dmu50", "-o", "out.csv", "--report", "page.html")
+    notes = [line.removeprefix("note: ") for line in done.err.splitlines() if line.startswith("note: ")]
+    assert "E_XB, E_YB, E_ZB, E_AB, E_BB, E_CB: each is used up to 10 deg beyond its calibrated range" in done.err
+    page = html.unescape(text_of(Path("page.html")))
+    assert len(notes) == 4
+    for note in notes:
+        assert si(note) in page
+    assert page.index("DEMONSTRATION CALIBRATION") < page.index("Deviations in the workpiece frame")
+    rows = re.findall(r"<td[^>]*>(-?[\d.]+ ± [\d.]+)</td>", page)
+    assert len(rows) == 6
 
 
 def without_u(effect: ErrorMotion) -> ErrorMotion:

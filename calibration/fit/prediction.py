@@ -28,6 +28,7 @@ from calibration.measurement.states import (
 from calibration.measurement.text_table import Table, read_table
 from kinematics.columns import point_deviations
 from kinematics.deviation import exact_deviation
+from kinematics.error_model.beyond_range import beyond_range
 from kinematics.error_model.effect_sums import Design
 from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import error_transform_with_tool
@@ -100,10 +101,7 @@ class Prediction:
     @property
     def notes(self) -> list[str]:
         """Notes on positions beyond the calibrated range, and on a calibration without uncertainties."""
-        notes = [
-            f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
-            for (name, unit), excess in self.model.outside(self.machine, self.state).items()
-        ]
+        notes = beyond_range(self.model.outside(self.machine, self.state))
         effects = self.model.effects
         if effects and self.model.covariance is None and not any(any(effect.uncertainties) for effect in effects):
             notes.append("the calibration has no uncertainties: every deviation counts as significant")
@@ -128,10 +126,10 @@ class RelativeDeviation(NamedTuple):
         return mean**0.5
 
     def __str__(self) -> str:
-        between, shift = (", ".join(f"{u:.2g}" for u in values) for values in (self.u_between, self.u_shift))
+        between, shift = (", ".join(f"{u:.2f}" for u in values) for values in (self.u_between, self.u_shift))
         return (
-            f"{between} um (k=1, x y z) of the deviation between positions; {shift} um of a shift common to all, which "
-            "disappears if the zero is touched off on the machine"
+            f"Deviations relative to their mean have standard uncertainties (k=1) of {between} um in x, y, z. "
+            f"The shift common to all has {shift} um; it disappears if the zero is touched off on the machine."
         )
 
     def json(self) -> dict[str, list[float]]:

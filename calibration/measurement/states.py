@@ -103,7 +103,13 @@ def check_machine(table: Table, machine: Machine, notes: list[str]) -> None:
 
 def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[str]) -> None:
     """Notes on header lines that are not used."""
+    for remark in table.remarks:
+        if known(key := remark.value.partition(" ")[0]) and key != remark.value:
+            value = remark.value.removeprefix(key).strip()
+            raise UserError(f"{table.source}:{remark.line} {key}: the colon is missing: write '# {key}: {value}'")
     for key, entry in table.entries.items():
+        if not known(key) and known(small := key.strip().lower().replace(" ", "_").replace("-", "_")):
+            table.header_fault(key, f"header keys are in small letters: write {small}")
         if not known(key) and key not in OF_A_PLAN and key.partition(".")[0] not in CARRIERS:
             where = f"line {entry.line}: header key {key!r}" if entry.line else f"--header {key}"
             notes.append(f"{where} is unknown, and ignored")

@@ -15,12 +15,14 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from kinematics.files import fingerprint, read_input
-from kinematics.files.mistaken import number_hint
+from kinematics.files.mistaken import not_utf8, number_hint
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 LARGEST = 1e12
 """Largest accepted number, so that the squares of mistyped numbers stay finite."""
+LONGEST = 100_000
+"""Most characters of a line; one cell of a CSV file may not have many more."""
 EMPTY = "empty: fill it in, or delete the row"
 NO_NUMBER = f"is no number within ±{LARGEST:g}: correct it, or delete the row"
 
@@ -204,7 +206,8 @@ def _check_row(row: str, where: str, expected: int, delimiter: str) -> None:
     try:
         count = len(next(csv.reader([row], delimiter=delimiter, strict=True)))
     except csv.Error as fault:
-        raise UserError(f"{where}: {fault}") from None
+        reason = "a cell begins with a quote and has no end" if "unexpected end" in str(fault) else str(fault)
+        raise UserError(f"{where}: {reason}: correct the row, or delete it") from None
     if count != expected:
         hint = " (a decimal comma?)" if count > expected and delimiter == "," else ""
         raise UserError(
@@ -224,11 +227,14 @@ def text_lines(data: bytes, source: str) -> list[str]:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         line = data[: fault.start].count(b"\n") + 1
-        raise UserError(f"{source}:{line}: not UTF-8 text: save the file as UTF-8") from None
+        raise UserError(f"{source}:{line}: {not_utf8(data)}") from None
     if "\0" in text:
         line = text[: text.index("\0")].count("\n") + 1
         raise UserError(f"{source}:{line}: a zero byte, so the file is damaged or no text: export it again")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    if long := next((number for number, line in enumerate(lines, start=1) if len(line) > LONGEST), None):
+        raise UserError(f"{source}:{long}: a line of more than {LONGEST} characters: this is no table; export it again")
+    return lines
 
 
 def number_of(cell: str) -> float | None:

@@ -70,7 +70,7 @@ def _figures(tests: Sequence[CircularTest]) -> Iterator[Section]:
         "Circular deviation",
         "Deviations are about the least-squares circle. U (k = 2) contains the uncertainties of the readings and of "
         "the bar's length; a range is the difference of two readings. Fmax, Fmin and D need a calibrated length.",
-        Table(("plane", "feed, mm/min", "", "", "value, um", "U, um"), rows),
+        Table(("plane", "feed, mm/min", "symbol", "deviation", "value, um", "U, um"), rows),
     )
 
 

@@ -124,7 +124,7 @@ def _sections(found: Diagnosis, files: Files) -> Iterator[Section]:
     yield facts("Data, model, noise", list(_facts(found)))
     if found.repeats is not None:
         rows = [(c.name, f"{c.noise:.3g}", f"{c.specified:.3g}", c.unit) for c in found.repeats.components]
-        table = Table(("standard uncertainty (k=1)", "from repeats", "specified", ""), rows)
+        table = Table(("standard uncertainty (k=1)", "from repeats", "specified", "unit"), rows)
         yield Section("Noise of the instrument", table=table, detail=True)
     yield from change_sections(found.machine_change)
     yield from _residuals(found)
@@ -205,7 +205,7 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
         )
         for number, title, cause in numbered
     ]
-    head = ("", "cause", f"size ± U (k={words.COVERAGE})", "dBIC", "held out, um", "share", "verdict")
+    head = ("number", "cause", f"size ± U (k={words.COVERAGE})", "dBIC", "held out, um", "share", "verdict")
     yield Section("Causes", f"{SIGNS}\n{LEGEND}", Table(head, rows))
     similar = [
         (number, title, words.in_full(other.name), f"{other.cosine:.2f}", words.odds(other.odds), "TIED" * other.tied)
@@ -214,7 +214,9 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
     ]
     if similar:
         text = "Their effect on these data is nearly the same; odds: of the cause against the similar one."
-        yield Section("Similar causes", text, Table(("", "cause", "similar cause", "cosine", "odds", ""), similar))
+        yield Section(
+            "Similar causes", text, Table(("number", "cause", "similar cause", "cosine", "odds", "verdict"), similar)
+        )
     for number, title, cause in numbered:
         drawn = partial(cause_figure, views(found.after.linearised, cause.effect))
         yield Section(f"Cause {number}: {title}", "\n".join(_about(cause)), figure=drawn)
@@ -282,7 +284,7 @@ def _tests(found: Diagnosis) -> Table:
     after = {test.name: test for test in found.tests_after}
     marked = [{test.name for test in combined(tests, LEFT)} for tests in (found.tests, found.tests_after)]
     rows = [(test.name, *_tested(test, marked[0]), *_tested(after.get(test.name), marked[1])) for test in found.tests]
-    return Table(("residuals", "p before", "", "p after", ""), rows)
+    return Table(("residuals", "p before", "result before", "p after", "result after"), rows)
 
 
 def _tested(test: Test | None, marked: set[str]) -> tuple[str, str]:
@@ -365,7 +367,7 @@ def _not_shown(found: Diagnosis) -> Iterator[Section]:
         smallest.setdefault((kind, unit), []).append(f"{where} {rounded(size)}".strip())
     if smallest:
         sizes = [(kind, ", ".join(sizes), unit) for (kind, unit), sizes in smallest.items()]
-        table = Table(("cause", "smallest size that these data show", ""), sizes)
+        table = Table(("cause", "smallest size that these data show", "unit"), sizes)
         yield Section("Detection limits", table=table, detail=True)
 
 

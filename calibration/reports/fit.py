@@ -31,6 +31,7 @@ from rendering.volume import Field, volume_section
 LISTED = 20
 """Most rows that are listed with the reason for which they were left out; the JSON has all."""
 RIGHT_HANDED = "Tool relative to workpiece, right-handed; of a table the line lies at minus the value."
+LOCATION_HEAD = ("error", "meaning", "value", "U (k=2)", "unit")
 
 
 def fit_json(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
@@ -230,14 +231,14 @@ def parameters(model: ErrorModel) -> Iterator[Section]:
             )
             for e in locations
         ]
-        yield Section("Location errors", RIGHT_HANDED, Table(("", "", "value", "U (k=2)", ""), rows))
+        yield Section("Location errors", RIGHT_HANDED, Table(LOCATION_HEAD, rows))
     others = [
         (effect.name, parameter.name, f"{value:.3f}", f"{2 * u:.3f}", parameter.unit)
         for effect in besides(model.effects)
         for parameter, value, u in zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
     ]
     if others:
-        yield Section("Other effects", table=Table(("", "", "value", "U (k=2)", ""), others))
+        yield Section("Other effects", table=Table(("effect", "parameter", "value", "U (k=2)", "unit"), others))
 
 
 def parameters_json(model: ErrorModel) -> dict[str, Any]:

@@ -49,7 +49,7 @@ def _sections(test: AxisTest, text: str) -> Iterator[Section]:
     yield Section(f"Axis {test.axis}: chart", text, figure=partial(_chart, test))
     values = [(value.symbol, value.title, number(value.value), number(value.U)) for value in test.values]
     head = [f"value, {unit}", f"U (k=2, instrument), {unit}"]
-    yield Section(f"Axis {test.axis}: ISO 230-2:2014", table=Table(("", "", *head), values))
+    yield Section(f"Axis {test.axis}: ISO 230-2:2014", table=Table(("symbol", "parameter", *head), values))
     rows = []
     for i, position in enumerate(test.positions):
         cells = [cell for direction in range(len(DIRECTIONS)) for cell in _cells(test, direction, i)]

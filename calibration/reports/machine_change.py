@@ -72,7 +72,9 @@ def change_sections(change: MachineChange | None) -> Iterator[Section]:
         "errors are by ISO 230-1 in the datum of the calibration, with the U "
         f"(k={words.COVERAGE}) of the difference of both."
     )
-    yield Section("Change since the present calibration", text, Table(("", "symbol", "change ± U", ""), rows))
+    yield Section(
+        "Change since the present calibration", text, Table(("error", "symbol", "change ± U", "result"), rows)
+    )
 
 
 def _meaning(line: LocationError | Scale) -> str:

@@ -19,4 +19,4 @@ def zeros_section(found: Fit) -> Iterator[Section]:
     """The table of the zeros; none where there are no runs with zeros."""
     rows = [(zero.run, f"{zero.value:.3f}", f"{zero.u:.3f}", zero.unit) for zero in run_zeros(found)]
     if rows:
-        yield Section("Zeros of the runs", TEXT, Table(("axis and run", "zero", "u", ""), rows), detail=True)
+        yield Section("Zeros of the runs", TEXT, Table(("axis and run", "zero", "u (k=1)", "unit"), rows), detail=True)

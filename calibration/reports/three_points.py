@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 from calibration.reports.fit import RIGHT_HANDED, insignificant, residual_sentence, residuals
+from calibration.single_axis.stations import Points
 from calibration.single_axis.three_points import AxisResult, ThreePoints
 from calibration.single_axis.three_points_check import Check
 from calibration.single_axis.three_points_figures import LINES, locations, ranges, squarenesses, straightnesses
@@ -102,11 +103,7 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
     yield from volume_section(checked.fit.measurement.machine, [before, after])
     points = found.points
     if points.degrees_of_freedom:
-        text = (
-            f"chi2/dof {points.chi2 / points.degrees_of_freedom:.3g} by the instrument specification; additional "
-            f"standard deviation of the machine's repeatability {points.repeatability_um:.2g} um"
-        )
-        yield facts("Data", [("rounds", text)])
+        yield facts("Noise", [("residuals", _noise(points))])
     yield residuals((checked.before_rms_um, checked.before_max_um), checked.fit, checked.cross_validation)
     for axis in found.axes.values():
         yield _axis_summary(axis)
@@ -127,12 +124,22 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
     ]
     if straight:
         text = "Values are in um, each with its standard uncertainty u (k=1), by reference line."
-        yield Section("Straightness", text, Table(("", *LINES), straight))
+        yield Section("Straightness", text, Table(("error motion", *LINES), straight))
     rows = [
         (figure.name, f"{figure.value:.2f}", f"{figure.u:.2f}", figure.unit, figure.description)
         for figure in (*locations(found), *squarenesses(found))
     ]
-    yield Section("Location errors and squareness", RIGHT_HANDED, Table(("", "value", "u (k=1)", "", ""), rows))
+    yield Section(
+        "Location errors and squareness", RIGHT_HANDED, Table(("error", "value", "u (k=1)", "unit", "meaning"), rows)
+    )
+
+
+def _noise(points: Points) -> str:
+    """The size of the residuals beside the instrument specification, and the repeatability that it shows."""
+    text = f"chi2/dof {points.chi2 / points.degrees_of_freedom:.3g} by the instrument specification: "
+    if not points.repeatability_um:
+        return f"{text}they are no larger than its noise"
+    return f"{text}beyond its noise the machine repeats to {points.repeatability_um:.2g} um (standard deviation)"
 
 
 def _motions(axis: AxisResult) -> Figure:
@@ -165,5 +172,5 @@ def _axis_summary(axis: AxisResult) -> Section:
         f"The axis was measured at {len(at)} positions from {at[0]:g} to {at[-1]:g} {axis.axis.unit}, with the other "
         f"axes at {others}."
     )
-    head = ("", "range", "u (k=1)", "", "degree", "chi2/dof", "")
+    head = ("error motion", "range", "u (k=1)", "unit", "degree", "chi2/dof", "kind")
     return Section(f"Axis {axis.axis.name}", text, Table(head, rows))

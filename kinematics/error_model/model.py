@@ -308,7 +308,7 @@ def decode_model(data: bytes, source: str) -> ErrorModel:
         model = _converted(content)
     except msgspec.DecodeError as fault:
         if kind := "" if data.lstrip().startswith(b"{") else kind_of_file(data):
-            raise UserError(f"calibration {source}: this is {kind}, no calibration") from None
+            raise UserError(f"calibration {source}: this is {kind}, no calibration: give a file of ncomp fit") from None
         reason = f"{reason_of_fault(str(fault))}{hint(str(fault), data)}"
         raise UserError(f"calibration {source}: {reason}; {CURE}") from None
     except UnicodeDecodeError:

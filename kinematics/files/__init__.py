@@ -76,7 +76,10 @@ class Draft:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path, self._target = path, Path(os.path.realpath(path))
+        self.path, self._target = path, true_path(path)
+        with writing(path):
+            if self._target.is_symlink():
+                raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
         self._temporary = self._target.with_name(f".{path.name}.{os.urandom(4).hex()}.tmp")
         _unpublished.add(self._temporary)
         with writing(path):
@@ -168,6 +171,11 @@ def read_input(path: Path, contents: str) -> bytes:
         return path.read_bytes()
     except OSError as fault:
         raise UserError(f"{contents} {path}: {reason_of(fault)}{missing(path)}") from None
+
+
+def true_path(path: str | Path) -> Path:
+    """The absolute path without links; a link that points to itself stays, and its reading names the fault."""
+    return Path(os.path.realpath(path))
 
 
 def fingerprint(data: bytes) -> str:

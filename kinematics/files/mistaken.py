@@ -21,6 +21,7 @@ KINDS = (
     (rb"solid [^\n]*\n\s*facet", "an STL model"),
     (rb"\x89PNG|\xff\xd8\xff|GIF8", "a picture"),
     (rb"(?i)<(!doctype\s+)?html", "a web page"),
+    (rb"<\?xml", "an XML file"),
     (rb'\{[^\0]*?"ncomp_calibration"', "a calibration of ncomp (--calibration)"),
     (rb"\{\s*\"", "a JSON file"),
     (rb"(#[^\n]*\n)*#\s*instrument:", "a measurement file (ncomp fit and ncomp diagnose read it)"),
@@ -32,12 +33,28 @@ KINDS = (
 )  # fmt: skip
 """Beginnings of files, each with the kind of its file."""
 PROGRAM = KINDS[-1][1]
+CURES = {
+    "a ZIP archive or a spreadsheet": "export the sheet as text (CSV, UTF-8)",
+    "a packed archive": "unpack it, and give the file in it",
+    "a program of a computer": "give a text file",
+    "a PDF document": "give a text file",
+    "a picture": "give a text file",
+}
+"""Cures for files that are no text, by their kind."""
 
 
 def kind_of_file(data: bytes) -> str:
     """Kind of the file that begins with these bytes, with an article; empty for an unknown one."""
     head = data[:HEAD].removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
     return next((kind for begins, kind in KINDS if re.match(begins, head)), "")
+
+
+def not_utf8(data: bytes) -> str:
+    """Reason for a file that should be UTF-8 text, with the cure: it is of another kind, or in another encoding."""
+    kind = kind_of_file(data)
+    if kind not in CURES:
+        return "not UTF-8 text: save it as UTF-8"
+    return f"this is {kind}: {CURES[kind]}"
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

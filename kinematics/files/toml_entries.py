@@ -10,7 +10,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
-from kinematics.files.mistaken import did_you_mean, kind_of_file
+from kinematics.files.mistaken import did_you_mean, kind_of_file, not_utf8
 from kinematics.user_error import UserError
 
 T = TypeVar("T")
@@ -26,17 +26,25 @@ NOUNS = {
 """Types of msgspec's messages, for people."""
 TOML = ("machine file", "job file", "study", "report head")
 """Kinds of files in TOML."""
+_MISTAKES = (
+    (r'"[^"]*\\', "; write paths with / in place of \\, or in single quotes"),
+    (r"\d['\u2019]\d{3}|=\s*\d+\.\d{3},\d", "; write numbers without separators of thousands: 1250.5"),
+    (r"=\s*[-+]?\d+,\d", "; write the decimal point as '.'"),
+    (r"=\s*\d+[-./]\d+[-./]\d", "; write a date as year-month-day: 2026-11-03"),
+    (r"=\s*[A-Za-z]", "; write texts in quotes"),
+)
+"""Typing mistakes in a line of TOML, each with its cure."""
 _KEY = r"\"[^\"]*\"|'[^']*'|[\w-]+"
 _HEADER = re.compile(rf"\s*\[{{1,2}}\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*\]{{1,2}}")
 _ENTRY = re.compile(rf"\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*=")
 
 
 def utf8_text(data: bytes, where: str) -> str:
-    """The text of a file; UserError for another encoding. `where` names the file."""
+    """The text of a file, with any line ends; UserError for another encoding. `where` names the file."""
     try:
-        return data.decode()
+        return data.decode().replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
-        raise UserError(f"{where}: not UTF-8 text: save it as UTF-8") from None
+        raise UserError(f"{where}: {not_utf8(data)}") from None
 
 
 def read_table(text: str, where: str) -> dict[str, Any]:
@@ -58,17 +66,9 @@ def read_table(text: str, where: str) -> dict[str, Any]:
 
 def _typing_hint(line: str) -> str:
     """Cure of the likely typing mistake in a line, behind a separator."""
-    if re.search(r'"[^"]*\\', line):
-        return "; write paths with / in place of \\, or in single quotes"
-    if re.search(r"=\s*[-+]?\d+,\d", line):
-        return "; write the decimal point as '.'"
-    if re.search(r"=\s*\d+[-./]\d+[-./]\d", line):
-        return "; write a date as year-month-day: 2026-11-03"
-    if re.search(r"=\s*[A-Za-z]", line):
-        return "; write texts in quotes"
     if line.startswith("[") and "twice" not in line:
         return "; a table begins with its name in brackets, once in a file"
-    return "; expected name = value"
+    return next((cure for mistake, cure in _MISTAKES if re.search(mistake, line)), "; expected name = value")
 
 
 def at_line(text: str, where: str, fault: UserError) -> UserError:
@@ -155,6 +155,7 @@ def _for_people(message: str, where: str, kind: Any) -> str:
         reason = f"Expected {', '.join(others)}{' or ' if others else ''}{last}, not {wrong[1]}"
     if length := re.search(r"`array` of length (\d+), got (\d+)", reason):
         comma = " (write the decimal point as '.')" if int(length[2]) == 2 * int(length[1]) else ""
+        comma = " (write one pair of brackets around them)" if length[2] == "1" else comma
         reason = reason.replace(length[0], f"a list of {length[1]} entries, not of {length[2]}{comma}")
     for name, noun in NOUNS.items():
         reason = re.sub(rf"`([^`]*)\b{name}\b([^`]*)`", rf"`\1{noun}\2`", reason)

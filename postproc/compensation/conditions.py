@@ -18,6 +18,7 @@ import numpy as np
 
 from kinematics.error_model.model import ErrorModel
 from kinematics.files import read_input
+from kinematics.files.toml_entries import utf8_text
 from kinematics.machine import Machine
 from kinematics.pieces import ErrorMotions
 from kinematics.state import REFERENCE, State
@@ -26,6 +27,8 @@ from kinematics.user_error import UserError
 from postproc.text.number_style import given_number, given_once
 
 ABSOLUTE_ZERO = -273.15
+HOTTEST = 200.0
+"""Temperature, degC, above which a number is in another unit: kelvin, or hundredths."""
 """Absolute zero, degC."""
 TEMPERATURE = "temp_"
 """Prefix of the temperature columns of a log."""
@@ -178,6 +181,8 @@ def degrees(text: str, where: str) -> float:
     value = given_number(text, where)
     if value < ABSOLUTE_ZERO:
         raise UserError(f"{where}: {value:g} degC is below absolute zero ({ABSOLUTE_ZERO:g})")
+    if value > HOTTEST:
+        raise UserError(f"{where}: {value:g} degC is no temperature of a machine: write degC (is this kelvin?)")
     return value
 
 
@@ -194,10 +199,7 @@ def _read_log(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
 
     UserError with line and column.
     """
-    try:
-        text = read_input(path, "log").decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise UserError(f"log {path} is not UTF-8 text: save it as UTF-8") from None
+    text = utf8_text(read_input(path, "log"), f"log {path}").removeprefix("\ufeff")
     rows = _rows(text, path)
     line, header = next(rows, (1, []))
     names = [name.strip() for name in header]

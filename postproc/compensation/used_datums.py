@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
+from kinematics.error_model.beyond_range import beyond_range
 from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
@@ -160,9 +161,7 @@ class UsedDatums(msgspec.Struct):
                 )
         beyond = model.outside(machine, conditions.state(q, np.zeros_like(q)))
         self._outside += [
-            f"at the touch-off of {touch_off.name} {name} is used {excess:.4g} {unit} beyond its calibrated range; its "
-            "end value is held there"
-            for (name, unit), excess in sorted(beyond.items())
+            f"at the touch-off of {touch_off.name} {note}" for note in beyond_range(dict(sorted(beyond.items())))
         ]
 
     def facts(self, offsets: Iterable[str]) -> list[tuple[str, str]]:

@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import asdict, replace
 
+from kinematics.error_model.beyond_range import beyond_range
 from kinematics.error_model.classes import ORIENTATION, select
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, NDArrayBool
@@ -238,10 +239,7 @@ class Pipeline:
     def _summary(self, evaluated: Evaluated) -> list[str]:
         """Notes on the whole program."""
         state = self.interpreter.control_state
-        beyond = [
-            f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
-            for (name, unit), excess in sorted(evaluated.outside.largest.items())
-        ]
+        beyond = beyond_range(dict(sorted(evaluated.outside.largest.items())))
         left = [
             f"{axes} not corrected: the program has not named the axis since a new frame, a move in machine "
             f"coordinates or an unknown M function (lines {shortened(ranges(lines))})"

@@ -25,10 +25,19 @@ class Refusal(UserError):
 
     def located(self, file: str, read_as: str = "") -> UserError:
         """The message a user sees; `read_as`: the dialect, and why."""
-        shown = self.text if len(self.text) <= 80 else self.text[:77] + "..."
+        text = readable(self.text)
+        shown = text if len(text) <= 80 else text[:77] + "..."
         guessed = "because no line" in read_as  # of interest where the dialect can be the cause
         behind = f" ({read_as})" if read_as and (not guessed or _DIALECT.search(self.reason)) else ""
         return UserError(f"{file}:{self.line}: {shown!r}: {self.reason}{behind}")
+
+
+def readable(text: str) -> str:
+    """Text of a program, whose characters are its bytes, as its author sees it: decoded where it is UTF-8."""
+    try:
+        return text.encode("latin-1").decode()
+    except UnicodeError:
+        return text
 
 
 class Word(NamedTuple):
@@ -105,6 +114,7 @@ TYPING = (
     (r",\d", r"\d$", "write the decimal point as '.'"),
     ("\xe2\x88\x92|\xe2\x80\x93|\x96", r"[A-Z]$", "write the plain minus sign - in place of the typographic one"),
     ("\xc2\xa0", "", "write a plain blank in place of the no-break space"),
+    ("\xef\xbc[\x90-\x99]", "", "write plain digits in place of the wide ones"),
 )
 """Likely typing mistakes: beginning of the rest and end of the text before it, Latin-1, and the cure."""
 
@@ -120,7 +130,7 @@ def not_understood(text: str, at: int, *, bare: bool = False) -> str:
     rest = text[at:].strip()
     skipped = text[at : len(text) - len(text[at:].lstrip())]
     likely = NO_BREAK if "\xa0" in skipped else _likely(text[:at], rest, bare)
-    return f"{rest[:20]!r} is not understood{likely}"
+    return f"{readable(rest)[:20]!r} is not understood{likely}"
 
 
 def _likely(before: str, rest: str, bare: bool) -> str:

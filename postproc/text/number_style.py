@@ -71,7 +71,8 @@ def given_number(text: str, where: str) -> float:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise UserError(f"{where}: {text.strip()!r} is no number{number_hint(text)}")
+        hint = number_hint(text) or "; write a finite number, such as 20.5"
+        raise UserError(f"{where}: {text.strip()!r} is no number{hint}")
     return number
 
 

@@ -194,7 +194,7 @@ def _is_tape_end(line: str, number: int) -> bool:
 
 def _check(source: Source) -> None:
     head = source.head.encode(ENCODING)
-    if not head.strip(b"\0 \t\r\n"):
+    if not head.removeprefix(BYTE_ORDER_MARK.encode(ENCODING)).strip(b"\0 \t\r\n"):
         if len(head) == HEAD_SIZE:
             raise UserError(
                 f"program {source.name} begins with {HEAD_SIZE} blank or NUL characters: no NC text; give the file "

@@ -13,6 +13,7 @@ _ENTRY = re.compile(r"\s*T(?P<number>\d+)\b(?P<rest>[^;]*)", re.I)
 _NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+))"
 _LENGTH = re.compile(rf"\bZ\s*{_NUMBER}", re.I)
 _DIAMETER = re.compile(rf"\bD\s*{_NUMBER}", re.I)
+_WORDS = re.compile(rf"(?:[TPXYZABCUVWDIJQ]\s*{_NUMBER}\s*)+", re.I)
 _SIDEWAYS = re.compile(r"\b([XYABCUVW])\s*[+-]?[\d.]*[1-9]", re.I)
 
 
@@ -35,9 +36,10 @@ def read(path: Path, text: str) -> ToolTable:
             continue
         match = _ENTRY.match(content)
         length = _LENGTH.search(content)
-        if match is None or length is None:
+        if match is None or length is None or not _WORDS.fullmatch(content):
+            comma = "; write the decimal point as '.'" if re.search(r"\d,\d", content) else ""
             raise UserError(
-                f"tool table {path}:{i}: {line.strip()!r} is not a tool entry of LinuxCNC; expected T1 P1 Z120.5"
+                f"tool table {path}:{i}: {line.strip()!r} is not a tool entry of LinuxCNC; expected T1 P1 Z120.5{comma}"
             )
         sideways = _SIDEWAYS.search(content)
         if sideways is not None:

@@ -38,6 +38,8 @@ class Mistake:
     cure: str
     files: tuple[tuple[str, str | bytes | Callable[[str], str | bytes]], ...] = ()
     """Files by name: their content, or a change of the file that is there."""
+    links: tuple[tuple[str, str], ...] = ()
+    """Links by name, each with its target."""
 
     @property
     def words(self) -> list[str]:
@@ -51,6 +53,8 @@ class Mistake:
             path.parent.mkdir(parents=True, exist_ok=True)
             new = content(path.read_text()) if callable(content) else content
             path.write_bytes(new.encode() if isinstance(new, str) else new)
+        for name, target in self.links:
+            (folder / name).symlink_to(target)
 
 
 def change(name: str, old: str, new: str) -> tuple[str, Callable[[str], str]]:

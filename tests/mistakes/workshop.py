@@ -18,7 +18,7 @@ from calibration.measurement.plan_file import write_plan
 from calibration.simulation.measure_plan import VirtualInstrument
 from calibration.simulation.true_model import random_true_model
 from kinematics.error_model.model import write_model
-from tests.mistakes import folders, job_files, machine_files, measurements, options, programs
+from tests.mistakes import folders, job_files, machine_files, measurements, numbers, options, programs, strange_files
 from tests.mistakes.mistake import PROGRAM, Mistake
 from tests.support.command import run_command
 from tests.support.programs import load, shifted
@@ -30,6 +30,8 @@ KINDS: dict[str, tuple[Mistake, ...]] = {
     "measurement": measurements.MISTAKES,
     "job file": job_files.MISTAKES,
     "file or folder": folders.MISTAKES,
+    "number or type": numbers.MISTAKES,
+    "strange file": strange_files.MISTAKES,
 }
 """All mistakes, by the kind of the file or text."""
 MILL = """\

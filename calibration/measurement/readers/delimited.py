@@ -35,7 +35,6 @@ the columns `X`, `Y`, ... and any others of the measurement file, in its units. 
 from __future__ import annotations
 
 import csv
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
@@ -56,7 +55,9 @@ from calibration.measurement.readers.text import (
 )
 from calibration.measurement.states import CARRIERS
 from calibration.measurement.text_table import Table, read_table, table_of
-from kinematics.files import fingerprint, read_input
+from kinematics.files import fingerprint, read_input, toml_entries
+from kinematics.files.mistaken import none_of
+from kinematics.files.toml_entries import at_line, entry, utf8_text
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 
@@ -101,11 +102,14 @@ class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def read_map(name: str) -> ColumnMap:
     """The shipped map of this name, or the map in this file; UserError for an invalid map."""
     path = MAPS / f"{name}.toml" if name in map_names() else Path(name)
-    data = read_input(path, "column map")
+    if path.suffix != ".toml" and not path.exists():
+        raise UserError(f"--columns {none_of(name, map_names())}; or give the path of a .toml file")
+    where = f"column map {path}"
+    text = utf8_text(read_input(path, "column map"), where).removeprefix("\ufeff")
     try:
-        found = msgspec.convert(tomllib.loads(data.decode("utf-8-sig")), ColumnMap)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as fault:
-        raise UserError(f"column map {path}: {fault}") from None
+        found = entry(toml_entries.read_table(text, where), ColumnMap)
+    except UserError as fault:
+        raise fault if str(fault).startswith(where) else at_line(text, where, fault) from None
     if found.delimiter == found.decimal:
         raise UserError(f"column map {path}: a comma cannot be both the separator of cells and the decimal sign")
     wrong = [each for each in found.reversed if each not in found.columns or not error_columns.NAME.fullmatch(each)]

@@ -44,14 +44,14 @@ def ballbar(
     tests, found = circular_tests(measurement, circles), shares(measurement, circles)
     head = measured_head(measurement, None, f"ncomp ballbar {data} --machine {machine}")
     report = ballbar_report(tests, found, measurement.source, head)
-    with whole_results(*others.files) as files:
-        others.write(ballbar_json(tests, found), report, files, inputs)
-    for text in (*measurement.notes, *(finding.message for finding in findings)):
-        say("note", text)
+    for finding in findings:
+        say("note", finding.message)
     for plane in one_way_planes(circles):
         say(
             "note",
             f"plane {plane} was measured in one direction only: there backlash, lateral play and reversal spikes are "
             "not sure beside other error motions; measure both directions",
         )
+    with whole_results(*others.files) as files:
+        others.write(ballbar_json(tests, found), report, files, inputs)
     show(report, *others.files)

@@ -103,14 +103,14 @@ def continuous(
         found = estimate(read.records, quasi, spacing_mm, direction)
         made = None if machine is None else _calibration(found, read, quasi, machine, model.add_to, header)
     report = continuous_report(found, read, f"ncomp continuous {' '.join(map(str, data))}")
+    for note in (*read.notes, *found.notes, *(made.notes if made else ())):
+        say("note", note)
     with whole_results(*others.files, model.write_calibration, output) as (results, page, calibration, file):
         _write_table(found.table(), file)
         if made is not None and machine is not None:
             calibration.write(calibration_file(made.model, machine))
         others.write(continuous_json(found, read), report, (results, page), inputs)
     show(report, *outputs.values())
-    for note in (*read.notes, *found.notes, *(made.notes if made else ())):
-        say("note", note)
     if made is not None:
         say("calibration", f"{model.write_calibration}: {', '.join(made.effects)}; {made.nodes} nodes")
 

@@ -54,14 +54,14 @@ def iso230(
         status.update("2 of 2: evaluating")
         tests = evaluate(measurement)
     head = measured_head(measurement, None, f"ncomp iso230 {data} --machine {machine}")
+    for test in tests:
+        for note in test.notes:
+            say("note", note)
     report = iso230_report(tests, str(data), head)
     with whole_results(*others.files, output) as (results, page, file):
         others.write({"axes": [test.json() for test in tests]}, report, (results, page), inputs)
         _write_tables(tests, file)
     show(report, *others.files, output)
-    for test in tests:
-        for note in test.notes:
-            say("note", note)
 
 
 def _write_tables(tests: Sequence[AxisTest], file: BinaryIO) -> None:

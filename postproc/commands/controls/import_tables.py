@@ -78,6 +78,7 @@ def import_tables(
 def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
     """Texts and fingerprints by file name; for a folder, of all its files except sheets (.md)."""
     from kinematics.files import fingerprint, read_input
+    from kinematics.files.mistaken import kind_of_file
 
     files = [file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
     texts, prints = {}, {}
@@ -88,7 +89,8 @@ def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
         if file.name in texts:
             raise UserError(f"{file}: two files have this name; give them different names")
         if b"\0" in data:
-            raise UserError(f"tables {file}: expected a text file, and it has a zero byte")
+            found = kind_of_file(data) or "a file with zero bytes"
+            raise UserError(f"tables {file}: this is {found}: give the text files of the control")
         texts[file.name] = data.decode("latin-1")
         prints[file.name] = fingerprint(data)
     return texts, prints

@@ -214,15 +214,15 @@ def _of_spheres(machine: Machine, choices: Choices, given: Given, output: str, o
     mask = mask_of(control, machine) if nc not in (None, "-") else None
     beside = str(Path(str(nc)).with_name("ncomp.a")) if mask else None
     report = msgspec.structs.replace(spheres_report(found, predicted), head=machine.report.filled(machine=machine.name))
+    for note in found.notes:
+        say("note", note)
+    if nc == "-" and mask_of(control, machine):
+        say("note", "the mask of FN 16, ncomp.a, is written beside a program in a file only")
     with whole_results(nc, output, beside, *others.files) as (file, rows, form, *files):
         write_plan(found.plan, rows)
         others.write(spheres_json(found, predicted), report, tuple(files), ())
         file.writelines(f"{line}\n".encode() for line in lines)
         form.write((mask or "").encode())
-    for note in found.notes:
-        say("note", note)
-    if nc == "-" and mask_of(control, machine):
-        say("note", "the mask of FN 16, ncomp.a, is written beside a program in a file only")
     show(report, "-")
 
 

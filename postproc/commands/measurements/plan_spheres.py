@@ -196,7 +196,7 @@ def spheres_report(found: ProbePlan, predicted: Predicted) -> Report:
             "Location errors",
             "Expected expanded uncertainty (k = 2), with all error motions of all axes unknown (30 um and urad), and "
             "with good linear axes (3 um and urad).",
-            Table(("", "U", "good linear axes", ""), uncertainty),
+            Table(("error", "U (k=2)", "U, good linear axes", "unit"), uncertainty),
         ),
         Section(
             "Not visible in this plan",

@@ -45,7 +45,6 @@ def predict(
     """
     from calibration.fit.prediction import read_points
     from calibration.reports.figures.prediction import prediction_figure
-    from kinematics.files.report_head import calibration_text
     from postproc.commands.show.prediction import Summary
     from postproc.commands.show.terminal import say, show
 
@@ -55,6 +54,8 @@ def predict(
     read = read_points(points, found)
     prediction = ncomp.predict(read, found, model)
     notes = [*read.notes, *prediction.notes]
+    for note in notes:
+        say("note", note)
     summary = Summary()
     with whole_results(*others.files, output) as (results, page, file):
         for line in _head(read, model):
@@ -62,15 +63,10 @@ def predict(
         for block in prediction.blocks():
             summary.add(block)
             file.write("".join(_lines(read, block)).encode())
-        relative = prediction.relative()
-        head = found.report.filled(machine=found.name, calibration=calibration_text(model))
-        report = summary.report(str(relative), partial(prediction_figure, prediction), head)
-        numbers = summary.json() | {"u_um": relative.json(), "calibration": _identity(model), "notes": notes}
+        report = summary.report(prediction, partial(prediction_figure, prediction))
+        relative = prediction.relative().json()
+        numbers = summary.json() | {"u_um": relative, "calibration": _identity(model), "notes": notes}
         others.write(numbers, report, (results, page), inputs)
-    if model.demonstration:
-        say("demonstration calibration", "it describes no real machine")
-    for note in notes:
-        say("note", note)
     show(report, *others.files, output)
 
 

@@ -51,11 +51,11 @@ def touches(
     probed = centres_of(contacts, planned, log.name)
     head = measured_head(probed.measurement, None, f"ncomp touches {log} --machine {machine} --plan {plan}")
     report = touches_report(probed, log.name, head)
+    for note in probed.notes:
+        say("note", note)
     with whole_results(output, *others.files) as (file, *files):
         write_measurement(probed.measurement, file)
         others.write(touches_json(probed), report, tuple(files), inputs)
-    for note in probed.notes:
-        say("note", note)
     show(report, output, *others.files)
 
 
@@ -94,7 +94,9 @@ def touches_report(probed: Probed, lead: str, head: ReportHead) -> Report:
     sections = [facts("Contacts", rows)]
     if repeats:
         text = "The first centre, measured again, has these shifts in the workpiece frame, um, with U (k = 2)."
-        sections.append(Section("Repetitions", text, Table(("row", "x", "y", "z", "U", ""), repeats)))
+        sections.append(
+            Section("Repetitions", text, Table(("row", "x, um", "y, um", "z, um", "U, um", "result"), repeats))
+        )
     return Report("Touches of spheres", lead, sections, _verdict(probed), head=head)
 
 

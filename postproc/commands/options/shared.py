@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
 import msgspec
 
+from kinematics.files import true_path
 from kinematics.files.mistaken import missing
 from kinematics.files.report_head import ReportHead, read_head
 from kinematics.user_error import UserError
@@ -78,6 +79,12 @@ class ResultOptions:
                 f"--report-head {self.report_head}: there is no page that it belongs to: add --report FILE.html"
             )
         _ = self.head
+        if self.report_head is not None:
+            check_files((self.report_head,), self.by_option)
+        if self.report is not None:
+            from postproc.commands.show.terminal import NOTES
+
+            NOTES.clear()
 
     @cached_property
     def head(self) -> ReportHead:
@@ -101,10 +108,11 @@ class ResultOptions:
         if self.json is not None:
             write_json({**results, "provenance": provenance(report.head, inputs)}, files[0])
         if self.report is not None:
-            from postproc.commands.show.terminal import console
+            from postproc.commands.show.terminal import NOTES, console
             from rendering.page import page
+            from rendering.report import with_notes
 
-            headed = msgspec.structs.replace(report, head=made_now(report.head.under(self.head)))
+            headed = msgspec.structs.replace(with_notes(report, NOTES), head=made_now(report.head.under(self.head)))
             with console.status("drawing the page") as status:
                 files[1].write(page(headed, partial(status.update, "drawing the page")))
 
@@ -136,13 +144,13 @@ def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str |
     refused as well; `-` is standard input or output.
     """
     given = [path for path in inputs if path is not None]
-    read = {Path(path).resolve() for path in given if path != "-"}
+    read = {true_path(path) for path in given if path != "-"}
     seen: dict[str | Path, str] = {}
     for name, output in outputs.items():
         if output is None:
             continue
         path = Path(output)
-        where = "-" if str(output) == "-" else path.resolve()
+        where = "-" if str(output) == "-" else true_path(path)
         if where in seen:
             both = (
                 "cannot both go to standard output; name a file for one"

@@ -129,5 +129,6 @@ def counts(text: str | None) -> int | list[int] | None:
     try:
         counts = [int(entry) for entry in text.split("+")]
     except ValueError:
-        raise UserError(f"--points {text}: expected a number, or one for each strategy, e.g. 170+150") from None
+        whole = "expected a whole number without separators, or one for each strategy, e.g. 170+150"
+        raise UserError(f"--points {text}: {whole}") from None
     return counts if len(counts) > 1 else counts[0]

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO, Literal
 
-from kinematics.files import read_input, whole_file, write_whole, writing
+from kinematics.files import read_input, true_path, whole_file, write_whole, writing
 from kinematics.files.mistaken import missing
 from kinematics.running.workers import Team
 from kinematics.user_error import UserError
@@ -86,7 +86,7 @@ def check_folders(folder: Path, output: Path) -> None:
     if not folder.is_dir():
         why = "it is a file: 'ncomp correct' corrects one program" if folder.exists() else "No such file or directory"
         raise UserError(f"folder {folder}: {why}{missing(folder)}")
-    if folder.resolve() == output.resolve():
+    if true_path(folder) == true_path(output):
         raise UserError(f"the output folder {output} is the input: name another one")
     if output.exists() and not output.is_dir():
         raise UserError(f"cannot write {output}: it is a file: name a folder")
@@ -96,7 +96,7 @@ def present_programs(folder: Path, output: Path, patterns: Sequence[str]) -> lis
     """The programs in a folder, as `programs_of`; none where there is none."""
     return [
         FolderProgram(name.as_posix(), path, output / name, path.stat().st_size)
-        for path in sorted(_files(folder, output.resolve()))
+        for path in sorted(_files(folder, true_path(output)))
         if _wanted(name := path.relative_to(folder), patterns)
     ]
 
@@ -105,7 +105,7 @@ def _files(folder: Path, output: Path) -> Iterator[Path]:
     """The files in a folder and its subfolders but `output`."""
     for root, folders, files in os.walk(folder, onerror=_refuse_folder):
         here = Path(root)
-        folders[:] = [name for name in folders if not name.startswith(".") and (here / name).resolve() != output]
+        folders[:] = [name for name in folders if not name.startswith(".") and true_path(here / name) != output]
         yield from (here / name for name in files if not name.startswith(".") and (here / name).is_file())
 
 
@@ -119,9 +119,9 @@ def _wanted(name: PurePath, patterns: Sequence[str]) -> bool:
 
 def check_targets(programs: Iterable[FolderProgram], others: Iterable[str | Path | None]) -> None:
     """UserError, before any work is done, for an output that would overwrite one of the programs or other inputs."""
-    read = {each.path.resolve() for each in programs} | {Path(other).resolve() for other in others if other}
+    read = {true_path(each.path) for each in programs} | {true_path(other) for other in others if other}
     for each in programs:
-        if each.target.resolve() in read:
+        if true_path(each.target) in read:
             raise UserError(f"{each.target} is an input and would be overwritten; name another output folder")
 
 

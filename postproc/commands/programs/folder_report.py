@@ -11,15 +11,16 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.files.report_head import calibration_text
 from kinematics.machine import Machine
 from postproc.commands.programs.folder import REFUSED, FolderProgram, Outcome
-from postproc.correct.report import DEMONSTRATION, SIGNS
+from postproc.correct.report import DEMONSTRATION, RELATIVE, SIGNS
 from rendering.report import Report, Section, Table, facts
 
 LISTED = 40
 """Largest number of corrected programs that the terminal lists; the page and the JSON file have all."""
 HEAD = (
     *("program", "result", "moves", "blocks changed", "blocks added"),
-    *("largest error before, um", "largest error after, um", "time, s"),
+    *("largest error before, um", "largest error after, um", "u (k=1), um", "time, s"),
 )
+UNCERTAINTY = "u is the RMS standard uncertainty of the prediction over the program."
 
 
 @dataclass(frozen=True)
@@ -87,14 +88,20 @@ class Summary:
         rows = [self._row(each, outcome) for each, outcome in self.outcomes.items() if outcome.result]
         if rows:
             yield Section("Programs", table=Table(HEAD, rows), detail=len(rows) > LISTED)
-            yield Section("Conventions", SIGNS, detail=True)
+            relative = any(
+                end.result.get("errors_relative_to") == "datum" for end in self.outcomes.values() if end.result
+            )
+            yield Section("Conventions", f"{SIGNS} {UNCERTAINTY}\n{RELATIVE if relative else ''}", detail=True)
+        if notes := [(each.name, note) for each, end in self.outcomes.items() for note in end.result.get("notes", ())]:
+            yield Section("Notes", table=Table(("program", "note"), notes), detail=True)
 
     @staticmethod
     def _row(program: FolderProgram, outcome: Outcome) -> tuple[str, ...]:
         blocks, moves, errors = (outcome.result[key] for key in ("blocks", "moves", "predicted_error_um"))
         return (
             program.name, outcome.state, str(moves["read"]), str(blocks["changed"]), str(blocks["added"]),
-            f"{errors['before']['max']:.2f}", f"{errors['after']['max']:.2f}", f"{outcome.seconds:.2f}",
+            f"{errors['before']['max']:.2f}", f"{errors['after']['max']:.2f}",
+            f"{errors['standard_uncertainty_of_prediction']['rms']:.2f}", f"{outcome.seconds:.2f}",
         )  # fmt: skip
 
     def _reason(self, program: FolderProgram, outcome: Outcome) -> str:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 
-from kinematics.files import fingerprint, read_input
+from kinematics.files import fingerprint, read_input, true_path
 from kinematics.user_error import UserError
 
 SUFFIX = ".orig"
@@ -37,7 +37,7 @@ def target_of(program: str, output: str | None, *, in_place: bool) -> str:
         raise UserError(f"--output {output} is the input {program}: --in-place replaces it and keeps a backup")
     if in_place and output is not None and not same:
         raise UserError(f"--in-place replaces the input {program}, and --output names {output}: give one of them")
-    return str(Path(program).resolve()) if in_place else output or "-"
+    return str(true_path(program)) if in_place else output or "-"
 
 
 @contextmanager
@@ -46,7 +46,7 @@ def backup_of(program: str, known: str) -> Iterator[Path]:
 
     `known` is the fingerprint of the program as it was read; UserError where the file has changed since.
     """
-    path = Path(program).resolve()
+    path = true_path(program)
     backup = _written(path, read_input(path, "program"))
     try:
         if fingerprint(backup.read_bytes()) != known:
@@ -59,7 +59,7 @@ def backup_of(program: str, known: str) -> Iterator[Path]:
 
 def _same_file(one: str, other: str) -> bool:
     a, b = Path(one), Path(other)
-    return a.resolve() == b.resolve() or (a.exists() and b.exists() and a.samefile(b))
+    return true_path(a) == true_path(b) or (a.exists() and b.exists() and a.samefile(b))
 
 
 def _written(path: Path, data: bytes) -> Path:

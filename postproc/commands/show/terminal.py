@@ -31,6 +31,8 @@ class Level(msgspec.Struct):
 
 
 LEVEL = Level()
+NOTES: list[str] = []
+"""Notes of the present command, which its page shows as well."""
 BAR = 20
 """Length of the bar of a share, characters."""
 
@@ -172,11 +174,14 @@ def show(report: Report, *targets: str | Path | None) -> None:
 def say_assumed(sentence: str) -> None:
     """Show the part of the set-up that is assumed, as the first line of a run; nothing for an empty sentence."""
     if sentence:
+        NOTES.append(sentence)
         console.print(sentence, "yellow")
 
 
 def say(label: str, text: str) -> None:
     """Show one line that a person should notice; not with --quiet."""
+    if label == "note":
+        NOTES.append(text)
     if LEVEL.quiet:
         return
     if not console.is_terminal:

@@ -52,7 +52,8 @@ def doctor(*, json: JsonFile) -> None:
         write_json({"good": not faults, "checks": [asdict(each) for each in findings]}, file)
     rows = [(each.check, TITLES[each.state], each.text) for each in findings]
     verdict = f"{faults} of {len(findings)} checks show a fault." if faults else "ncomp works here."
-    show(Report("Check of the installation", "", [Section("", table=Table(("check", "", ""), rows))], verdict), json)
+    table = Table(("check", "result", "found"), rows)
+    show(Report("Check of the installation", "", [Section("", table=table)], verdict), json)
     if faults:
         sys.exit(2)
 

@@ -13,7 +13,7 @@ import msgspec
 
 import ncomp
 from kinematics.error_model.classes import parse_classes
-from kinematics.files import read_input
+from kinematics.files import read_input, true_path
 from kinematics.files.mistaken import missing, none_of
 from kinematics.files.report_head import ReportHead
 from kinematics.files.toml_entries import at_line, entry, read_table, utf8_text
@@ -162,17 +162,17 @@ class _Reader:
         """UserError for a result that would replace a file that the job reads, or another output of it."""
         read = [each.path for each in programs] + [Path(each) for each in request.set_up.tool_table]
         read += [Path(each) for each in (request.machine, request.calibration, request.at.log) if each is not None]
-        taken = {path.resolve(): "is read by this job" for path in read}
+        taken = {true_path(path): "is read by this job" for path in read}
         written = [(f'programs."{each.name}"', each.target) for each in programs]
         written += [(f"results.{name[2:]}", Path(each)) for name, each in others.by_option.items() if each]
         for where, output in written:
-            if (reason := taken.get(output.resolve())) and str(output) != "-":
+            if (reason := taken.get(true_path(output))) and str(output) != "-":
                 raise UserError(f"{where}: {output} {reason}: name another file")
-            taken[output.resolve()] = f"is the output of {where} too"
+            taken[true_path(output)] = f"is the output of {where} too"
 
     def _refuse_itself(self, output: Path, where: str) -> None:
         """UserError for an output that would replace the job file."""
-        if output.resolve() == self._path.resolve():
+        if true_path(output) == true_path(self._path):
             raise UserError(f"{where}: the output is the job file itself: name another file")
 
     @cached_property
@@ -244,11 +244,11 @@ class _Reader:
                 raise UserError(f"{where}: {path}: No such file or folder{missing(path)}")
             for each in found:
                 self._refuse_itself(each.target, where)
-                if each.target.resolve() == each.path.resolve():
+                if true_path(each.target) == true_path(each.path):
                     raise UserError(f"{where}: the output is the program itself: name another file")
-                if other := targets.get(each.target.resolve()):
-                    raise UserError(f"{where}: {other} has the same output {each.target}")
-                targets[each.target.resolve()] = each.name
+                if other := targets.get(true_path(each.target)):
+                    raise UserError(f"{where}: {other} has the same output {each.target}: name another file")
+                targets[true_path(each.target)] = each.name
                 yield each
 
 
