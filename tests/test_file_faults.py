@@ -116,6 +116,36 @@ def test_a_quota_in_the_midst_of_a_result():
     check_refused(done, "cannot write out.html: File too large")
 
 
+POWERLESS = """
+import ctypes
+assert not ctypes.CDLL(None).capset(ctypes.byref((ctypes.c_uint32 * 2)(0x20080522, 0)), (ctypes.c_uint32 * 6)())
+"""
+"""Permissions count for root as well."""
+FORBIDDEN = {
+    ("in.nc", 0o000): ("-o new.nc", "program in.nc: Permission denied: change its permissions, or name another file"),
+    ("cal.json", 0o000): ("-o new.nc", "calibration cal.json: Permission denied: change its permissions"),
+    ("locked", 0o555): ("-o locked/new.nc", "cannot write locked/new.nc: Permission denied: change its permissions"),
+    ("closed", 0o000): ("-o closed/new.nc", "closed/new.nc: Permission denied: change its permissions"),
+    ("hidden", 0o000): (
+        "-o new.nc --log hidden/log.csv",
+        "log hidden/log.csv: Permission denied: change its permissions",
+    ),
+}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="capabilities are of Linux")
+@pytest.mark.parametrize(("name", "mode"), FORBIDDEN)
+def test_what_may_not_be_read_or_written(folder, name, mode):
+    options, message = FORBIDDEN[name, mode]
+    if not (folder / name).exists():
+        (folder / name).mkdir()
+    (folder / name).chmod(mode)
+    try:
+        check_refused(run_forked("in.nc", *GANTRY, *options.split(), before=POWERLESS), message)
+    finally:
+        (folder / name).chmod(0o755)
+
+
 def test_a_small_disk_that_fills_up(folder):
     disk = folder / "disk"
     disk.mkdir()

@@ -1,5 +1,6 @@
 """Commands that ncomp prints run as they are printed, in the folder in which it was called."""
 
+import re
 import shlex
 from pathlib import Path
 
@@ -62,3 +63,12 @@ def test_the_folder_that_is_given_as_a_program_is_a_batch(command):
     hint = refused.err.split("'")[1]
     assert command(*shlex.split(hint)[1:], "--set-up-zero", "-c", "cal.json").status == 0
     assert Path("out/a.nc").is_file()
+
+
+@pytest.mark.parametrize("format", ["heidenhain", "siemens-cec", "heidenhain-kinematics"])
+def test_the_probe_of_a_format_without_a_known_sign_runs_as_printed(command, format):
+    refused = command("export", "--machine", "dmu50", "--format", format, "-o", "tables")
+    assert refused.status == 2
+    (line,) = re.findall(r"'ncomp (export [^']*)'", refused.err)
+    assert command(*shlex.split(line)).status == 0
+    assert Path("probe/probe.md").exists()

@@ -79,6 +79,18 @@ def test_a_tool_may_have_the_name_of_an_axis():
     assert ncomp.set_up("dmu50", tool_length=["A=3"]).tools == {"A": 3.0}
 
 
+@pytest.mark.parametrize(("dialect", "text"), [
+    ("iso", INCHES), ("siemens", "G70 G90 G54\nG0 X1 Y1 Z1\n"), ("heidenhain", "0 BEGIN PGM A INCH\n1 L X+1 Y+1 Z+1 R0 FMAX\n"),
+])  # fmt: skip
+def test_a_program_in_inches_is_told_that_its_set_up_is_in_mm(dialect, text):
+    language = find_dialect(dialect, "test.nc", "")
+    for given, noted in (({"tool_length": ["T1=101.6"]}, True), ({"work_offset": ["G54=1,2,3"]}, True), ({}, False)):
+        notes = Notes()
+        interpreter = language.interpreter(load("gantry"), ncomp.set_up("gantry", zero=True, **given), notes)
+        merged([part.motions for part in execution(source_of(text), language, interpreter).parts()])
+        assert ("are in mm" in "".join(notes.texts())) == noted
+
+
 @pytest.mark.parametrize("text", [INCHES, METRIC], ids=["inches", "metric"])
 @pytest.mark.usefixtures("linuxcnc")
 def test_rs274_reads_the_same_lengths(text, tmp_path):

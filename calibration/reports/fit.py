@@ -308,7 +308,7 @@ def _facts(found: Calibration, taken: OnTheFly | None) -> Iterator[tuple[str, st
     yield (
         "rank",
         f"{identified.rank} with the instrument's position known, {identified.rank_registered} with it fitted; "
-        f"{identified.by_convention} directions belong to the frame and are fixed by convention",
+        f"directions of the frame fixed by convention: {identified.by_convention}",
     )
     yield "uncertainty", str(found.relative_deviation)
     yield from between_positions(found.between_positions)

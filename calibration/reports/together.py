@@ -98,7 +98,7 @@ def _sections(found: Together) -> Iterator[Section]:
             (
                 "rank",
                 f"{identified.rank} with the instruments' positions known, {identified.rank_registered} with them "
-                f"fitted; {identified.by_convention} directions belong to the frame and are fixed by convention",
+                f"fitted; directions of the frame fixed by convention: {identified.by_convention}",
             ),
             *(("note", finding.message) for finding in found.findings),
         ],

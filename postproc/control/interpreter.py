@@ -216,7 +216,7 @@ class Interpreter(ABC):
         elif code in self.units:
             self.unit = self.units[code]
             if self.unit == INCH:
-                self.control_state.refuse_inches(block)
+                self.control_state.meet_inches(block, self.notes)
         elif code in DISTANCES:
             self.absolute = code == 90.0
         elif code in self.feed_modes:

@@ -11,6 +11,9 @@ from postproc.control.setup import Origin, Setup
 from postproc.control.tool_table import shown_tool, tool_key
 from postproc.motion.frames import Frame, Placement, cartesian
 from postproc.text.block import Block
+from postproc.text.notes import Notes
+
+INCHES = "the program is in inches: --work-offset, --tool-length and the machine file are in mm"
 
 
 class ControlState(msgspec.Struct):
@@ -167,13 +170,15 @@ class ControlState(msgspec.Struct):
         if (table := self.setup.without_unit.get(entry)) is not None:
             self.assumed.setdefault(f"unit of {table}", f"{text} in mm")
 
-    def refuse_inches(self, block: Block) -> None:
-        """Refusal of a program in inches beside a table without a unit."""
+    def meet_inches(self, block: Block, notes: Notes) -> None:
+        """Refusal of a program in inches beside a table without a unit; a note on set-up data that are in mm."""
         for table in self.setup.without_unit.values():
             raise block.refuse(
                 f"the program is in inches, and {table} contains no unit: give it by --table-unit inch or mm, or by "
                 'unit = "inch" in [control] of the machine file'
             )
+        if self.setup.given_tools or self.setup.work_offsets:
+            notes.add(INCHES, block.line)
 
     def _offset_text(self, name: str) -> str:
         return ", ".join(f"{axis} {value:g}" for axis, value in self._offset_values(name).items()) or "0"

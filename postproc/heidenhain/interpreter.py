@@ -131,7 +131,7 @@ class HeidenhainInterpreter(ModalState):
             self.notes.add("BEGIN PGM has no MM or INCH: the coordinates are taken in mm", block.line)
         self.unit = INCH if unit == "INCH" else 1.0
         if self.unit == INCH:
-            self.control_state.refuse_inches(block)
+            self.control_state.meet_inches(block, self.notes)
 
     # ---- moves
 

@@ -92,14 +92,17 @@ class Signed(Protocol):
         ...
 
 
-def sign_of(format: Signed, given: str | None) -> Sign:
-    """Meaning of the values of its files; UserError if it is not known, or contradicts the option."""
+def sign_of(format: Signed, given: str | None, probe: str = "ncomp export --probe AXIS") -> Sign:
+    """Meaning of the values of its files; UserError if it is not known, or contradicts the option.
+
+    probe: the command that writes the table which shows the sign.
+    """
     if given not in (None, "error", "correction"):
         raise UserError(f"--sign {given}: expected error or correction")
     if format.sign is None and given is None:
         raise UserError(
             f"no source states whether values of {format.name} are errors or corrections: find out with the table that "
-            f"'ncomp export --format {format.name} --probe AXIS' writes, and give --sign error or --sign correction"
+            f"'{probe}' writes, and give --sign error or --sign correction"
         )
     if format.sign is not None and given not in (None, format.sign):
         raise UserError(f"--sign {given}: values of {format.name} are known to mean the {format.sign}")

@@ -64,6 +64,9 @@ def _shifted(text: str) -> str:
 
 
 CORRECT = "in.nc --machine gantry -c cal.json --set-up-zero -o out.nc"
+GERMAN = (
+    "Messprotokoll;;\nPosition [mm];Lauf 1 vor;Lauf 1 zur\u00fcck\n0,000;0,5;-2,1\n100,000;1,2;-1,0\n200,000;2,5;0,1\n"
+)
 STUDY = 'machine = "gantry"\ndraws = 20\n\n[[case]]\nname = "a"\nstrategy = "grid"\npoints = 60\n'
 
 
@@ -124,6 +127,8 @@ MISTAKES = (
     Mistake("program in place of the data", "fit in.nc --machine gantry -o new.json", "in.nc", "this is an NC program, no measurement", "give the data of an instrument"),
     Mistake("data misspelled", "fit dta.csv --machine gantry -o new.json", "measurement file dta.csv", "No such file", "did you mean 'data.csv'?"),
     Mistake("ISO 230-2 of tracker data", "iso230 data.csv --machine gantry", "data.csv", "ISO 230-2 needs", "data of an interferometer"),
+    Mistake("table of a German display", "iso230 t.csv --machine gantry", "t.csv", "the format of the file is unknown", "write 'target_mm;1 up;1 down;...' above the numbers", (("t.csv", GERMAN),)),
+    Mistake("targets without the names of runs", "iso230 t.csv --machine gantry --format iso230-table", "t.csv:1", "expected the names of the columns", "as in 'target_mm;1 up;1 down'", (("t.csv", GERMAN),)),
     Mistake("circles of tracker data", "ballbar data.csv --machine gantry", "data.csv", "circles need the measurement of a ballbar", "# instrument: ballbar"),
     Mistake("present calibration misspelled", "diagnose data.csv --machine gantry -c ca.json -o new.json", "calibration ca.json", "No such file", "did you mean 'cal.json'?"),
     Mistake("measurement in place of a calibration", "compare cal.json data.csv", "calibration data.csv", "this is a measurement file", "ncomp fit and ncomp diagnose read it"),

@@ -182,4 +182,9 @@ def _recognised(data: bytes, path: Path) -> str:
         raise UserError(f"{path} is UTF-16 text: save it as plain text (CSV, UTF-8)")
     if b"\0" in data[:HEAD]:
         raise UserError(f"{path} is a binary file, no measurement: give the data of an instrument as text")
-    raise UserError(f"{path}: the format of the file is unknown; known formats are {KNOWN}")
+    named = iso230_table.meant(head)
+    cure = f"{named}; otherwise give a column map" if named else "give a column map"
+    raise UserError(
+        f"{path}: the format of the file is unknown: {cure} (--columns MAP.toml, docs/measurements.md); known formats "
+        f"are {KNOWN}"
+    )

@@ -36,6 +36,11 @@ _RUN = r"(?:run\s*)?(?P<run>\d+)"
 _COLUMN = re.compile(
     rf"{_RUN}\s*{_DIRECTION}|{_DIRECTION.replace('side', 'side2')}\s*{_RUN.replace('<run>', '<run2>')}", re.I
 )
+_ROW = re.compile(
+    r"[-+]?\d+(?:[.,]\d+)?(?:\s*[;\t]\s*[-+]?\d*(?:[.,]\d+)?)+"
+    r"|[-+]?\d+(?:\.\d+)?(?:\s*,\s*[-+]?\d*(?:\.\d+)?){2,}"
+)
+"""A position, and numbers behind it."""
 _FORWARD = ("up", "forward", "+", "↑")
 _TARGETS = ("target_mm", "target_deg")
 
@@ -45,6 +50,20 @@ def recognises(head: str) -> bool:
     names = next((line for line in head.splitlines() if line.strip() and not line.lstrip().startswith("#")), "")
     cells = [cell.strip() for cell in names.split(_delimiter(names))]
     return cells[0] in _TARGETS and len(cells) > 1 and all(_COLUMN.fullmatch(cell) for cell in cells[1:])
+
+
+def meant(head: str) -> str:
+    """The names that a table without them lacks; empty where the numbers are no targets with readings by runs."""
+    rows = [line for line in head.splitlines()[:-1] if _ROW.fullmatch(line.strip())]
+    if len(rows) < 3:
+        return ""
+    delimiter = _delimiter(rows[0])
+    runs = rows[0].count(delimiter)
+    names = [f"{1 + k // 2} {'down' if k % 2 else 'up'}" for k in range(min(runs, 2))]
+    return (
+        f"for targets with a reading in each run, write '{delimiter.join(('target_mm', *names, '...'))}' above the "
+        "numbers in place of the other lines, and '# axis: X', '# unit: um', '# u_um: 0.3' at the head"
+    )
 
 
 def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, str]) -> tuple[Table, list[str]]:
@@ -60,6 +79,11 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
     names_line, names = rows[0]
     delimiter = _delimiter(names)
     decimal = "." if delimiter == "," else ","
+    if names.split(delimiter)[0].strip() not in _TARGETS:
+        raise UserError(
+            f"{source}:{names_line}: expected the names of the columns, as in "
+            f"'{delimiter.join(('target_mm', '1 up', '1 down'))}', found {names.strip()!r}"
+        )
     columns = [_column(cell.strip(), f"{source}:{names_line}") for cell in names.split(delimiter)[1:]]
     target, axis = names.split(delimiter)[0].strip(), header.pop("axis", "")
     if axis not in machine.names:

@@ -88,8 +88,8 @@ def export(
     """
     from kinematics.error_model.model import encode_model
     from kinematics.files import whole_folder
-    from postproc.commands.controls.control_files import encoded, write_probe
-    from postproc.commands.controls.export_parameters import is_parameters, write_parameters
+    from postproc.commands.controls.control_files import encoded, probe_command, show_export, write_probe
+    from postproc.commands.controls.export_parameters import find_parameters, is_parameters, write_parameters
     from postproc.tables.export import sign_of
     from postproc.tables.format import parse_settings
     from postproc.tables.formats import find_format
@@ -106,6 +106,9 @@ def export(
     if is_parameters(tables.format):
         if program is not None:
             raise UserError("--program: errors along a program are shown for tables only")
+        if probe is None:
+            shown = probe_command(machine, found, tables.format, rotary=True)
+            sign_of(find_parameters(tables.format), tables.sign, shown)
         write_parameters(found, calibration, tables, output, tool_mm, probe, rest, others)
         return
     form = find_format(tables.format)
@@ -113,7 +116,7 @@ def export(
     if probe is not None:
         write_probe(output, probe_files(found, probe, form, chosen))
         return
-    sign_of(form, tables.sign)
+    sign_of(form, tables.sign, probe_command(machine, found, form.name, rotary=False))
     model = ncomp.load_calibration(found, calibration)
     exported, left, errors = _exported(found, model, tables, tool_mm, program, set_up)
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
@@ -122,7 +125,8 @@ def export(
     with whole_folder(output, encoded(files)), written as (results, page, rest_file):
         others.write(_json(exported, left, errors, list(files)), report, (results, page), inputs)
         rest_file.write(encode_model(exported.rest))
-    _show(exported, left, errors, output, to_screen="-" not in others.files)
+    last = f"{len(exported.files)} files and sheet.md in {output}; read sheet.md before loading the tables"
+    show_export(report, last, others)
 
 
 def _exported(
@@ -193,35 +197,3 @@ def _json(exported: Exported, left: list[Unrepresented], errors: dict[str, Any],
         "not_carried_orientation_urad": errors["volume"]["tool_axis_urad"]["after_tables"],
         "datum_shift": {axis: round(value, 7) for axis, value in exported.datum.items()},
     }
-
-
-def _show(
-    exported: Exported, left: list[Unrepresented], errors: dict[str, Any], output: Path, *, to_screen: bool
-) -> None:
-    from rich.table import Table
-
-    from postproc.commands.show.terminal import console, say
-    from postproc.commands.show.terminal import output as screen
-    from postproc.tables.sheet import STAGES, shift_warning, table_rows
-
-    to = (screen if to_screen else console).rich
-    if exported.whole.invented:
-        say("demonstration calibration", "it describes no real machine; do not load its tables")
-    warning = shift_warning(exported.datum, errors["volume"]["tool_point_um"])
-    if warning:
-        say("zero shift", warning)
-    carried = Table("table", "points", "from", "to", "largest value", title=f"{exported.format.name} tables")
-    for row in table_rows(exported):
-        carried.add_row(*row)
-    to.print(carried)
-    for where, numbers in errors.items():
-        table = Table("tool point error, um", "RMS", "95 %", "max", title=f"over the {where}")
-        for stage, sizes in numbers["tool_point_um"].items():
-            table.add_row(STAGES[stage], f"{sizes['rms']:.2f}", f"{sizes['p95']:.2f}", f"{sizes['max']:.2f}")
-        to.print(table)
-    if left:
-        names = ", ".join(
-            item.name if item.rms_um != item.rms_um else f"{item.name} {item.rms_um:.1f}" for item in left
-        )
-        to.print(f"not in the tables (um RMS): {names}")
-    to.print(f"{len(exported.files)} files and sheet.md in {output}; read sheet.md before loading the tables")

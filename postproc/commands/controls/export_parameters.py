@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from postproc.commands.controls.export import TableOptions
     from postproc.commands.options.shared import ResultOptions
     from postproc.kinematic_parameters.export import ExportedParameters
+    from postproc.kinematic_parameters.format import ParameterFormat
     from postproc.tables.not_representable import Unrepresented
 
 
@@ -23,6 +24,13 @@ def is_parameters(format: str) -> bool:
     from postproc.kinematic_parameters.formats import FORMATS
 
     return format in FORMATS
+
+
+def find_parameters(format: str) -> ParameterFormat:
+    """The format of kinematic parameters of this name."""
+    from postproc.kinematic_parameters.formats import FORMATS
+
+    return FORMATS[format]
 
 
 def write_parameters(
@@ -38,7 +46,7 @@ def write_parameters(
     """Write the folder, REST.json and the JSON results, and show the remaining errors."""
     from kinematics.error_model.model import encode_model
     from kinematics.files import whole_folder
-    from postproc.commands.controls.control_files import encoded, write_probe
+    from postproc.commands.controls.control_files import encoded, show_export, write_probe
     from postproc.commands.options.shared import whole_results
     from postproc.kinematic_parameters.formats import FORMATS
     from postproc.kinematic_parameters.probe import probe as probe_files
@@ -63,7 +71,8 @@ def write_parameters(
             [] if calibration is None else [calibration],
         )
         rest_file.write(encode_model(exported.rest))
-    _show(exported, left, volume, output, to_screen="-" not in others.files)
+    last = f"{len(exported.files)} files and sheet.md in {output}; read sheet.md before setting any parameter"
+    show_export(report, last, others)
 
 
 def read_parameters(machine: Machine, options: TableOptions, files: Mapping[str, str]) -> list[Effect]:
@@ -117,36 +126,3 @@ def _json(
             for item in left
         ],
     }
-
-
-def _show(
-    exported: ExportedParameters, left: list[Unrepresented], volume: dict[str, Any], output: Path, *, to_screen: bool
-) -> None:
-    from rich.table import Table
-
-    from postproc.commands.show.terminal import console, say
-    from postproc.commands.show.terminal import output as screen
-    from postproc.kinematic_parameters.sheet import STAGES, line_rows, number_rows, offset_shift
-
-    to = (screen if to_screen else console).rich
-    if exported.whole.invented:
-        say("demonstration calibration", "it describes no real machine; do not load its parameters")
-    say("work offset", offset_shift(exported))
-    changed = Table("parameter", "before", "new", "change", "unit", title=exported.format.name)
-    for row in number_rows(exported):
-        changed.add_row(*row)
-    to.print(changed)
-    lines = Table("line", "change", "U (k = 2)", title="lines of the rotary axes")
-    for line in line_rows(exported):
-        lines.add_row(*line)
-    to.print(lines)
-    table = Table("tool point error, um", "RMS", "95 %", "max", title="over the volume")
-    for stage, sizes in volume["tool_point_um"].items():
-        table.add_row(STAGES[stage], f"{sizes['rms']:.2f}", f"{sizes['p95']:.2f}", f"{sizes['max']:.2f}")
-    to.print(table)
-    if left:
-        names = ", ".join(
-            item.name if item.rms_um != item.rms_um else f"{item.name} {item.rms_um:.1f}" for item in left
-        )
-        to.print(f"not in the parameters (um RMS): {names}")
-    to.print(f"{len(exported.files)} files and sheet.md in {output}; read sheet.md before setting any parameter")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Literal
 
+from kinematics.files import reason_of
 from kinematics.user_error import UserError
 from postproc.commands.options.shared import JsonFile, check_files, result, write_json
 
@@ -184,7 +185,7 @@ def _folders() -> tuple[State, str]:
             with tempfile.TemporaryFile(dir=folder):
                 pass
         except OSError as fault:
-            return "fault", f"cannot write to {folder}: {fault.strerror or fault}"
+            return "fault", f"cannot write to {folder}: {reason_of(fault)}"
     return "good", f"{Path.cwd()} and {cache} can be written"
 
 
