@@ -292,9 +292,9 @@ def test_broken_files(read, text, changes, words):
         (b"# machine: gantry\n\n", "m.csv: the line with the names of columns is missing"),
         (TRACKER.split("\n0.0", maxsplit=1)[0].encode(), "m.csv: there are no rows below the names of columns"),
         (TRACKER.replace(",", ";").encode(), "m.csv:8: separate cells by commas, and write numbers with a decimal point"),
-        (TRACKER.encode("utf-16"), "m.csv:1: not UTF-8 text: save the file as UTF-8"),
+        (TRACKER.encode("utf-16"), "m.csv:1: not UTF-8 text: save it as UTF-8"),
         (TRACKER.encode("utf-16-le"), "m.csv:1: a zero byte, so the file is damaged or no text: export it again"),
-        ("# machine: fr\xe4se\n".encode("latin-1"), "m.csv:1: not UTF-8 text: save the file as UTF-8"),
+        ("# machine: fr\xe4se\n".encode("latin-1"), "m.csv:1: not UTF-8 text: save it as UTF-8"),
         (
             b"# instrument: laser-tracker\n# u_range_um: 1\n# u_angle_um: 1\ntime_s,x,y,z\n0,1,2,3\n",
             "data taken on the fly need the program that was run, --path PATH.nc",

@@ -104,7 +104,7 @@ def _causes(shares: Shares) -> Iterator[Section]:
         "The table has the smallest size of each other cause that these circles would show beside the found ones (odds "
         "of 400 to 1), for the period or the decay that is seen best, and for the one that is seen worst.",
         Table(
-            ("cause", "best", "worst", ""),
+            ("cause", "best", "worst", "unit"),
             [(each.name, f"{each.smallest:.2g}", f"{each.largest:.2g}", each.unit) for each in shares.limits],
         ),
         detail=True,

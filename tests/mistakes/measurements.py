@@ -138,7 +138,7 @@ MISTAKES = (
     study("strategy misspelled", '"grid"', '"gird"', None, "'gird' is none of", "did you mean 'grid'?"),
     study("no case", '[[case]]\nname = "a"\nstrategy = "grid"\npoints = 60\n', "", None, "case is missing", "write [[case]] with name, strategy and points"),
     data("remark between the rows", "data.csv:12", "header lines must be above", "move it there, or delete it", ("data.csv", _remark)),
-    data("name in Latin-1", "data.csv:1", "not UTF-8 text", "save the file as UTF-8", ("data.csv", lambda text: b"# operator: M\xfcller\n" + text.encode())),
+    data("name in Latin-1", "data.csv:1", "not UTF-8 text", "save it as UTF-8", ("data.csv", lambda text: b"# operator: M\xfcller\n" + text.encode())),
     data("zero byte of a damaged disk", "data.csv:15", "a zero byte", "export it again", ("data.csv", lambda text: "\n".join([*text.split("\n")[:14], "\0", *text.split("\n")[14:]]))),
     Mistake("program in place of tests", "tracker in.nc", "in.nc", "this is an NC program", "give a CSV file of the tests"),
     Mistake("three points of a tracker on the table", "three-points data.csv --machine gantry -o t.json", "data.csv", "needs the tracker on the bed", "# stands_on: bed"),

@@ -55,7 +55,7 @@ def recognises(head: str) -> bool:
 def meant(head: str) -> str:
     """The names that a table without them lacks; empty where the numbers are no targets with readings by runs."""
     rows = [line for line in head.splitlines()[:-1] if _ROW.fullmatch(line.strip())]
-    if len(rows) < 3:
+    if len(rows) < 2:
         return ""
     delimiter = _delimiter(rows[0])
     runs = rows[0].count(delimiter)
