@@ -322,8 +322,9 @@ def test_page_of_three_points(chromium, tmp_path, monkeypatch):
     succeed("three-points", tmp_path / "data.csv", "-m", "dmu50", "-o", tmp_path / "cal.json", "--report", page)
     check_screens(chromium, page, ((PHONE, True),))
     texts = printed(page)
-    assert "error motion range u (k=1) unit degree" in " ".join(texts)
-    assert "measure C at 17 positions" in texts[-1].replace("\n", " ").partition("Notes")[2]
+    text = " ".join(" ".join(texts).split())
+    assert "error motion range u (k=1) unit degree" in text
+    assert "measure C at 17 positions" in text.rpartition("Notes")[2]
 
 
 FOLDER = {"box.nc": BOX.read_text(), "sub/probing.nc": "G21 G90 G54\nG0 X1. Y1. Z1.\nG31 X5.\nM30\n"}
@@ -338,7 +339,7 @@ def test_page_of_a_folder(chromium, tmp_path, command):
     page = tmp_path / "batch.html"
     assert command("batch", "in", "out", *set_up, "--report", page).status == 2
     check_screens(chromium, page)
-    text = " ".join(printed(page))
+    text = " ".join(" ".join(printed(page)).split())
     for words in ("u (k=1), µm", "G31 is a probing move", "An error relative to the datum", "its home 0 is assumed"):
         assert words in text
 
