@@ -13,6 +13,7 @@ import typer
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
+from calibration.measurement.readers import FORMATS
 from kinematics.user_error import UserError
 from postproc.commands.options.arguments import plain_values
 from postproc.commands.options.declared import REQUIRED, Signature, argument, option, refuse_given, with_options
@@ -165,3 +166,9 @@ def test_plain_arguments_have_the_values_that_typer_reads(line):
     for each in signature.declared:
         read, known = plain[each.name], seen[each.name]
         assert (read or ()) == (known or ()) if each.item is not None else (type(read), read) == (type(known), known)
+
+
+def test_the_help_of_data_names_every_format():
+    data = next(each for each in Signature(command("fit")[0]).declared if each.name == "format")
+    named = set(re.split(r"[:,. ]+", data.field.metadata["help"]))
+    assert set(FORMATS) <= named

@@ -55,7 +55,8 @@ class DataOptions:
     """The form of files with measured data."""
 
     format: str = option(
-        "Format of the data: auto, ncomp, rtl, iso230-table, ecmc-report, cmm, epics, twincat-scope, robot, delimited.",
+        "Format of the data: auto, ncomp, rtl, iso230-table, ecmc-report, cmm, epics, twincat-scope, ballbar-angles, "
+        "robot, delimited.",
         default="auto",
         complete=_formats,
     )
