@@ -276,8 +276,11 @@ def test_units_of_a_map(write):
         (('linear = "inch"\n', ""), "does not state the unit of X"),
         (('xyz = "um"', 'xyz = "cm"'), "units.xyz: unit 'cm' is none of mm, m, inch, um"),
         (('decimal = "."', 'decimal = ","'), "a comma cannot be both the separator of cells and the decimal sign"),
-        (('delimiter = ","\n', ""), "missing required field `delimiter`"),
-        (('delimiter = ","', 'delimiter = "|"'), "Invalid enum value '|'"),
+        (('delimiter = ","\n', ""), "column map m.toml: delimiter is missing: write delimiter ="),
+        (
+            ('delimiter = ","', 'delimiter = "|"'),
+            "column map m.toml:1: delimiter: expected ',', ';', 'tab' or 'blank', not '|'",
+        ),
         (
             ("x = 6", 'x = "PosX"'),
             "column 'PosX' is missing or occurs twice; the columns are 2, 0.5, 294.65",
@@ -285,11 +288,11 @@ def test_units_of_a_map(write):
         (("x = 6", "x = 60"), "data.txt:1: column 60 is missing: the line has 9 columns"),
         (("x = 6", "x = 0"), "data.txt:1: column 0 is missing"),
         (("[columns]", 'join = "point"\n[columns]'), "join 'point' is not one of its columns"),
-        (("[columns]", "colour = 1\n[columns]"), "Object contains unknown field `colour`"),
+        (("[columns]", "colour = 1\n[columns]"), "column map m.toml:3: colour is not known"),
         (("x = 6", "x = 6\nspeed = 3"), "data.txt column speed: not known"),
         (("z = 8\n", ""), "data.txt laser-tracker: column z missing"),
         (("u_angle_um = 5\n", ""), "state u_angle_um or u_angle_um_per_m above zero"),
-        (("[columns]", "[columns"), "column map m.toml: "),
+        (("[columns]", "[columns"), "column map m.toml:3: '[columns': column 9"),
     ],
 )
 def test_maps_refused(write, change, words):
@@ -363,8 +366,14 @@ def test_formats_are_recognised(write):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("1 2 3\n4 5 6\n", r"the format of the file is unknown; known formats are ncomp \(measurement file.*delimited"),
-        ("a,b\n1,2\n", r"the format of the file is unknown; known formats are ncomp \(measurement file.*delimited"),
+        (
+            "1 2 3\n4 5 6\n",
+            r"the format of the file is unknown: give a column map .*; known formats are ncomp \(measurement file.*delimited",
+        ),
+        (
+            "a,b\n1,2\n",
+            r"the format of the file is unknown: give a column map .*; known formats are ncomp \(measurement file.*delimited",
+        ),
         (b"\x89PNG\r\n\x1a\n\0\0", "this is a picture, no measurement: give the data of an instrument"),
         ("G0 X1\n", "this is an NC program, no measurement: give the data of an instrument"),
     ],

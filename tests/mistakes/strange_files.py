@@ -68,7 +68,7 @@ MISTAKES = (
     Mistake("points with semicolons", "predict p.csv --machine gantry -c cal.json -o p_out.csv", "p.csv:1", "separate cells by commas", "a decimal point", (("p.csv", "X;Y;Z\n1,5;0;0\n"),)),
     Mistake("spreadsheet as a column map", "fit a.txt --machine gantry --columns m.toml -o n.json", "column map m.toml", "this is a ZIP archive or a spreadsheet", "export the sheet as text", (("a.txt", "1 2 3\n"), ("m.toml", SHEET))),
     Mistake("column map misspelled", "fit a.txt --machine gantry --columns spatialanalyser -o n.json", "--columns 'spatialanalyser'", "is none of", "did you mean 'spatialanalyzer'?", (("a.txt", "1 2 3\n"),)),
-    Mistake("packed tables", "import t.gz --machine gantry --format linuxcnc -o old.json", "tables t.gz", "this is a packed archive", "give the text files of the control", (("t.gz", PACKED),)),
+    Mistake("packed tables", "import t.gz --machine gantry --format linuxcnc -o old.json", "tables t.gz", "expected a text file, found a packed archive", "give the files of the control", (("t.gz", PACKED),)),
     Mistake("packed page", "report p.html --pdf p.pdf", "report p.html", "found a packed archive", "expected a page written by --report", (("p.html", PACKED),)),
     file("XML of a CAM system", "in.nc", "<?xml version='1.0'?>\n<job/>\n", "this is an XML file", "the file that the CAM has posted"),
     file("page of ncomp in place of the program", "in.nc", '<!doctype html><meta name="generator" content="ncomp">', "this is a web page", "the file that the CAM has posted"),

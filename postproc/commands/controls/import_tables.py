@@ -90,7 +90,7 @@ def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
             raise UserError(f"{file}: two files have this name; give them different names")
         if b"\0" in data:
             found = kind_of_file(data) or "a file with zero bytes"
-            raise UserError(f"tables {file}: this is {found}: give the text files of the control")
+            raise UserError(f"tables {file}: expected a text file, found {found}: give the files of the control")
         texts[file.name] = data.decode("latin-1")
         prints[file.name] = fingerprint(data)
     return texts, prints
