@@ -253,7 +253,7 @@ BROKEN = [
     (TRACKER, [("temp_scale", "spindle_rpm"), ("20.50", "")], "m.csv:10 column spindle_rpm: empty"),
     (TRACKER, [("389.2", "389,2")], "m.csv:10: 10 cells, but 9 columns have names (a decimal comma?)"),
     (TRACKER, [(",20.50", "")], "m.csv:10: 8 cells, but 9 columns have names"),
-    (TRACKER, [("8.0,500.0", '8.0,"500.0')], "m.csv:10: unexpected end of data"),
+    (TRACKER, [("8.0,500.0", '8.0,"500.0')], "m.csv:10: a cell begins with a quote and has no end"),
     (TRACKER, [("8.0,500.0", "# pause\n8.0,500.0")], "m.csv:10: header lines must be above the names of columns"),
     (TRACKER, [("8.0,500.0", "\n8.0,x")], "m.csv:11 column X: 'x' is no number"),
     (TRACKER, [("machine: gantry", "machine: gantry\n# machine: gantry")], "m.csv:2 machine: given before, in line 1"),
