@@ -15,7 +15,7 @@ from kinematics.effects import COMPONENTS
 from kinematics.files.report_head import ReportHead
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, Figure, Panel, bars_of_error, grid, level
-from rendering.report import Report, Section, Table, facts
+from rendering.report import Report, Section, Table
 from rendering.volume import Field, volume_section
 
 
@@ -93,7 +93,7 @@ def _straightness(axis: AxisResult) -> dict[str, Any]:
 def three_points_report(found: ThreePoints, checked: Check, lead: str, head: ReportHead, *, tables: bool) -> Report:
     """The result for people; `lead`: the data; with `tables` also every position of every axis."""
     residual = residual_sentence(checked.before_rms_um, checked.fit, checked.cross_validation)
-    verdict = "\n".join([*insignificant(found.significant_share), residual])
+    verdict = "\n".join([*insignificant(found.significant_share), residual, *_noise(found.points)])
     return Report("Three-point identification", lead, list(_sections(found, checked, tables)), verdict, head=head)
 
 
@@ -101,9 +101,6 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
     before = Field("before, without a correction", found.model)
     after = Field("after a correction, U (k=2)", found.model, uncertain=True)
     yield from volume_section(checked.fit.measurement.machine, [before, after])
-    points = found.points
-    if points.degrees_of_freedom:
-        yield facts("Noise", [("residuals", _noise(points))])
     yield residuals((checked.before_rms_um, checked.before_max_um), checked.fit, checked.cross_validation)
     for axis in found.axes.values():
         yield _axis_summary(axis)
@@ -134,12 +131,17 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
     )
 
 
-def _noise(points: Points) -> str:
+def _noise(points: Points) -> Iterator[str]:
     """The size of the residuals beside the instrument specification, and the repeatability that it shows."""
-    text = f"chi2/dof {points.chi2 / points.degrees_of_freedom:.3g} by the instrument specification: "
-    if not points.repeatability_um:
-        return f"{text}they are no larger than its noise"
-    return f"{text}beyond its noise the machine repeats to {points.repeatability_um:.2g} um (standard deviation)"
+    if not points.degrees_of_freedom:
+        return
+    text = (
+        f"The residuals have chi2/dof {points.chi2 / points.degrees_of_freedom:.3g} by the instrument specification: "
+    )
+    if points.repeatability_um:
+        yield f"{text}the machine repeats to {points.repeatability_um:.2g} um (standard deviation) beside its noise."
+    else:
+        yield f"{text}they are no larger than its noise."
 
 
 def _motions(axis: AxisResult) -> Figure:
