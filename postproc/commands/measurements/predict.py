@@ -54,8 +54,6 @@ def predict(
     read = read_points(points, found)
     prediction = ncomp.predict(read, found, model)
     notes = [*read.notes, *prediction.notes]
-    for note in notes:
-        say("note", note)
     summary = Summary()
     with whole_results(*others.files, output) as (results, page, file):
         for line in _head(read, model):
@@ -63,6 +61,8 @@ def predict(
         for block in prediction.blocks():
             summary.add(block)
             file.write("".join(_lines(read, block)).encode())
+        for note in notes:
+            say("note", note)
         report = summary.report(prediction, partial(prediction_figure, prediction))
         relative = prediction.relative().json()
         numbers = summary.json() | {"u_um": relative, "calibration": _identity(model), "notes": notes}
