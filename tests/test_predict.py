@@ -10,18 +10,21 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 import pytest
 from support.file_examples import LASER
 from support.pages import text_of
+from support.programs import random_model
 
 import machines
-from calibration.fit.prediction import predictions, read_points
+from calibration.fit.prediction import predictions, read_points, relative
 from kinematics.basis import BSpline, Legendre
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, DriftWithSensor, ErrorMotion, LocationError, RangeOffset, ThermalDrift
 from kinematics.error_model.model import ErrorModel, Provenance, read_model, reference, write_model
 from kinematics.machine import Machine
+from kinematics.state import State
 from kinematics.transforms import BLOCK
 from kinematics.user_error import UserError
 from rendering.si import si
@@ -346,3 +349,14 @@ def test_help(ncomp):
         shown = ncomp(command, "--help")
         assert shown.status == 0
         assert example in shown.out
+
+
+def test_directions_without_errors_of_the_model_are_unknown():
+    """Their uncertainty is not zero."""
+    along = ErrorMotion("X", "X", Legendre((0.0, 400.0), 1), (0.0, 9.0), u=(1.0, 2.0))
+    state, tool = State(np.linspace((0.0, 0.0, 0.0), (400.0, 10.0, 10.0), 5)), np.zeros((5, 3))
+    text = str(relative(model_of(GANTRY, along), GANTRY, state, tool))
+    assert re.search(r" of \d\.\d\d um in x\. .* has \d\.\d\d um; .* Deviations in y, z are unknown", text)
+    assert " um in x, y, z. " in str(relative(random_model(GANTRY, 1), GANTRY, state, tool))
+    without = model_of(GANTRY, msgspec.structs.replace(along, u=()))
+    assert " of 0.00, 0.00, 0.00 um in x, y, z. " in str(relative(without, GANTRY, state, tool))

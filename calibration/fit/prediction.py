@@ -126,11 +126,16 @@ class RelativeDeviation(NamedTuple):
         return mean**0.5
 
     def __str__(self) -> str:
-        between, shift = (", ".join(f"{u:.2f}" for u in values) for values in (self.u_between, self.u_shift))
-        return (
-            f"Deviations relative to their mean have standard uncertainties (k=1) of {between} um in x, y, z. "
-            f"The shift common to all has {shift} um; it disappears if the zero is touched off on the machine."
+        known = (self.u_between > 0.0) | (self.u_shift > 0.0)
+        known = known if known.any() else ~known  # a calibration without uncertainties
+        between, shift = (", ".join(f"{u:.2f}" for u in values[known]) for values in (self.u_between, self.u_shift))
+        inside, outside = (
+            ", ".join(name for name, shown in zip("xyz", mask, strict=True) if shown) for mask in (known, ~known)
         )
+        return (
+            f"Deviations relative to their mean have standard uncertainties (k=1) of {between} um in {inside}. "
+            f"The shift common to all has {shift} um; it disappears if the zero is touched off on the machine."
+        ) + (f" Deviations in {outside} are unknown: the model has no error there." if outside else "")
 
     def json(self) -> dict[str, list[float]]:
         """Standard uncertainties in x, y and z, um, for programs."""
