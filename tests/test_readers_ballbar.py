@@ -95,6 +95,11 @@ def test_refused(write, head, rows, reason):
 
 PROTOCOLS = {
     "TCHPR451.TXT": ("any text\n1 2 3\n", "KinematicsOpt", "FN 16"),
+    "TCHPR454.TXT": ("any text\n1 2 3\n", "touch probe cycle", "FN 16"),
+    "TCHPR460.TXT": ("any text\n1 2 3\n", "touch probe cycle", "FN 16"),
+    "TCHPRAUTO.html": ("<html>\n1 2 3\n", "touch probe cycle", "FN 16"),
+    "cut.txt": ("TCHPR", "touch probe cycle", "FN 16"),
+    "hole.txt": ("Measuring log for touch probe cycle 421 Hole\n1 2 3\n", "touch probe cycle", "FN 16"),
     "log.txt": ("Date 01.02\nTCH PROBE 451 MEASURE KINEMATICS\nA 0.01\n", "KinematicsOpt", "FN 16"),
     "kin.log": ("; protocol\nCYCLE996 swivel data\n_OVR[1] 0.012\n", "CYCLE996", "siemens-tcarr"),
     "report.csv": ("Renishaw AxiSet Check-Up\nA,0.01\n", "AxiSet", "touch-probe"),
@@ -136,6 +141,34 @@ def test_protocols_in_other_languages_and_encodings_are_named(tmp_path, data, me
         read_any(path, CFRAME)
     assert message in str(refused.value)
     assert "It is not read" in str(refused.value)
+
+
+CUT = {
+    "Date 01.02\nMEASURE KINEMAT": "cycles 450 to 453",
+    "Date\r\nMeasuring log for tou": "touch probe cycle",
+    "; log\nCYCLE9": "CYCLE996",
+    "Renishaw Axi": "AxiSet",
+    "<?xml version='1.0'?>\n<Ballb": "Renishaw Ballbar",
+}
+"""Ends of files that were cut off within a word."""
+
+
+@pytest.mark.parametrize("text", CUT)
+def test_files_that_are_cut_off_within_a_word_are_named(tmp_path, text):
+    path = tmp_path / "log.txt"
+    path.write_text(text)
+    with pytest.raises(UserError, match="it was cut off when it was copied") as refused:
+        read_any(path, CFRAME)
+    assert CUT[text] in str(refused.value)
+    assert f"log.txt:{len(text.splitlines())}: " in str(refused.value)
+
+
+def test_a_word_of_other_texts_shows_no_protocol(tmp_path):
+    for text in ("one cycle", "to measure\n", "the preset\n"):
+        path = tmp_path / "log.txt"
+        path.write_text(text)
+        with pytest.raises(UserError, match="the format of the file is unknown"):
+            read_any(path, CFRAME)
 
 
 def test_the_line_that_shows_a_protocol_is_named(write):
