@@ -71,7 +71,7 @@ def test_the_evidence_is_that_of_the_normal_distribution():
     rng = np.random.default_rng(0)
     x, noise = np.linspace(0.0, 600.0, 6), 0.8
     values = rng.normal(size=12) * 5.0
-    processes = Processes.about(x, 30.0, [("positioning", values[:6]), ("angular", values[6:])])
+    processes = Processes.about(x, (30.0, 20.0), [("positioning", values[:6]), ("angular", values[6:])])
     tried = [
         Process(correlation, length, {"positioning": size, "angular": size - 3})
         for correlation in CORRELATIONS
@@ -79,7 +79,7 @@ def test_the_evidence_is_that_of_the_normal_distribution():
     ]
     found = _Evidence(processes, np.eye(12) / noise**2, values / noise**2).of(tried)
     for value, process in zip(found, tried, strict=True):
-        roots = [processes.root(process, process.sizes[which]) for which in ("positioning", "angular")]
+        roots = [processes.root(process, motion) for motion in range(2)]
         own = sum(
             multivariate_normal(np.zeros(6), root @ root.T + noise**2 * np.eye(6)).logpdf(part)
             for root, part in zip(roots, np.split(values, 2), strict=True)
@@ -92,11 +92,13 @@ def test_known_values_leave_no_uncertainty_at_them():
     x = np.linspace(0.0, 600.0, 7)
     size = int(np.argmin(np.abs(SIZES - 10.0)))
     rough, smooth = (
-        Processes(x, 30.0, ("positioning",), ((1.0, Process(next(iter(CORRELATIONS)), length, {"positioning": size})),))
+        Processes(
+            x, (30.0,), ("positioning",), ((1.0, Process(next(iter(CORRELATIONS)), length, {"positioning": size})),)
+        )
         for length in (0.5, 4.0)
     )
-    assert rough.between("positioning") > 5.0
-    assert smooth.between("positioning") < 0.1
+    assert rough.between(0) > 5.0
+    assert smooth.between(0) < 0.1
 
 
 @pytest.mark.parametrize("waves", [0.5, 2.0, 4.5])

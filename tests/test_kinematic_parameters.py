@@ -7,7 +7,7 @@ import re
 import msgspec
 import numpy as np
 import pytest
-from support.kinematic_controls import joints
+from support.kinematic_controls import joints, trunnion
 from support.programs import load, model_of
 from support.tiers import quick
 
@@ -41,18 +41,6 @@ axes.Z = { travel = [-300, 300] }
 axes.C = { travel = [-200, 200], point = [0, 0, 250] }
 axes.B = { travel = [-100, 100], point = [0, 0, 250], direction = [0, -1, 0] }
 """
-
-
-def trunnion(tilt):
-    """The shipped trunnion, as LinuxCNC turns it: both axes against ISO 841, and off the origin."""
-    machine = load(f"trunnion_{tilt.lower()}c")
-    against = {"C": (0.0, 0.0, -1.0), "A": (-1.0, 0.0, 0.0), "B": (0.0, -1.0, 0.0)}
-    points = {"C": (3.0, -7.0, 11.0), tilt: (5.0, -20.0, 85.0)}
-    axes = [
-        dataclasses.replace(axis, direction=against[axis.name], point=points[axis.name]) if axis.rotary else axis
-        for axis in machine.axes
-    ]
-    return dataclasses.replace(machine, axes=tuple(axes))
 
 
 SHIPPED = ("trunnion_ac", "trunnion_bc", "dmu50", "head_table", "head_head")

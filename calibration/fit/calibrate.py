@@ -28,10 +28,10 @@ from calibration.fit.location_errors import split_locations, transformed
 from calibration.fit.omitted_waves import OmittedWaves, omitted_waves
 from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
-from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
+from calibration.fit.set_up.bases_and_noise import Wanted
 from calibration.fit.set_up.distances import distance_findings
+from calibration.fit.set_up.drift import Drift, with_bases_noise_and_drift
 from calibration.fit.set_up.moved_spheres import moved_spheres
-from calibration.fit.set_up.repeated_centres import repeat_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
@@ -118,11 +118,13 @@ def calibrate(
     findings, positions = checked(measurement, force=force)
     steps = 3 if hold_out else 2
     wanted = Wanted(basis, margin, tuple(effects), prior_scale, variance, numbered(progress, 1, steps))
-    choice, found = with_bases_and_noise(at_positions(measurement, positions), wanted)
+    drift = with_bases_noise_and_drift(at_positions(measurement, positions), wanted)
+    choice, found = drift.choice, drift.fit
     numbered(progress, 2, steps)("identifiability")
     identified = identifiability(found)
     refuse_few([found], identified)
-    held_out = _held_out(found, choice, wanted, numbered(progress, steps, steps)) if hold_out else None
+    both = replace(wanted, effects=(*wanted.effects, *drift.effects))
+    held_out = _held_out(found, choice, both, numbered(progress, steps, steps)) if hold_out else None
     before = nominal_residuals(found)
     before_rms_um, before_max_um, before_chi2_reduced = _sizes(found, before)
     too_many = disagreement(found)
@@ -131,7 +133,7 @@ def calibrate(
     curved, between = with_curves_between(honest) if wanted.automatic else (honest, ())
     if waves is not None:
         curved = replace(curved, model=waves.uncertain(curved.model))
-    written = _written(curved, valid_days)
+    written = drift.left_out(_written(curved, valid_days))
     result = Calibration(
         fit=found,
         model=written,
@@ -143,7 +145,7 @@ def calibrate(
         dependences=tuple(dependences(found)),
         cross_validation=held_out,
         between_positions=between,
-        findings=(*findings, *_findings(found, too_many, waves)),
+        findings=(*findings, *_findings(drift, too_many, waves)),
         targets=tuple(positions),
         relative_deviation=relative_deviations(written, found.measurement.rows(np.flatnonzero(found.kept))),
         objection=too_many or reason_against(found, before, held_out),
@@ -168,11 +170,12 @@ def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], li
     return [*findings, *target_findings(measurement, positions)], positions
 
 
-def _findings(found: Fit, too_many: str, waves: OmittedWaves | None) -> list[Finding]:
+def _findings(drift: Drift, too_many: str, waves: OmittedWaves | None) -> list[Finding]:
     """Anomalies of the data that a fit shows; too_many: the statement that too many rows disagree, or empty."""
+    found = drift.fit
     outliers = [Finding("outliers", too_many, False)] if too_many else []
     lacking = [] if waves is None else waves.findings()
-    return [*zero_findings(run_zeros(found)), *distance_findings(found), *repeat_findings(found), *lacking, *outliers]
+    return [*zero_findings(run_zeros(found)), *distance_findings(found), *drift.findings, *lacking, *outliers]
 
 
 def _held_out(found: Fit, choice: Choice, wanted: Wanted, progress: Progress) -> CrossValidation | None:

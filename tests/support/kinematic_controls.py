@@ -4,9 +4,12 @@ Each takes the text of a file and gives linear positions `(n, 3)`, mm, X Y Z, fo
 frame, rotary positions by name `(n,)`, deg, and tool lengths `(n,)`.
 """
 
+import dataclasses
 import re
 
 import numpy as np
+
+from support.programs import load
 
 
 def turned(vector, degrees, points):
@@ -158,3 +161,15 @@ def joints(format, text, machine, q, tip, length):
     for k, letter in enumerate("XYZ"):
         sent[:, machine.index(letter)] = linear[:, k]
     return sent
+
+
+def trunnion(tilt):
+    """The shipped trunnion, as LinuxCNC turns it: both axes against ISO 841, and off the origin."""
+    machine = load(f"trunnion_{tilt.lower()}c")
+    against = {"C": (0.0, 0.0, -1.0), "A": (-1.0, 0.0, 0.0), "B": (0.0, -1.0, 0.0)}
+    points = {"C": (3.0, -7.0, 11.0), tilt: (5.0, -20.0, 85.0)}
+    axes = [
+        dataclasses.replace(axis, direction=against[axis.name], point=points[axis.name]) if axis.rotary else axis
+        for axis in machine.axes
+    ]
+    return dataclasses.replace(machine, axes=tuple(axes))

@@ -17,16 +17,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 
 import msgspec
 import numpy as np
 
 from calibration.fit.cross_validation import diagonals
-from calibration.fit.curves.smooth_process import Processes
+from calibration.fit.curves.smooth_process import TYPICAL_SIZE, Processes
 from calibration.fit.fit import Fit
 from calibration.fit.linear import pseudo_inverse
 from calibration.fit.problem import UNSEEN
 from calibration.measurement.estimated_noise import Decorrelation
+from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import assemble, whitened, whiteners
 from kinematics.basis import Basis, BSpline
@@ -195,7 +197,7 @@ class _Values:
     def processes(self) -> dict[str, Processes]:
         """The possible processes of each axis."""
         found = {
-            axis: Processes.about(x, float(self.prior[self._rows(axis)].max()), list(self._values(axis)))
+            axis: Processes.about(x, self._trends(axis, len(x)), list(self._values(axis)), self._typical_size(axis))
             for axis, x in self.axes.items()
         }
         for _ in range(SWEEPS):
@@ -206,15 +208,35 @@ class _Values:
                 break
         return found
 
+    def _trends(self, axis: str, positions: int) -> list[float]:
+        """Size of constant and slope of each error motion: at the ends both together have that of its prior."""
+        trends: list[float] = (self.prior[self._rows(axis)][::positions] / 2**0.5).tolist()
+        return trends
+
+    def _typical_size(self, axis: str) -> float:
+        """Size of the curves of an axis that is expected before the data are seen, um or urad.
+
+        Spheres show small curves of linear axes hardly beside the rotary axes: there it follows the size of the error
+        motions that is stated, or that the evidence of all of them prefers.
+        """
+        if not isinstance(self.found.measurement.instrument, TouchProbe):
+            return TYPICAL_SIZE
+        typical = max(quantity.typical for quantity in self._first(axis).parameter_table)
+        return TYPICAL_SIZE * min(float(self.prior[self._rows(axis)].min()) / typical, 1.0)
+
+    def _first(self, axis: str) -> Effect:
+        return next(e for e in self.effects if isinstance(e, ErrorMotion) and e.axis == axis)
+
     def with_curves(self, processes: Mapping[str, Processes], bases: Mapping[str, BSpline]) -> Fit:
         """The fit with the curves, given the data, in place of its error motions; bases: of the curves of each axis."""
         effects: list[Effect] = []
         reached: list[Array] = []
         roots: list[Array] = []
+        numbers = {axis: count() for axis in self.axes}
         for effect, part in zip(self.found.model.effects, self.parts, strict=True):
             if isinstance(effect, ErrorMotion) and effect.axis in self.axes:
                 own, basis = processes[effect.axis], bases[effect.axis]
-                roots.append(_root(own, _class_of(effect), basis))
+                roots.append(_root(own, next(numbers[effect.axis]), basis))
                 reached.append(basis.columns(own.positions) @ roots[-1])
                 effects.append(_motion(effect, basis, np.zeros(basis.size)))
             else:
@@ -275,9 +297,9 @@ class _Values:
             return information, right
         rows = np.concatenate([self._rows(name) for name in others])
         blocks = [
-            np.asarray(np.linalg.cholesky(processes[name].covariance(self.axes[name], which)))
+            np.asarray(np.linalg.cholesky(processes[name].covariance(self.axes[name], motion)))
             for name in others
-            for which in processes[name].classes
+            for motion in range(len(processes[name].classes))
         ]
         root = _diagonal(blocks)
         inner = np.eye(len(rows)) + root.T @ self.information[np.ix_(rows, rows)] @ root
@@ -321,16 +343,16 @@ def _lacked(processes: Processes, basis: BSpline) -> float:
     x, everywhere = _determining(basis), np.linspace(*basis.interval, 8 * FEW + 1)
     through = np.hstack([-np.linalg.solve(basis.columns(x).T, basis.columns(everywhere).T).T, np.eye(len(everywhere))])
     shares = []
-    for which in dict.fromkeys(processes.classes):
-        whole = processes.covariance(np.concatenate([x, everywhere]), which)
+    for motion, which in enumerate(processes.classes):
+        whole = processes.covariance(np.concatenate([x, everywhere]), motion)
         shares.append(np.einsum("ij,jk,ik->i", through, whole, through).max() / processes.size(which) ** 2)
     return float(np.sqrt(max(shares)))
 
 
-def _root(processes: Processes, which: str, basis: BSpline) -> Array:
-    """Root of the covariance of the parameters of a spline that is a process of a class."""
+def _root(processes: Processes, motion: int, basis: BSpline) -> Array:
+    """Root of the covariance of the parameters of a spline that is the process of an error motion."""
     x = _determining(basis)
-    return np.asarray(np.linalg.solve(basis.columns(x), np.linalg.cholesky(processes.covariance(x, which))))
+    return np.asarray(np.linalg.solve(basis.columns(x), np.linalg.cholesky(processes.covariance(x, motion))))
 
 
 def _determining(basis: BSpline) -> Array:
@@ -361,6 +383,6 @@ def _class_of(effect: ErrorMotion) -> str:
 
 def _between(axis: str, processes: Processes) -> BetweenPositions:
     """The uncertainty between the positions of an axis."""
-    u = {which: processes.between(which) for which in dict.fromkeys(processes.classes)}
-    shifts = [u[which] for which in ("positioning", "straightness") if which in u]
-    return BetweenPositions(axis, len(processes.positions), max(shifts, default=None), u.get("angular"))
+    u = [(which, processes.between(motion)) for motion, which in enumerate(processes.classes)]
+    shifts, turns = ([own for which, own in u if (which == "angular") == angular] for angular in (False, True))
+    return BetweenPositions(axis, len(processes.positions), max(shifts, default=None), max(turns, default=None))

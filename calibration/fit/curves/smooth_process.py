@@ -70,15 +70,23 @@ class Processes:
 
     positions: Array
     """Measured positions `(k,)`, ascending, mm or degrees."""
-    trend: float
-    """Standard deviation of constant and slope over the measured range, um or urad."""
+    trends: tuple[float, ...]
+    """Standard deviation of constant and slope over the measured range, um or urad, of each error motion."""
     classes: tuple[str, ...]
     """Class of each error motion."""
+    typical_size: float = TYPICAL_SIZE
+    """Size, um or urad, that is expected before the data are seen."""
     possible: tuple[tuple[float, Process], ...] = ()
     """Probabilities and processes; the expected one before the data are seen."""
 
     @classmethod
-    def about(cls, positions: Array, trend: float, values: Sequence[tuple[str, Array]]) -> Processes:
+    def about(
+        cls,
+        positions: Array,
+        trends: Sequence[float],
+        values: Sequence[tuple[str, Array]],
+        typical_size: float = TYPICAL_SIZE,
+    ) -> Processes:
         """A first guess from values `(k,)` at the positions, with the class of each error motion."""
         line = np.linalg.qr(np.vander(positions - positions.mean(), 2))[0]
         squares: dict[str, list[float]] = {}
@@ -88,7 +96,7 @@ class Processes:
             which: int(np.argmin(np.abs(np.log(SIZES) - 0.5 * np.log(max(np.mean(own), SIZES[0] ** 2)))))
             for which, own in squares.items()
         }
-        nothing = cls(positions, trend, tuple(which for which, _ in values))
+        nothing = cls(positions, tuple(trends), tuple(which for which, _ in values), typical_size)
         return replace(nothing, possible=((1.0, Process(_twice, nothing.typical_length, sizes)),))
 
     @property
@@ -98,7 +106,7 @@ class Processes:
 
     def away(self, process: Process) -> float:
         """Negative log probability of a process before the data are seen, up to a constant."""
-        sizes = np.log(SIZES[list(process.sizes.values())] / TYPICAL_SIZE) / SIZE_SPREAD
+        sizes = np.log(SIZES[list(process.sizes.values())] / self.typical_size) / SIZE_SPREAD
         length = np.log(process.length / self.typical_length) / LENGTH_SPREAD
         return 0.5 * float(sizes @ sizes + length**2) - float(np.log(CORRELATIONS[process.correlation]))
 
@@ -106,15 +114,16 @@ class Processes:
         """Standard deviation of the error motions of a class about a straight line, um or urad."""
         return float(np.sqrt(sum(p * SIZES[process.sizes[which]] ** 2 for p, process in self.possible)))
 
-    def covariance(self, x: Array, which: str) -> Array:
-        """Covariance of the values at positions `(m,)` of an error motion of a class, um2 or urad2."""
+    def covariance(self, x: Array, motion: int) -> Array:
+        """Covariance of the values at positions `(m,)` of an error motion, given by its number, um2 or urad2."""
+        which = self.classes[motion]
         own = sum(p * SIZES[process.sizes[which]] ** 2 * self._correlation(process, x) for p, process in self.possible)
-        return self._with_line(x, np.asarray(own))
+        return self._with_line(x, self.trends[motion], np.asarray(own))
 
-    def between(self, which: str) -> float:
+    def between(self, motion: int) -> float:
         """Largest standard deviation half-way between positions if the values at these are known, um or urad."""
         k, middle = len(self.positions), (self.positions[1:] + self.positions[:-1]) / 2.0
-        whole = self.covariance(np.concatenate([self.positions, middle]), which)
+        whole = self.covariance(np.concatenate([self.positions, middle]), motion)
         known = np.linalg.solve(whole[:k, :k], whole[:k, k:])
         variances = np.diag(whole[k:, k:]) - np.sum(whole[:k, k:] * known, axis=0)
         return float(np.sqrt(max(variances.max(), 0.0)))
@@ -136,19 +145,20 @@ class Processes:
         )
         return replace(self, possible=tuple(likely))
 
-    def root(self, process: Process, size: int) -> Array:
-        """Root of the covariance of the values at the positions under one process."""
-        x = self.positions
-        return np.asarray(np.linalg.cholesky(self._with_line(x, SIZES[size] ** 2 * self._correlation(process, x))))
+    def root(self, process: Process, motion: int) -> Array:
+        """Root of the covariance of the values of an error motion at the positions under one process."""
+        x, size = self.positions, SIZES[process.sizes[self.classes[motion]]]
+        own = size**2 * self._correlation(process, x)
+        return np.asarray(np.linalg.cholesky(self._with_line(x, self.trends[motion], own)))
 
     def _correlation(self, process: Process, x: Array) -> Array:
         distance = (self.positions[-1] - self.positions[0]) / (len(self.positions) - 1)
         return process.correlation(np.abs(x[:, None] - x) / (process.length * distance))
 
-    def _with_line(self, x: Array, own: Array) -> Array:
+    def _with_line(self, x: Array, trend: float, own: Array) -> Array:
         low, high = self.positions[[0, -1]]
         u = (2.0 * x - low - high) / (high - low)
-        whole = self.trend**2 * (1.0 + np.outer(u, u)) + own
+        whole = trend**2 * (1.0 + np.outer(u, u)) + own
         return np.asarray(whole + JITTER * np.diag(np.diag(whole)))
 
 
@@ -161,7 +171,7 @@ class _Evidence:
     right: Array
 
     @cached_property
-    def _roots(self) -> dict[tuple[Correlation, float, int], Array]:
+    def _roots(self) -> dict[tuple[Correlation, float, int, float], Array]:
         return {}
 
     def of(self, tried: Sequence[Process]) -> Array:
@@ -169,10 +179,10 @@ class _Evidence:
         k, size = len(self.processes.positions), len(self.right)
         roots = np.zeros((len(tried), size, size))
         for root, process in zip(roots, tried, strict=True):
-            for i, which in enumerate(self.processes.classes):
-                key = process.correlation, process.length, process.sizes[which]
+            for i, (which, trend) in enumerate(zip(self.processes.classes, self.processes.trends, strict=True)):
+                key = process.correlation, process.length, process.sizes[which], trend
                 if key not in self._roots:
-                    self._roots[key] = self.processes.root(process, process.sizes[which])
+                    self._roots[key] = self.processes.root(process, i)
                 root[i * k : i * k + k, i * k : i * k + k] = self._roots[key]
         across = np.swapaxes(roots, 1, 2)
         factor = np.linalg.cholesky(np.eye(size) + across @ (self.information @ roots))

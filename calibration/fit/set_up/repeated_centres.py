@@ -21,8 +21,10 @@ FAR_UM = 500.0
 """Shift, um, from which a row is wrong: no machine drifts so far. Other checks name such rows."""
 
 
-def repeat_findings(found: Fit) -> Iterator[Finding]:
+def repeat_findings(found: Fit, rows: np.ndarray | None = None) -> Iterator[Finding]:
     """A finding for the centre that is farthest from where it was found first, if this is more than noise allows.
+
+    rows: mask `(n,)` of the rows that are compared; all when None.
 
     Both have the same errors of the machine, so that their residuals differ by noise and drift alone. The noise is
     that of the instrument specification, or of the residuals where these are larger.
@@ -33,6 +35,8 @@ def repeat_findings(found: Fit) -> Iterator[Finding]:
     first, again = _repeats(measurement.groups, measurement.state.positions[:, measurement.machine.rotary])
     shift = -1e3 * (found.residual[again] - found.residual[first])
     near = np.linalg.norm(shift, axis=1) < FAR_UM
+    if rows is not None:
+        near &= rows[first] & rows[again]
     first, again, shift = first[near], again[near], shift[near]
     if not len(again):
         return

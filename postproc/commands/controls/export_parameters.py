@@ -81,6 +81,7 @@ def read_parameters(machine: Machine, options: TableOptions, files: Mapping[str,
     from postproc.kinematic_parameters.as_errors import errors_of_lines
     from postproc.kinematic_parameters.formats import FORMATS
     from postproc.kinematic_parameters.lines import reflected
+    from postproc.kinematic_parameters.plausible import refuse_far_lines
     from postproc.tables.export import sign_of
     from postproc.tables.format import parse_settings
     from postproc.tables.readers.source import Source
@@ -94,6 +95,7 @@ def read_parameters(machine: Machine, options: TableOptions, files: Mapping[str,
         raise UserError(f"{form.name}: expected one file of parameters, found {', '.join(named) or 'none'}")
     settings = dict(text.partition("=")[::2] for text in options.settings)
     moved = form.read(Source(machine, files, sign, settings), named[0], machine)
+    refuse_far_lines(machine, moved, named[0])
     return errors_of_lines(machine, moved if sign == "correction" else reflected(machine, moved))
 
 

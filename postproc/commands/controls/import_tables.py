@@ -88,12 +88,23 @@ def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
         data = read_input(file, "tables")
         if file.name in texts:
             raise UserError(f"{file}: two files have this name; give them different names")
-        if b"\0" in data:
-            found = kind_of_file(data) or "a file with zero bytes"
-            raise UserError(f"tables {file}: expected a text file, found {found}: give the files of the control")
-        texts[file.name] = data.decode("latin-1")
+        texts[file.name] = _decoded(data, file)
         prints[file.name] = fingerprint(data)
     return texts, prints
+
+
+def _decoded(data: bytes, file: Path) -> str:
+    """The text of a file with or without a byte order mark; UserError for a binary file."""
+    import codecs
+
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", "replace")
+    if b"\0" in data:
+        kind = (
+            "it is UTF-16 without a byte order mark" if data[1::2].count(0) > len(data) // 3 else "it has a zero byte"
+        )
+        raise UserError(f"tables {file}: expected a text file, and {kind}: save it as plain text (UTF-8)")
+    return data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
 
 
 def _model(

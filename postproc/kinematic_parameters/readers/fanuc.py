@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 
 from kinematics.machine import Machine, Vector
 from kinematics.user_error import UserError
-from postproc.tables.readers.source import Source, numbers, refusal
+from postproc.tables.readers.source import Source, numbers, refusal, refuse_cut
 
 
 def read(source: Source, name: str, machine: Machine) -> Machine:
     """The machine with the lines by the parameters."""
     found: dict[int, float] = {}
+    refuse_cut(name, source.files[name], r"^\s*\d")
     for line, text in enumerate(source.files[name].splitlines(), 1):
         if not text.strip() or text.startswith("#") or text.strip() == "parameter,mm":
             continue
+        if re.match(r"\s*N\d+\s*Q\d", text):
+            why = "this is a backup of all parameters (CNC-PARA): give a list of 19700 to 19714, PARAMETER,VALUE in mm"
+            raise refusal(name, line, text, why)
         words = text.split(",")
         if len(words) != 2 or not words[0].strip().isdecimal():
             raise refusal(name, line, text, "expected PARAMETER,VALUE")
         number = int(words[0])
+        if number == 19680:
+            _check_kind(numbers(words[1:], name, line, text)[0], (name, line, text), machine)
+            continue
         if not 19700 <= number <= 19705 and not 19709 <= number <= 19714:
             raise refusal(name, line, text, "expected a parameter from 19700 to 19705 or 19709 to 19714")
         if number in found:
@@ -41,6 +49,15 @@ def read(source: Source, name: str, machine: Machine) -> Machine:
         raise UserError(f"{name}: the machine ({machine.chain}) has no use for parameter {min(found)}")
     axes = [replace(axis, point=points.get(axis.name, axis.point)) for axis in machine.axes]
     return replace(machine, axes=tuple(axes))
+
+
+def _check_kind(kind: float, where: tuple[str, int, str], machine: Machine) -> None:
+    """UserError for another kind of kinematics than that of the machine."""
+    sides = [axis.side for axis in machine.axes if axis.rotary]
+    own = 2 if "workpiece" not in sides else 12 if "tool" not in sides else 21
+    if kind != own:
+        why = f"19680 = {kind:g} is another kind of kinematics than that of the machine ({machine.chain}), {own}"
+        raise refusal(*where, why)
 
 
 def _vector(found: dict[int, float], first: int, name: str) -> np.ndarray:

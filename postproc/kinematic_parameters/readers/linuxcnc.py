@@ -1,4 +1,4 @@
-"""LinuxCNC: lines `setp` of a HAL file, of the pins of five-axis kinematics."""
+"""LinuxCNC: lines `setp PIN VALUE`, or `PIN = VALUE`, of a HAL file, of the pins of five-axis kinematics."""
 
 from __future__ import annotations
 
@@ -7,51 +7,92 @@ from dataclasses import replace
 
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
-from postproc.tables.readers.source import Source, numbers, refusal
+from postproc.tables.readers.source import Source, numbers, refusal, refuse_cut
 
 _PIN = re.compile(r"(?P<module>xyz(?P<tilt>[ab])c-trt-kins|5axiskins)\.(?P<pin>[a-z-]+)$")
-_PINS = ("x-rot-point", "y-rot-point", "z-rot-point", "x-offset", "y-offset", "z-offset")
+_POINT = ("x-rot-point", "y-rot-point", "z-rot-point")
+_PINS = (*_POINT, "x-offset", "y-offset", "z-offset", "pivot-length")
+_TOOL, _CONVENTIONAL = "tool-offset", "conventional-directions"
+Where = tuple[str, int, str]
 
 
 def read(source: Source, name: str, machine: Machine) -> Machine:
     """The machine with the lines by the pins; lines of a HAL file that do not concern its kinematics are passed."""
     found: dict[str, float] = {}
     modules = set()
+    refuse_cut(name, source.files[name], r"kins\.")
     for line, text in enumerate(source.files[name].splitlines(), 1):
-        words = text.partition("#")[0].split()
-        if not words or words[0] != "setp":
+        words = text.partition("#")[0].replace("=", " = ").split()
+        pins = [word for word in words if "kins." in word]
+        where = name, line, text
+        if not pins or (words[0] == "net" and all(pin.endswith(f".{_TOOL}") for pin in pins)):
             continue
-        pin = _PIN.match(words[1]) if len(words) > 1 else None
-        if pin is None:
-            if len(words) > 1 and ("-kins." in words[1] or "kins." in words[1]):
-                raise refusal(name, line, text, "a pin of kinematics that ncomp does not know")
+        pin, value = _setting(words, where)
+        known = _PIN.match(pin)
+        if known is None:
+            raise refusal(*where, "a pin of kinematics that ncomp does not know")
+        key = known["pin"]
+        modules.add(known["module"])
+        if key in (_TOOL, _CONVENTIONAL):
+            _check(key, value, source, where)
             continue
-        if len(words) != 3:
-            raise refusal(name, line, text, "expected setp PIN VALUE")
-        key = pin["pin"]
-        if key not in (*_PINS, "pivot-length"):
-            raise refusal(name, line, text, f"ncomp does not know the pin {key} of these kinematics")
+        if key not in _PINS:
+            raise refusal(*where, f"ncomp does not know the pin {key} of these kinematics")
         if key in found:
-            raise refusal(name, line, text, "this pin is set twice")
-        modules.add(pin["module"])
-        found[key] = numbers(words[2:], name, line, text)[0]
+            raise refusal(*where, "this pin is set twice")
+        found[key] = numbers([value], *where)[0]
     if len(modules) != 1:
         raise UserError(f"{name}: expected lines setp of one five-axis kinematics module, found {len(modules)}")
     return _placed(machine, name, modules.pop(), found)
+
+
+def _setting(words: list[str], where: Where) -> tuple[str, str]:
+    """Pin and value of a line; UserError for a line with a pin that has no value in it."""
+    if words[0] == "net":
+        why = "the pin is connected to a signal, and the file has not its value: write setp PIN VALUE (halcmd getp PIN)"
+        raise refusal(*where, why)
+    own = words[1:] if words[0] == "setp" else words
+    if len(own) == 3 and own[1] == "=":
+        own = [own[0], own[2]]
+    elif words[0] != "setp":
+        own = []
+    if len(own) != 2:
+        raise refusal(*where, "expected setp PIN VALUE")
+    if own[1].startswith("["):
+        raise refusal(*where, "the value is an entry of an INI file: write its number here")
+    return own[0], own[1]
+
+
+def _check(pin: str, value: str, source: Source, where: Where) -> None:
+    """UserError for a tool length in the pin, and for directions that differ from those of the setting."""
+    if pin == _TOOL:
+        if numbers([value], *where)[0]:
+            raise refusal(*where, "tool-offset must be 0: the lines are those without a tool")
+        return
+    stated, own = (text.lower() in ("1", "true", "yes") for text in (source.setting("conventional", "false"), value))
+    if stated != own:
+        word = str(own).lower()
+        raise refusal(*where, f"the control turns its axes by this pin: give --set conventional={word}")
 
 
 def _placed(machine: Machine, name: str, module: str, found: dict[str, float]) -> Machine:
     if module == "5axiskins":
         if set(found) != {"pivot-length"}:
             raise UserError(f"{name}: expected the pin pivot-length of 5axiskins and no other")
-        height = {"B": (0.0, 0.0, found["pivot-length"])}
-        return _with_points(machine, height)
-    # a pin that is not set is 0
-    x, y, z, dx, dy, dz = (found.get(pin, 0.0) for pin in _PINS)
+        return _with_points(machine, {"B": (0.0, 0.0, found["pivot-length"])})
     tilt = module[3].upper()
+    across = "y-offset" if tilt == "A" else "x-offset"
+    lacking = [pin for pin in (*_POINT, across, "z-offset") if pin not in found]
+    if lacking:
+        raise UserError(
+            f"{name}: the pin {module}.{lacking[0]} is not set: the file may be cut off, or not whole; for a pin that "
+            "is 0 in the control add setp PIN 0"
+        )
+    x, y, z = (found[pin] for pin in _POINT)
     machine.index(tilt), machine.index("C")
     nominal = machine.axes[machine.index(tilt)].point
-    line = (nominal[0], y + dy, z + dz) if tilt == "A" else (x + dx, nominal[1], z + dz)
+    height = z + found["z-offset"]
+    line = (nominal[0], y + found[across], height) if tilt == "A" else (x + found[across], nominal[1], height)
     return _with_points(machine, {"C": (x, y, z), tilt: line})
 
 

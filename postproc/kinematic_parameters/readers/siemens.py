@@ -15,7 +15,7 @@ from postproc.tables.readers.source import Source, numbers, refusal
 
 _DATA = re.compile(r"(?:N\d+\s+)?\$MC_TRAFO5_(?P<name>[A-Z0-9_]+?)_(?P<number>\d+)\[(?P<k>[0-2])\]$")
 _CARRIER = re.compile(r"\$TC_CARR(?P<n>\d+)\[(?P<number>\d+)\]$")
-_PASSED = re.compile(r"(CHANDATA\(\d+\)|M17|M30|%_N_\w+)?$")
+_PASSED = re.compile(r"(CHANDATA\(\d+\)|M17|M30|M0?2|RET|%_N_\w+)?$")
 _VECTOR_OF = {
     "T": {"PART_OFFSET": "I1", "JOINT_OFFSET": "I2", "BASE_TOOL": "I3"},
     "P": {"BASE_TOOL": "I2", "JOINT_OFFSET_PART": "I3", "PART_OFFSET": "I4"},
@@ -23,6 +23,9 @@ _VECTOR_OF = {
 }
 _FIRST_OF = {1: "I1", 4: "I2", 7: "V1", 10: "V2", 15: "I3", 18: "I4"}
 CLOSED_MM = 1e-4
+KIND_OF_CARRIER, FINE = 23, range(41, 61)
+"""$TC_CARRn of the kind of kinematics, and of the fine offsets."""
+ENDS = ("M17", "M30", "RET", "M2", "M02")
 
 
 def read_trafo5(source: Source, name: str, machine: Machine) -> Machine:
@@ -69,15 +72,34 @@ def _kind(machine: Machine) -> tuple[str, tuple[Axis, Axis]]:
 
 
 def _assignments(source: Source, name: str) -> Iterator[tuple[int, str, str, float]]:
+    codes = [text.partition(";")[0].strip() for text in source.files[name].splitlines()]
+    if next((code for code in reversed(codes) if code), "") not in ENDS:
+        raise UserError(f"{name}: the last line must be M17 (or M30, RET): without it the file may be cut off")
     for line, text in enumerate(source.files[name].splitlines(), 1):
         code = text.partition(";")[0].strip()
         if _PASSED.match(code):
             continue
         left, equals, right = code.partition("=")
+        if _passed(left.strip(), right.strip(), (name, line, text), source.machine):
+            continue
         if not equals:
             raise refusal(name, line, text, "expected NAME=VALUE")
         value = right.split("'")[0].strip()
         yield line, text, left.strip(), numbers([value], name, line, text)[0]
+
+
+def _passed(left: str, right: str, where: tuple[str, int, str], machine: Machine) -> bool:
+    """True for data beside the vectors that agree with them: the kind of kinematics, and fine offsets of zero."""
+    entry = _CARRIER.match(left)
+    number = int(entry["n"]) if entry else 0
+    if number == KIND_OF_CARRIER:
+        kind, _ = _kind(machine)
+        stated = right.strip('"').upper()
+        if stated != kind:
+            raise refusal(*where, f"a record of kinematics {stated}, and the machine has kinematics {kind}")
+    elif number in FINE and numbers([right], *where)[0]:
+        raise refusal(*where, "the fine offset is added to the vector: add it, and set this element to 0")
+    return number == KIND_OF_CARRIER or number in FINE
 
 
 def _enter(found: dict[tuple[str, int], float], vector: str, k: int, value: float, where: tuple[str, int, str]) -> None:

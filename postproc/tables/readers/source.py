@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import configparser
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -118,12 +119,22 @@ LARGEST = 1e18
 def numbers(words: Sequence[str], name: str, line: int, text: str) -> list[float]:
     """Numbers of a table; a located UserError at the first that is none or is beyond LARGEST."""
     try:
+        if any("_" in word for word in words):
+            raise ValueError(f"{' '.join(words)!r} is no number: '_' is no digit")
         found = [float(word) for word in words]
     except ValueError as fault:
         raise refusal(name, line, text, str(fault)) from None
     if not all(abs(number) <= LARGEST for number in found):
         raise refusal(name, line, text, f"a number is not finite, or beyond {LARGEST:g}")
     return found
+
+
+def refuse_cut(name: str, text: str, row: str) -> None:
+    """UserError where the last line, a row by this pattern, has no end: its last number may be cut off."""
+    last = text.rpartition("\n")[2]
+    if not text.endswith("\r") and re.search(row, last):
+        why = "the last line has no end, so that its number may be cut off: copy the file again, or end the line"
+        raise refusal(name, len(text.splitlines()), last, why)
 
 
 def read_ini(name: str, text: str, **options: Any) -> configparser.ConfigParser:

@@ -1,0 +1,93 @@
+"""A drift between the touches of spheres, which the calibration must not contain: it is estimated, and left out.
+
+A centre that is measured again shows it. The fit then has a drift with time, of the tool point or of the workpiece, as
+the data make likelier; without times, the rows count as equidistant. The calibration holds for the start of the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import get_args
+
+import numpy as np
+
+from calibration.fit.bases.search import Choice
+from calibration.fit.fit import Fit
+from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
+from calibration.fit.set_up.repeated_centres import repeat_findings
+from calibration.measurement.instruments import TouchProbe
+from calibration.measurement.measurement import Measurement
+from calibration.plausibility.checks import Finding
+from kinematics.effects import Effect, ThermalDrift, WorkpieceDrift
+from kinematics.effects.thermal import Direction
+from kinematics.error_model.model import ErrorModel
+
+ROW_S = 60.0
+"""Time from row to row, s, of data without times: only its proportions count."""
+SHARE = 1.0 / 3.0
+"""Time constant at the start of the fit, as a share of the duration."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """A fit with its bases, and the drift that it contains beside the calibration."""
+
+    choice: Choice
+    fit: Fit
+    findings: tuple[Finding, ...]
+    effects: tuple[Effect, ...]
+
+    def left_out(self, model: ErrorModel) -> ErrorModel:
+        """The model without the drift; its covariance stays that beside it."""
+        names = {effect.name for effect in self.effects}
+        return model.part(lambda effect: effect.name not in names)
+
+
+def with_bases_noise_and_drift(measurement: Measurement, wanted: Wanted) -> Drift:
+    """The fit, with a drift where a centre that was measured again shows one."""
+    plain = Drift(*with_bases_and_noise(measurement, wanted), (), ())
+    if not isinstance(measurement.instrument, TouchProbe):
+        return plain
+    shown = tuple(repeat_findings(plain.fit))
+    if not any(repeat_findings(plain.fit, plain.fit.kept)):
+        return replace(plain, findings=shown)
+    timed = _timed(measurement)
+    tried = [_with(effects, timed, wanted) for effects in _courses(timed)]
+    best = max(tried, key=lambda each: each.fit.log_probability)
+    if any(repeat_findings(best.fit, best.fit.kept)):
+        return replace(plain, findings=tuple(_added(each, UNEXPLAINED) for each in shown))
+    side = "workpiece" if isinstance(best.effects[0], WorkpieceDrift) else "tool point"
+    return replace(best, findings=tuple(_added(each, ESTIMATED.format(side)) for each in shown))
+
+
+ESTIMATED = (
+    "The fit estimates it as a drift of the {} with time, and leaves it out: the calibration holds for the start of "
+    "the data, and U contains the uncertainty of the drift"
+)
+UNEXPLAINED = "No drift with time explains it, and U does not contain it: the errors may differ by as much"
+
+
+def _added(finding: Finding, sentence: str) -> Finding:
+    return finding._replace(message=f"{finding.message}. {sentence}")
+
+
+def _timed(measurement: Measurement) -> Measurement:
+    if measurement.state.time is not None:
+        return measurement
+    return replace(measurement, state=replace(measurement.state, time=ROW_S * np.arange(len(measurement), dtype=float)))
+
+
+def _courses(measurement: Measurement) -> Sequence[tuple[Effect, ...]]:
+    """Drifts of the tool point and of the workpiece, linear and exponential, from zero."""
+    time = measurement.state.need("time", "drift")
+    constant = (SHARE * float(np.ptp(time)),)
+    return [
+        tuple(kind(c, rate=0.0, amplitudes=(0.0,), time_constants_s=constant) for c in get_args(Direction))
+        for kind in (ThermalDrift, WorkpieceDrift)
+    ]
+
+
+def _with(effects: tuple[Effect, ...], measurement: Measurement, wanted: Wanted) -> Drift:
+    own = replace(wanted, effects=(*wanted.effects, *effects))
+    return Drift(*with_bases_and_noise(measurement, own), (), effects)
