@@ -25,6 +25,8 @@ from kinematics.error_model.model import ErrorModel
 
 ROW_S = 60.0
 """Time from row to row, s, of data without times: only its proportions count."""
+LIKELY = 20.0
+"""Odds of a drift against none from which it is estimated (Kass and Raftery 1995: strong evidence)."""
 SHARE = 1.0 / 3.0
 """Time constant at the start of the fit, as a share of the duration."""
 
@@ -50,13 +52,17 @@ def with_bases_noise_and_drift(measurement: Measurement, wanted: Wanted) -> Drif
     if not isinstance(measurement.instrument, TouchProbe):
         return plain
     shown = tuple(repeat_findings(plain.fit))
-    if not any(repeat_findings(plain.fit, plain.fit.kept)):
+    kept = plain.fit.kept
+    if not any(repeat_findings(plain.fit, kept, specified=True)):
         return replace(plain, findings=shown)
     timed = _timed(measurement)
     tried = [_with(effects, timed, wanted) for effects in _courses(timed)]
     best = max(tried, key=lambda each: each.fit.log_probability)
-    if any(repeat_findings(best.fit, best.fit.kept)):
+    likelier = best.fit.log_probability - plain.fit.log_probability > np.log(LIKELY)
+    # a row that only the other fit leaves out is wrong, and no drift
+    if not likelier or any(repeat_findings(best.fit, kept)):
         return replace(plain, findings=tuple(_added(each, UNEXPLAINED) for each in shown))
+    shown = tuple(repeat_findings(plain.fit, kept, specified=True))
     side = "workpiece" if isinstance(best.effects[0], WorkpieceDrift) else "tool point"
     return replace(best, findings=tuple(_added(each, ESTIMATED.format(side)) for each in shown))
 

@@ -1,0 +1,93 @@
+"""A drift between the touches of spheres: estimated, left out of the calibration, and contained in its uncertainties."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.probe_cases import AROUND, MIDDLE, TIP, poses, shifted_rows
+
+import machines
+from calibration.fit.calibrate import calibrate
+from calibration.fit.prediction import relative
+from calibration.measurement.instruments import TouchProbe
+from calibration.simulation.measure_plan import VirtualInstrument, measure_plan, streams
+from calibration.simulation.touch_probe import Spheres
+from calibration.simulation.true_model import ROTARY, model_of, random_location_errors, random_true_model
+from kinematics.deviation import exact_deviation
+from kinematics.effects import ThermalDrift, WorkpieceDrift
+from kinematics.inverse import linear_positions
+from kinematics.state import State
+
+NAME = "dmu50"
+MACHINE = machines.load(NAME)
+BASIS = "X=legendre:1,Y=legendre:1,Z=legendre:1,B=fourier:1,C=fourier:1"
+ONE_WAVE = {name: row[:5] for name, row in ROTARY.items()}
+DRIFT_UM = (6.0, -5.0, 6.0)
+END = 1.0 - np.exp(-3.0)
+
+
+def measured_with(kind, seed, size=1.0):
+    """One sphere at 34 rotary positions, the first one again at the end, and the true model without the drift."""
+    draws = streams(seed, 4)
+    effects = [
+        *random_location_errors(MACHINE, draws[0], 50.0),
+        *random_true_model(MACHINE, draws[0], ONE_WAVE).effects,
+    ]
+    plan = poses(MACHINE, 34, seed)
+    again = np.append(np.arange(len(plan)), 0)
+    state = replace(plan.state.rows(again), time=40.0 * np.arange(len(again)))
+    plan = replace(plan, state=state, names=plan.names[again], run=plan.run[again], before=None)
+    virtual = VirtualInstrument(TouchProbe(u_um=1.0), spheres=Spheres({"s1": tuple(AROUND[0].tolist())}, {}))
+    still = measure_plan(plan, model_of(MACHINE, effects), virtual, draws[1:]).measurement
+    constant = (float(np.ptp(still.state.time)) / 3.0,)
+    drift = [
+        kind(letter, amplitudes=(size * um / END,), time_constants_s=constant)
+        for letter, um in zip("XYZ", DRIFT_UM, strict=True)
+    ]
+    drifting = model_of(MACHINE, [*effects, *drift])
+    return measure_plan(plan, drifting, virtual, draws[1:]).measurement, model_of(MACHINE, effects)
+
+
+def covered(model, true):
+    """Within U (k = 2) `(n, 3)`, the deviations of the tip at poses that were not measured."""
+    tips = np.tile(TIP, (200, 1))
+    points = np.add(MIDDLE[NAME], AROUND[0]) + np.random.default_rng(9).uniform(-50.0, 50.0, (200, 3))
+    q = linear_positions(MACHINE, poses(MACHINE, len(points), seed=99).positions, points, TIP)
+    real = 1e3 * exact_deviation(MACHINE, q, true.errors(MACHINE, State(q)), TIP).position
+    told = relative(model, MACHINE, State(q), tips)
+    return np.abs(real - real.mean(axis=0) - told.deviation) <= 2.0 * told.u
+
+
+def fitted(measured):
+    found = calibrate(measured, basis=BASIS, hold_out=False, prior_scale=0.1, force=True)
+    return found, [each.message for each in found.findings if each.check == "drift"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "side"), [(ThermalDrift, "tool point"), (WorkpieceDrift, "workpiece")], ids=["tool", "workpiece"]
+)
+def test_a_drift_is_estimated_left_out_and_in_u(kind, side):
+    inside = []
+    for seed in range(3):
+        measured, true = measured_with(kind, seed)
+        if seed == 1:  # without times the rows count as equidistant
+            measured = replace(measured, state=replace(measured.state, time=None))
+        found, (message,) = fitted(measured)
+        assert f"estimates it as a drift of the {side} with time, and leaves it out" in message
+        assert not [each.name for each in found.model.effects if "drift" in each.name]
+        assert len(found.model.covariance) == len(found.model.parameters)
+        inside.append(covered(found.model, true).mean())
+    assert np.mean(inside) > 0.9
+
+
+def test_without_a_drift_nothing_is_added():
+    found, messages = fitted(measured_with(ThermalDrift, 0, size=0.0)[0])
+    assert messages == []
+    assert not [each.name for each in found.fit.model.effects if "drift" in each.name]
+
+
+def test_a_single_centre_that_is_off_is_no_drift():
+    measured, _ = measured_with(ThermalDrift, 0, size=0.0)
+    found, (message,) = fitted(shifted_rows(measured, np.arange(len(measured)) == len(measured) - 1, [0.0, 0.1, 0.0]))
+    assert "leaves it out" not in message
+    assert not [each.name for each in found.fit.model.effects if "drift" in each.name]
