@@ -27,6 +27,10 @@ FAR_MM = 3.0
 LOST_MM = 20.0
 """Distance from which the data cannot be used."""
 INCH = 25.4
+TURNED_BACK = 0.2
+"""Angle, rad, of steps back in a run from which it contains two directions."""
+OUT_OF_PLANE = 0.2
+"""Sine of the angle of a row to the plane of its run from which the run contains two planes."""
 OTHER_FEED = 3.0
 """Factor between the feed and the speed by positions and times from which one of them is wrong."""
 
@@ -50,6 +54,10 @@ def circle_mistakes(measurement: Measurement) -> Iterator[tuple[str, str, bool]]
     off = np.abs(residual[:, 0])
     if float(np.median(off)) > OFF_MM or abs(registration.zeros[LENGTH]) > LENGTH_OFF_MM:
         yield "radius", _wrong_radius(measurement, driven, length), True
+        return
+    mixed = list(_mixed_runs(measurement))
+    yield from mixed
+    if mixed:
         return
     yield from _other_feeds(measurement)
     yield from _other_centres(measurement)
@@ -100,6 +108,29 @@ def _best_centre(measurement: Measurement) -> tuple[float, float]:
     radius = float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
     away = np.linalg.norm(points - middle - solution[:3], axis=1) - radius
     return radius, float(np.sqrt(np.mean(away**2)))
+
+
+def _mixed_runs(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
+    """Runs of more than one circle: the first that turns back, or that leaves its plane."""
+    assert measurement.run is not None
+    centre = np.array(next(iter(measurement.spheres.values())))
+    arms = target_points(measurement, None, measurement.tool) - centre
+    unit = arms / np.linalg.norm(arms, axis=1)[:, None]
+    for run in dict.fromkeys(measurement.run.tolist()):
+        rows = np.flatnonzero(measurement.run == run)
+        turns = np.cross(unit[rows[:-1]], unit[rows[1:]])
+        normal = np.linalg.eigh(turns.T @ turns)[1][:, -1]
+        steps = turns @ normal
+        steps = steps * np.sign(steps[np.flatnonzero(steps)[:1]].sum())
+        row, what = -1, ""
+        if -float(steps[steps < 0.0].sum()) > TURNED_BACK:
+            row, what = int(rows[np.argmax(steps < 0.0) + 1]), "turns back"
+        elif (off := np.abs(unit[rows] @ normal) > OUT_OF_PLANE).any():
+            row, what = int(rows[np.argmax(off)]), "leaves its plane"
+        if what:
+            why = f"run {run} {what}: give each circle, in each direction, a run of its own"
+            yield "order", f"{measurement.where(row)}: {why}", True
+            return
 
 
 def _other_feeds(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:

@@ -42,7 +42,7 @@ def reversed_runs(measurement: Measurement, centre: Array) -> tuple[str, bool]:
         message = _in_one_plane([run for run in plane if run.full])
         if message:
             return message, len(plane) >= CERTAIN
-        left = [run for run in left if abs(run.normal @ left[0].normal) <= SAME_PLANE]
+        left = [run for run in left[1:] if abs(run.normal @ left[0].normal) <= SAME_PLANE]
     return "", False
 
 
