@@ -25,8 +25,6 @@ from kinematics.error_model.model import ErrorModel
 
 ROW_S = 60.0
 """Time from row to row, s, of data without times: only its proportions count."""
-LIKELY = 20.0
-"""Odds of a drift against none from which it is estimated (Kass and Raftery 1995: strong evidence)."""
 SHARE = 1.0 / 3.0
 """Time constant at the start of the fit, as a share of the duration."""
 
@@ -57,10 +55,10 @@ def with_bases_noise_and_drift(measurement: Measurement, wanted: Wanted) -> Drif
         return replace(plain, findings=shown)
     timed = _timed(measurement)
     tried = [_with(effects, timed, wanted) for effects in _courses(timed)]
+    # an axis that does not repeat, or a fine basis, may explain the rows as well: U contains the drift in any case
     best = max(tried, key=lambda each: each.fit.log_probability)
-    likelier = best.fit.log_probability - plain.fit.log_probability > np.log(LIKELY)
     # a row that only the other fit leaves out is wrong, and no drift
-    if not likelier or any(repeat_findings(best.fit, kept)):
+    if any(repeat_findings(best.fit, kept)):
         return replace(plain, findings=tuple(_added(each, UNEXPLAINED) for each in shown))
     shown = tuple(repeat_findings(plain.fit, kept, specified=True))
     side = "workpiece" if isinstance(best.effects[0], WorkpieceDrift) else "tool point"
