@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
+from support.probe_cases import probed
 from support.virtual_measurements import THREE, measured, truth, written
 
 import machines
@@ -16,7 +17,7 @@ from calibration.fit.curves.smooth_process import CORRELATIONS, SIZES, Process, 
 from calibration.fit.fit import fit
 from calibration.measurement.instruments import Interferometer
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.observation.full_model import BasisChoice, rigid_model
+from calibration.observation.full_model import BasisChoice, rigid_model, with_effects
 from kinematics.basis import BSpline
 from kinematics.deviation import exact_deviation
 from kinematics.effects import ErrorMotion
@@ -209,3 +210,20 @@ def test_the_report_names_the_axis(ncomp):
     assert diagnosed["origin"] == "refitted"
     assert diagnosed["between_positions"]["X"]["positions"] == 5
     assert not diagnosed["effects"]
+
+
+def test_the_expected_size_of_a_curve_is_that_of_its_own_error_motion():
+    """Spheres: squareness is expected from assembly, and makes no other error motion of its axis larger."""
+    measurement, _ = probed("head_head", 20)
+    kinds = {name: BasisChoice("b-spline" if name in "XYZ" else "fourier", 2 - (name in "BC")) for name in "XYZBC"}
+    model, prior = with_effects(measurement, kinds, (), 0.1, 0.2)
+    found = fit(measurement, model, prior=prior)
+    curved, _ = with_curves_between(found)
+    sizes = {
+        effect.name: curved.prior[part].max()
+        for effect, part in zip(curved.model.effects, curved.model.slices, strict=True)
+    }
+    assert {name: sizes[name] for name in ("E_XX", "E_ZZ", "E_AX")} == pytest.approx(
+        {"E_XX": 3.0, "E_ZZ": 3.0, "E_AX": 3.0}, rel=0.5
+    )
+    assert min(sizes["E_XY"], sizes["E_XZ"]) > 2.0 * sizes["E_ZZ"]

@@ -74,10 +74,10 @@ class Processes:
     """Standard deviation of constant and slope over the measured range, um or urad, of each error motion."""
     classes: tuple[str, ...]
     """Class of each error motion."""
-    typical_size: float = TYPICAL_SIZE
-    """Size, um or urad, that is expected before the data are seen."""
     possible: tuple[tuple[float, Process], ...] = ()
     """Probabilities and processes; the expected one before the data are seen."""
+    typical_size: float = TYPICAL_SIZE
+    """Size, um or urad, that is expected before the data are seen."""
 
     @classmethod
     def about(
@@ -96,7 +96,7 @@ class Processes:
             which: int(np.argmin(np.abs(np.log(SIZES) - 0.5 * np.log(max(np.mean(own), SIZES[0] ** 2)))))
             for which, own in squares.items()
         }
-        nothing = cls(positions, tuple(trends), tuple(which for which, _ in values), typical_size)
+        nothing = cls(positions, tuple(trends), tuple(which for which, _ in values), typical_size=typical_size)
         return replace(nothing, possible=((1.0, Process(_twice, nothing.typical_length, sizes)),))
 
     @property
