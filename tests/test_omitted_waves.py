@@ -8,7 +8,7 @@ import machines
 from calibration.fit.calibrate import calibrate
 from calibration.fit.calibrate import in_datum as fitted_in_datum
 from calibration.fit.fit import fit
-from calibration.fit.omitted_waves import SHARES, omitted_waves, with_next_waves
+from calibration.fit.omitted_waves import with_next_waves
 from calibration.fit.prediction import relative
 from calibration.fit.together import calibrate_together
 from calibration.simulation.true_model import ROTARY, random_location_errors, random_true_model
@@ -48,13 +48,8 @@ def test_the_estimate_stays_and_its_variance_is_that_of_its_error():
     found = calibrate(measured_with(ONE_WAVE)[0], basis=BASIS, hold_out=False, prior_scale=SMALL)
     assert (found.fit.widening, found.fit.variance_factor, found.fit.measurement.noise) == (1.0, 1.0, None)
     plain, stated = locations(fitted_in_datum(found.fit)), locations(found.model)
-    model, most, own = with_next_waves(found.fit.model, found.fit.prior, np.inf)
+    model, prior, own = with_next_waves(found.fit.model, found.fit.prior, np.inf)
     assert own.sum() == 2 * 6 * 2
-    # the evidence weighs smaller sizes of the waves
-    prior = omitted_waves(found.fit, chosen=False).prior
-    assert np.array_equal(prior[~own], most[~own])
-    assert np.all(prior[own] <= most[own])
-    assert np.all(prior[own] >= SHARES[-1] * most[own])
     wider = locations(fitted_in_datum(fit(found.fit.measurement, model.with_parameters(0.0 * prior), prior=prior)))
     for name, each in stated.items():
         # the datum of the wider basis moves them by less than a tenth of u

@@ -2,18 +2,16 @@
 
 A basis has the waves per turn that the rows demand, or that a user states. The next one may be in the machine all the
 same: over a part of a turn it shifts the mean line of its axis, and few rows do not show that. Each error motion of
-such an axis therefore has one more wave here, as large as its last one or smaller, as the evidence of the data weighs
-these sizes. It stays zero, so that no estimate changes; the covariance is that of the errors of this estimate: the
-covariance C beside the wave, and the square of the shift d by the wave's most probable size, C + d d'. Over a whole
-turn a wave shifts no line; what the evidence leaves out there is as small as the noise, but what a stated basis leaves
-out may have any size.
+such an axis therefore has one more wave here, as large as its last one may be. It stays zero, so that no estimate
+changes; the covariance is that of the errors of this estimate: the covariance C beside the wave, and the square of the
+shift d by the wave's most probable size, C + d d'. Over a whole turn a wave shifts no line; what the evidence leaves
+out there is as small as the noise, but what a stated basis leaves out may have any size.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import msgspec
 import numpy as np
@@ -35,8 +33,6 @@ PART_DEG = 300.0
 """Arc, degrees, below which the next wave shifts the mean line of an axis."""
 MANY = 1000
 """Odds above which a report gives no number."""
-SHARES = (1.0, 0.5, 0.25, 0.125)
-"""Sizes of the next wave of an axis, as shares of that of its last one, that are likely alike before the data."""
 
 
 @dataclass(frozen=True)
@@ -53,23 +49,14 @@ class OmittedWaves:
     """Information `(p, p)` of the data, in units of the priors, registration eliminated."""
     step: Array
     """Step `(p,)` to the most probable parameters, in units of the priors."""
-    shares: Array
-    """Sizes `(p,)` of these waves as shares of the last ones'; 1 for other parameters."""
 
     @classmethod
     def of(cls, model: ErrorModel, prior: Array, own: np.ndarray, information: Array, slope: Array) -> OmittedWaves:
-        """The waves `own` of a model; slope `(p,)`: of the log likelihood; all in units of the priors.
-
-        prior: that of the waves is their largest size; in the result, it is the size by the evidence.
-        """
-        along = slope - model.parameters / prior
-        shares = _likely_shares(information, along, own, _axes(model)[own])
-        prior, along, information = prior * shares, along * shares, information * np.outer(shares, shares)
+        """The waves `own` of a model; slope `(p,)`: of the log likelihood; all in units of the priors."""
         posterior = Posterior(information, 1.0)
+        step = posterior.solve(slope - model.parameters / prior)
         root = prior[:, None] * posterior.root
-        covariance = root @ root.T
-        wide = model.with_parameters(model.parameters, covariance)
-        return cls(wide, prior, own, information, posterior.solve(along), shares)
+        return cls(model.with_parameters(model.parameters, root @ root.T), prior, own, information, step)
 
     def beside(self, found: Fit) -> Fit:
         """The fit with this model: of the result, only the model and the priors belong to the waves."""
@@ -120,45 +107,14 @@ class OmittedWaves:
                 yield effect, part
 
     def _odds(self, rows: np.ndarray) -> float:
-        """Logarithm of the odds of some waves, as large as the last ones, against none: evidence with and without."""
-        along = self.information @ self.step + self.step
-        information, slope = _beside(self.information, along, np.flatnonzero(~self.own), rows)
-        larger = 1.0 / self.shares[rows]
-        return _log_odds(information * np.outer(larger, larger), slope * larger)
-
-
-def _beside(information: Array, along: Array, others: np.ndarray, rows: np.ndarray) -> tuple[Array, Array]:
-    """Information `(k, k)` on some parameters, the others eliminated, and the slope `(k,)` of the log probability."""
-    without = Posterior(information[np.ix_(others, others)], 1.0)
-    own, cross = information[np.ix_(rows, rows)], information[np.ix_(others, rows)]
-    return without.complement(own, cross), along[rows] - cross.T @ without.solve(along[others])
-
-
-def _log_odds(information: Array, along: Array) -> float:
-    """Logarithm of the odds of parameters of the size of their priors against none, from `_beside`."""
-    normal = information + np.eye(len(along))
-    return 0.5 * float(along @ np.linalg.solve(normal, along) - np.linalg.slogdet(normal)[1])
-
-
-def _likely_shares(information: Array, along: Array, own: np.ndarray, axes: np.ndarray) -> Array:
-    """Factors `(p,)` on the priors: RMS of SHARES, weighed by their evidence, for the waves `own`; 1 for others.
-
-    axes `(k,)`: the axis of each of these waves; each axis has a share of its own.
-    """
-    schur, slope = _beside(information, along, np.flatnonzero(~own), np.flatnonzero(own))
-    _, number = np.unique(axes, return_inverse=True)
-    tried = np.array(list(product(SHARES, repeat=int(number.max()) + 1)))
-    evidence = np.array([_log_odds(schur * np.outer(each, each), slope * each) for each in tried[:, number]])
-    weights = np.exp(evidence - evidence.max())
-    shares = np.ones(len(own))
-    shares[own] = np.sqrt(weights @ tried**2 / weights.sum())[number]
-    return shares
-
-
-def _axes(model: ErrorModel) -> np.ndarray:
-    """Names `(p,)` of the axes of a model's parameters; empty for those that belong to no axis."""
-    sizes = [part.stop - part.start for part in model.slices]
-    return np.repeat([getattr(effect, "axis", "") for effect in model.effects], sizes)
+        """Logarithm of the odds of some of the waves against none: evidence with and without them."""
+        others = np.flatnonzero(~self.own)
+        slope = self.information @ self.step + self.step
+        without = Posterior(self.information[np.ix_(others, others)], 1.0)
+        own, cross = self.information[np.ix_(rows, rows)], self.information[np.ix_(others, rows)]
+        schur = without.complement(own, cross) + np.eye(len(rows))
+        along = slope[rows] - cross.T @ without.solve(slope[others])
+        return 0.5 * float(along @ np.linalg.solve(schur, along) - np.linalg.slogdet(schur)[1])
 
 
 def omitted_waves(found: Fit, *, chosen: bool) -> OmittedWaves | None:

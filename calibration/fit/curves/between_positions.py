@@ -23,12 +23,11 @@ import msgspec
 import numpy as np
 
 from calibration.fit.cross_validation import diagonals
-from calibration.fit.curves.smooth_process import TYPICAL_SIZE, Processes
+from calibration.fit.curves.smooth_process import Processes
 from calibration.fit.fit import Fit
 from calibration.fit.linear import pseudo_inverse
 from calibration.fit.problem import UNSEEN
 from calibration.measurement.estimated_noise import Decorrelation
-from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import assemble, whitened, whiteners
 from kinematics.basis import Basis, BSpline
@@ -197,7 +196,7 @@ class _Values:
     def processes(self) -> dict[str, Processes]:
         """The possible processes of each axis."""
         found = {
-            axis: Processes.about(x, self._trends(axis, len(x)), list(self._values(axis)), self._typical_size(axis))
+            axis: Processes.about(x, self._trends(axis, len(x)), list(self._values(axis)))
             for axis, x in self.axes.items()
         }
         for _ in range(SWEEPS):
@@ -212,20 +211,6 @@ class _Values:
         """Size of constant and slope of each error motion: at the ends both together have that of its prior."""
         trends: list[float] = (self.prior[self._rows(axis)][::positions] / 2**0.5).tolist()
         return trends
-
-    def _typical_size(self, axis: str) -> float:
-        """Size of the curves of an axis that is expected before the data are seen, um or urad.
-
-        Spheres show small curves of linear axes hardly beside the rotary axes: there it follows the size of the error
-        motions that is stated, or that the evidence of all of them prefers.
-        """
-        if not isinstance(self.found.measurement.instrument, TouchProbe):
-            return TYPICAL_SIZE
-        typical = max(quantity.typical for quantity in self._first(axis).parameter_table)
-        return TYPICAL_SIZE * min(float(self.prior[self._rows(axis)].min()) / typical, 1.0)
-
-    def _first(self, axis: str) -> Effect:
-        return next(e for e in self.effects if isinstance(e, ErrorMotion) and e.axis == axis)
 
     def with_curves(self, processes: Mapping[str, Processes], bases: Mapping[str, BSpline]) -> Fit:
         """The fit with the curves, given the data, in place of its error motions; bases: of the curves of each axis."""

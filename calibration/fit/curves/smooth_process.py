@@ -76,8 +76,6 @@ class Processes:
     """Class of each error motion."""
     possible: tuple[tuple[float, Process], ...] = ()
     """Probabilities and processes; the expected one before the data are seen."""
-    typical_size: float = TYPICAL_SIZE
-    """Size, um or urad, that is expected before the data are seen."""
 
     @classmethod
     def about(
@@ -85,7 +83,6 @@ class Processes:
         positions: Array,
         trends: Sequence[float],
         values: Sequence[tuple[str, Array]],
-        typical_size: float = TYPICAL_SIZE,
     ) -> Processes:
         """A first guess from values `(k,)` at the positions, with the class of each error motion."""
         line = np.linalg.qr(np.vander(positions - positions.mean(), 2))[0]
@@ -96,7 +93,7 @@ class Processes:
             which: int(np.argmin(np.abs(np.log(SIZES) - 0.5 * np.log(max(np.mean(own), SIZES[0] ** 2)))))
             for which, own in squares.items()
         }
-        nothing = cls(positions, tuple(trends), tuple(which for which, _ in values), typical_size=typical_size)
+        nothing = cls(positions, tuple(trends), tuple(which for which, _ in values))
         return replace(nothing, possible=((1.0, Process(_twice, nothing.typical_length, sizes)),))
 
     @property
@@ -106,7 +103,7 @@ class Processes:
 
     def away(self, process: Process) -> float:
         """Negative log probability of a process before the data are seen, up to a constant."""
-        sizes = np.log(SIZES[list(process.sizes.values())] / self.typical_size) / SIZE_SPREAD
+        sizes = np.log(SIZES[list(process.sizes.values())] / TYPICAL_SIZE) / SIZE_SPREAD
         length = np.log(process.length / self.typical_length) / LENGTH_SPREAD
         return 0.5 * float(sizes @ sizes + length**2) - float(np.log(CORRELATIONS[process.correlation]))
 
