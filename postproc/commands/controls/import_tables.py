@@ -78,7 +78,6 @@ def import_tables(
 def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
     """Texts and fingerprints by file name; for a folder, of all its files except sheets (.md)."""
     from kinematics.files import fingerprint, read_input
-    from kinematics.files.mistaken import kind_of_file
 
     files = [file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
     texts, prints = {}, {}
@@ -97,13 +96,15 @@ def _decoded(data: bytes, file: Path) -> str:
     """The text of a file with or without a byte order mark; UserError for a binary file."""
     import codecs
 
+    from kinematics.files.mistaken import kind_of_file
+
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "replace")
     if b"\0" in data:
-        kind = (
-            "it is UTF-16 without a byte order mark" if data[1::2].count(0) > len(data) // 3 else "it has a zero byte"
-        )
-        raise UserError(f"tables {file}: expected a text file, and {kind}: save it as plain text (UTF-8)")
+        if data[1::2].count(0) > len(data) // 3:
+            raise UserError(f"tables {file}: this is UTF-16 without a byte order mark: save it as plain text (UTF-8)")
+        found = kind_of_file(data) or "a file with zero bytes"
+        raise UserError(f"tables {file}: expected a text file, found {found}: give the files of the control")
     return data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
 
 
