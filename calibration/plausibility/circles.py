@@ -27,6 +27,8 @@ FAR_MM = 3.0
 LOST_MM = 20.0
 """Distance from which the data cannot be used."""
 INCH = 25.4
+FLAT = 1e-4
+"""Share of the largest singular value below which points do not leave their plane."""
 TURNED_BACK = 0.2
 """Angle, rad, of steps back in a run from which it contains two directions."""
 OUT_OF_PLANE = 0.2
@@ -102,30 +104,37 @@ def _distances(measurement: Measurement, centre: Array) -> Array:
 def _best_centre(measurement: Measurement) -> tuple[float, float]:
     """Radius, mm, of the sphere that fits the commanded positions best, and the RMS of their distances from it, mm."""
     points = target_points(measurement, None, measurement.tool)
+    centre, radius = _sphere(points)
+    away = np.linalg.norm(points - centre, axis=1) - radius
+    return radius, float(np.sqrt(np.mean(away**2)))
+
+
+def _sphere(points: Array) -> tuple[Array, float]:
+    """Centre `(3,)` and radius, mm, of the sphere that fits points best; of a circle, the centre in its plane."""
     middle = points.mean(axis=0)
     rows = np.column_stack([2.0 * (points - middle), np.ones(len(points))])
-    solution = np.linalg.lstsq(rows, np.sum((points - middle) ** 2, axis=1))[0]
-    radius = float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
-    away = np.linalg.norm(points - middle - solution[:3], axis=1) - radius
-    return radius, float(np.sqrt(np.mean(away**2)))
+    solution = np.linalg.lstsq(rows, np.sum((points - middle) ** 2, axis=1), rcond=FLAT)[0]
+    return middle + solution[:3], float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
 
 
 def _mixed_runs(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
     """Runs of more than one circle: the first that turns back, or that leaves its plane."""
     assert measurement.run is not None
-    centre = np.array(next(iter(measurement.spheres.values())))
-    arms = target_points(measurement, None, measurement.tool) - centre
-    unit = arms / np.linalg.norm(arms, axis=1)[:, None]
+    points = target_points(measurement, None, measurement.tool)
     for run in dict.fromkeys(measurement.run.tolist()):
         rows = np.flatnonzero(measurement.run == run)
-        turns = np.cross(unit[rows[:-1]], unit[rows[1:]])
+        if len(rows) < 3:
+            continue
+        arms = points[rows] - _sphere(points[rows])[0]
+        unit = arms / np.linalg.norm(arms, axis=1)[:, None]
+        turns = np.cross(unit[:-1], unit[1:])
         normal = np.linalg.eigh(turns.T @ turns)[1][:, -1]
         steps = turns @ normal
         steps = steps * np.sign(steps[np.flatnonzero(steps)[:1]].sum())
         row, what = -1, ""
         if -float(steps[steps < 0.0].sum()) > TURNED_BACK:
             row, what = int(rows[np.argmax(steps < 0.0) + 1]), "turns back"
-        elif (off := np.abs(unit[rows] @ normal) > OUT_OF_PLANE).any():
+        elif (off := np.abs(unit @ normal) > OUT_OF_PLANE).any():
             row, what = int(rows[np.argmax(off)]), "leaves its plane"
         if what:
             why = f"run {run} {what}: give each circle, in each direction, a run of its own"
