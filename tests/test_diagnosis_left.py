@@ -266,6 +266,16 @@ def test_a_jump_that_a_smooth_function_of_time_explains_better_is_none(walks):
     assert remainder.wandering(stage) == (list(stage.accepted) if walks else [])
 
 
+@pytest.mark.parametrize("walks", [True, False])
+def test_a_drift_that_is_a_part_of_a_random_walk_is_none(walks):
+    data, rng = data_with(n=N), np.random.default_rng(6)
+    course = np.cumsum(rng.normal(scale=0.012, size=N)) if walks else 0.1 * np.arange(N) / N
+    along = fitted(data).registration.rotations(data)[:, :, 2] * course[:, None]
+    made = selector(replace(data, observed=data.observed + along))
+    stage = made.stage([(Candidate(ThermalDrift("Z", rate=0.0)), np.zeros(1))])
+    assert remainder.wandering(stage) == (list(stage.accepted) if walks else [])
+
+
 def test_a_jump_beside_a_small_wandering_is_none(monkeypatch):
     """The wandering makes neighbours alike, so that they count as few; the jump is hundreds of times as large."""
     rng, (x, y, z) = (

@@ -18,7 +18,7 @@ from calibration.diagnosis.search.imitated_causes import imitated
 from calibration.diagnosis.undecided_causes import squares_by_undecided
 from calibration.diagnosis.widening import moments, rms_correction
 from calibration.observation.stops_and_lines import stops
-from kinematics.effects import Backlash
+from kinematics.effects import Backlash, Cyclic
 from kinematics.error_model.model import no_errors
 from kinematics.running.progress import silent
 
@@ -41,6 +41,19 @@ def layers(*effects):
     return measured(CFRAME, LOW + np.array(shares()) * (HIGH - LOW), ONE, model, rng)
 
 
+def part_lines(*effects):
+    """Three lines along each axis, out and back, in a part of the volume of the C-frame with these effects."""
+    rng, rows = np.random.default_rng(4), []
+    for axis in (1, 0, 2):
+        for at in rng.uniform(0.1, 0.8, (3, 3)):
+            line = np.tile(at, (7, 1))
+            line[:, axis] = np.linspace(0.1, 0.8, 7)
+            rows += [line, line[::-1]]
+    errors = truth(CFRAME, rng, 5.0)
+    model = msgspec.structs.replace(no_errors(CFRAME), effects=(*errors.effects, *effects))
+    return measured(CFRAME, LOW + np.concatenate(rows) * (HIGH - LOW), ONE, model, rng)
+
+
 def unrepeatable(data, size=0.06):
     """The data of a machine whose Z is off by a random amount, mm, at each stop."""
     off = np.random.default_rng(1).normal(0.0, size, int(stops(data).max()) + 1)[stops(data)]
@@ -55,6 +68,12 @@ def test_a_backlash_is_named_although_an_error_motion_can_bend_around_it():
     assert (cause.kind, cause.axis) == ("backlash", "Y")
     assert cause.effect.parameters[0] == pytest.approx(150.0, abs=3.0 * cause.effect.uncertainties[0])
     assert found.accepted
+
+
+def test_a_jump_that_errors_at_the_positions_of_an_axis_explain_is_none():
+    """A wave along Z shifts each line across Z as a whole."""
+    found = diagnose(part_lines(Cyclic("Z", "Z", 16.0, (17.0,), (0.0,))))
+    assert found.causes == ()
 
 
 def test_coarser_bases_stand_beside_a_cause_that_the_others_imitate():

@@ -15,6 +15,7 @@ from calibration.diagnosis.residual.cancelling import cancelling
 from calibration.diagnosis.residual.chance_level import ByChance
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.modulation import Modulated, modulated, modulation
+from calibration.diagnosis.residual.recurring import recurring
 from calibration.diagnosis.residual.undetermined_periods import Undetermined, at_positions, undetermined
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.result import LEFT
@@ -32,7 +33,7 @@ GATE = 0.2
 """Chance that causes are searched for although the residuals are pure noise."""
 AGAIN = 3
 """Times that the bases are selected again with the causes found."""
-DOUBTS = (unexplained_residual.misread, unexplained_residual.wandering, unexplained_residual.smoothed)
+DOUBTS = (unexplained_residual.misread, unexplained_residual.wandering, unexplained_residual.smoothed, recurring)
 """Each finds causes of a stage that only imitate another error; they are tried in turn."""
 
 

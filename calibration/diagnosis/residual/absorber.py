@@ -17,7 +17,7 @@ from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Accepted, Stage
-from kinematics.effects import UM, CrossAxis, Cyclic, QuantisedCompensation, Unnamed
+from kinematics.effects import UM, CrossAxis, Cyclic, Effect, QuantisedCompensation, Unnamed
 from kinematics.state import TIME
 from kinematics.transforms import Array
 
@@ -96,12 +96,16 @@ def _variables(candidate: Candidate) -> set[str]:
 
     None for an effect that depends on anything but time and the positions of axes.
     """
-    effect = candidate.effect
-    timed = TIME in effect.needs or "temperatures" in effect.needs
+    effect, timed = candidate.effect, in_time(candidate.effect)
     if not timed and not candidate.replaces and not isinstance(effect, (CrossAxis, Cyclic, QuantisedCompensation)):
         return set()
     axes = {getattr(effect, name) for name in ("axis", "other") if hasattr(effect, name)}
     return {TIME, *axes} if timed else axes
+
+
+def in_time(effect: Effect) -> bool:
+    """True for an effect with a course in time, or in temperatures, which are functions of time."""
+    return TIME in effect.needs or "temperatures" in effect.needs
 
 
 def absorbing(

@@ -9,6 +9,7 @@ import numpy as np
 from calibration.diagnosis.residual.absorber import (
     absorbed,
     absorbing,
+    in_time,
     log_odds_of_function,
     with_walk,
     without_support,
@@ -190,29 +191,32 @@ def misread(stage: Stage) -> list[Accepted]:
 def wandering(stage: Stage) -> list[Accepted]:
     """Accepted jumps that only imitate a wandering: a function of time, or a random walk, explains more.
 
-    Also a jump that is no larger than the steps of a random walk beside it.
+    Also a jump that is no larger than the steps of a random walk beside it, and any course in time that is a part of
+    this walk.
     """
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
     for i, each in enumerate(stage.accepted):
         if getattr(each.candidate.effect, "since_s", None) is None:
+            if in_time(each.candidate.effect) and _of_walk(even, i):
+                found.append(each)
             continue
         without = even.without(i)
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
         # rows that are correlated count in full for the function: for a jump only if it explains far more
-        in_full = _in_full(without, score)
-        if with_walk(without).log_odds > FAR_MORE * in_full or _like_a_step(even, i):
+        own = in_full(without, score)
+        if with_walk(without).log_odds > FAR_MORE * own or _of_walk(even, i):
             found.append(each)
             continue
         dependence = unexplained(without)
         if dependence is None or TIME not in dependence.variables:
             continue
-        if log_odds_of_function(without, dependence) > max(-0.5 * score.delta_bic, in_full / FAR_MORE):
+        if log_odds_of_function(without, dependence) > max(-0.5 * score.delta_bic, own / FAR_MORE):
             found.append(each)
     return found
 
 
-def _like_a_step(stage: Stage, index: int) -> bool:
-    """True for a jump without evidence beside a random walk of the tool whose steps are those of the other rows."""
+def _of_walk(stage: Stage, index: int) -> bool:
+    """True for a cause without evidence beside a random walk of the tool whose steps are those of the other rows."""
     beside = with_walk(stage.linearised)
     if not beside.log_odds:
         return False
@@ -236,14 +240,14 @@ def smoothed(stage: Stage) -> list[Accepted]:
             continue
         without = even.without(i)
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
-        own, dependence = _in_full(without, score) - each.candidate.rarity, unexplained(without)
+        own, dependence = in_full(without, score) - each.candidate.rarity, unexplained(without)
         smooth = absorbing(without, dependence, whole=True, walk=False).log_odds
         if max(smooth, with_function_of_readings(without).log_odds) > own:
             found.append(each)
     return found
 
 
-def _in_full(without: LinearisedFit, score: Score) -> float:
+def in_full(without: LinearisedFit, score: Score) -> float:
     """Log odds of a cause by its score on the fit without it, in the unit of those of a function.
 
     The squares that it explains count in full, however large those are that it leaves.
