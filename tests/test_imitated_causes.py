@@ -8,17 +8,20 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, data_with, fitted
+from support.diagnosis_cases import CFRAME, data_with, fitted, selector
 from support.virtual_measurements import ONE, measured, truth
 
 from calibration.diagnosis.acceptance import against_undecided
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.preparation import prepared
+from calibration.diagnosis.residual.recurring import recurring
+from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.imitated_causes import imitated
+from calibration.diagnosis.search.shapes.change_points import breaks
 from calibration.diagnosis.undecided_causes import squares_by_undecided
 from calibration.diagnosis.widening import moments, rms_correction
 from calibration.observation.stops_and_lines import stops
-from kinematics.effects import Backlash, Cyclic
+from kinematics.effects import Backlash, Cyclic, LocationJump
 from kinematics.error_model.model import no_errors
 from kinematics.running.progress import silent
 
@@ -70,10 +73,18 @@ def test_a_backlash_is_named_although_an_error_motion_can_bend_around_it():
     assert found.accepted
 
 
-def test_a_jump_that_errors_at_the_positions_of_an_axis_explain_is_none():
+@pytest.mark.parametrize(
+    ("true", "stands"),
+    [(Cyclic("Z", "Z", 16.0, (40.0,), (0.0,)), False), (LocationJump("C", "X", 400.0, 945.0), True)],
+)
+def test_a_jump_that_errors_at_the_positions_of_an_axis_explain_is_none(true, stands):
     """A wave along Z shifts each line across Z as a whole."""
-    found = diagnose(part_lines(Cyclic("Z", "Z", 16.0, (17.0,), (0.0,))))
-    assert found.causes == ()
+    made = selector(part_lines(true))
+    linearised = made.stage([]).linearised
+    jump = evaluate(linearised, [each for each in breaks(linearised) if isinstance(each.effect, LocationJump)])[0]
+    stage = made.stage([(jump.candidate, jump.score.size)])
+    assert stage.accepted[0].score.delta_bic < WORTH
+    assert recurring(stage) == ([] if stands else list(stage.accepted))
 
 
 def test_coarser_bases_stand_beside_a_cause_that_the_others_imitate():

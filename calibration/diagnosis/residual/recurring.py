@@ -1,4 +1,4 @@
-"""Jumps and courses in time that only imitate errors of an axis at its positions.
+"""Jumps that only imitate errors of an axis at its positions.
 
 Where an axis has few positions, each with lines of its own, a jump shifts whole lines as independent errors at the
 positions do: an error motion that no basis holds, such as a wave finer than the spacing of the positions.
@@ -7,10 +7,10 @@ positions do: an error motion that no basis holds, such as a wave finer than the
 from __future__ import annotations
 
 from itertools import product
+from typing import get_args
 
 import numpy as np
 
-from calibration.diagnosis.residual.absorber import in_time
 from calibration.diagnosis.residual.dependence import EVIDENCE
 from calibration.diagnosis.residual.unexplained import in_full
 from calibration.diagnosis.residual.unnamed import evidence
@@ -19,7 +19,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.observation.full_model import moving_axes
-from kinematics.effects import COMPONENTS, Component
+from kinematics.effects import Component, LocationJump, StationShift
 from kinematics.effects.base import unit_of
 
 MANY = 60
@@ -29,15 +29,15 @@ SIZE = 10.0
 
 
 def recurring(stage: Stage) -> list[Accepted]:
-    """Accepted causes with a course in time that errors of an axis at its positions explain nearly as well."""
+    """Accepted jumps that errors of an axis at its positions explain nearly as well."""
     # estimated noise of an axis would hold much of these errors
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
     for i, each in enumerate(stage.accepted):
-        if not in_time(each.candidate.effect):
+        if not isinstance(each.candidate.effect, LocationJump | StationShift):
             continue
         without = even.without(i)
         own = in_full(without, evaluate(without, [each.candidate])[0].score) - each.candidate.rarity
-        motions = product(moving_axes(stage.fit.measurement), COMPONENTS)
+        motions = product(moving_axes(stage.fit.measurement), get_args(Component))
         if any(own - _added(without, even.linearised, *motion) < EVIDENCE for motion in motions):
             found.append(each)
     return found
