@@ -423,7 +423,7 @@ BAD = {
     "no such file": (["--strategy", "no.csv"], "--strategy no.csv: there is no such file"),
     "dialect of no program": (["--strategy", "grid", "--dialect", "fanuc"], "--dialect is an option of the NC program: give --nc too"),
     "rapid of no program": (["--strategy", "grid", "--rapid"], "--rapid is an option of the NC program: give --nc too"),
-    "points": (["--strategy", "grid", "--points", "many"], "--points many: expected a number"),
+    "points": (["--strategy", "grid", "--points", "many"], "--points many: expected a whole number"),
     "range": (["--strategy", "grid", "--range", "X=a:b"], "--range X=a:b: 'a:b' is not 2 numbers"),
     "range of no axis": (["--strategy", "grid", "--range", "B=0:1"], "has no axis B"),
     "target": (["--strategy", "grid", "--target", "t1"], "--target t1: expected t1=x,y,z"),
