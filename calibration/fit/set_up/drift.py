@@ -67,7 +67,7 @@ def with_bases_noise_and_drift(measurement: Measurement, wanted: Wanted) -> Drif
 
 ESTIMATED = (
     "The fit estimates it as a drift of the {} with time, and leaves it out: the calibration holds for the start of "
-    "the data, and U contains the uncertainty of the drift"
+    "the data, and U contains the uncertainty of this drift"
 )
 UNEXPLAINED = "No drift with time explains it, and U does not contain it: the errors may differ by as much"
 
