@@ -114,7 +114,10 @@ MISTAKES = {
     "frame of readings": Mistake(readings(in_workpiece), 2, "with dx, dy and dz in the directions of the workpiece"),
     "unit of readings": Mistake(readings(lambda _, own: 1e3 * own), 2, "with the points divided by 1000"),
     "sign in one row": Mistake(readings(in_one_row), 0, "d.csv:26"),
-    "u_um": Mistake(lambda: touched().but(u_um=0.1), 0, NOISE),
+    "u_um": Mistake(
+        lambda: touched().but(u_um=0.1), 0, NOISE,
+        {"fit": (0, "larger than u_um, the shift is chance"), "two files": (0, "Residuals are 9")},
+    ),
 }  # fmt: skip
 QUICK = {
     ("length 1 mm", "two files"),

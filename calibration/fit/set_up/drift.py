@@ -25,6 +25,8 @@ from kinematics.error_model.model import ErrorModel
 
 ROW_S = 60.0
 """Time from row to row, s, of data without times: only its proportions count."""
+SPECIFIED = 1.0
+"""chi2/dof of noise that is as the instrument specification states it."""
 SHARE = 1.0 / 3.0
 """Time constant at the start of the fit, as a share of the duration."""
 
@@ -51,7 +53,7 @@ def with_bases_noise_and_drift(measurement: Measurement, wanted: Wanted) -> Drif
         return plain
     shown = tuple(repeat_findings(plain.fit))
     kept = plain.fit.kept
-    if not any(repeat_findings(plain.fit, kept, specified=True)):
+    if not any(repeat_findings(plain.fit, kept, SPECIFIED)):
         return replace(plain, findings=shown)
     timed = _timed(measurement)
     tried = [_with(effects, timed, wanted) for effects in _courses(timed)]
@@ -60,15 +62,18 @@ def with_bases_noise_and_drift(measurement: Measurement, wanted: Wanted) -> Drif
     # a row that only the other fit leaves out is wrong, and no drift
     if any(repeat_findings(best.fit, kept)):
         return replace(plain, findings=tuple(_added(each, UNEXPLAINED) for each in shown))
-    shown = tuple(repeat_findings(plain.fit, kept, specified=True))
-    side = "workpiece" if isinstance(best.effects[0], WorkpieceDrift) else "tool point"
-    return replace(best, findings=tuple(_added(each, ESTIMATED.format(side)) for each in shown))
+    shown = tuple(repeat_findings(plain.fit, kept, SPECIFIED))
+    sentence = ESTIMATED.format("workpiece" if isinstance(best.effects[0], WorkpieceDrift) else "tool point")
+    if not any(repeat_findings(plain.fit, kept, best.fit.chi2_reduced)):
+        sentence += CHANCE
+    return replace(best, findings=tuple(_added(each, sentence) for each in shown))
 
 
 ESTIMATED = (
     "The fit estimates it as a drift of the {} with time, and leaves it out: the calibration holds for the start of "
     "the data, and U contains the uncertainty of this drift"
 )
+CHANCE = ". If the noise is as large as the residuals, larger than u_um, the shift is chance"
 UNEXPLAINED = "No drift with time explains it, and U does not contain it: the errors may differ by as much"
 
 

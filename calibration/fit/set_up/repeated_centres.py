@@ -21,14 +21,14 @@ FAR_UM = 500.0
 """Shift, um, from which a row is wrong: no machine drifts so far. Other checks name such rows."""
 
 
-def repeat_findings(found: Fit, rows: np.ndarray | None = None, *, specified: bool = False) -> Iterator[Finding]:
+def repeat_findings(found: Fit, rows: np.ndarray | None = None, chi2: float | None = None) -> Iterator[Finding]:
     """A finding for the centre that is farthest from where it was found first, if this is more than noise allows.
 
-    rows: mask `(n,)` of the rows that are compared; all when None. specified: the noise is that of the specification:
-    a drift makes the residuals larger, too.
+    rows: mask `(n,)` of the rows that are compared; all when None. chi2: chi2/dof of the noise, by the instrument
+    specification; that of the residuals, which a drift makes larger, when None.
 
     Both have the same errors of the machine, so that their residuals differ by noise and drift alone. The noise is
-    that of the instrument specification, or of the residuals where these are larger.
+    at least that of the specification.
     """
     measurement = found.measurement
     if not isinstance(measurement.instrument, TouchProbe):
@@ -41,7 +41,7 @@ def repeat_findings(found: Fit, rows: np.ndarray | None = None, *, specified: bo
     first, again, shift = first[near], again[near], shift[near]
     if not len(again):
         return
-    u = measurement.instrument.u_um * (2.0 * (1.0 if specified else max(found.chi2_reduced, 1.0))) ** 0.5
+    u = measurement.instrument.u_um * (2.0 * max(found.chi2_reduced if chi2 is None else chi2, 1.0)) ** 0.5
     k = int(np.argmax(np.linalg.norm(shift, axis=1)))
     if np.abs(shift[k]).max() <= u * -special.ndtri(SIGNIFICANCE / (2.0 * shift.size)):
         return
