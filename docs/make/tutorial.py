@@ -65,10 +65,12 @@ def _lines(lines: list[str], folder: Path) -> Iterator[str]:
             output = run(command, folder)
             folder, command = (folder / FOLDER if command.startswith("ncomp tutorial") else folder), ""
         if mark := MARK.match(line):
-            starts = tuple(mark[1].split(" | "))
+            starts, shown = tuple(mark[1].replace("*", "").split(" | ")), output.splitlines()
+            for start in starts:
+                if not any(each.startswith(start) for each in shown):
+                    raise SystemExit(f"{PAGE}: {line}: no line of the output begins with {start!r}")
             yield ""
-            chosen = (each for each in output.splitlines() if starts == ("*",) or each.startswith(starts))
-            yield from (f"    {each}".rstrip() for each in chosen)
+            yield from (f"    {each}".rstrip() for each in shown if each.startswith(starts))
             old = True
 
 
