@@ -31,7 +31,8 @@ RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); 
 THREAD = "import threading; threading.Thread(target=threading.Event().wait, daemon=True).start(); "
 """Begin of a program with a second thread, which starts its processes as new interpreters instead of forks."""
 HEAD = "G21 G90 G17 G54 G94\nG0 X100. Y100. Z100.\n"
-LONG = HEAD + "G1 X200. F500\nX100.\nY300.\nX150.\nY100.\n" * 200_000 + "M30\n"
+LONG = HEAD + "G1 X200. F500\nX100.\nY300.\nX150.\nY100.\n" * 800_000 + "M30\n"
+"""Many times longer in work than processes need to begin, on a machine with other work too."""
 MOVES = "G1 X30. Y30. Z41. B5. C9. F100\nX20.\nX40. C30.\nG2 X45. I2.5 J0.\nG1 X30. Y31.\n"
 ROOT = Path(__file__).parents[1]
 PATIENCE_S = 300.0
