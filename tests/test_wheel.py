@@ -173,7 +173,7 @@ def test_no_module_is_named_in_a_text():
         ("../ncomp", ""),
         ("file:///srv/git/ncomp.git", ""),
         ("git@server:ncomp.git", ""),
-        ("C:/work/ncomp", ""),
+        ("C:/cnc/ncomp", ""),
         ("", ""),
     ],
 )
