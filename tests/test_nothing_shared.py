@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping
 from enum import StrEnum
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType, ModuleType
 
 import msgspec
@@ -266,3 +267,24 @@ def columns_of(value):
         return [value]
     each = fields_of(value).values() if dataclasses.is_dataclass(value) or isinstance(value, msgspec.Struct) else value
     return [column for part in each for column in columns_of(part)]
+
+
+def test_a_page_has_the_notes_of_its_own_command(command):
+    """Also behind a command in the same process that was refused, or that had no page."""
+    head = "G21 G90 G17 G54 G94\nG0 X10 Y10 Z200 B{} C0\nG1 X20 F500\n{}M30\n"
+    for name, text in (
+        ("a.nc", head.format(20, "")),
+        ("b.nc", head.format(0, "")),
+        ("c.nc", head.format(30, "G234\n")),
+    ):
+        Path(name).write_text(text)
+    setup = ("--machine", "dmu50", "--set-up-zero")
+    own = "first used at B20"
+    assert command("correct", "a.nc", *setup, "-o", "a1.nc").status == 0
+    assert command("correct", "c.nc", *setup, "-o", "c1.nc", "--report", "c.html").status == 2
+    for name, shown in (("b", False), ("a", True), ("b", False)):
+        done = command("correct", f"{name}.nc", *setup, "-o", f"{name}2.nc", "--report", f"{name}.html")
+        assert done.status == 0, done.err
+        assert (own in Path(f"{name}.html").read_text()) == shown
+        Path(f"{name}.html").unlink()
+        Path(f"{name}2.nc").unlink()

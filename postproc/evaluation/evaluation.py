@@ -226,9 +226,9 @@ class Evaluation:
         worse than the tolerance or the input.
         """
         found = np.full(len(left), np.nan)
-        joined = self._joined.follow(moves.motions, moves.commanded, moves.written, left)
         if self._after.axes:
             return found
+        joined = self._joined.follow(moves.motions, moves.commanded, moves.written, left)
         bound, first = (moves.bounds + joined.bends) * 1e3, joined.first
         largest = (
             np.max([np.linalg.norm((1.0 - share) * first + share * left, axis=1) for share in BETWEEN], axis=0) * 1e3
