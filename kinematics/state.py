@@ -125,4 +125,4 @@ def _is_all(index: slice | np.ndarray, n: int) -> bool:
     """True for an index of all of n rows, in their order."""
     if isinstance(index, slice):
         return range(n)[index] == range(n)
-    return index.dtype.kind in "iu" and np.array_equal(index, np.arange(n))
+    return len(index) == n and index.dtype.kind in "iu" and np.array_equal(index, np.arange(n))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from support.diagnosis_cases import data_with, framed, selector
 
 from calibration.diagnosis import searched_causes
-from calibration.diagnosis.search import evaluation, selection
+from calibration.diagnosis.search import evaluation, recent_fits, selection
 from calibration.diagnosis.search.candidates import RARE, Candidate, at_zero
 from calibration.diagnosis.search.common_causes import commoner, drifting, knocked
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling, evaluate, passing, predicts, siblings
@@ -336,10 +336,10 @@ def test_the_same_causes_are_fitted_once(monkeypatch):
     assert made.stage([(cause, np.ones(1))]).fit is first.fit
     assert len(fits) == 1
     # another prior is another fit, and only the last fits are kept
-    for power in range(1, selection.RECENT + 1):
+    for power in range(1, recent_fits.RECENT + 1):
         made.stage([(cause, np.full(1, 2.0**power))])
-    assert len(fits) == selection.RECENT + 1
-    assert len(made.recent) == selection.RECENT
+    assert len(fits) == recent_fits.RECENT + 1
+    assert len(made.recent.fits) == recent_fits.RECENT
     assert made.stage([(cause, np.ones(1))]).fit is not first.fit
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.diagnosis.search.shapes.spectra import aliases, lattice, spectrum
+from calibration.diagnosis.search.shapes.spectra import Waves, aliases, lattice
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 100])
@@ -14,7 +14,10 @@ def test_spectra_against_their_definition(count):
     x, values = rng.uniform(-300.0, 500.0, 60), rng.normal(size=(2, 60))
     frequencies = 0.01 + np.arange(count) * 3e-4
     expected = values @ np.exp(2j * np.pi * x[:, None] * frequencies)
-    np.testing.assert_allclose(spectrum(values, x, frequencies), expected, atol=1e-9)
+    waves = Waves.of(x, frequencies)
+    np.testing.assert_allclose(waves.sums(values), expected, atol=1e-9)
+    some = np.array([count - 1, 0])
+    np.testing.assert_allclose(waves.at(some), np.exp(2j * np.pi * x[:, None] * frequencies[some]), atol=1e-9)
 
 
 @given(

@@ -12,6 +12,7 @@ from calibration.diagnosis.linear_order import other_order
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual.chance_level import PERIODIC, ByChance
 from calibration.diagnosis.search.candidates import Untested, changes, library
+from calibration.diagnosis.search.recent_fits import RecentFits
 from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.start_model import base_of
@@ -77,7 +78,7 @@ def prepared(
     selector = Selector(measurement, base, candidates, variance, searching, search)
     noise = repeats(measurement, selector.bare.fit.kept)
     if variance == "sheet" and noise is not None and _contradicted(noise):
-        selector = replace(selector, measurement=_as_noisy_as(measurement, noise), bare_stages={}, recent={})
+        selector = replace(selector, measurement=_as_noisy_as(measurement, noise), bare_stages={}, recent=RecentFits())
         text = f"repeats contradict the instrument specification, its noise is taken from them: {noise.text}"
         findings.append(Finding("noise", text, False))
     if calibration is None:

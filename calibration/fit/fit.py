@@ -281,7 +281,7 @@ def _iterate(problem: Problem, point: Point, variance: Variance, stop: np.ndarra
     """
     components = problem.measurement.components
     factor, effective_parameters, least = 1.0, 0.0, 1.0
-    renewed = RENEWED if any(not q.linear for effect in problem.model.effects for q in effect.parameter_table) else 1
+    renewed = RENEWED if not all(flag for effect in problem.model.effects for flag in effect.linear) else 1
     derivatives, halvings = None, 0
     for step in range(STEPS):
         # along old derivatives, a step that had to be halved ends short again and again

@@ -53,23 +53,32 @@ TYPICAL = 10.0
 """Unit of the standard deviations in the iteration, um or urad."""
 
 
-def with_estimated_noise(found: Fit) -> Measurement:
-    """The measurement of a fit with the noise that its residuals show; as specified where they do not contradict it.
+class WithNoise(NamedTuple):
+    """A fit, and its measurement with the noise that its residuals show, or as specified if they agree with it."""
 
-    It includes misfit: errors that the model lacks, as far as a variance of each axis describes them. Readings of an
-    interferometer are not divided into instrument and axis.
-    """
-    estimated = _estimated(found)
-    return replace(found.measurement, noise=None if estimated is None else estimated[0])
+    fit: Fit
+    whole: Measurement
+    """With misfit: errors that the model lacks, as far as a variance of each axis describes them. Readings of an
+    interferometer are not divided into instrument and axis."""
+    of_visits: Measurement
+    """Without misfit: where positions recur, the noise is at most the scatter of their visits. For the search for
+    errors that the model lacks; `EstimatedNoise.misfit` names the remaining axes."""
+
+    @classmethod
+    def of(cls, found: Fit) -> WithNoise:
+        """The measurement of a fit with its noise."""
+        whole, of_visits = _estimated(found) or (None, None)
+        return cls(found, replace(found.measurement, noise=whole), replace(found.measurement, noise=of_visits))
+
+
+def with_estimated_noise(found: Fit) -> Measurement:
+    """The measurement of a fit with the noise that its residuals show, as `WithNoise.whole`."""
+    return WithNoise.of(found).whole
 
 
 def with_noise_of_visits(found: Fit) -> Measurement:
-    """The same without misfit: where positions recur, the noise is at most the scatter of their visits.
-
-    For the search for errors that the model lacks. `EstimatedNoise.misfit` names the remaining axes.
-    """
-    estimated = _estimated(found)
-    return replace(found.measurement, noise=None if estimated is None else estimated[1])
+    """The same without misfit, as `WithNoise.of_visits`."""
+    return WithNoise.of(found).of_visits
 
 
 def _estimated(found: Fit) -> tuple[EstimatedNoise, EstimatedNoise] | None:

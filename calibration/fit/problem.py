@@ -114,7 +114,7 @@ class Problem:
 
     def shapes_fixed(self) -> Problem:
         """The problem with its periods and time constants held."""
-        linear = [quantity.linear for effect in self.model.effects for quantity in effect.parameter_table]
+        linear = [flag for effect in self.model.effects for flag in effect.linear]
         if self.prior.ndim == 1:
             return replace(self, prior=np.where(linear, self.prior, FIXED))
         return replace(self, prior=self.prior * np.outer(linear, linear) + np.diag(np.where(linear, 0.0, FIXED)))

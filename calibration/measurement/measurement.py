@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from calibration.measurement.instruments import Instrument
 from kinematics.effects.base import own_component
 from kinematics.machine import Machine, Vector
 from kinematics.state import REFERENCE, State
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 
 Carrier = Literal["tool", "table", "bed"]
 
@@ -141,15 +142,17 @@ class Measurement:
         """Components of the observations that count `(n, d)`, mm and rad."""
         return self.observed if self.across is None else self.across.of(self.observed)
 
-    @property
+    @cached_property
     def groups(self) -> np.ndarray:
         """Registration group `(n,)`: a tracker's station, a probe's sphere, a table ball, an interferometer's run."""
         if self.axis is not None:
             assert self.run is not None
             names = np.char.add(np.char.add(self.axis.astype(str), " "), self.run.astype(str))
-            return names if self.component is None else np.char.add(np.char.add(names, " "), self.component.astype(str))
+            if self.component is not None:
+                names = np.char.add(np.char.add(names, " "), self.component.astype(str))
+            return read_only(names)
         station = self.state.station
-        return np.full(len(self), "1") if station is None else station.astype(str)
+        return read_only(np.full(len(self), "1") if station is None else station.astype(str))
 
     @property
     def temperatures(self) -> dict[str, tuple[float, float]]:
@@ -163,13 +166,13 @@ class Measurement:
         """Nominal positions `(n, 3)`, mm, of the targets on their carriers."""
         return np.asarray(np.array([target.position for target in self.targets.values()])[self.target_number])
 
-    @property
+    @cached_property
     def target_number(self) -> np.ndarray:
         """Index `(n,)` of the row's target in `targets`."""
         names = np.array(list(self.targets))
         order = np.argsort(names)
         assert self.state.target is not None
-        return np.asarray(order[np.searchsorted(names, self.state.target, sorter=order)])
+        return read_only(np.asarray(order[np.searchsorted(names, self.state.target, sorter=order)]))
 
     @property
     def per_micro(self) -> Array:
@@ -204,9 +207,12 @@ class Measurement:
         def at(column: np.ndarray | None) -> np.ndarray | None:
             return None if column is None else column[index]
 
+        state = self.state.rows(index)
+        if state is self.state:
+            return self
         return replace(
             self,
-            state=self.state.rows(index),
+            state=state,
             observed=self.observed[index],
             axis=at(self.axis),
             run=at(self.run),

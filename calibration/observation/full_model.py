@@ -241,4 +241,4 @@ def distinct_positions(measurement: Measurement, axis: str) -> int:
 
 def priors(model: ErrorModel) -> np.ndarray:
     """Prior standard deviations `(parameters,)` in the units of the parameters: their typical sizes."""
-    return np.array([quantity.typical for effect in model.effects for quantity in effect.parameter_table])
+    return np.array([size for effect in model.effects for size in effect.typical])

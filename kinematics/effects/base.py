@@ -205,7 +205,8 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
                 turns = self.axes[0][0] in "ABC" if q.unit == BY_AXIS else self.angular
                 unit = q.unit.split(" or ")[turns] if " or " in q.unit else q.unit
                 size = getattr(self, q.share_of) if q.share_of else 1.0
-                found.append(q._replace(unit=unit, typical=q.typical * size, share_of=""))
+                same = unit == q.unit and not q.share_of
+                found.append(q if same else q._replace(unit=unit, typical=q.typical * size, share_of=""))
         return tuple(found)
 
     @property
@@ -229,6 +230,17 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             if value is not None:
                 flags += [quantity.linear] * (len(value) if isinstance(value, tuple) else 1)
         return tuple(flags)
+
+    @property
+    def typical(self) -> tuple[float, ...]:
+        """Typical size of each parameter."""
+        sizes: list[float] = []
+        for quantity in self.QUANTITIES:
+            value = getattr(self, quantity.name)
+            if value is not None:
+                size = quantity.typical * (getattr(self, quantity.share_of) if quantity.share_of else 1.0)
+                sizes += [size] * (len(value) if isinstance(value, tuple) else 1)
+        return tuple(sizes)
 
     @property
     def parameters(self) -> tuple[float, ...]:

@@ -112,15 +112,21 @@ def _lagged(temperature: Array, time: Array, lag: float, start: tuple[float, flo
     r = step / lag
     keep = np.exp(-r)
     mean = np.divide(-np.expm1(-r), r, out=np.ones_like(r), where=r > 0)
-    late, slope = temperature.copy(), np.zeros_like(temperature)
     y, dy = start or (float(temperature[:1].sum()), 0.0)
-    late[:1], slope[:1] = y, dy
     if not step.any() and not rise.any():
-        late[1:], slope[1:] = y, dy
-        return late, slope
-    columns = (temperature[:-1], temperature[1:], r, keep, mean)
-    for i, (before, after, ratio, kept, share) in enumerate(zip(*(c.tolist() for c in columns), strict=True), start=1):
-        dy = ((before - after) * (share - kept) + (y - before) * kept * ratio) / lag + dy * kept
-        y = after + (before - after) * share + (y - before) * kept
-        late[i], slope[i] = y, dy
-    return late, slope
+        return np.full_like(temperature, y), np.full_like(temperature, dy)
+    behind = _decaying(keep, -rise * mean, y - float(temperature[0]))
+    return temperature + behind, _decaying(keep, (behind[:-1] * keep * r - rise * (mean - keep)) / lag, dy)
+
+
+def _decaying(kept: Array, added: Array, start: float) -> Array:
+    """Values `(n + 1,)` that begin at `start`: each is `kept` `(n,)` times the one before, plus `added` `(n,)`.
+
+    Steps are joined in pairs, then in pairs of pairs, and so on.
+    """
+    values, kept, width = np.append(start, added), np.append(0.0, kept), 1
+    while width < len(values):
+        values[width:] += kept[width:] * values[:-width]
+        kept[width:] *= kept[:-width].copy()
+        width *= 2
+    return values

@@ -57,22 +57,28 @@ class Design:
         if transform.shape[2] != self._width:
             raise ValueError(f"transform has {transform.shape[2]} columns, {self._machine.name} takes {self._width}")
         state, columns_of_errors = self._state.rows(rows), len(self._machine.axes) + 2
-        arms = np.ascontiguousarray(transform.T)
-        design = np.zeros((self._parameters, *arms.shape[1:]))
+        arms: dict[int, Array] = {}
+        design = np.zeros((self._parameters, *transform.T.shape[1:]))
         for effect, part in self._now:
-            _fill(effect.columns(self._machine, state), arms, columns_of_errors, design[part])
+            _fill(effect.columns(self._machine, state), transform, arms, columns_of_errors, design[part])
         for columns, part in self._remembered:
             there = (each._replace(values=each.values[rows]) for each in columns)
-            _fill(there, arms, columns_of_errors, design[part])
+            _fill(there, transform, arms, columns_of_errors, design[part])
         return np.ascontiguousarray(design.T)
 
 
-def _fill(columns: Iterable[Columns], arms: Array, columns_of_errors: int, design: Array) -> None:
+def _fill(
+    columns: Iterable[Columns], transform: Array, arms: dict[int, Array], columns_of_errors: int, design: Array
+) -> None:
     """Write the transformed columns of one effect into its part of a design `(parameters, k, n)`.
 
-    arms `(width, k, n)`: the transform, with the rows of a column next to each other in memory, as in `design`.
+    arms `(k, n)`: those columns of the transform that effects have needed, with their rows next to each other in
+    memory, as in `design`.
     """
     for i, (column, component, values) in enumerate(columns):
-        arm = arms[6 * (column % columns_of_errors) + component]
+        number = 6 * (column % columns_of_errors) + component
+        if number not in arms:
+            arms[number] = np.ascontiguousarray(transform[:, :, number].T)
+        arm = arms[number]
         for derivative, value in zip(design, np.ascontiguousarray(values.T), strict=True):
             np.add(derivative, arm * value, out=derivative) if i else np.multiply(arm, value, out=derivative)

@@ -18,7 +18,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import squares_of_all
 from calibration.diagnosis.search.shapes.proposed_shapes import OVERSAMPLING, SAME, SCANNED, frequencies_of
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
-from calibration.diagnosis.search.shapes.spectra import finest, peaks, strengths
+from calibration.diagnosis.search.shapes.spectra import Waves, finest, peaks, strengths
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.fit.linear import pseudo_inverse
 from kinematics.effects import Cyclic, QuantisedCompensation
@@ -82,10 +82,9 @@ class _AtPositions(NamedTuple):
         frequencies = frequencies_of(self.sensitivity.linearised, effect.axis)
         if len(frequencies) < OVERSAMPLING:
             return []
-        (power,) = strengths([self.sensitivity], self.x, frequencies)
-        unit, step = unit_of(effect.component)[1], (frequencies[-1] - frequencies[0]) / (len(frequencies) - 1) / 2
-        tried = frequencies[peaks(power, TRIED)]
-        best, gains = finest(self.sensitivity, self.x, tried, step, unit)
+        waves = Waves.of(self.x, frequencies)
+        (power,) = strengths([self.sensitivity], waves)
+        best, gains = finest(self.sensitivity, waves, peaks(power, TRIED), unit_of(effect.component)[1])
         odds = 0.5 * (self.dimensions - 2.0) * np.log(self.left(gains) / left)
         likely = [float(1.0 / best[i]) for i in np.argsort(odds).tolist() if odds[i] < EVEN]
         return [period for period in likely if abs(period / effect.period - 1.0) > SAME]

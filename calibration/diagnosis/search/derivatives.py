@@ -57,9 +57,8 @@ def derivatives(
 
 def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect], transform: Array) -> Array:
     """Derivatives `(n * d, k)` by the linear parameters of effects, one after the other, in units of typical sizes."""
-    table = [quantity for effect in effects for quantity in effect.parameter_table]
-    linear = np.array([quantity.linear for quantity in table], bool)
-    typical = np.array([quantity.typical for quantity in table])[linear]
+    linear = np.array([flag for effect in effects for flag in effect.linear], bool)
+    typical = np.array([size for effect in effects for size in effect.typical])[linear]
     made = Design(effects, measurement.machine, measurement.state, with_instrument=True).of(rows, transform)
     columns = made.reshape(made.shape[0] * made.shape[1], made.shape[2])[:, linear]
     return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
@@ -103,7 +102,7 @@ class Signals:
 
 def widths(effects: Sequence[Effect]) -> list[int]:
     """Number of linear parameters of each effect."""
-    return [sum(quantity.linear for quantity in effect.parameter_table) for effect in effects]
+    return [sum(effect.linear) for effect in effects]
 
 
 def together(effects: Sequence[Effect]) -> list[Sequence[Effect]]:

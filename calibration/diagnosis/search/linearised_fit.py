@@ -263,9 +263,9 @@ class LinearisedFit:
     def _effects(self) -> Signals:
         return Signals(self.measurement, self.rows, self.transform, self.decorrelation)
 
-    def columns(self, effect: Effect) -> Array:
-        """Whitened derivatives `(N, k)` by the linear parameters of an effect, in units of their typical sizes."""
-        return self._effects.of((effect,))
+    def columns(self, *effects: Effect) -> Array:
+        """Whitened derivatives `(N, k)` by the linear parameters of effects, in units of their typical sizes."""
+        return self._effects.of(effects)
 
     def candidate(self, effect: Effect, unit: float | Array = 1.0) -> Projected:
         """Part of an effect that the model and the registration cannot imitate, its columns in `unit` typical sizes.

@@ -75,7 +75,8 @@ class Rating(NamedTuple):
 
         through: as `Projected.through` `(q, k)`.
         """
-        values, vectors = np.linalg.eigh((schur + schur.T) / 2)
+        one = len(schur) == 1
+        values, vectors = (schur[0], np.eye(1)) if one else np.linalg.eigh((schur + schur.T) / 2)
         values, turned = np.maximum(values, 0.0), vectors.T @ along
         softened = values + GENEROUS**-2
         largest = float(np.abs(vectors @ (turned / softened)).max(initial=0.0))

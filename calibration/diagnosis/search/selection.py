@@ -29,10 +29,11 @@ from calibration.diagnosis.search.evaluation import (
     siblings,
 )
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.recent_fits import RecentFits
 from calibration.diagnosis.search.shapes import proposed_shapes as scans
 from calibration.diagnosis.search.shapes.change_points import about_another_point
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
-from calibration.diagnosis.search.start_model import Base, prior_of
+from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
@@ -52,8 +53,6 @@ NEARLY = 0.05
 """Share of the delta-BIC by which a simpler cause may be less likely: a further cause is found after it."""
 MANY = 8
 """Blocks from which the fit of the others has nearly all data, so that it evaluates bases as the whole does."""
-RECENT = 24
-"""Most fits that are kept."""
 FEW = 4.0
 """Observations per effective parameter up to which they leave the choice of bases open."""
 PASSES = 2
@@ -94,8 +93,7 @@ class Selector:
     search: Search
     bare_stages: dict[str, Stage] = field(default_factory=dict, compare=False, repr=False)
     """Fits of bases alone, by their choice: bases come back, and each is fitted once."""
-    recent: dict[tuple[object, ...], Fit] = field(default_factory=dict, compare=False, repr=False)
-    """The last fits, by the bases, the causes and their priors: the same causes come back after other steps."""
+    recent: RecentFits = field(default_factory=RecentFits, compare=False, repr=False)
 
     @property
     def bare(self) -> Stage:
@@ -144,12 +142,7 @@ class Selector:
 
     def stage(self, chosen: Sequence[tuple[Candidate, Array]]) -> Stage:
         """The full fit with these causes, each evaluated on the linearised fit without it."""
-        key = repr(self.base.bases), *((candidate, prior_of(candidate, size).tobytes()) for candidate, size in chosen)
-        if key not in self.recent:
-            while len(self.recent) >= RECENT:
-                del self.recent[next(iter(self.recent))]
-            self.recent[key] = self.base.fit(self.measurement, chosen, self.variance)
-        return self._stage_of(chosen, self.recent[key])
+        return self._stage_of(chosen, self.recent.fit(self.base, self.measurement, chosen, self.variance))
 
     def cautious(self, stage: Stage) -> Stage:
         """The stage with an uncertainty that contains errors which the model lacks."""
@@ -157,7 +150,8 @@ class Selector:
         if noise is None or not noise.misfit:
             return stage
         chosen = chosen_of(stage.accepted)
-        found = self._stage_of(chosen, self.base.cautious_fit(self.measurement, chosen, self.variance))
+        again = self.recent.fit(self.base, self.measurement, chosen, self.variance, cautious=True)
+        found = self._stage_of(chosen, again)
         kept = [
             replace(each, siblings=other.siblings) for each, other in zip(found.accepted, stage.accepted, strict=True)
         ]

@@ -25,7 +25,7 @@ from calibration.fit.bases.search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIN
 from calibration.fit.bases.selection import choose, coarse_choice, finer
 from calibration.fit.curves.between_positions import as_table
 from calibration.fit.fit import Fit, fit
-from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
+from calibration.fit.noise import WithNoise
 from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import TARGETS, is_log, moving_axes, priors, with_effects
@@ -148,25 +148,37 @@ class Base:
         """The base of bases that cannot imitate single rows, for few rows of spheres."""
         return _of_choice(measurement, coarse_choice(measurement), self.known)
 
-    def fit(
+    def first_fit(
         self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
+    ) -> WithNoise:
+        """The fit of the base and of accepted candidates, each with its linear sizes in units of the typical ones."""
+        return WithNoise.of(self.fit_as_noisy(measurement, accepted, variance))
+
+    def fit(
+        self,
+        measurement: Measurement,
+        accepted: Sequence[tuple[Candidate, np.ndarray]],
+        variance: Variance,
+        known: WithNoise | None = None,
     ) -> Fit:
-        """The fit of the base and of accepted candidates, each with its linear sizes in units of the typical ones.
+        """The fit of the base and of accepted candidates; known: their first fit.
 
         The noise is estimated where the residuals contradict the specification; it holds the variance factor then.
         Errors that the model lacks are no noise.
         """
-        found = self.fit_as_noisy(measurement, accepted, variance)
-        noisy = with_noise_of_visits(found)
-        return found if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet", found)
+        first, _, noisy = known or self.first_fit(measurement, accepted, variance)
+        return first if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet", first)
 
     def cautious_fit(
-        self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
+        self,
+        measurement: Measurement,
+        accepted: Sequence[tuple[Candidate, np.ndarray]],
+        variance: Variance,
+        known: WithNoise | None = None,
     ) -> Fit:
         """The same, its uncertainty enlarged by errors that the model lacks."""
-        found = self.fit_as_noisy(measurement, accepted, variance)
-        noisy = with_estimated_noise(found)
-        return found if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet", found)
+        first, noisy, _ = known or self.first_fit(measurement, accepted, variance)
+        return first if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet", first)
 
     def fit_as_noisy(
         self,

@@ -327,10 +327,11 @@ def _lacked(processes: Processes, basis: BSpline) -> float:
     """Largest standard deviation of a process from the spline through it, as a share of its size."""
     x, everywhere = _determining(basis), np.linspace(*basis.interval, 8 * FEW + 1)
     through = np.hstack([-np.linalg.solve(basis.columns(x).T, basis.columns(everywhere).T).T, np.eye(len(everywhere))])
-    shares = []
-    for motion, which in enumerate(processes.classes):
-        whole = processes.covariance(np.concatenate([x, everywhere]), motion)
-        shares.append(np.einsum("ij,jk,ik->i", through, whole, through).max() / processes.size(which) ** 2)
+    both, shares, kinds = np.concatenate([x, everywhere]), [], zip(processes.classes, processes.trends, strict=True)
+    # error motions of one class and trend have the same process
+    for motion in {key: motion for motion, key in enumerate(kinds)}.values():
+        variances = np.sum(through @ processes.covariance(both, motion) * through, axis=1)
+        shares.append(variances.max() / processes.size(processes.classes[motion]) ** 2)
     return float(np.sqrt(max(shares)))
 
 

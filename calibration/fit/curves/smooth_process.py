@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy import linalg
 
 from kinematics.transforms import Array, read_only
 
@@ -171,22 +172,38 @@ class _Evidence:
     def _roots(self) -> dict[tuple[Correlation, float, int, float], Array]:
         return {}
 
+    @cached_property
+    def _known(self) -> dict[tuple[object, ...], float]:
+        return {}
+
     def of(self, tried: Sequence[Process]) -> Array:
         """The values `(n,)` of n processes."""
+        keys = [(process.correlation, process.length, *process.sizes.values()) for process in tried]
+        for key, process in zip(keys, tried, strict=True):
+            if key not in self._known:
+                self._known[key] = self._of(process)
+        return np.array([self._known[key] for key in keys])
+
+    def _of(self, process: Process) -> float:
         k, size = len(self.processes.positions), len(self.right)
-        roots = np.zeros((len(tried), size, size))
-        for root, process in zip(roots, tried, strict=True):
-            for i, (which, trend) in enumerate(zip(self.processes.classes, self.processes.trends, strict=True)):
-                key = process.correlation, process.length, process.sizes[which], trend
-                if key not in self._roots:
-                    self._roots[key] = self.processes.root(process, i)
-                root[i * k : i * k + k, i * k : i * k + k] = self._roots[key]
-        across = np.swapaxes(roots, 1, 2)
-        factor = np.linalg.cholesky(np.eye(size) + across @ (self.information @ roots))
-        explained = np.linalg.solve(factor, (across @ self.right)[:, :, None])
-        volume = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        away = np.array([self.processes.away(process) for process in tried])
-        return np.asarray(0.5 * np.sum(explained**2, axis=(1, 2)) - volume - away)
+        own = [slice(start, start + k) for start in range(0, size, k)]
+        whole, along = np.empty((size, size)), np.empty(size)
+        roots = [self._root(process, motion) for motion in range(len(own))]
+        for part, root in zip(own, roots, strict=True):
+            whole[:, part] = self.information[:, part] @ root
+        for part, root in zip(own, roots, strict=True):
+            whole[part], along[part] = root.T @ whole[part], root.T @ self.right[part]
+        factor = np.linalg.cholesky(np.eye(size) + whole)
+        explained = linalg.solve_triangular(factor, along, lower=True, check_finite=False)
+        volume = float(np.log(np.diag(factor)).sum())
+        return 0.5 * float(explained @ explained) - volume - self.processes.away(process)
+
+    def _root(self, process: Process, motion: int) -> Array:
+        which = self.processes.classes[motion]
+        key = process.correlation, process.length, process.sizes[which], self.processes.trends[motion]
+        if key not in self._roots:
+            self._roots[key] = self.processes.root(process, motion)
+        return self._roots[key]
 
     def climbed(self, starts: Sequence[Process]) -> list[tuple[float, Process]]:
         """From each start the process that no step of one size makes likelier, with its value."""

@@ -86,10 +86,10 @@ def about_another_point(linearised: LinearisedFit, candidate: Candidate) -> list
 
 def _about_any_point(linearised: LinearisedFit, effect: Effect) -> Array:
     """White columns `(N, k)` of an effect; where it has a fixed point, also of its change by another point."""
-    here = linearised.columns(effect)
     if not isinstance(effect, Fixed) or (isinstance(effect, LocationJump) and not effect.turns):
-        return here
-    there = linearised.columns(msgspec.structs.replace(effect, fixed_point=effect.fixed_point + 1.0))
+        return linearised.columns(effect)
+    moved = msgspec.structs.replace(effect, fixed_point=effect.fixed_point + 1.0)
+    here, there = np.split(linearised.columns(effect, moved), 2, axis=1)
     return np.concatenate([here, (here - there) * APART], axis=1)
 
 

@@ -20,7 +20,15 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.change_points import about_fixed_point, breaks, turning_points
 from calibration.diagnosis.search.shapes.sawtooth import likeliest, refined, teeth
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
-from calibration.diagnosis.search.shapes.spectra import SHORTEST, finest, peaks, resolved, strengths, usual_waves
+from calibration.diagnosis.search.shapes.spectra import (
+    SHORTEST,
+    Waves,
+    finest,
+    peaks,
+    resolved,
+    strengths,
+    usual_waves,
+)
 from calibration.observation.full_model import (
     distinct_positions,
     is_log,
@@ -148,12 +156,11 @@ def _strongest(
     linearised: LinearisedFit, axis: str, components: Sequence[Component], frequencies: Array
 ) -> Iterator[tuple[Sensitivity, Array, Array]]:
     """For each error motion of an axis the frequencies `(k,)` that explain most, refined, and their gains `(k,)`."""
-    x, step = linearised.positions(axis), (frequencies[-1] - frequencies[0]) / (len(frequencies) - 1)
+    waves = Waves.of(linearised.positions(axis), frequencies)
     sensitivities = [Sensitivity.of(linearised, axis, component) for component in components]
-    powers = strengths(sensitivities, x, frequencies)
+    powers = strengths(sensitivities, waves)
     for component, sensitivity, power in zip(components, sensitivities, powers, strict=True):
-        tried = frequencies[peaks(power, BEST_WAVES)]
-        yield sensitivity, *finest(sensitivity, x, tried, step / 2, unit_of(component)[1])
+        yield sensitivity, *finest(sensitivity, waves, peaks(power, BEST_WAVES), unit_of(component)[1])
 
 
 def _with_harmonics(sensitivity: Sensitivity, effect: Cyclic) -> Cyclic:
@@ -219,7 +226,7 @@ def steps_along(linearised: LinearisedFit, axis: str, whole: LinearisedFit | Non
     if len(frequencies) < OVERSAMPLING:
         return []
     sensitivity = Sensitivity.of(linearised, axis, own_component(axis))
-    (strength,) = strengths([sensitivity], x, frequencies)
+    (strength,) = strengths([sensitivity], Waves.of(x, frequencies))
     shares, shapes = np.arange(OFFSETS) / OFFSETS, []
     for frequency in frequencies[peaks(strength, 2 * BEST)].tolist():
         tried = teeth(x, 1.0 / frequency, shares / frequency)

@@ -78,8 +78,8 @@ class Sensitivity:
     def sizes(self, effect: Effect) -> Array:
         """Sizes `(n, k)` of an effect of this axis and direction alone, by its linear parameters, in typical sizes."""
         (only,) = effect.columns(self.linearised.measurement.machine, self.linearised.state)
-        linear = [quantity.linear for quantity in effect.parameter_table]
-        typical = np.array([quantity.typical for quantity in effect.parameter_table])[linear]
+        linear = np.array(effect.linear)
+        typical = np.array(effect.typical)[linear]
         return np.asarray(only.values[:, linear] * np.where(np.isfinite(typical), typical, 1.0))
 
     def score(self, sizes: Array, shapes: int = 0) -> Score:

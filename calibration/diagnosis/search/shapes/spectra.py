@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,24 +21,53 @@ LATTICE = 0.02
 """Largest distance of positions from a lattice, as a share of its pitch."""
 
 
-def strengths(sensitivities: Sequence[Sensitivity], x: Array, frequencies: Array) -> Array:
-    """Power `(c, frequencies)` of waves, as for dense positions and without the part that the model imitates."""
-    squares = np.array([sensitivity.squares.sum() for sensitivity in sensitivities])[:, None]
-    sums = spectrum(np.stack([sensitivity.along for sensitivity in sensitivities]), x, frequencies)
-    return np.asarray(np.abs(sums) ** 2 / np.maximum(squares, 1e-300))
-
-
-def spectrum(values: Array, x: Array, frequencies: Array) -> np.ndarray:
-    """Sums `(c, m)` of values `(c, n)` times exp(2 pi i x f): positions `(n,)`, evenly spaced frequencies `(m,)`.
+class Waves(NamedTuple):
+    """Waves exp(2 pi i x f) of evenly spaced frequencies f at positions x.
 
     Every frequency is a coarse one plus a multiple of the step, every wave the product of the two: few exponentials
     are computed.
     """
-    turns, fine = 2j * np.pi * x[:, None], int(np.ceil(np.sqrt(len(frequencies))))
-    step = (frequencies[-1] - frequencies[0]) / max(len(frequencies) - 1, 1)
-    begun = values[:, None, :] * np.exp(turns * frequencies[::fine]).T
-    sums = begun.reshape(-1, len(x)) @ np.exp(turns * step * np.arange(fine))
-    return np.asarray(sums.reshape(len(values), -1)[:, : len(frequencies)])
+
+    x: Array
+    """`(n,)`"""
+    frequencies: Array
+    """`(m,)`"""
+    step: float
+    coarse: np.ndarray
+    """`(n, m / k)`"""
+    fine: np.ndarray
+    """`(n, k)`"""
+
+    @classmethod
+    def of(cls, x: Array, frequencies: Array) -> Waves:
+        """The waves of evenly spaced frequencies."""
+        fine = int(np.ceil(np.sqrt(len(frequencies))))
+        step = float(frequencies[-1] - frequencies[0]) / max(len(frequencies) - 1, 1)
+        return cls(
+            x, frequencies, step, wave(x, frequencies[::fine]), wave(x, np.asarray(step * np.arange(fine), float))
+        )
+
+    def sums(self, values: Array) -> np.ndarray:
+        """Sums `(c, m)` over the positions of values `(c, n)` times the waves."""
+        sums = (values[:, None, :] * self.coarse.T).reshape(-1, len(self.x)) @ self.fine
+        return np.asarray(sums.reshape(len(values), -1)[:, : len(self.frequencies)])
+
+    def at(self, numbers: np.ndarray) -> np.ndarray:
+        """The waves `(n, k)` of some of the frequencies."""
+        coarse, fine = np.divmod(numbers, self.fine.shape[1])
+        return np.asarray(self.coarse[:, coarse] * self.fine[:, fine])
+
+
+def wave(x: Array, frequencies: Array) -> np.ndarray:
+    """Waves exp(2 pi i x f) `(n, k)`."""
+    return np.asarray(np.exp(2j * np.pi * x[:, None] * frequencies))
+
+
+def strengths(sensitivities: Sequence[Sensitivity], waves: Waves) -> Array:
+    """Power `(c, frequencies)` of waves, as for dense positions and without the part that the model imitates."""
+    squares = np.array([sensitivity.squares.sum() for sensitivity in sensitivities])[:, None]
+    sums = waves.sums(np.stack([sensitivity.along for sensitivity in sensitivities]))
+    return np.asarray(np.abs(sums) ** 2 / np.maximum(squares, 1e-300))
 
 
 def peaks(power: Array, count: int) -> np.ndarray:
@@ -47,26 +77,29 @@ def peaks(power: Array, count: int) -> np.ndarray:
     return np.asarray(top[np.argsort(power[top])[::-1][:count]])
 
 
-def finest(sensitivity: Sensitivity, x: Array, tried: Array, step: float, unit: float) -> tuple[Array, Array]:
+def finest(sensitivity: Sensitivity, waves: Waves, tried: np.ndarray, unit: float) -> tuple[Array, Array]:
     """The frequencies `(k,)` that explain most, each between its neighbours, and their gains `(k,)`.
 
-    unit: amplitude of a wave, mm or rad.
+    tried: numbers of the frequencies that are compared; unit: amplitude of a wave, mm or rad.
     """
 
-    def gains_of(frequencies: Array) -> Array:
-        """Gains of waves of these frequencies."""
-        phase = 2 * np.pi * x[:, None] * frequencies.ravel()
-        return sensitivity.wave_gains(unit * np.sin(phase), unit * np.cos(phase)).reshape(frequencies.shape)
+    def gains_of(waves: np.ndarray) -> Array:
+        """Gains of waves `(n, k)`."""
+        return sensitivity.wave_gains(unit * waves.imag, unit * waves.real)
 
-    best = tried[np.argsort(gains_of(tried))[::-1][:REFINED]]
-    gains = gains_of(best)
+    best = tried[np.argsort(gains_of(waves.at(tried)))[::-1][:REFINED]]
+    frequencies, own, step = waves.frequencies[best], waves.at(best), waves.step / 2
+    gains = gains_of(own)
     for _ in range(4):
-        around = best + step * np.array([[-1.0], [0.0], [1.0]])
-        found = gains_of(around)
+        turn = wave(waves.x, np.array([step]))
+        around = np.stack([own * turn.conj(), own, own * turn])
+        found = np.stack([gains_of(around[0]), gains, gains_of(around[2])])
         chosen = np.argmax(found, axis=0)
-        best, gains = (np.take_along_axis(table, chosen[None], axis=0)[0] for table in (around, found))
+        frequencies = frequencies + step * (chosen - 1)
+        gains = np.take_along_axis(found, chosen[None], axis=0)[0]
+        own = np.take_along_axis(around, chosen[None, None], axis=0)[0]
         step /= 2
-    return best, gains
+    return frequencies, gains
 
 
 def resolved(x: Array, travel: float) -> float:
