@@ -121,9 +121,8 @@ def _along_itself(effect: Effect) -> bool:
 
 def _inside(null: Array, part: np.ndarray) -> Array:
     """The null directions `(p, k)` that have no share outside the parameters of `part`."""
-    outside = np.delete(null, part, axis=0)
-    values, vectors = np.linalg.eigh(outside.T @ outside)
-    return np.asarray(null @ vectors[:, values < WHOLE])
+    _, shares, directions = np.linalg.svd(null[part], full_matrices=False)
+    return np.asarray(null @ directions[shares**2 > 1.0 - WHOLE].T)
 
 
 def _beyond(directions: Array, known: Array) -> Array:

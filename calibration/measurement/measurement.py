@@ -11,11 +11,15 @@ import numpy as np
 
 from calibration.measurement.estimated_noise import EstimatedNoise
 from calibration.measurement.instruments import Instrument
+from kinematics.basis import Interval
 from kinematics.effects.base import own_component
 from kinematics.machine import Machine, Vector
 from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array, read_only
+from kinematics.turn import measured_arc, swept_arc
 
+STANDSTILL = 1e-6
+"""Range, mm or degrees, up to which an axis does not move."""
 Carrier = Literal["tool", "table", "bed"]
 
 
@@ -173,6 +177,24 @@ class Measurement:
         order = np.argsort(names)
         assert self.state.target is not None
         return read_only(np.asarray(order[np.searchsorted(names, self.state.target, sorter=order)]))
+
+    @cached_property
+    def moving(self) -> Mapping[str, Interval]:
+        """The axes that move, and are measured, with the interval that they cover, mm or degrees.
+
+        For an axis that turns fully, the interval is the measured arc.
+        """
+        positions = (self.state.positions if self.across is None else self.across.ends) / self.machine.scale
+        low, high = positions.min(axis=0), positions.max(axis=0)
+        # rounding removes the error of the conversion from rad
+        ends = np.round(np.stack([low, high], axis=1), 9).tolist()
+        for i, axis in enumerate(self.machine.axes):
+            if axis.turns_fully:
+                ends[i] = measured_arc(positions[:, i]) if self.across is None else swept_arc(*ends[i])
+        names = self.machine.names
+        measured = set(names) if self.axis is None else set(self.axis.tolist())
+        moved = zip(names, ends, strict=True)
+        return {name: (a, b) for name, (a, b) in moved if b - a > STANDSTILL and name in measured}
 
     @property
     def per_micro(self) -> Array:

@@ -18,15 +18,13 @@ from kinematics.effects import Backlash, Component, Effect, ErrorMotion
 from kinematics.effects.base import UM, own_component
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import Machine
-from kinematics.turn import gap_of, measured_arc, swept_arc
+from kinematics.turn import gap_of
 from kinematics.user_error import UserError
 
 ROTARY = "ABC"
 """First letters of the names of rotary axes."""
 SQUARENESS = ("XY", "XZ", "YZ")
 """Direction and axis of the straightness error motions whose slopes are squareness; X is x, Y lies in the x y plane."""
-STANDSTILL = 1e-6
-"""Range, mm or degrees, up to which an axis does not move."""
 TARGETS = "targets"
 """Kind of basis with a node at each target of an interferometer's runs."""
 LOGGED = 240
@@ -100,17 +98,7 @@ def moving_axes(measurement: Measurement) -> dict[str, Interval]:
 
     For an axis that turns fully, the interval is the measured arc.
     """
-    across = measurement.across
-    positions = (measurement.state.positions if across is None else across.ends) / measurement.machine.scale
-    low, high = positions.min(axis=0), positions.max(axis=0)
-    # rounding removes the error of the conversion from rad
-    ends = np.round(np.stack([low, high], axis=1), 9).tolist()
-    for i, axis in enumerate(measurement.machine.axes):
-        if axis.turns_fully:
-            ends[i] = measured_arc(positions[:, i]) if across is None else swept_arc(*ends[i])
-    names = measurement.machine.names
-    measured = set(names) if measurement.axis is None else set(measurement.axis.tolist())
-    return {name: (a, b) for name, (a, b) in zip(names, ends, strict=True) if b - a > STANDSTILL and name in measured}
+    return dict(measurement.moving)
 
 
 def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> ErrorModel:

@@ -11,9 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.measurement.measurement import Measurement
+from calibration.measurement.measurement import STANDSTILL, Measurement
 from calibration.measurement.observed_points import target_points
-from calibration.observation.full_model import STANDSTILL
 from calibration.plausibility.recording_mistakes import Alternative
 from kinematics.machine import split_chain
 

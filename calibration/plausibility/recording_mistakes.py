@@ -14,11 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.instruments import Ballbar, TouchProbe
-from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.measurement import STANDSTILL, Measurement, Target
 from calibration.measurement.observed_points import carried, derivatives_by_positions, target_points
 from calibration.measurement.registration import Registration
 from calibration.observation.equations import along_bar
-from calibration.observation.full_model import STANDSTILL
 from calibration.observation.normal_equations import residuals
 from calibration.observation.outliers import first_registration
 from kinematics.error_model.model import no_errors

@@ -5,7 +5,7 @@ p-values are by permutation of the residuals in blocks. Rows are in the order of
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -139,11 +139,19 @@ def _best_of_each_size(starts: Sequence[dict[int, float]], evidence: Array) -> l
 def _best_set(kernels: Kernels, starts: Sequence[dict[int, float]], residual: Array, count: int) -> dict[int, float]:
     """Variables and their lengths: the best start, changed until no change adds enough evidence."""
 
+    known: dict[frozenset[tuple[int, float]], float] = {}
+
+    def value(lengths: dict[int, float]) -> float:
+        key = frozenset(lengths.items())
+        if key not in known:
+            known[key] = _evidence(kernels, lengths, residual)
+        return known[key]
+
     def rate(lengths: dict[int, float]) -> tuple[float, dict[int, float]]:
-        return _tuned(kernels, lengths, residual)
+        return _tuned(value, lengths)
 
     def worth(lengths: dict[int, float]) -> float:
-        return _evidence(kernels, lengths, residual) - EVIDENCE * len(lengths)
+        return value(lengths) - EVIDENCE * len(lengths)
 
     evidence, best = max(each(rate, starts), key=lambda rated: rated[0])
     while True:
@@ -166,16 +174,16 @@ def _best_set(kernels: Kernels, starts: Sequence[dict[int, float]], residual: Ar
     return best
 
 
-def _tuned(kernels: Kernels, lengths: dict[int, float], residual: Array) -> tuple[float, dict[int, float]]:
+def _tuned(value: Callable[[dict[int, float]], float], lengths: dict[int, float]) -> tuple[float, dict[int, float]]:
     """Largest evidence of a function of these variables, lengths searched one after the other; and these lengths."""
-    best, found = dict(lengths), _evidence(kernels, lengths, residual)
+    best, found = dict(lengths), value(lengths)
     for _ in range(2):
         before = found
         for variable in lengths:
             for length in LENGTHS:
                 tried = best | {variable: length}
-                if tried != best and (value := _evidence(kernels, tried, residual)) > found:
-                    best, found = tried, value
+                if tried != best and (more := value(tried)) > found:
+                    best, found = tried, more
         if found - before < 0.1:
             break
     return found, best

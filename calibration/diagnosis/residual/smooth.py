@@ -67,13 +67,13 @@ class Kernels:
         product = reduce(np.multiply, (self.of(variable, length) for variable, length in lengths.items()))
         root, order, rank, _ = linalg.lapack.dpstrf(product[:, self._centres], tol=RANK, lower=1)
         spanning = product[order[:rank] - 1]
-        means = spanning.mean(axis=1)
+        means, root = spanning.mean(axis=1), np.asfortranarray(root[:rank, :rank])
         covariance = spanning @ spanning.T - len(product[0]) * np.outer(means, means)
-        half = linalg.solve_triangular(root[:rank, :rank], covariance, lower=True)
-        whole = linalg.solve_triangular(root[:rank, :rank], half.T, lower=True)
-        variances, vectors = np.linalg.eigh((whole + whole.T) / 2)
+        # only the lower triangle, which eigh reads
+        whole, _ = linalg.lapack.dsygst(covariance.T, root, lower=1)
+        variances, vectors = np.linalg.eigh(whole)
         kept = variances > RANK * variances[-1]
-        shares = linalg.solve_triangular(root[:rank, :rank], vectors[:, kept], lower=True, trans="T")
+        shares = linalg.blas.dtrsm(1.0, root, vectors[:, kept], lower=1, trans_a=1)
         return Modes(spanning, shares / np.sqrt(variances[kept]), variances[kept])
 
 
