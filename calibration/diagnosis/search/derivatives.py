@@ -60,8 +60,10 @@ def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect
     linear = np.array([flag for effect in effects for flag in effect.linear], bool)
     typical = np.array([size for effect in effects for size in effect.typical])[linear]
     made = Design(effects, measurement.machine, measurement.state, with_instrument=True).of(rows, transform)
-    columns = made.reshape(made.shape[0] * made.shape[1], made.shape[2])[:, linear]
-    return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
+    columns = made.reshape(made.shape[0] * made.shape[1], made.shape[2])
+    columns = columns if linear.all() else columns[:, linear]
+    columns *= np.where(np.isfinite(typical), typical, 1.0)
+    return columns
 
 
 @dataclass(frozen=True)
