@@ -225,13 +225,15 @@ def surviving(whole: Array, schur: Array) -> np.ndarray:
     """Indices of columns of which any combination keeps a share of at least `OWN`; `whole` and `schur` `(k, k)`."""
     sizes = np.sqrt(np.maximum(np.diag(whole), 0.0))
     kept = np.flatnonzero(sizes > 0.0)
+    some, unit = np.ix_(kept, kept), np.outer(sizes[kept], sizes[kept])
+    left, right = schur[some] / unit, whole[some] / unit + RIDGE * np.eye(len(kept))
     while len(kept):
-        some, unit = np.ix_(kept, kept), np.outer(sizes[kept], sizes[kept])
-        ridge = RIDGE * np.eye(len(kept))
-        shares, vectors = linalg.eigh(schur[some] / unit, whole[some] / unit + ridge, subset_by_index=(0, 0))
+        shares, vectors = linalg.eigh(left, right, subset_by_index=(0, 0), check_finite=False)
         if shares[0] >= OWN:
             break
-        kept = np.delete(kept, int(np.argmax(np.abs(vectors[:, 0]))))
+        lost = int(np.argmax(np.abs(vectors[:, 0])))
+        kept = np.delete(kept, lost)
+        left, right = (np.delete(np.delete(each, lost, axis=0), lost, axis=1) for each in (left, right))
     return kept
 
 

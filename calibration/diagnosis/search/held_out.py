@@ -57,6 +57,17 @@ class HeldResiduals(NamedTuple):
         return float(np.sqrt(np.mean(self.residual_um[self.counted] ** 2))) if self.counted.any() else float("nan")
 
 
+class _Products(NamedTuple):
+    """Products of columns G `(N, k)` of a candidate over all rows."""
+
+    shared: Array
+    """J'G `(q, k)`."""
+    squares: Array
+    """G'G `(k, k)`."""
+    along: Array
+    """G'r `(k,)`."""
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """The rows of a linearised fit with the labels of their blocks."""
@@ -112,22 +123,26 @@ class HeldOut:
 
         One candidate for each block, with its sizes `(k,)` in the fit of all rows.
         """
+        whole = {key: self._products(one) for key, one in {id(one): one for one in candidates}.items()}
         every = zip(candidates, sizes, self.blocks, strict=True)
-        found = [self._gain(one, size, block) for one, size, block in every]
+        found = [self._gain(one.columns, whole[id(one)], size, block) for one, size, block in every]
         gains, signals = np.array([gain for gain, _ in found]), np.array([signal for _, signal in found])
         acting = signals > SILENT * np.mean(signals)
         return gains[acting] if np.count_nonzero(acting) > 1 else gains
 
-    def _gain(self, candidate: Projected, size: Array, block: HeldBlock) -> tuple[float, float]:
-        """Reduction of the squares of a block's counted residuals by a candidate, and the squares of its signal."""
+    def _products(self, candidate: Projected) -> _Products:
         columns = candidate.columns
+        return _Products(self.design.T @ columns, columns.T @ columns, columns.T @ self.residual)
+
+    def _gain(self, columns: Array, whole: _Products, size: Array, block: HeldBlock) -> tuple[float, float]:
+        """Reduction of the squares of a block's counted residuals by a candidate, and the squares of its signal."""
         # the size stays in this range where the other blocks do not determine it
         softened = max(LIKELY * float(np.sqrt(np.mean(size**2))), 1.0 / GENEROUS) ** -2 * np.eye(len(size))
         own, design = columns[block.rows], self.design[block.rows]
-        others = self.design.T @ columns - design.T @ own
+        others = whole.shared - design.T @ own
         step = block.posterior.solve(others)
-        schur = columns.T @ columns - own.T @ own - others.T @ step
-        slope = columns.T @ self.residual - own.T @ self.residual[block.rows] + others.T @ block.moved
+        schur = whole.squares - own.T @ own - others.T @ step
+        slope = whole.along - own.T @ self.residual[block.rows] + others.T @ block.moved
         seen = less_columns(own - design @ step, block.zeros)
         after = block.held_residual - seen @ np.linalg.solve(schur + softened, slope)
         gain = float(np.sum(block.held_residual[block.counted] ** 2) - np.sum(after[block.counted] ** 2))

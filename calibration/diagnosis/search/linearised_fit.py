@@ -368,12 +368,16 @@ class LinearisedFit:
         Only of blocks on which it acts, if these are several: a knock at the end acts on the last blocks alone.
         Outliers count with their weights: a cause that the model lacks makes outliers.
         """
-        return self.gains_of_each([candidate] * len(self.blocks))
+        size, count = self._size_of(candidate), len(self.blocks)
+        return self._by_others.gains([candidate] * count, [size] * count)
 
     def gains_of_each(self, candidates: Sequence[Projected]) -> Array:
         """The same, with a candidate for each block."""
-        sizes = [self.rated(one.schur, one.columns.T @ self.residual, one.through).size for one in candidates]
-        return self._by_others.gains(candidates, sizes)
+        return self._by_others.gains(candidates, [self._size_of(one) for one in candidates])
+
+    def _size_of(self, candidate: Projected) -> Array:
+        """Its linear parameters `(k,)` in the fit of all rows."""
+        return self.rated(candidate.schur, candidate.columns.T @ self.residual, candidate.through).size
 
     def in_lengths(self, residual: Array) -> Array:
         """A white residual `(N,)` as lengths `(n, d)`, mm and rad."""

@@ -29,9 +29,10 @@ OVER = 3_000_000
 
 def teeth(x: Array, pitches: Array | float, offsets: Array | float) -> Array:
     """Sawtooth functions `(n, k)` of height 1 at positions `(n,)`."""
-    turns = (x[:, None] - offsets) / pitches
+    turns = x[:, None] - offsets
+    turns /= pitches
     turns -= np.floor(turns)
-    return np.asarray(0.5 - turns)
+    return np.subtract(0.5, turns, out=turns)
 
 
 def likeliest(sensitivity: Sensitivity, axis: str, pitches: Array, offsets: Array) -> QuantisedCompensation:
