@@ -77,14 +77,12 @@ def effective_parameters(information: Array) -> float:
     size = len(information)
     if not size:
         return 0.0
-    whole = np.array(information)
-    np.fill_diagonal(whole, np.diag(whole) + 1.0)
-    root, failed = linalg.lapack.dpotrf(whole.T, lower=1, overwrite_a=1)
-    if failed:
+    try:
+        inverse, _ = linalg.lapack.dtrtri(np.linalg.cholesky(information + np.eye(size)), lower=1)
+    except np.linalg.LinAlgError:
         # beside very large information rounding makes small eigenvalues negative
         values = np.maximum(np.linalg.eigvalsh(information), 0.0)
         return float(np.sum(values / (1.0 + values)))
-    inverse, _ = linalg.lapack.dtrtri(root, lower=1, overwrite_c=1)
     return size - float(np.sum(inverse**2))
 
 
