@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from calibration.diagnosis.acceptance import Acceptance
+from calibration.diagnosis.fine_errors import squares_by_fine_errors
 from calibration.diagnosis.improvement import closure, volume
 from calibration.diagnosis.machine_change import MachineChange, machine_change
 from calibration.diagnosis.misplaced_targets import beside_causes, misplaced_targets
@@ -26,7 +27,7 @@ from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.searched_causes import Searched, searched_causes
 from calibration.diagnosis.separability import separability
-from calibration.diagnosis.undecided_causes import squares_by_undecided
+from calibration.diagnosis.undecided_causes import squares_by_forms, squares_by_undecided
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, in_terms_of, named, outliers, with_changed_lines
 from calibration.diagnosis.widening import UnseenErrors, Widened, errors_by_choice, unseen_errors, widened
@@ -206,8 +207,11 @@ def _calibrated(
     unseen = None if held or dependence is None else unseen_errors(after.linearised, dependence, calibration)
     curved, between = with_curves_between(after.fit) if selector.base.curves else (after.fit, ())
     alone = new_calibration(selector.base, curved, added, calibration)
-    undecided = squares_by_undecided(after.linearised, evidence.evaluated) if dependence is None else np.zeros(3)
-    new = _with_uncertainties(alone, completed, dependence, unseen, undecided)
+    undecided, known = np.zeros(3), np.zeros(3)
+    if dependence is None:
+        undecided = squares_by_undecided(after.linearised, evidence.evaluated)
+        known = squares_by_forms(after, selector.library) + squares_by_fine_errors(after.linearised)
+    new = _with_uncertainties(alone, completed, dependence, unseen, undecided + known)
     undecided_um = float(np.sqrt(undecided.sum()))
     acceptance = Acceptance.of(
         searched.before, after, calibration, unexplained_um, unseen, new.model, undecided_um, force=force

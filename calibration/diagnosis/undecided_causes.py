@@ -1,8 +1,10 @@
 """Errors of a calibration at unseen states by causes that the data neither name nor exclude.
 
 A cause without enough evidence to be named is no part of the model, which has learned a part of its signal instead.
-Each such cause counts with its probability against none (Bayesian model averaging). An axis that does not repeat has
-lost motion too: friction and play make both. It counts with the size that the non-repeatability lets expect.
+Each such cause counts with its probability against none (Bayesian model averaging). A named cause may have another form
+than the one fitted, such as a drift that settles instead of one of constant rate: each form counts with its
+probability, and with the difference that it makes. An axis that does not repeat has lost motion too: friction and play
+make both. It counts with the size that the non-repeatability lets expect.
 """
 
 from __future__ import annotations
@@ -12,9 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.search.candidates import at_zero, where
+from calibration.diagnosis.search.candidates import Candidate, at_zero, where
 from calibration.diagnosis.search.evaluation import Evaluated, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.widening import Moment, moments, scaled
 from kinematics.effects import Backlash, Effect, unit_of
 from kinematics.transforms import Array
@@ -38,6 +41,14 @@ class _Possible(NamedTuple):
     effect: Effect
     moved: Array
     """Change `(p,)` of the parameters of the model beside the effect."""
+    instead: Effect | None = None
+    """Effect of the model in place of which it may be; None for one besides."""
+
+    def lacking(self, moment: Moment) -> Array:
+        """Deviations `(n, 3)`, um, that the model lacks, its parameters unchanged."""
+        if self.instead is None:
+            return _lacking(moment, self.effect)
+        return moment.deviations_of(self.effect) - moment.deviations_of(self.instead)
 
 
 def squares_by_undecided(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Array:
@@ -48,10 +59,20 @@ def squares_by_undecided(linearised: LinearisedFit, evaluated: Sequence[Evaluate
     """
     causes = list(_likely(linearised, evaluated))
     causes += _lost_motions(linearised, [*linearised.fit.model.effects, *(cause.effect for cause in causes)])
+    return _mean_squares(linearised, causes)
+
+
+def squares_by_forms(stage: Stage, library: Sequence[Candidate]) -> Array:
+    """The same by other forms of the causes of the machine that a stage has; library: all candidates."""
+    return _mean_squares(stage.linearised, list(_other_forms(stage, library)))
+
+
+def _mean_squares(linearised: LinearisedFit, causes: Sequence[_Possible]) -> Array:
+    """Mean squares `(3,)`, um^2, of the expected errors by some causes at unseen states."""
     squares = np.zeros(3)
     for count, moment in enumerate(moments(linearised.measurement) if causes else (), start=1):
         design = moment.design(linearised.fit.model)
-        errors = [cause.weight * (_lacking(moment, cause.effect) + design @ cause.moved) ** 2 for cause in causes]
+        errors = [cause.weight * (cause.lacking(moment) + design @ cause.moved) ** 2 for cause in causes]
         squares += (np.sum(errors, axis=0).mean(axis=0) - squares) / count
     return squares
 
@@ -63,7 +84,42 @@ def _likely(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterat
     for each, against_none in zip(tried, odds.tolist(), strict=True):
         if against_none >= LIKELY:
             signal = linearised.candidate(each.candidate.effect).columns @ each.score.size
-            yield _Possible(against_none / (1.0 + float(odds.sum())), _of_size(each), _moved(linearised, signal))
+            yield _Possible(
+                against_none / (1.0 + float(odds.sum())),
+                _of_size(each.candidate, each.score.size),
+                _moved(linearised, signal),
+            )
+
+
+def _other_forms(stage: Stage, library: Sequence[Candidate]) -> Iterator[_Possible]:
+    """Other forms of the named causes of the machine, each of its most likely size, with its probability."""
+    parameters = np.arange(len(stage.fit.model.parameters))
+    for i, (own, number) in enumerate(zip(stage.accepted, stage.numbers, strict=True)):
+        known = own.candidate
+        if known.replaces or known.changes or known.effect.ACTS_ON == "instrument":
+            continue
+        others = [each for each in library if each.cause == known.cause and _form(each) != _form(known)]
+        if not others:
+            continue
+        without, part = stage.without(i), stage.fit.model.slices[number]
+        kept = np.delete(parameters, part)
+        # a course has its mean too: the other causes beside it are fitted with theirs
+        responses = without.responses([known.effect, *(each.effect for each in others)])
+        forms = [known, *others]
+        scores = [without.score(each, c.shapes, c.trials) for each, c in zip(responses, forms, strict=True)]
+        costs = np.array([each.delta_bic + 2.0 * c.rarity for each, c in zip(scores, forms, strict=True)])
+        odds = np.exp(-0.5 * (costs - costs.min()))
+        signals = [each.columns @ score.size for each, score in zip(responses, scores, strict=True)]
+        instead = _of_size(known, scores[0].size)
+        for form, score, signal, weight in zip(others, scores[1:], signals[1:], odds[1:] / odds.sum(), strict=True):
+            moved = np.zeros(len(parameters))
+            moved[kept] = _in_priors(without, signal - signals[0])
+            yield _Possible(float(weight), _of_size(form, score.size), -scaled(stage.fit.prior, moved), instead)
+
+
+def _form(candidate: Candidate) -> tuple[type, int]:
+    """What the forms of one cause differ in."""
+    return type(candidate.effect), len(candidate.effect.parameters)
 
 
 def _lost_motions(linearised: LinearisedFit, effects: Sequence[Effect]) -> Iterator[_Possible]:
@@ -87,17 +143,22 @@ def _lost_motions(linearised: LinearisedFit, effects: Sequence[Effect]) -> Itera
 
 def _moved(linearised: LinearisedFit, signal: Array) -> Array:
     """Change `(p,)` of the parameters of a model beside a signal `(N,)` that it lacks."""
+    return -scaled(linearised.fit.prior, _in_priors(linearised, signal))
+
+
+def _in_priors(linearised: LinearisedFit, signal: Array) -> Array:
+    """What the parameters of a linearised fit take up of a signal `(N,)`, in units of their priors."""
     moved = linearised.posterior.solve(linearised.design.T @ signal)
-    return -scaled(linearised.fit.prior, moved[len(linearised.fit.registration.names) :])
+    return np.asarray(moved[len(linearised.fit.registration.names) :])
 
 
-def _of_size(each: Evaluated) -> Effect:
-    """The effect of a candidate with its most likely size."""
-    table, effect = each.candidate.effect.parameter_table, at_zero(each.candidate.effect)
+def _of_size(candidate: Candidate, size: Array) -> Effect:
+    """The effect of a candidate with a size in typical ones."""
+    table, effect = candidate.effect.parameter_table, at_zero(candidate.effect)
     linear = np.array([quantity.linear for quantity in table])
     typical = np.array([quantity.typical for quantity in table])[linear]
     values = np.array(effect.parameters)
-    values[linear] = each.score.size * np.where(np.isfinite(typical), typical, 1.0)
+    values[linear] = size * np.where(np.isfinite(typical), typical, 1.0)
     return effect.with_parameters(values.tolist(), (0.0,) * len(values))
 
 

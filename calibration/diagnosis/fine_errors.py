@@ -1,0 +1,219 @@
+"""Errors of the linear axes that are finer than their bases, found where visits of one position share them.
+
+Waves between the measured positions of an axis, too fine for any basis, move all visits of one position alike. The
+fit takes their mean at few positions for the axis' course, and at unseen positions they are there in full: neither is
+in its covariance. Their variance along each axis is estimated by restricted maximum likelihood (Patterson and Thompson
+1971) from the scatter of the positions beside that of the visits, and counts with its probability against none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.widening import Moment, moments, scaled
+from calibration.fit.curves.between_positions import FEW
+from calibration.observation.full_model import moving_axes
+from calibration.observation.stops_and_lines import stops
+from kinematics.effects import UM
+from kinematics.effects.base import own_motion
+from kinematics.forward import forward
+from kinematics.transforms import Array
+
+DIGITS = 3
+"""Decimals of positions, mm, that are one."""
+SPREAD = 0.7
+"""Standard deviation of the logarithm of the size of fine errors from axis to axis (Type B): a factor of two."""
+WIDEST, TRIED = 3.0, 25
+"""Most standard deviations, and number of sizes, that are tried."""
+MOST = 200
+"""Most positions of an axis, evenly spread."""
+CERTAIN = 50.0
+"""Largest logarithm of the odds."""
+ENOUGH = 5
+"""Fewest positions of an axis, visited at two stops or more, that show its fine errors."""
+STEPS = 30
+CONVERGED = 1e-3
+"""Relative step of the variances at which the iteration ends."""
+FARTHEST = 10.0
+"""Factor by which a variance changes in one step at most."""
+START, NOTHING = 1.0, 1e-6
+"""Variances at the start, and from which they count, um^2."""
+
+
+class _Visited(NamedTuple):
+    """Positions of an axis, and the response of the residuals to an error of 1 um at each."""
+
+    axis: str
+    columns: Array
+    """White, `(N, k)`."""
+
+
+class _Likelihood(NamedTuple):
+    """Restricted likelihood of variances of the positions, and of a factor on the noise, beside a fit."""
+
+    groups: np.ndarray
+    """Number of the axis of each position `(k,)`."""
+    shared: Array
+    """U'PU `(k, k)`: U responses of the residuals, P what the fit leaves of them."""
+    along: Array
+    """U'Pr `(k,)`"""
+    squares: float
+    """r'Pr"""
+    freedom: float
+    """Rank of P."""
+
+    def of(self, factor: float, variances: Array) -> float:
+        """Its logarithm, up to a constant."""
+        root = np.sqrt(variances[self.groups] / factor)
+        inner = np.eye(len(root)) + root[:, None] * self.shared * root
+        half = np.linalg.cholesky(inner)
+        explained = np.sum(np.linalg.solve(half, root * self.along) ** 2)
+        volume = 2.0 * float(np.log(np.diag(half)).sum()) + self.freedom * float(np.log(factor))
+        return -0.5 * (volume + (self.squares - float(explained)) / factor)
+
+    def likeliest(self, active: Sequence[int], count: int) -> tuple[float, Array]:
+        """The likeliest factor on the noise, and variances `(count,)` of the axes, um^2; those not active are zero.
+
+        Fisher's scoring. A variance that the data do not show falls to `NOTHING`.
+        """
+        values = np.concatenate([[1.0], np.full(count, START)])
+        free = np.array([0, *(1 + number for number in active)])
+        values[np.setdiff1d(np.arange(count + 1), free)] = 0.0
+        for _ in range(STEPS):
+            slope, information = self._slope(float(values[0]), values[1:])
+            moving = free[(values[free] > NOTHING) | (slope[free] > 0.0)]
+            step = np.zeros(count + 1)
+            scale = np.sqrt(np.diag(information)[moving])
+            step[moving] = (
+                np.linalg.solve(information[np.ix_(moving, moving)] / np.outer(scale, scale), slope[moving] / scale)
+                / scale
+            )
+            moved = np.clip(values + step, values / FARTHEST, values * FARTHEST)
+            moved[free] = np.maximum(moved[free], NOTHING)
+            if np.abs(moved - values).max() < CONVERGED * values.max():
+                break
+            values = moved
+        return float(values[0]), np.where(values[1:] > 2.0 * NOTHING, values[1:], 0.0)
+
+    def expected(self, factor: float, variances: Array, axis: int, similar: float) -> float:
+        """Mean of the variance of one axis, um^2, which before the data is similar to another one."""
+        steps = np.linspace(-WIDEST, WIDEST, TRIED)
+        tried = similar * np.exp(2.0 * SPREAD * steps)
+        others = np.arange(len(variances)) != axis
+        values = np.array([self.of(factor, np.where(others, variances, each)) for each in tried]) - 0.5 * steps**2
+        weights = np.exp(values - values.max())
+        return float(weights @ tried / weights.sum())
+
+    def _slope(self, factor: float, variances: Array) -> tuple[Array, Array]:
+        """Its derivatives `(1 + axes,)` by the factor and the variances, and their information."""
+        # P_V is what the fit leaves of V^-1, the covariance of the noise and the positions together
+        root = np.sqrt(variances[self.groups] / factor)
+        inverse = root[:, None] * np.linalg.inv(np.eye(len(root)) + root[:, None] * self.shared * root) * root
+        reduced = self.shared @ inverse
+        own = (self.shared - reduced @ self.shared) / factor  # U' P_V U
+        along = (self.along - reduced @ self.along) / factor  # U' P_V r
+        twice = (own - reduced @ own) / factor  # U' P_V P_V U
+        trace = float(np.trace(reduced))
+        squares = self.squares - 2.0 * float(self.along @ inverse @ self.along)
+        squares += float(self.along @ inverse @ self.shared @ inverse @ self.along)
+        count = len(variances)
+        member = np.eye(count)[self.groups]
+        slope = np.zeros(count + 1)
+        slope[0] = squares / factor**2 - (self.freedom - trace) / factor
+        slope[1:] = member.T @ (along**2 - np.diag(own))
+        information = np.zeros((count + 1, count + 1))
+        information[0, 0] = (self.freedom - 2.0 * trace + float(np.sum(reduced * reduced.T))) / factor**2
+        information[0, 1:] = information[1:, 0] = member.T @ np.diag(twice)
+        information[1:, 1:] = member.T @ own**2 @ member
+        return 0.5 * slope, 0.5 * information
+
+
+def fine_variances(linearised: LinearisedFit) -> dict[str, float]:
+    """Expected variance, um^2, of the fine errors along each linear axis, by the probability that there are any.
+
+    A machine that has them along one axis has them along the others too, of similar size as far as the data allow.
+    """
+    visited = _visited(linearised)
+    if not visited:
+        return {}
+    likelihood, count = _likelihood(linearised, visited), len(visited)
+    factor, variances = likelihood.likeliest(range(count), count)
+    most = likelihood.of(factor, variances)
+    probable = np.zeros(count)
+    for k in np.flatnonzero(variances).tolist():
+        without = likelihood.of(*likelihood.likeliest([other for other in range(count) if other != k], count))
+        odds = np.exp(min(most - without - 0.5 * np.log(linearised.scalars), CERTAIN))
+        probable[k] = odds / (1.0 + odds)
+    found = probable * variances
+    clearest = int(np.argmax(probable))
+    for k in range(count):
+        if k != clearest and variances[clearest]:
+            shared = (1.0 - probable[k]) * probable[clearest]
+            found[k] += shared * likelihood.expected(factor, variances, k, float(variances[clearest]))
+    return {own.axis: float(variance) for own, variance in zip(visited, found, strict=True)}
+
+
+def _visited(linearised: LinearisedFit) -> list[_Visited]:
+    """The linear axes with positions that several stops share."""
+    measurement = linearised.measurement
+    machine, stop = measurement.machine, stops(measurement)[linearised.rows]
+    found = []
+    for axis in moving_axes(measurement):
+        if axis[0] in "ABC" or measurement.axis is not None or measurement.across is not None:
+            continue
+        number = np.unique(np.round(linearised.positions(axis), DIGITS), return_inverse=True)[1].reshape(-1)
+        pairs = np.unique(np.stack([number, stop]), axis=1)[0]
+        often = np.flatnonzero(np.bincount(pairs) > 1)
+        # curves follow the few positions of an axis, and know what they do not show between them
+        if number.max() >= FEW and len(often) >= ENOUGH:
+            often = often[np.linspace(0, len(often) - 1, min(len(often), MOST)).astype(int)]
+            i, component, _ = own_motion(machine, axis)
+            arms = linearised.transform[:, :, [6 * i + component]] * UM
+            member = (number[:, None] == often).astype(float)
+            columns = linearised.decorrelation.apply(arms * member[:, None, :])
+            found.append(_Visited(axis, columns.reshape(-1, len(often))))
+    return found
+
+
+def _likelihood(linearised: LinearisedFit, visited: Sequence[_Visited]) -> _Likelihood:
+    """The likelihood of the variances of these positions."""
+    groups = np.repeat(np.arange(len(visited)), [own.columns.shape[1] for own in visited])
+    positions = linearised.projected(np.concatenate([own.columns for own in visited], axis=1))
+    residual = linearised.residual
+    along = positions.columns.T @ residual
+    left = residual @ residual
+    return _Likelihood(groups, positions.schur, along, float(left), linearised.degrees_of_freedom)
+
+
+def squares_by_fine_errors(linearised: LinearisedFit) -> Array:
+    """Mean squares `(3,)`, um^2, of the errors of a model at unseen states by fine errors along the axes.
+
+    Those at the unseen positions, and those of the measured ones that the model has learned.
+    """
+    learned, variances = [], fine_variances(linearised)
+    for own in _visited(linearised):
+        if variances.get(own.axis):
+            moved = linearised.posterior.solve(linearised.design.T @ own.columns) * variances[own.axis] ** 0.5
+            learned.append(scaled(linearised.fit.prior, moved[len(linearised.fit.registration.names) :]))
+    squares = np.zeros(3)
+    if not learned:
+        return squares
+    root = np.concatenate(learned, axis=1)
+    for count, moment in enumerate(moments(linearised.measurement), start=1):
+        own = np.sum((moment.design(linearised.fit.model) @ root) ** 2, axis=2)
+        own += sum(variance * _direction(moment, axis) ** 2 for axis, variance in variances.items())
+        squares += (own.mean(axis=0) - squares) / count
+    return squares
+
+
+def _direction(moment: Moment, axis: str) -> Array:
+    """Displacement `(n, 3)` of the tool by a unit error along an axis, in the frame of the workpiece."""
+    i = moment.machine.index(axis)
+    moved = moment.state.positions.copy()
+    moved[:, i] += 1.0
+    start, end = (forward(moment.machine, q).apply(moment.tool) for q in (moment.state.positions, moved))
+    return np.asarray(end - start)
