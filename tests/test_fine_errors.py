@@ -6,7 +6,7 @@ import pytest
 from support.diagnosis_cases import CFRAME, selector
 from support.virtual_measurements import THREE, measured, positions
 
-from calibration.diagnosis.fine_errors import fine_variances, squares_by_fine_errors
+from calibration.diagnosis.unseen.fine_errors import fine_variances, squares_by_fine_errors
 from calibration.diagnosis.widening import moments
 from kinematics.effects import Cyclic
 from kinematics.error_model.model import no_errors

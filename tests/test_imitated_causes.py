@@ -18,7 +18,7 @@ from calibration.diagnosis.residual.recurring import recurring
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.imitated_causes import imitated
 from calibration.diagnosis.search.shapes.change_points import breaks
-from calibration.diagnosis.undecided_causes import squares_by_undecided
+from calibration.diagnosis.unseen.undecided_causes import squares_by_undecided
 from calibration.diagnosis.widening import moments, rms_correction
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Backlash, Cyclic, LocationJump

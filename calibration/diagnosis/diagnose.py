@@ -7,7 +7,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from calibration.diagnosis.acceptance import Acceptance
-from calibration.diagnosis.fine_errors import squares_by_fine_errors
 from calibration.diagnosis.improvement import closure, volume
 from calibration.diagnosis.machine_change import MachineChange, machine_change
 from calibration.diagnosis.misplaced_targets import beside_causes, misplaced_targets
@@ -27,7 +26,8 @@ from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.searched_causes import Searched, searched_causes
 from calibration.diagnosis.separability import separability
-from calibration.diagnosis.undecided_causes import squares_by_forms, squares_by_undecided
+from calibration.diagnosis.unseen.fine_errors import squares_by_fine_errors
+from calibration.diagnosis.unseen.undecided_causes import squares_by_forms, squares_by_undecided
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, in_terms_of, named, outliers, with_changed_lines
 from calibration.diagnosis.widening import UnseenErrors, Widened, errors_by_choice, unseen_errors, widened

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calibration.diagnosis.forms import with_likelier_forms
 from calibration.diagnosis.residual import unexplained as unexplained_residual
 from calibration.diagnosis.residual.absorber import absorbed
 from calibration.diagnosis.residual.cancelling import cancelling
@@ -67,7 +68,11 @@ def searched_causes(first: Selector, bare: Stage, progress: Progress) -> Searche
         found = _causes(first)
     progress("testing the residual")
     before = first.cautious(bare)
-    return Searched(before, tests, *_without_impostors(found, without, before))
+    found, tests_after, dependence = _without_impostors(found, without, before)
+    stage = found.stage if dependence else with_likelier_forms(found.selector, found.stage)
+    if stage is not found.stage:
+        found, tests_after = found._replace(stage=stage), unexplained_residual.tests(stage.linearised)
+    return Searched(before, tests, found, tests_after, dependence)
 
 
 def _causes(selector: Selector) -> Found:

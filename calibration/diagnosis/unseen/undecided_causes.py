@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calibration.diagnosis.forms import forms
 from calibration.diagnosis.search.candidates import Candidate, at_zero, where
 from calibration.diagnosis.search.evaluation import Evaluated, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
@@ -93,33 +94,18 @@ def _likely(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterat
 
 def _other_forms(stage: Stage, library: Sequence[Candidate]) -> Iterator[_Possible]:
     """Other forms of the named causes of the machine, each of its most likely size, with its probability."""
-    parameters = np.arange(len(stage.fit.model.parameters))
-    for i, (own, number) in enumerate(zip(stage.accepted, stage.numbers, strict=True)):
-        known = own.candidate
-        if known.replaces or known.changes or known.effect.ACTS_ON == "instrument":
-            continue
-        others = [each for each in library if each.cause == known.cause and _form(each) != _form(known)]
-        if not others:
-            continue
-        without, part = stage.without(i), stage.fit.model.slices[number]
-        kept = np.delete(parameters, part)
-        # a course has its mean too: the other causes beside it are fitted with theirs
-        responses = without.responses([known.effect, *(each.effect for each in others)])
-        forms = [known, *others]
-        scores = [without.score(each, c.shapes, c.trials) for each, c in zip(responses, forms, strict=True)]
-        costs = np.array([each.delta_bic + 2.0 * c.rarity for each, c in zip(scores, forms, strict=True)])
+    for found in forms(stage, library):
+        own, others, without = found.own, found.others, found.without
+        costs = np.array([own.cost, *(each.cost for each in others)])
         odds = np.exp(-0.5 * (costs - costs.min()))
-        signals = [each.columns @ score.size for each, score in zip(responses, scores, strict=True)]
-        instead = _of_size(known, scores[0].size)
-        for form, score, signal, weight in zip(others, scores[1:], signals[1:], odds[1:] / odds.sum(), strict=True):
-            moved = np.zeros(len(parameters))
-            moved[kept] = _in_priors(without, signal - signals[0])
-            yield _Possible(float(weight), _of_size(form, score.size), -scaled(stage.fit.prior, moved), instead)
-
-
-def _form(candidate: Candidate) -> tuple[type, int]:
-    """What the forms of one cause differ in."""
-    return type(candidate.effect), len(candidate.effect.parameters)
+        instead = _of_size(own.candidate, own.size)
+        kept = np.delete(
+            np.arange(len(stage.fit.model.parameters)), stage.fit.model.slices[stage.numbers[found.number]]
+        )
+        for each, weight in zip(others, (odds[1:] / odds.sum()).tolist(), strict=True):
+            moved = np.zeros(len(stage.fit.model.parameters))
+            moved[kept] = _in_priors(without, each.signal - own.signal)
+            yield _Possible(weight, _of_size(each.candidate, each.size), -scaled(stage.fit.prior, moved), instead)
 
 
 def _lost_motions(linearised: LinearisedFit, effects: Sequence[Effect]) -> Iterator[_Possible]:

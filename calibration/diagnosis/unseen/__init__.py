@@ -1,0 +1,1 @@
+"""Errors of a calibration at unseen states that its fit does not propagate."""
