@@ -3,23 +3,30 @@
 Waves between the measured positions of an axis, too fine for any basis, move all visits of one position alike. The
 fit takes their mean at few positions for the axis' course, and at unseen positions they are there in full: neither is
 in its covariance. Their variance along each axis is estimated by restricted maximum likelihood (Patterson and Thompson
-1971) from the scatter of the positions beside that of the visits, and counts with its probability against none.
+1971) from the scatter of the positions beside that of the visits, and counts with its probability against none. A
+smooth error along the axis that the bases lack, which curves follow, has a variance of its own (Matern, twice
+differentiable; Rasmussen and Williams 2006, section 4.2).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.widening import Moment, moments, scaled
+from calibration.diagnosis.widening import Moment, moments
 from calibration.fit.curves.between_positions import FEW
+from calibration.fit.fit import Fit
 from calibration.observation.full_model import moving_axes
+from calibration.observation.normal_equations import residuals
 from calibration.observation.stops_and_lines import stops
+from kinematics.basis import BSpline
 from kinematics.effects import UM
 from kinematics.effects.base import own_motion
+from kinematics.error_model.covariance import root_of
 from kinematics.forward import forward
 from kinematics.transforms import Array
 
@@ -31,6 +38,11 @@ WIDEST, TRIED = 3.0, 25
 """Most standard deviations, and number of sizes, that are tried."""
 MOST = 200
 """Most positions of an axis, evenly spread."""
+NODES, LENGTH = 25, 1.0 / 6.0
+"""Positions at which a smooth error that the bases lack is represented, and its length as a share of the range."""
+JITTER = 1e-9
+RANK = 1e-9
+"""Singular value, as a share of the largest, from which a direction of the registration counts."""
 CERTAIN = 50.0
 """Largest logarithm of the odds."""
 ENOUGH = 5
@@ -50,13 +62,15 @@ class _Visited(NamedTuple):
     axis: str
     columns: Array
     """White, `(N, k)`."""
+    smooth: Array
+    """The same of independent parts of a smooth error of 1 um along the axis, `(N, NODES)`."""
 
 
 class _Likelihood(NamedTuple):
-    """Restricted likelihood of variances of the positions, and of a factor on the noise, beside a fit."""
+    """Restricted likelihood of variances of errors, and of a factor on the noise, beside a fit."""
 
     groups: np.ndarray
-    """Number of the axis of each position `(k,)`."""
+    """Number of the variance of each error `(k,)`: at a position of an axis, or a part of its smooth error."""
     shared: Array
     """U'PU `(k, k)`: U responses of the residuals, P what the fit leaves of them."""
     along: Array
@@ -132,29 +146,98 @@ class _Likelihood(NamedTuple):
         return 0.5 * slope, 0.5 * information
 
 
-def fine_variances(linearised: LinearisedFit) -> dict[str, float]:
-    """Expected variance, um^2, of the fine errors along each linear axis, by the probability that there are any.
+class _Response(NamedTuple):
+    """What a fit takes up of errors at the visited positions of its axes, in units of their columns."""
 
-    A machine that has them along one axis has them along the others too, of similar size as far as the data allow.
+    axes: tuple[str, ...]
+    groups: np.ndarray
+    """Number of the axis of each position `(k,)`."""
+    likelihood: _Likelihood
+    learned: Array
+    """Change of the parameters `(p, k)` by an error of 1 um at each position."""
+    scalars: int
+
+    @classmethod
+    def of(cls, found: Fit) -> _Response | None:
+        """The response of a fit; None without such positions.
+
+        With the registration projected out, and R the root of the covariance of the parameters, the noise keeps
+        P = 1 - (J R)(J R)' of an error, and the parameters take R (J R)' of it.
+        """
+        left = residuals(found.measurement, found.model, found.registration)
+        linearised = LinearisedFit.of(replace(found, residual=left, away=np.zeros(len(found.model.parameters))))
+        visited = _visited(linearised)
+        if not visited or found.model.covariance is None:
+            return None
+        count = len(visited)
+        groups = np.repeat(np.arange(count), [own.columns.shape[1] for own in visited])
+        kinds = np.concatenate([groups, np.repeat(np.arange(count, 2 * count), NODES)])
+        first = len(found.registration.names)
+        free = np.linalg.svd(linearised.design[:, :first], full_matrices=False)
+        posed = free.U[:, RANK * free.S.max(initial=0.0) < free.S]
+        columns = np.concatenate([own.columns for own in visited] + [own.smooth for own in visited], axis=1)
+        apart, residual, design = (
+            each - posed @ (posed.T @ each) for each in (columns, linearised.residual, linearised.design[:, first:])
+        )
+        root = root_of(np.array(found.model.covariance)) / found.widening**0.5
+        spanned = design @ _in_priors(found.prior, root)
+        # uncertainties with other noise than that of these rows may span more than there is
+        values, turned = np.linalg.eigh(spanned.T @ spanned)
+        spanned = spanned @ (turned / np.sqrt(np.maximum(values, 1.0))) @ turned.T
+        through = spanned.T @ apart
+        freedom = len(residual) - posed.shape[1] - float(np.sum(spanned**2))
+        likelihood = _Likelihood(
+            kinds, apart.T @ apart - through.T @ through, apart.T @ residual, float(residual @ residual), freedom
+        )
+        return cls(
+            tuple(own.axis for own in visited), groups, likelihood, root @ through[:, : len(groups)], linearised.scalars
+        )
+
+    def variances(self) -> Array:
+        """Expected variances `(axes,)`, um^2, by the probability that there are any.
+
+        A machine that has them along one axis has them along the others too, of similar size as far as the data allow.
+        """
+        likelihood, count = self.likelihood, len(self.axes)
+        every = range(2 * count)
+        factor, variances = likelihood.likeliest(every, 2 * count)
+        most = likelihood.of(factor, variances)
+        probable = np.zeros(count)
+        for k in np.flatnonzero(variances[:count]).tolist():
+            without = likelihood.of(*likelihood.likeliest([other for other in every if other != k], 2 * count))
+            odds = np.exp(min(most - without - 0.5 * np.log(self.scalars), CERTAIN))
+            probable[k] = odds / (1.0 + odds)
+        found = probable * variances[:count]
+        clearest = int(np.argmax(probable))
+        for k in range(count):
+            if k != clearest and variances[clearest]:
+                shared = (1.0 - probable[k]) * probable[clearest]
+                found[k] += shared * likelihood.expected(factor, variances, k, float(variances[clearest]))
+        return np.asarray(found)
+
+
+def fine_variances(found: Fit) -> dict[str, float]:
+    """Expected variance, um^2, of the fine errors along each linear axis."""
+    response = _Response.of(found)
+    return {} if response is None else dict(zip(response.axes, response.variances().tolist(), strict=True))
+
+
+def squares_by_fine_errors(found: Fit) -> Array:
+    """Mean squares `(3,)`, um^2, of the errors of a model at unseen states by fine errors along the axes.
+
+    Those at the unseen positions, and those of the measured ones that the model has learned.
     """
-    visited = _visited(linearised)
-    if not visited:
-        return {}
-    likelihood, count = _likelihood(linearised, visited), len(visited)
-    factor, variances = likelihood.likeliest(range(count), count)
-    most = likelihood.of(factor, variances)
-    probable = np.zeros(count)
-    for k in np.flatnonzero(variances).tolist():
-        without = likelihood.of(*likelihood.likeliest([other for other in range(count) if other != k], count))
-        odds = np.exp(min(most - without - 0.5 * np.log(linearised.scalars), CERTAIN))
-        probable[k] = odds / (1.0 + odds)
-    found = probable * variances
-    clearest = int(np.argmax(probable))
-    for k in range(count):
-        if k != clearest and variances[clearest]:
-            shared = (1.0 - probable[k]) * probable[clearest]
-            found[k] += shared * likelihood.expected(factor, variances, k, float(variances[clearest]))
-    return {own.axis: float(variance) for own, variance in zip(visited, found, strict=True)}
+    response, squares = _Response.of(found), np.zeros(3)
+    if response is None:
+        return squares
+    variances = response.variances()
+    learned = response.learned * np.sqrt(variances[response.groups])
+    for count, moment in enumerate(moments(found.measurement), start=1):
+        errors = np.sum((moment.design(found.model) @ learned) ** 2, axis=2)
+        along = zip(response.axes, variances.tolist(), strict=True)
+        errors += sum(variance * _direction(moment, axis) ** 2 for axis, variance in along)
+        squares += (errors.mean(axis=0) - squares) / count
+    return squares
 
 
 def _visited(linearised: LinearisedFit) -> list[_Visited]:
@@ -175,39 +258,25 @@ def _visited(linearised: LinearisedFit) -> list[_Visited]:
             arms = linearised.transform[:, :, [6 * i + component]] * UM
             member = (number[:, None] == often).astype(float)
             columns = linearised.decorrelation.apply(arms * member[:, None, :])
-            found.append(_Visited(axis, columns.reshape(-1, len(often))))
+            smooth = linearised.decorrelation.apply(arms * _smooth(linearised.positions(axis))[:, None, :])
+            found.append(_Visited(axis, columns.reshape(-1, len(often)), smooth.reshape(-1, NODES)))
     return found
 
 
-def _likelihood(linearised: LinearisedFit, visited: Sequence[_Visited]) -> _Likelihood:
-    """The likelihood of the variances of these positions."""
-    groups = np.repeat(np.arange(len(visited)), [own.columns.shape[1] for own in visited])
-    positions = linearised.projected(np.concatenate([own.columns for own in visited], axis=1))
-    residual = linearised.residual
-    along = positions.columns.T @ residual
-    left = residual @ residual
-    return _Likelihood(groups, positions.schur, along, float(left), linearised.degrees_of_freedom)
+def _smooth(x: Array) -> Array:
+    """Independent parts `(n, NODES)` of a smooth error at positions `(n,)`, of unit variance together."""
+    nodes = np.linspace(x.min(), x.max(), NODES)
+    distance = np.abs(nodes[:, None] - nodes) / (LENGTH * np.ptp(x))
+    correlation = (1.0 + 5**0.5 * distance + 5.0 * distance**2 / 3.0) * np.exp(-(5**0.5) * distance)
+    root = np.linalg.cholesky(correlation + JITTER * np.eye(NODES))
+    return np.asarray(BSpline(tuple(nodes.tolist()), 1).columns(x) @ root)
 
 
-def squares_by_fine_errors(linearised: LinearisedFit) -> Array:
-    """Mean squares `(3,)`, um^2, of the errors of a model at unseen states by fine errors along the axes.
-
-    Those at the unseen positions, and those of the measured ones that the model has learned.
-    """
-    learned, variances = [], fine_variances(linearised)
-    for own in _visited(linearised):
-        if variances.get(own.axis):
-            moved = linearised.posterior.solve(linearised.design.T @ own.columns) * variances[own.axis] ** 0.5
-            learned.append(scaled(linearised.fit.prior, moved[len(linearised.fit.registration.names) :]))
-    squares = np.zeros(3)
-    if not learned:
-        return squares
-    root = np.concatenate(learned, axis=1)
-    for count, moment in enumerate(moments(linearised.measurement), start=1):
-        own = np.sum((moment.design(linearised.fit.model) @ root) ** 2, axis=2)
-        own += sum(variance * _direction(moment, axis) ** 2 for axis, variance in variances.items())
-        squares += (own.mean(axis=0) - squares) / count
-    return squares
+def _in_priors(prior: Array, values: Array) -> Array:
+    """Values of the parameters `(p, k)` in units of their priors."""
+    if prior.ndim == 2:
+        return np.asarray(np.linalg.solve(prior, values))
+    return np.asarray(values / np.where(np.isfinite(prior), prior, 1.0)[:, None])
 
 
 def _direction(moment: Moment, axis: str) -> Array:
