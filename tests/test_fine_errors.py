@@ -33,7 +33,7 @@ def bare(*effects, seed=3, q=None):
     rng = np.random.default_rng(seed)
     q = lines(rng) if q is None else q
     model = msgspec.structs.replace(no_errors(CFRAME), effects=effects)
-    return selector(measured(CFRAME, q, THREE, model, rng)).bare.fit
+    return selector(measured(CFRAME, q, THREE, model, rng)).bare.linearised
 
 
 def waves(k=0, **sizes):
@@ -42,12 +42,12 @@ def waves(k=0, **sizes):
     return [Cyclic(axis, axis, PERIOD, (sine * size,), (cosine * size,)) for axis, size in sizes.items()]
 
 
-def errors(found_fit, *true):
+def errors(linearised, *true):
     """Mean squares `(3,)` of the errors of a fit's model against true effects, um^2."""
     found = []
-    for moment in moments(found_fit.measurement):
+    for moment in moments(linearised.measurement):
         truth = moment.deviations(msgspec.structs.replace(no_errors(CFRAME), effects=true))
-        found.append(np.mean((moment.deviations(found_fit.model) - truth) ** 2, axis=0))
+        found.append(np.mean((moment.deviations(linearised.fit.model) - truth) ** 2, axis=0))
     return np.mean(found, axis=0)
 
 
@@ -60,17 +60,17 @@ def test_the_variance_of_waves_is_found_along_their_axes():
 
 def test_noise_alone_adds_nothing():
     for seed in range(4):
-        found_fit = bare(seed=seed)
-        assert squares_by_fine_errors(found_fit).max() < 0.1 * errors(found_fit).max()
+        linearised = bare(seed=seed)
+        assert squares_by_fine_errors(linearised).max() < 0.1 * errors(linearised).max()
 
 
 def test_the_expected_squares_are_those_at_unseen_poses():
     expected, found = [], []
     for k in range(PHASES):
         true = waves(k, X=6.0, Y=6.0, Z=6.0)
-        found_fit = bare(*true, seed=k)
-        expected.append(squares_by_fine_errors(found_fit).sum())
-        found.append(errors(found_fit, *true).sum())
+        linearised = bare(*true, seed=k)
+        expected.append(squares_by_fine_errors(linearised).sum())
+        found.append(errors(linearised, *true).sum())
     assert np.mean(expected) == pytest.approx(np.mean(found), rel=0.3)
 
 

@@ -210,7 +210,7 @@ def _calibrated(
     undecided, known = np.zeros(3), np.zeros(3)
     if dependence is None:
         undecided = squares_by_undecided(after.linearised, evidence.evaluated)
-        known = squares_by_forms(after, selector.library) + squares_by_fine_errors(after.fit)
+        known = squares_by_forms(after, selector.library) + squares_by_fine_errors(after.linearised)
     new = _with_uncertainties(alone, completed, dependence, unseen, undecided + known)
     undecided_um = float(np.sqrt(undecided.sum()))
     acceptance = Acceptance.of(

@@ -11,7 +11,6 @@ differentiable; Rasmussen and Williams 2006, section 4.2).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,9 +18,7 @@ import numpy as np
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.widening import Moment, moments
 from calibration.fit.curves.between_positions import FEW
-from calibration.fit.fit import Fit
 from calibration.observation.full_model import moving_axes
-from calibration.observation.normal_equations import residuals
 from calibration.observation.stops_and_lines import stops
 from kinematics.basis import BSpline
 from kinematics.effects import UM
@@ -41,6 +38,7 @@ MOST = 200
 NODES, LENGTH = 25, 1.0 / 6.0
 """Positions at which a smooth error that the bases lack is represented, and its length as a share of the range."""
 JITTER = 1e-9
+"""Variance that is added to it, against rounding."""
 RANK = 1e-9
 """Singular value, as a share of the largest, from which a direction of the registration counts."""
 CERTAIN = 50.0
@@ -81,7 +79,7 @@ class _Likelihood(NamedTuple):
     """Rank of P."""
 
     def of(self, factor: float, variances: Array) -> float:
-        """Its logarithm, up to a constant."""
+        """Its logarithm, up to a constant, at a factor on the noise and variances, um^2."""
         root = np.sqrt(variances[self.groups] / factor)
         inner = np.eye(len(root)) + root[:, None] * self.shared * root
         half = np.linalg.cholesky(inner)
@@ -158,15 +156,13 @@ class _Response(NamedTuple):
     scalars: int
 
     @classmethod
-    def of(cls, found: Fit) -> _Response | None:
+    def of(cls, linearised: LinearisedFit) -> _Response | None:
         """The response of a fit; None without such positions.
 
         With the registration projected out, and R the root of the covariance of the parameters, the noise keeps
         P = 1 - (J R)(J R)' of an error, and the parameters take R (J R)' of it.
         """
-        left = residuals(found.measurement, found.model, found.registration)
-        linearised = LinearisedFit.of(replace(found, residual=left, away=np.zeros(len(found.model.parameters))))
-        visited = _visited(linearised)
+        found, visited = linearised.fit, _visited(linearised)
         if not visited or found.model.covariance is None:
             return None
         count = len(visited)
@@ -216,24 +212,24 @@ class _Response(NamedTuple):
         return np.asarray(found)
 
 
-def fine_variances(found: Fit) -> dict[str, float]:
+def fine_variances(linearised: LinearisedFit) -> dict[str, float]:
     """Expected variance, um^2, of the fine errors along each linear axis."""
-    response = _Response.of(found)
+    response = _Response.of(linearised)
     return {} if response is None else dict(zip(response.axes, response.variances().tolist(), strict=True))
 
 
-def squares_by_fine_errors(found: Fit) -> Array:
+def squares_by_fine_errors(linearised: LinearisedFit) -> Array:
     """Mean squares `(3,)`, um^2, of the errors of a model at unseen states by fine errors along the axes.
 
     Those at the unseen positions, and those of the measured ones that the model has learned.
     """
-    response, squares = _Response.of(found), np.zeros(3)
+    response, squares = _Response.of(linearised), np.zeros(3)
     if response is None:
         return squares
     variances = response.variances()
     learned = response.learned * np.sqrt(variances[response.groups])
-    for count, moment in enumerate(moments(found.measurement), start=1):
-        errors = np.sum((moment.design(found.model) @ learned) ** 2, axis=2)
+    for count, moment in enumerate(moments(linearised.measurement), start=1):
+        errors = np.sum((moment.design(linearised.fit.model) @ learned) ** 2, axis=2)
         along = zip(response.axes, variances.tolist(), strict=True)
         errors += sum(variance * _direction(moment, axis) ** 2 for axis, variance in along)
         squares += (errors.mean(axis=0) - squares) / count
