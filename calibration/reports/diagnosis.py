@@ -312,8 +312,9 @@ def _few_rows(factor: float) -> str:
     if factor == 1.0:
         return ""
     return (
-        " The data neither name nor exclude further causes, or leave open how fine the waves of rotary axes are: the "
-        f"uncertainties of the calibration are {factor:.2g} times those that follow from the noise."
+        " The data neither name nor exclude further causes, or other forms of those named, or show errors of an axis that "
+        "are finer than its bases, or leave open how fine the waves of rotary axes are: the uncertainties of the "
+        f"calibration are {factor:.2g} times those that follow from the noise."
     )
 
 
