@@ -312,9 +312,8 @@ def _few_rows(factor: float) -> str:
     if factor == 1.0:
         return ""
     return (
-        " The data neither name nor exclude further causes, or other forms of those named, or show errors of an axis that "
-        "are finer than its bases, or leave open how fine the waves of rotary axes are: the uncertainties of the "
-        f"calibration are {factor:.2g} times those that follow from the noise."
+        " The data leave open further causes, other forms of those named or the waves of rotary axes, or show errors finer "
+        f"than the bases: the uncertainties of the calibration are {factor:.2g} times those that follow from the noise."
     )
 
 
