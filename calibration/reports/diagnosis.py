@@ -312,7 +312,7 @@ def _few_rows(factor: float) -> str:
     if factor == 1.0:
         return ""
     return (
-        " The data leave open further causes, other forms of those named or the waves of rotary axes, or show errors finer "
+        " The data leave open further causes, other forms of those named or waves of rotary axes, or show errors finer "
         f"than the bases: the uncertainties of the calibration are {factor:.2g} times those that follow from the noise."
     )
 
