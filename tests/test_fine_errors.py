@@ -6,6 +6,7 @@ import pytest
 from support.diagnosis_cases import CFRAME, selector
 from support.virtual_measurements import THREE, measured, positions
 
+from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.unseen.fine_errors import fine_variances, squares_by_fine_errors
 from calibration.diagnosis.widening import moments
 from kinematics.effects import Cyclic
@@ -77,3 +78,13 @@ def test_the_expected_squares_are_those_at_unseen_poses():
 def test_without_visits_of_one_position_nothing_is_known():
     rng = np.random.default_rng(4)
     assert fine_variances(bare(*waves(X=6.0), q=positions(CFRAME, 150, rng))) == {}
+
+
+def test_waves_that_are_named_along_an_axis_are_expected_along_the_others():
+    wave = waves(X=6.0)[0]
+    rng = np.random.default_rng(5)
+    model = msgspec.structs.replace(no_errors(CFRAME), effects=(wave,))
+    own = selector(measured(CFRAME, lines(rng), THREE, model, rng))
+    found = fine_variances(own.stage([(Candidate(wave), np.array([0.0, 1.2]))]).linearised)
+    assert found["X"] < 1.0
+    assert min(found["Y"], found["Z"]) > 0.1

@@ -10,7 +10,7 @@ differentiable; Rasmussen and Williams 2006, section 4.2).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,11 +18,12 @@ import numpy as np
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.widening import Moment, moments
 from calibration.fit.curves.between_positions import FEW
+from calibration.fit.fit import Fit
 from calibration.observation.full_model import moving_axes
 from calibration.observation.stops_and_lines import stops
 from kinematics.basis import BSpline
-from kinematics.effects import UM
-from kinematics.effects.base import own_motion
+from kinematics.effects import UM, Cyclic
+from kinematics.effects.base import own_component, own_motion
 from kinematics.error_model.covariance import root_of
 from kinematics.forward import forward
 from kinematics.transforms import Array
@@ -154,6 +155,8 @@ class _Response(NamedTuple):
     learned: Array
     """Change of the parameters `(p, k)` by an error of 1 um at each position."""
     scalars: int
+    named: Mapping[str, float]
+    """Variance, um^2, by axis, of the waves along it that the model has."""
 
     @classmethod
     def of(cls, linearised: LinearisedFit) -> _Response | None:
@@ -185,14 +188,14 @@ class _Response(NamedTuple):
         likelihood = _Likelihood(
             kinds, apart.T @ apart - through.T @ through, apart.T @ residual, float(residual @ residual), freedom
         )
-        return cls(
-            tuple(own.axis for own in visited), groups, likelihood, root @ through[:, : len(groups)], linearised.scalars
-        )
+        axes, learned = tuple(own.axis for own in visited), root @ through[:, : len(groups)]
+        return cls(axes, groups, likelihood, learned, linearised.scalars, _named_waves(found))
 
     def variances(self) -> Array:
         """Expected variances `(axes,)`, um^2, by the probability that there are any.
 
-        A machine that has them along one axis has them along the others too, of similar size as far as the data allow.
+        A machine that has them along one axis, also as waves that the model has, has them along the others too, of
+        similar size as far as the data allow.
         """
         likelihood, count = self.likelihood, len(self.axes)
         every = range(2 * count)
@@ -205,10 +208,13 @@ class _Response(NamedTuple):
             probable[k] = odds / (1.0 + odds)
         found = probable * variances[:count]
         clearest = int(np.argmax(probable))
-        for k in range(count):
-            if k != clearest and variances[clearest]:
-                shared = (1.0 - probable[k]) * probable[clearest]
-                found[k] += shared * likelihood.expected(factor, variances, k, float(variances[clearest]))
+        sure, similar = float(probable[clearest]), float(variances[clearest])
+        if self.named:
+            sure, similar = 1.0, float(np.mean(list(self.named.values())))
+        for k, axis in enumerate(self.axes):
+            if axis not in self.named and (self.named or k != clearest) and similar:
+                shared = (1.0 - probable[k]) * sure
+                found[k] += shared * likelihood.expected(factor, variances, k, similar)
         return np.asarray(found)
 
 
@@ -257,6 +263,20 @@ def _visited(linearised: LinearisedFit) -> list[_Visited]:
             smooth = linearised.decorrelation.apply(arms * _smooth(linearised.positions(axis))[:, None, :])
             found.append(_Visited(axis, columns.reshape(-1, len(often)), smooth.reshape(-1, NODES)))
     return found
+
+
+def _named_waves(found: Fit) -> dict[str, float]:
+    """Variance, um^2, by linear axis, of the cyclic positioning errors of a model."""
+    variances: dict[str, float] = {}
+    for effect in found.model.effects:
+        if (
+            isinstance(effect, Cyclic)
+            and effect.component == own_component(effect.axis)
+            and effect.axis[0] not in "ABC"
+        ):
+            power = 0.5 * float(np.sum(np.square([*effect.sine, *effect.cosine])))
+            variances[effect.axis] = variances.get(effect.axis, 0.0) + power
+    return variances
 
 
 def _smooth(x: Array) -> Array:
