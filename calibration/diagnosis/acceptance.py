@@ -129,7 +129,7 @@ def against_learned(unseen: UnseenErrors) -> str:
 
     Held-out blocks do not show it where the error holds on from block to block, as one that moves with time does.
     """
-    if unseen.recurs:
+    if unseen.recurs or unseen.beside is not None:
         return _against_uncertain(unseen)
     if unseen.with_um < ESTABLISHED * unseen.without_um:
         return ""
@@ -142,14 +142,13 @@ def against_learned(unseen: UnseenErrors) -> str:
 
 def _against_uncertain(unseen: UnseenErrors) -> str:
     """Reason why a model may not improve on an error of the machine that it lacks: this error is too uncertain."""
-    uncertain = float(unseen.squares.sum()) - unseen.with_um**2
-    if unseen.without_um**2 - unseen.with_um**2 > uncertain:
+    if unseen.without_um**2 - unseen.with_um**2 > unseen.uncertain_um**2:
         return ""
     return (
         "the residuals depend on recorded variables without a known cause, and a fit with a function of these beside "
         "the model leaves open whether the new model is an improvement: at unseen poses errors of "
         f"{unseen.with_um:.3g} um RMS are expected with it, {unseen.without_um:.3g} um without it, and "
-        f"the function is uncertain by {math.sqrt(max(uncertain, 0.0)):.3g} um. {ADVICE}"
+        f"they are uncertain by {unseen.uncertain_um:.3g} um. {ADVICE}"
     )
 
 

@@ -78,6 +78,7 @@ class _Calibrated(NamedTuple):
     widened: Widened
     between: tuple[BetweenPositions, ...]
     acceptance: Acceptance
+    beside_function: bool
 
 
 class _Given(NamedTuple):
@@ -162,6 +163,7 @@ def _concluded(
         identifiability=identifiability(after.fit) if after.fit.prior.ndim == 1 else None,
         unexplained=dependence,
         widened=given.factor,
+        beside_function=new.beside_function,
         unnamed=completed.unnamed,
         evaluated=evidence.evaluated,
         closure=closure(after.linearised),
@@ -204,9 +206,15 @@ def _calibrated(
     added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in evidence.causes if cause.where == "machine"]
     unexplained_um = 0.0 if dependence is None else unexplained_residual.shared_rms(with_causes.linearised, dependence)
     held = dependence is None or len(after.accepted) != len(with_causes.accepted)  # by the model, as an unnamed effect
-    unseen = None if held or dependence is None else unseen_errors(after.linearised, dependence, calibration)
-    curved, between = with_curves_between(after.fit) if selector.base.curves else (after.fit, ())
-    alone = new_calibration(selector.base, curved, added, calibration)
+    curves, unseen = selector.base.curves, None
+    if dependence is not None and not held:
+        unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves)
+    beside = "" if dependence is None or unseen is None or unseen.beside is None else dependence.listed
+    if unseen is not None and unseen.beside is not None:
+        curved, between = unseen.beside
+    else:
+        curved, between = with_curves_between(after.fit) if curves else (after.fit, ())
+    alone = new_calibration(selector.base, curved, added, calibration, beside)
     undecided, known = np.zeros(3), np.zeros(3)
     if dependence is None:
         undecided = squares_by_undecided(after.linearised, evidence.evaluated)
@@ -216,7 +224,7 @@ def _calibrated(
     acceptance = Acceptance.of(
         searched.before, after, calibration, unexplained_um, unseen, new.model, undecided_um, force=force
     )
-    return _Calibrated(new, between, acceptance)
+    return _Calibrated(new, between, acceptance, bool(beside))
 
 
 def _compared_with_given(

@@ -70,6 +70,8 @@ class Diagnosis:
     """Dependence that no cause explains, also where unnamed effects were added for it."""
     widened: float
     """Factor on the standard uncertainties of the new calibration because of this dependence; 1 without one."""
+    beside_function: bool
+    """True where the new calibration is that beside a function of its variables, which is no error that it can hold."""
     unnamed: str
     """Result of the request to add unnamed effects; empty without a request, or with nothing to add."""
     evaluated: tuple[Evaluated, ...]

@@ -24,14 +24,20 @@ from kinematics.transforms import Array
 from kinematics.version import VERSION
 
 
-def new_calibration(base: Base, fit: Fit, causes: Sequence[str], present: ErrorModel | None) -> ErrorModel:
-    """The new calibration from a fit; its provenance lists `causes` and the inputs of the calibration `present`."""
+def new_calibration(
+    base: Base, fit: Fit, causes: Sequence[str], present: ErrorModel | None, beside: str = ""
+) -> ErrorModel:
+    """The new calibration from a fit; its provenance lists `causes` and the inputs of the calibration `present`.
+
+    beside: variables of a function beside which the model was fitted, as a list in words; empty without one.
+    """
     calibrated = base.present
     if calibrated is None:
         model = in_datum(fit)
     else:
         model = merged(fit.measurement.machine, fit.model, len(calibrated.model.effects))
     found = f"; added: {', '.join(causes)}" if causes else ""
+    found += f"; beside a function of {beside}" if beside else ""
     before = {} if present is None else {**present.provenance.inputs, "present calibration": present.id}
     simulated = fit.measurement.simulated or (present is not None and present.invented)
     provenance = Provenance(

@@ -7,6 +7,7 @@ follow from a fit with a smooth function of these variables beside the model.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
@@ -14,14 +15,14 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from calibration.diagnosis.residual.absorber import absorbing
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unexplained import nearly_of_readings, shared_squares
 from calibration.diagnosis.residual.unnamed import may_depend_on
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.unseen.beside_function import BesideFunction
 from calibration.fit.acceptance import usual_states, without_clamp
+from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
 from calibration.fit.fit import Fit
-from calibration.fit.linear import Posterior
 from calibration.fit.prediction import MM, deviation_design
 from calibration.measurement.measurement import Measurement
 from kinematics.deviation import exact_deviation
@@ -51,8 +52,12 @@ class UnseenErrors(NamedTuple):
     """RMS length, um, of the expected errors of the model."""
     without_um: float
     """RMS length, um, of the expected errors of the calibration that it replaces."""
+    uncertain_um: float
+    """RMS length, um, of the uncertainty of these errors."""
     recurs: bool
     """True for an error of the machine that recurs with the position: a model holds it rightly."""
+    beside: tuple[Fit, tuple[BetweenPositions, ...]] | None = None
+    """The fit beside the function, with its curves, which the calibration takes; None where a model holds the error."""
 
 
 class Widened(NamedTuple):
@@ -97,46 +102,82 @@ class Moment(NamedTuple):
         return MM * np.asarray(self.less @ values.reshape(len(self.less), -1)).reshape(values.shape)
 
 
-def unseen_errors(linearised: LinearisedFit, dependence: Unexplained, present: ErrorModel | None) -> UnseenErrors:
+def unseen_errors(
+    linearised: LinearisedFit, dependence: Unexplained, present: ErrorModel | None, *, curves: bool
+) -> UnseenErrors:
     """Errors of the model of a fit at unseen states, beside an unexplained function, and of the one that it replaces.
 
     An error of the machine is the function itself, as far as the model has not learned it; an error of the tracker's
     readings, or a common shift that moves with time, only the part that the model has learned.
 
     present: the calibration that the model replaces; None for the nominal machine. Where an error of the readings is
-    nearly as likely as one of the machine, the squares are the larger ones of both.
+    nearly as likely as one of the machine, the squares are the larger ones of both. curves: whether error motions are
+    smooth curves, as of `with_curves_between`.
     """
-    found, misread = _errors_beside(linearised, dependence, present), nearly_of_readings(linearised, dependence)
+    if _moves(dependence) or dependence.of_readings:
+        # estimated noise of the axes holds what the function does not
+        beside = BesideFunction.of(linearised, dependence)
+        if _holds(beside, dependence):
+            return _of_model_beside(beside, present, curves=curves)
+    even, misread = linearised.evenly_noisy, nearly_of_readings(linearised, dependence)
+    found = _errors_beside(BesideFunction.of(even, dependence), linearised, dependence, present)
     if misread is None:
         return found
-    return found._replace(squares=np.maximum(found.squares, _errors_beside(linearised, misread, present).squares))
+    other = _errors_beside(BesideFunction.of(even, misread), linearised, misread, present)
+    return found._replace(squares=np.maximum(found.squares, other.squares))
 
 
-def _errors_beside(linearised: LinearisedFit, dependence: Unexplained, present: ErrorModel | None) -> UnseenErrors:
-    """`unseen_errors` beside the unexplained function as it is."""
-    fit, beside = linearised.fit, absorbing(linearised.evenly_noisy, dependence, whole=True)
-    first, p = len(fit.registration.names), len(fit.model.parameters)
-    function = msgspec.structs.replace(fit.model, effects=beside.effects, covariance=None)
-    values, root = _solved(beside.linearised, first)
-    own = np.r_[:p, len(values) - len(beside.prior) : len(values)]  # without a random walk, which shifts all alike
-    moved = scaled(fit.prior, values[:p] - linearised.away[first:])
-    root = np.concatenate([scaled(fit.prior, root[:p]), root[own[p:]]])
-    given = no_errors(fit.measurement.machine) if present is None else present
-    parts = []
-    for moment in moments(fit.measurement):
-        design = moment.design(fit.model)
-        lacking = moment.design(function) * beside.prior
-        error = design @ moved + lacking @ values[own[p:]]
-        variance = np.sum((np.concatenate([design, lacking], axis=2) @ root) ** 2, axis=2)
-        before = moment.deviations(fit.model) - moment.deviations(given) + error
+def _errors_beside(
+    beside: BesideFunction, linearised: LinearisedFit, dependence: Unexplained, present: ErrorModel | None
+) -> UnseenErrors:
+    """`unseen_errors` of the model of the fit, beside the unexplained function as it is."""
+    model, given, parts = linearised.fit.model, _given(present, linearised.measurement), []
+    for moment in moments(linearised.measurement):
+        design, lacking = moment.design(model), _lacking(beside, moment)
+        error = design @ beside.moved + lacking @ beside.coefficients
+        variance = np.sum((np.concatenate([design, lacking], axis=2) @ beside.root) ** 2, axis=2)
+        before = moment.deviations(model) - moment.deviations(given) + error
         parts.append(np.mean([error**2 + variance, error**2, before**2], axis=1))
     squares, after, without = np.mean(parts, axis=0)
-    held = beside.log_odds > 0.0 and _of_tool(linearised, dependence)
-    if len(shared := shared_squares(linearised, dependence)) == 3 and not held:
+    if len(shared := shared_squares(linearised, dependence)) == 3 and not _holds(beside, dependence):
         squares = np.maximum(squares, shared)
-    moves = any(name == TIME or name.startswith(TEMPERATURE) for name in dependence.variables)
-    recurs = not moves and not dependence.of_readings
-    return UnseenErrors(squares, float(np.sqrt(after.sum())), float(np.sqrt(without.sum())), recurs)
+    uncertain = math.sqrt(max(float(np.sum(squares - after)), 0.0))
+    recurs = not _moves(dependence) and not dependence.of_readings
+    return UnseenErrors(squares, math.sqrt(after.sum()), math.sqrt(without.sum()), uncertain, recurs)
+
+
+def _of_model_beside(beside: BesideFunction, present: ErrorModel | None, *, curves: bool) -> UnseenErrors:
+    """The errors of the model beside the function, which no calibration holds: it stays, with a model and without."""
+    fit, between = with_curves_between(beside.fit, beside.information) if curves else (beside.fit, ())
+    given, parts = _given(present, fit.measurement), []
+    for moment in moments(fit.measurement):
+        error = _lacking(beside, moment) @ beside.coefficients
+        before = moment.deviations(fit.model) - moment.deviations(given) + error
+        variance = fit.model.propagated(moment.design(fit.model)) ** 2
+        parts.append(np.mean([error**2 + variance, error**2, before**2], axis=1))
+    squares, after, without = np.mean(parts, axis=0)
+    with_um, without_um, uncertain_um = (math.sqrt(each.sum()) for each in (after, without, squares - after))
+    return UnseenErrors(squares, with_um, without_um, uncertain_um, recurs=False, beside=(fit, between))
+
+
+def _given(present: ErrorModel | None, measurement: Measurement) -> ErrorModel:
+    return no_errors(measurement.machine) if present is None else present
+
+
+def _moves(dependence: Unexplained) -> bool:
+    """True where the function changes with time or a temperature."""
+    return any(name == TIME or name.startswith(TEMPERATURE) for name in dependence.variables)
+
+
+def _lacking(beside: BesideFunction, moment: Moment) -> Array:
+    """Derivatives `(n, 3, k)`, um, by the coefficients of the function in units of their priors."""
+    model = msgspec.structs.replace(beside.plain.fit.model, effects=beside.function.effects, covariance=None)
+    return moment.design(model) * beside.function.prior
+
+
+def _holds(beside: BesideFunction, dependence: Unexplained) -> bool:
+    """True where the solution is one beside the whole function."""
+    return beside.function.log_odds > 0.0 and _of_tool(beside.plain, dependence)
 
 
 def _of_tool(linearised: LinearisedFit, dependence: Unexplained) -> bool:
@@ -154,23 +195,6 @@ def errors_by_choice(found: Fit, finer: Fit) -> Array:
         apart = moment.deviations(found.model) - moment.deviations(finer.model)
         parts.append(np.mean(apart**2 + finer.model.propagated(moment.design(finer.model)) ** 2, axis=0))
     return np.asarray(np.mean(parts, axis=0))
-
-
-def _solved(linearised: LinearisedFit, first: int) -> tuple[Array, Array]:
-    """Parameters behind the registration, in units of their priors, from their start, and a root of their covariance.
-
-    The noise is that of the residuals beside the function.
-    """
-    noise = max(linearised.squares / linearised.degrees_of_freedom, 1e-6)
-    posterior = Posterior(linearised.information / noise, linearised.limited)
-    return linearised.away[first:], posterior.root[first:]
-
-
-def scaled(prior: Array, values: Array) -> Array:
-    """Values `(p, ...)` in units of a prior, in those of the parameters."""
-    if prior.ndim == 2:
-        return np.asarray(prior @ values)
-    return np.asarray((np.where(np.isfinite(prior), prior, 1.0) * values.T).T)
 
 
 def moments(measurement: Measurement) -> Iterator[Moment]:

@@ -295,9 +295,10 @@ def _unexplained(found: Diagnosis) -> Section:
     left = found.unexplained
     if left is None:
         return Section("Unexplained", f"{found.conclusion.unexplained}{_few_rows(found.widened)}")
+    consequences = f"{_of_readings(left)}{_of_any_period(left)}{_beside(found)}{_widened(found.widened)}"
     text = (
         f"{found.unexplained_um:.2f} um RMS depend on {left.listed} ({probability(left.p_value, 2)}), and no cause "
-        f"of the library explains them.{_of_readings(left)}{_of_any_period(left)}{_widened(found.widened)}\n"
+        f"of the library explains them.{consequences}\n"
         "The table tests each variable alone: its squared distance correlation (without bias, about 0 where "
         "independent), and the p-value among residuals permuted in blocks, as it is and adjusted by Benjamini and "
         "Hochberg. Variables that act only jointly are not found.\nThe figure is "
@@ -332,6 +333,15 @@ def _of_any_period(left: Unexplained) -> str:
         f" They may be a wave along {axis}, but the positions of {axis} do not determine its period: waves of "
         f"{', '.join(listed)} {'deg' if axis[0] in 'ABC' else 'mm'} explain them equally, and so do independent errors "
         f"at these positions. Between the positions the error is unknown: measure {axis} at irregular, finer spacing."
+    )
+
+
+def _beside(found: Diagnosis) -> str:
+    if not found.beside_function:
+        return ""
+    return (
+        " The new calibration has learned as little of them as possible: it was fitted beside a function of these "
+        "variables, which it does not contain. The residuals after are those of the fit without the function."
     )
 
 

@@ -19,7 +19,8 @@ from calibration.diagnosis.search.candidates import Candidate, at_zero, where
 from calibration.diagnosis.search.evaluation import Evaluated, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Stage
-from calibration.diagnosis.widening import Moment, moments, scaled
+from calibration.diagnosis.unseen.beside_function import scaled
+from calibration.diagnosis.widening import Moment, moments
 from kinematics.effects import Backlash, Effect, unit_of
 from kinematics.transforms import Array
 

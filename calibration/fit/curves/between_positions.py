@@ -14,9 +14,9 @@ between few of them, with as few nodes as hold the process among many. Other eff
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import count
 
 import msgspec
@@ -81,12 +81,18 @@ class BetweenPositions:
         )
 
 
-def with_curves_between(found: Fit) -> tuple[Fit, tuple[BetweenPositions, ...]]:
+Information = Callable[[ErrorModel], tuple[Array, Array]]
+"""Information on the parameters of a model `(q, q)`, all others eliminated, and slope `(q,)` at its residuals."""
+
+
+def with_curves_between(found: Fit, information: Information | None = None) -> tuple[Fit, tuple[BetweenPositions, ...]]:
     """The fit with its error motions as smooth curves, and the uncertainties of those between few positions.
 
     Of the result, only the model, with its covariance, and the priors belong to the new curves. Other error motions
     than splines stay, and those of an axis with finer ones than the curves could be. Also those of axes with many
     positions on a few diagonals: the held-out lines have decided on the sizes of the errors there, not the evidence.
+
+    information: of the model of the fit, with error motions as tables; None for that of its rows.
     """
     splines = _splines(found) if found.prior.ndim == 1 else {}
     measured = {axis: _positions(found.measurement, axis, found.kept) for axis in splines}
@@ -97,7 +103,7 @@ def with_curves_between(found: Fit) -> tuple[Fit, tuple[BetweenPositions, ...]]:
     axes = {axis: x for axis, x in axes.items() if len(x)}
     if not axes:
         return found, ()
-    values = _Values.of(found, axes)
+    values = _Values.of(found, axes, information or partial(_information, found))
     processes = values.processes()
     intervals = {axis: splines[axis][0].interval for axis in axes}
     bases = {
@@ -175,8 +181,8 @@ class _Values:
     """Standard deviations `(q,)`; only those of the other parameters are used."""
 
     @classmethod
-    def of(cls, found: Fit, axes: Mapping[str, Array]) -> _Values:
-        """The information of the rows of a fit about its result."""
+    def of(cls, found: Fit, axes: Mapping[str, Array], information_on: Information) -> _Values:
+        """The information about the result of a fit."""
         effects: list[Effect] = []
         priors: list[Array] = []
         for effect, part in zip(found.model.effects, found.model.slices, strict=True):
@@ -190,7 +196,7 @@ class _Values:
                 effects.append(effect)
                 priors.append(own)
         model = msgspec.structs.replace(found.model, effects=tuple(effects), covariance=None)
-        information, slope = _information(found, model)
+        information, slope = information_on(model)
         return cls(found, axes, model.effects, model.slices, information, slope, np.concatenate(priors))
 
     def processes(self) -> dict[str, Processes]:

@@ -1,0 +1,63 @@
+"""The model beside a function that it cannot hold: the solution, its information, and what it leaves at unseen poses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shop_floor import exam
+from test_between_positions import FEW, fitted, runs
+
+from calibration.diagnosis.residual.absorber import Absorbing
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.unseen.beside_function import BesideFunction
+from calibration.fit.curves.between_positions import with_curves_between
+
+X = np.linspace(0.0, 3000.0, 31)
+
+
+def beside_drift(um):
+    """The solution beside a linear drift, of runs along X of a machine that moves by `um` from the first to the last."""
+    measurement = runs(lambda q: 15.0 * q / 3000.0, X, np.random.default_rng(1))
+    course = np.linspace(0.0, 1.0, len(measurement))[:, None]
+    drifted = replace(measurement, observed=measurement.observed + um * 1e-3 * course)
+    linearised = LinearisedFit.of(fitted(drifted, FEW))
+    return BesideFunction(linearised, Absorbing(linearised.beside(100.0 / 0.5 * course), 1.0))
+
+
+def errors(model):
+    """Errors of X at its positions less their mean, um."""
+    effect = model.effects[0]
+    values = effect.basis.columns(X) @ np.array(effect.parameters)
+    return values - values.mean()
+
+
+def test_it_is_the_fit_of_the_data_without_the_function():
+    true, beside = 15.0 * (X - X.mean()) / 3000.0, beside_drift(20.0)
+    assert np.abs(errors(beside.plain.fit.model) - true).max() > 1.0
+    assert np.abs(errors(beside.fit.model) - true).max() < 0.5
+    curved = with_curves_between(beside.fit, beside.information)[0].model
+    assert np.abs(errors(curved) - true).max() < 0.4
+
+
+def test_its_information_is_that_of_its_covariance():
+    beside = beside_drift(20.0)
+    fit = beside.fit
+    information, slope = beside.information(fit.model)
+    limited = np.where(np.isfinite(fit.prior), 1.0 / fit.prior**2, 0.0)
+    covariance, u = np.array(fit.model.covariance), np.sqrt(np.diag(fit.model.covariance))
+    found = np.linalg.inv(information + np.diag(limited))
+    assert np.allclose(found / np.outer(u, u), covariance / np.outer(u, u), atol=1e-3)
+    assert np.allclose(slope * beside.noise, limited * np.array(fit.model.parameters), atol=1e-6)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize(
+    ("design", "cause", "machine", "seed", "most"),
+    [("random3", "beam", "cframe", 940001, 2.0), ("random3", "walk", "cframe", 7, 2.2)],
+)
+def test_a_calibration_learns_little_of_what_it_cannot_hold(design, cause, machine, seed, most):
+    """A tracker's reading that is wrong, and a tool that wanders: um that are left at unseen poses."""
+    found = exam.answer(exam.Key(design, cause, machine, 0, seed), timeout=600)
+    assert found["accepted"], found["reason"]
+    assert found["unseen_um"][1] < most
+    assert found["covered"] > 0.9
