@@ -141,14 +141,14 @@ def against_learned(unseen: UnseenErrors) -> str:
 
 
 def _against_uncertain(unseen: UnseenErrors) -> str:
-    """Reason why a model may not improve on an error of the machine that it lacks: this error is too uncertain."""
+    """Reason why a model may be no improvement beside an unexplained error: its own errors are too uncertain."""
     if unseen.without_um**2 - unseen.with_um**2 > unseen.uncertain_um**2:
         return ""
+    removed_um = math.sqrt(max(unseen.without_um**2 - unseen.with_um**2, 0.0))
     return (
         "the residuals depend on recorded variables without a known cause, and a fit with a function of these beside "
-        "the model leaves open whether the new model is an improvement: at unseen poses errors of "
-        f"{unseen.with_um:.3g} um RMS are expected with it, {unseen.without_um:.3g} um without it, and "
-        f"they are uncertain by {unseen.uncertain_um:.3g} um. {ADVICE}"
+        "the model leaves open whether the new model is an improvement: at unseen poses it should remove errors "
+        f"of {removed_um:.3g} um RMS, and it is uncertain by {unseen.uncertain_um:.3g} um. {ADVICE}"
     )
 
 
