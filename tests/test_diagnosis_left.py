@@ -24,6 +24,7 @@ from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.change_points import breaks
 from calibration.diagnosis.search.shapes.proposed_shapes import waves
+from calibration.diagnosis.verdict import named
 from calibration.fit.fit import fit
 from calibration.fit.noise import with_noise_of_visits
 from calibration.observation.full_model import BasisChoice, rigid_model
@@ -274,6 +275,18 @@ def test_a_drift_that_is_a_part_of_a_random_walk_is_none(walks):
     made = selector(replace(data, observed=data.observed + along))
     stage = made.stage([(Candidate(ThermalDrift("Z", rate=0.0)), np.zeros(1))])
     assert remainder.wandering(stage) == (list(stage.accepted) if walks else [])
+
+
+@pytest.mark.parametrize(("um", "verdict"), [(20.0, "tied"), (60.0, "strong")])
+def test_a_drift_that_a_random_walk_explains_as_well_is_tied_with_it(um, verdict):
+    data = data_with(n=120)
+    along = fitted(data).registration.rotations(data)[:, :, 2] * (1e-3 * um * np.arange(120) / 120)[:, None]
+    made = selector(replace(data, observed=data.observed + along))
+    stage = made.stage([(Candidate(ThermalDrift("Z", rate=0.0)), np.zeros(1))])
+    assert remainder.wandering(stage) == []
+    (cause,) = named(stage, made.without_causes(stage))
+    assert cause.verdict == verdict
+    assert [each.kind for each in cause.alternatives if each.tied] == ["random-walk"] * (verdict == "tied")
 
 
 def test_a_jump_beside_a_small_wandering_is_none(monkeypatch):

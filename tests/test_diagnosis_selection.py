@@ -12,9 +12,19 @@ from calibration.diagnosis import searched_causes
 from calibration.diagnosis.search import evaluation, recent_fits, selection
 from calibration.diagnosis.search.candidates import RARE, Candidate, at_zero
 from calibration.diagnosis.search.common_causes import commoner, drifting, knocked
-from calibration.diagnosis.search.evaluation import Evaluated, Sibling, evaluate, passing, predicts, siblings
+from calibration.diagnosis.search.evaluation import (
+    SIGNS,
+    SURE_OF_RARE,
+    Evaluated,
+    Sibling,
+    evaluate,
+    passing,
+    predicts,
+    siblings,
+    standard_error,
+)
 from calibration.diagnosis.search.shapes.proposed_shapes import finer, joined
-from calibration.diagnosis.search.stage import chosen_of
+from calibration.diagnosis.search.stage import chosen_of, unconfirmed
 from calibration.diagnosis.search.start_model import Base
 from kinematics.basis import Fourier
 from kinematics.effects import (
@@ -23,6 +33,7 @@ from kinematics.effects import (
     ErrorMotion,
     GrowthWithSensor,
     GrowthWithTime,
+    LateralPlay,
     LocationJump,
     StationShift,
     ThermalDrift,
@@ -189,6 +200,28 @@ def test_prediction_does_not_depend_on_units(gains, octaves):
 def test_what_gains_in_every_block_predicts_and_what_loses_does_not(gains):
     assert predicts(np.array(gains))
     assert not predicts(-np.array(gains))
+
+
+@pytest.mark.parametrize(("lost", "blocks", "rare"), [(0, 3, True), (1, 7, True), (2, 8, False), (3, 16, True)])
+def test_few_blocks_that_gain_by_chance_are_not_enough_for_a_rare_cause(lost, blocks, rare):
+    """A cause that gains most in one block, and loses in some: the mean is within two standard errors."""
+    gains = np.array([10.0 * blocks, *[-1.0] * lost, *[1.0] * (blocks - lost - 1)])
+    assert gains.mean() < SURE_OF_RARE * standard_error(gains)
+    assert predicts(gains, SURE_OF_RARE)
+    assert predicts(gains, SURE_OF_RARE, SIGNS) == rare
+
+
+@pytest.mark.parametrize(("delta_bic", "lost", "stands"), [(-15.0, 2, False), (-15.0, 1, True), (-25.0, 2, True)])
+def test_a_rare_cause_that_the_final_bases_leave_little_is_confirmed_by_held_out_blocks(delta_bic, lost, stands):
+    gains = np.array([80.0, *[-1.0] * lost, *[1.0] * (7 - lost)])
+    made = alone(SOME, framed(BACKLASH).measurement)
+    play, lag = Candidate(LateralPlay("A", "Y", 0.0)), Candidate(Backlash("X", 0.0))
+    stage = made.stage([(play, np.zeros(1)), (lag, np.zeros(1))])
+    accepted = tuple(
+        replace(each, score=each.score._replace(delta_bic=delta_bic), held_out=lambda: gains) for each in stage.accepted
+    )
+    rare = [] if stands else [accepted[0]]
+    assert unconfirmed(stage._replace(accepted=accepted)) == rare
 
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=60))

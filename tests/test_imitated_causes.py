@@ -11,17 +11,20 @@ import pytest
 from support.diagnosis_cases import CFRAME, data_with, fitted, selector
 from support.virtual_measurements import ONE, measured, truth
 
+from calibration.diagnosis import searched_causes
 from calibration.diagnosis.acceptance import against_undecided
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.preparation import prepared
 from calibration.diagnosis.residual.recurring import recurring
+from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.imitated_causes import imitated
 from calibration.diagnosis.search.shapes.change_points import breaks
+from calibration.diagnosis.searched_causes import Found
 from calibration.diagnosis.unseen.undecided_causes import squares_by_undecided
 from calibration.diagnosis.widening import moments, rms_correction
 from calibration.observation.stops_and_lines import stops
-from kinematics.effects import Backlash, Cyclic, LocationJump
+from kinematics.effects import Backlash, Cyclic, LocationJump, StationShift, TargetOffset
 from kinematics.error_model.model import no_errors
 from kinematics.running.progress import silent
 
@@ -95,10 +98,25 @@ def test_coarser_bases_stand_beside_a_cause_that_the_others_imitate():
     assert parameters[1] < parameters[0]
 
 
-def test_nothing_is_imitated_where_nothing_is_hidden():
-    selector = prepared(layers(), None, "sheet", silent, silent).selector
+@pytest.mark.parametrize("urad", [60.0, 100.0])
+def test_a_jump_behind_lines_that_have_positions_of_their_own_is_named(urad):
+    """All lines along X lie before the collision; behind it each line has one position of X, which bases can bend."""
+    data = part_lines(LocationJump("C", "X", urad, 1259.0))
+    selector = prepared(data, None, "sheet", silent, silent).selector
+    beside, stage = imitated(selector, selector.bare)
+    assert [each.candidate.cause[2] for each in stage.accepted] in (["Csince"], ["since"])
+    sizes = [sum(basis.size for basis in each.base.choice.bases.values()) for each in (selector, beside)]
+    assert sizes[1] < sizes[0]
+    (cause,) = diagnose(data).causes
+    assert (cause.kind, cause.axis) == ("location-jump", "X")
+    assert cause.effect.parameters[0] == pytest.approx(urad, abs=3.0 * cause.effect.uncertainties[0])
+
+
+@pytest.mark.parametrize("made", [layers, part_lines])
+def test_nothing_is_imitated_where_nothing_is_hidden(made):
+    selector = prepared(made(), None, "sheet", silent, silent).selector
     assert imitated(selector, selector.bare) == (selector, selector.bare)
-    assert diagnose(layers()).causes == ()
+    assert diagnose(made()).causes == ()
 
 
 def test_an_axis_that_does_not_repeat_may_have_lost_motion_that_the_model_has_learned():
@@ -134,3 +152,22 @@ def test_unseen_states_have_directions():
     assert (data.state.approach == 0.0).any()
     for moment in moments(data):
         assert set(np.unique(moment.state.approach)) == {-1.0, 1.0}
+
+
+def test_a_cause_is_compared_again_when_another_one_has_fallen(monkeypatch):
+    """A knock had come in with another moment: only a target that was seated again was left for the true one."""
+    data = part_lines()
+    behind = data.state.time >= 945.0
+    tilt = np.array([[0.0, -6e-5, 3e-5], [6e-5, 0.0, -5e-5], [-3e-5, 5e-5, 0.0]])
+    observed = data.observed + behind[:, None] * (data.observed @ tilt.T + np.array([0.15, -0.1, 0.08]))
+    made = selector(replace(data, observed=observed, state=replace(data.state, observed=observed)))
+    seated = Candidate(TargetOffset(target="1", offset_um=(0.0, 0.0, 0.0), since_s=945.0), 1, 126.0)
+    (station,) = set(data.groups.tolist())
+    knock = Candidate(StationShift(station=station, since_s=1500.0), 1, 126.0)
+    stage = made.stage([(seated, np.ones(3)), (knock, np.ones(6))])
+    late = stage.accepted[1]
+    monkeypatch.setattr(searched_causes, "DOUBTS", (lambda now: [each for each in now.accepted if each is late],))
+    bare = Found(made, made.bare, ())
+    found, _, _ = searched_causes._without_impostors(Found(made, stage, ()), bare, made.bare)
+    (cause,) = found.stage.accepted
+    assert (cause.candidate.kind, cause.candidate.effect.since_s) == ("station-shift", pytest.approx(945.0, abs=15.0))

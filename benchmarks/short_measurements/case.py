@@ -28,7 +28,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "knock": ("station-shift",),
     "station drift": ("tracker-drift",),
     "swapped targets": ("outliers", "target-offset"),
-    "random walk": (),
+    "random walk": ("random-walk",),
     "worn spot": (),
     "sag": ("cross-axis",),
     "stick-slip": ("backlash", "hysteresis", "reversal"),

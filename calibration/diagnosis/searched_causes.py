@@ -26,7 +26,7 @@ from calibration.diagnosis.search.evaluation import Evaluated
 from calibration.diagnosis.search.imitated_causes import imitated
 from calibration.diagnosis.search.selection import Search, Selection, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
-from calibration.diagnosis.search.stage import Accepted, Stage
+from calibration.diagnosis.search.stage import Accepted, Stage, unconfirmed
 from calibration.diagnosis.search.sudden_changes import sudden_changes
 from kinematics.running.progress import Progress
 
@@ -34,8 +34,11 @@ GATE = 0.2
 """Chance that causes are searched for although the residuals are pure noise."""
 AGAIN = 3
 """Times that the bases are selected again with the causes found."""
-DOUBTS = (unexplained_residual.misread, unexplained_residual.wandering, unexplained_residual.smoothed, recurring)
-"""Each finds causes of a stage that only imitate another error; they are tried in turn."""
+DOUBTS = (
+    *(unexplained_residual.misread, unexplained_residual.wandering, unexplained_residual.smoothed, recurring),
+    unconfirmed,
+)
+"""Each finds causes of a stage that only imitate another error, or that chance gives; they are tried in turn."""
 
 
 class Found(NamedTuple):
@@ -137,12 +140,13 @@ def _dependence(stage: Stage, tests: Sequence[Test]) -> Unexplained | None:
     return unexplained_residual.unexplained(stage.linearised) if _doubtful(stage, tests) else None
 
 
-def _random_walk(stage: Stage, tests: Sequence[Test]) -> Unexplained | None:
-    """The random walk that the causes of a stage leave, as by `_dependence`.
+def _random_walk(stage: Stage, tests: Sequence[Test], *, shown: bool = False) -> Unexplained | None:
+    """The random walk that the causes of a stage leave, as by `_dependence`; `shown` by a cause that was a part of it.
 
     It withdraws no cause: beside so many steps nearly every cause would have little support.
     """
-    return unexplained_residual.random_walk(stage.linearised) if _doubtful(stage, tests) else None
+    doubtful = shown or _doubtful(stage, tests)
+    return unexplained_residual.random_walk(stage.linearised, shown=shown) if doubtful else None
 
 
 def _doubtful(stage: Stage, tests: Sequence[Test]) -> bool:
@@ -158,6 +162,7 @@ def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[F
     the search, whose fit with the uncertainty of errors that the model lacks is `cautious`.
     """
     imitated: list[Modulated | Undetermined] = []
+    wandered = False
     while True:
         stage, selector = found.stage, found.selector
         searched = not stage.accepted and selector is not without.selector
@@ -170,18 +175,21 @@ def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[F
             imitated += more
             blamed = [each.accepted for each in more]
         for doubted in DOUBTS:
-            blamed = blamed or doubted(stage)
+            if not blamed:
+                blamed = doubted(stage)
+                wandered |= bool(blamed) and doubted is unexplained_residual.wandering
         blamed = blamed or _unsupported(selector, stage)
         if not blamed:
             tests = unexplained_residual.tests(stage.linearised)
             dependence = _dependence(stage, tests) or next(filter(None, _imitated(stage, imitated)), None)
             blamed = unexplained_residual.impostors(stage, dependence, selector.library) if dependence else []
             if not blamed:
-                return found, tests, dependence or _random_walk(stage, tests)
+                return found, tests, dependence or _random_walk(stage, tests, shown=wandered)
         kept: Sequence[tuple[Candidate, np.ndarray]] = [
             (each.candidate, each.size) for each in stage.accepted if not _among(each, blamed)
         ]
-        fewer = selector.pruned(selector.stage(kept)) if kept else selector.bare
+        # a cause that has fallen may have kept a sibling of another one away
+        fewer = selector.against_siblings(selector.pruned(selector.stage(kept))) if kept else selector.bare
         found = found._replace(stage=fewer, evaluated=())
 
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from calibration.diagnosis.machine_change import MachineChange
+from calibration.diagnosis.residual.unexplained import against_walk
 from calibration.diagnosis.search.candidates import contract_kind, where
 from calibration.diagnosis.search.evaluation import EVEN, WORTH, Sibling
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
@@ -128,7 +129,8 @@ def named(stage: Stage, before: LinearisedFit) -> list[Named]:
         effect = _with_uncertainty(stage.fit.model.effects[number], without)
         own = without.projected(without.columns(each.candidate.effect))
         share = float(each.size @ own.schur @ each.size) / whole
-        alternatives = tuple(_alternatives(each))
+        walk = _random_walk(stage, i)
+        alternatives = (*walk, *_alternatives(each))
         found.append(
             Named(
                 each.candidate.kind,
@@ -136,7 +138,7 @@ def named(stage: Stage, before: LinearisedFit) -> list[Named]:
                 each.score.delta_bic,
                 without.cross_validation.rms_um - stage.held_out_um,
                 min(share, 1.0),
-                verdict_of(each),
+                "tied" if walk else verdict_of(each),
                 each.visible,
                 alternatives,
                 tuple(notes(stage.linearised, effect)),
@@ -242,6 +244,14 @@ def _of_unknown_side(fit: Fit) -> np.ndarray:
 def tied_with(accepted: Accepted) -> list[Sibling]:
     """Siblings that these data cannot distinguish from a cause, also of its own kind and axis."""
     return [sibling for sibling in accepted.siblings if sibling.log_odds < (EVEN if sibling.cosine >= ALIKE else 0.0)]
+
+
+def _random_walk(stage: Stage, index: int) -> tuple[Alternative, ...]:
+    """A random walk of the tool where these data do not distinguish it from a course in time; it takes any course."""
+    log_odds = against_walk(stage, index)
+    if log_odds >= EVEN:
+        return ()
+    return (Alternative("random-walk", None, "random walk of the tool", 1.0, math.exp(log_odds)),)
 
 
 def _alternatives(accepted: Accepted) -> Iterator[Alternative]:

@@ -12,9 +12,8 @@ from typing import get_args
 import numpy as np
 
 from calibration.diagnosis.residual.dependence import EVIDENCE
-from calibration.diagnosis.residual.unexplained import in_full
+from calibration.diagnosis.residual.unexplained import by_evidence
 from calibration.diagnosis.residual.unnamed import evidence
-from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
 from calibration.diagnosis.search.stage import Accepted, Stage
@@ -36,7 +35,7 @@ def recurring(stage: Stage) -> list[Accepted]:
         if not isinstance(each.candidate.effect, LocationJump | StationShift):
             continue
         without = even.without(i)
-        own = in_full(without, evaluate(without, [each.candidate])[0].score) - each.candidate.rarity
+        own = by_evidence(without, each.candidate)
         motions = product(moving_axes(stage.fit.measurement), get_args(Component))
         if any(own - _added(without, even.linearised, *motion) < EVIDENCE for motion in motions):
             found.append(each)

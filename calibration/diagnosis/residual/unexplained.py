@@ -26,9 +26,9 @@ from calibration.diagnosis.residual.dependence import (
 from calibration.diagnosis.residual.distance_correlation import Dependence, dependences
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.residual.readings import readings, with_function_of_readings
-from calibration.diagnosis.residual.unnamed import may_depend_on
+from calibration.diagnosis.residual.unnamed import evidence, may_depend_on
 from calibration.diagnosis.residual.whiteness import ALONG_TIME, Columns, Test, whiteness
-from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.candidates import RARE, Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Score
@@ -109,18 +109,19 @@ def unexplained(linearised: LinearisedFit) -> Unexplained | None:
     return of_variables(read, angles, seen, found.p_value, np.random.default_rng(SEED)) if likelier else found
 
 
-def random_walk(linearised: LinearisedFit) -> Unexplained | None:
+def random_walk(linearised: LinearisedFit, *, shown: bool = False) -> Unexplained | None:
     """A dependence on time without a smooth form: the residuals of a linearised fit are a random walk; else None.
 
     Neighbours in time deviate alike, more clearly than neighbours along any axis, where no noise of an axis hides it;
     beside this noise a random walk of the tool is far likelier than none. A permutation of blocks can't show it: such
-    residuals have hardly any blocks that are independent.
+    residuals have hardly any blocks that are independent. shown: a cause fell because it is a part of the walk, so that
+    neighbours need not show it again.
     """
     if linearised.state.time is None:
         return None
     along = {test.name: test.p_value for test in tests(linearised.evenly_noisy) if test.name.startswith("along ")}
     own = along.pop(ALONG_TIME, 1.0)
-    if own > WALK_LEVEL or own > min(along.values(), default=1.0):
+    if not shown and (own > WALK_LEVEL or own > min(along.values(), default=1.0)):
         return None
     if with_walk(linearised).log_odds < 2.0 * EVIDENCE:
         return None
@@ -215,6 +216,20 @@ def wandering(stage: Stage) -> list[Accepted]:
     return found
 
 
+def against_walk(stage: Stage, index: int) -> float:
+    """Log odds of an accepted cause against a random walk of the tool in its place; infinite for no course in time.
+
+    A random walk beside the cause, where the data need one, counts for it. Before any data the walk is as rare as a
+    rare cause.
+    """
+    if not in_time(stage.accepted[index].candidate.effect) or stage.linearised.state.time is None:
+        return np.inf
+    even = stage._replace(linearised=stage.linearised.evenly_noisy)
+    without = even.without(index)
+    own = by_evidence(without, stage.accepted[index].candidate)
+    return own + RARE + with_walk(even.linearised).log_odds - with_walk(without).log_odds
+
+
 def _of_walk(stage: Stage, index: int) -> bool:
     """True for a cause without evidence beside a random walk of the tool whose steps are those of the other rows."""
     beside = with_walk(stage.linearised)
@@ -253,6 +268,18 @@ def in_full(without: LinearisedFit, score: Score) -> float:
     The squares that it explains count in full, however large those are that it leaves.
     """
     return 0.5 * (score.squares - score.effective_parameters * float(np.log(without.scalars)))
+
+
+def by_evidence(without: LinearisedFit, candidate: Candidate) -> float:
+    """Log odds of a cause on the fit without it, by the evidence of its columns, as that of a function is calculated.
+
+    The evidence counts what the cause spares the error motions, which imitate a part of it. The search for its moment,
+    or for its first shape, counts by the tries; every further shape as a parameter.
+    """
+    projected = without.projected(without.columns(candidate.effect))
+    odds = evidence(projected.schur, projected.columns.T @ without.residual)[0]
+    searched = np.log(candidate.trials) + 0.5 * max(candidate.shapes - 1, 0) * np.log(without.scalars)
+    return odds - float(searched) - candidate.rarity
 
 
 def in_lengths(linearised: LinearisedFit, dependence: Unexplained) -> Array:

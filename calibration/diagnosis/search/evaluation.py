@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy import special
 
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
@@ -20,6 +21,8 @@ SURE, SURE_OF_RARE, NEARLY_SURE = 1.5, 2.0, 1.0
 keeps others from being named in place of it."""
 MOSTLY = 0.75
 """Or the share of blocks with a gain, since another missing cause may make one of them lose."""
+SIGNS = 0.1
+"""Largest chance of so many blocks with a gain for a rare cause: of few blocks most gain by chance."""
 FALSE = 0.01
 """Share of false causes among those named (Benjamini and Hochberg)."""
 SEEN = 0.05
@@ -87,7 +90,7 @@ def passing(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterat
         if np.abs(each.score.size).max() > LARGEST and not _of_any_size(linearised, each):
             continue
         gains = linearised.held_out_gains(each.projected)
-        if predicts(gains, SURE_OF_RARE if each.candidate.rarity else SURE):
+        if predicts(gains, SURE_OF_RARE, SIGNS) if each.candidate.rarity else predicts(gains, SURE):
             yield each
         elif predicts(gains, NEARLY_SURE):
             hidden = min(hidden, each.score.delta_bic)
@@ -99,9 +102,16 @@ def _of_any_size(linearised: LinearisedFit, each: Evaluated) -> bool:
     return clear and isinstance(each.candidate.effect, (Cyclic, FollowingError))
 
 
-def predicts(gains: Array, sure: float = SURE_OF_RARE) -> bool:
-    """True where held-out blocks are predicted better: on average by so many standard errors, or most of them."""
-    return bool(gains.mean() > sure * standard_error(gains) or (gains.sum() > 0 and np.mean(gains > 0) >= MOSTLY))
+def predicts(gains: Array, sure: float = SURE_OF_RARE, chance: float = 1.0) -> bool:
+    """True where held-out blocks are predicted better: on average by so many standard errors, or most of them.
+
+    chance: largest chance that so many blocks gain, unless all of them do.
+    """
+    if gains.mean() > sure * standard_error(gains):
+        return True
+    positive = int(np.count_nonzero(gains > 0))
+    most = gains.sum() > 0 and positive >= MOSTLY * len(gains)
+    return bool(most and (positive == len(gains) or special.bdtrc(positive - 1, len(gains), 0.5) <= chance))
 
 
 def siblings(linearised: LinearisedFit, own_cause: Candidate, evaluated: Sequence[Evaluated]) -> list[Sibling]:

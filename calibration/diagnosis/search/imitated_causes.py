@@ -1,8 +1,9 @@
 """Causes in whose place the evidence has chosen finer bases.
 
 Where an axis has few positions, or is approached from its second side at few of them, an error motion bends around the
-rows that a cause moves. Beside such bases the cause is not visible, and its error spreads to all poses. The bases are
-therefore also selected beside each cause that coarse bases show: with it coarser ones may be enough.
+rows that a cause moves. Beside such bases the cause is hardly visible, and its error spreads to all poses. The bases
+are therefore also selected beside each cause that coarse bases show: with it coarser ones may be enough. Where lines
+have positions of their own, error motions of these positions move the lines behind a jump as the jump does.
 """
 
 from __future__ import annotations
@@ -12,7 +13,10 @@ import numpy as np
 from calibration.diagnosis.search.evaluation import SEEN, WORTH, Evaluated, evaluate
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage, chosen_of
+from kinematics.effects import AngleStep, Cyclic, QuantisedCompensation
 
+FAINT = 0.2
+"""Share of the signal of a cause that the bases of a stage do not imitate, below which they may hold the cause."""
 MOST = 6
 """Most causes beside which bases are selected."""
 
@@ -36,10 +40,9 @@ def imitated(selector: Selector, stage: Stage) -> tuple[Selector, Stage]:
 
 
 def _suspected(selector: Selector, stage: Stage) -> list[Evaluated]:
-    """Causes that are not visible beside the bases of a stage, and that coarse bases leave; the likeliest first."""
-    known = {each.candidate.cause for each in stage.accepted}
-    left = [candidate for candidate in selector.library if candidate.cause not in known]
-    hidden = [each.candidate for each in evaluate(stage.linearised, left) if each.projected.visible < SEEN]
+    """Causes that are hardly visible beside the bases of a stage, and that coarse bases leave; the likeliest first."""
+    tried = [each for each in selector.evaluated(stage.linearised, stage.accepted) if not _searched(each)]
+    hidden = [each.candidate for each in tried if each.projected.visible < FAINT]
     if not hidden:
         return []
     coarse = selector.on(selector.base.coarsest(selector.measurement)).stage(chosen_of(stage.accepted))
@@ -48,6 +51,12 @@ def _suspected(selector: Selector, stage: Stage) -> list[Evaluated]:
         if each.score.delta_bic < WORTH and each.projected.visible >= SEEN:
             found.setdefault(each.candidate.cause, each)
     return list(found.values())[:MOST]
+
+
+def _searched(each: Evaluated) -> bool:
+    """True for a shape that was searched for among very many, other than a moment."""
+    shapes = Cyclic | QuantisedCompensation | AngleStep
+    return bool(each.candidate.replaces) or isinstance(each.candidate.effect, shapes)
 
 
 def _bic(stage: Stage) -> float:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.diagnosis.search.candidates import RARE, Candidate
-from calibration.diagnosis.search.evaluation import Sibling, standard_error
+from calibration.diagnosis.search.evaluation import SIGNS, SURE_OF_RARE, WORTH, Sibling, predicts, standard_error
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Score
 from calibration.diagnosis.search.start_model import Base
@@ -108,6 +108,16 @@ class Stage(NamedTuple):
             float(np.sum(each.residual_um[rows[both]] ** 2)) for each, rows in ((held, own), (before, others))
         )
         return squares > ratio**2 * before_squares
+
+
+def unconfirmed(stage: Stage) -> list[Accepted]:
+    """The least likely of the rare causes of little evidence that held-out blocks no longer confirm; empty for none.
+
+    Bases that were selected again beside a cause may hold what it explained.
+    """
+    rare = [each for each in stage.accepted if each.candidate.rarity and each.score.delta_bic > 2.0 * WORTH]
+    missed = [each for each in rare if not predicts(each.held_out_gains, SURE_OF_RARE, SIGNS)]
+    return [max(missed, key=lambda each: each.score.delta_bic)] if missed else []
 
 
 def chosen_of(accepted: Sequence[Accepted]) -> list[tuple[Candidate, Array]]:
