@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from shop_floor import exam
-from test_between_positions import FEW, fitted, runs
+from support.interferometer_runs import runs
 
 from calibration.diagnosis.residual.absorber import Absorbing
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.unseen.beside_function import BesideFunction
 from calibration.fit.curves.between_positions import with_curves_between
+from calibration.fit.fit import fit
+from calibration.observation.full_model import BasisChoice, rigid_model
 
 X = np.linspace(0.0, 3000.0, 31)
 
@@ -20,7 +22,7 @@ def beside_drift(um):
     measurement = runs(lambda q: 15.0 * q / 3000.0, X, np.random.default_rng(1))
     course = np.linspace(0.0, 1.0, len(measurement))[:, None]
     drifted = replace(measurement, observed=measurement.observed + um * 1e-3 * course)
-    linearised = LinearisedFit.of(fitted(drifted, FEW))
+    linearised = LinearisedFit.of(fit(drifted, rigid_model(drifted, {"X": BasisChoice("cubic", 5)})))
     return BesideFunction(linearised, Absorbing(linearised.beside(100.0 / 0.5 * course), 1.0))
 
 
@@ -41,13 +43,13 @@ def test_it_is_the_fit_of_the_data_without_the_function():
 
 def test_its_information_is_that_of_its_covariance():
     beside = beside_drift(20.0)
-    fit = beside.fit
-    information, slope = beside.information(fit.model)
-    limited = np.where(np.isfinite(fit.prior), 1.0 / fit.prior**2, 0.0)
-    covariance, u = np.array(fit.model.covariance), np.sqrt(np.diag(fit.model.covariance))
-    found = np.linalg.inv(information + np.diag(limited))
-    assert np.allclose(found / np.outer(u, u), covariance / np.outer(u, u), atol=1e-3)
-    assert np.allclose(slope * beside.noise, limited * np.array(fit.model.parameters), atol=1e-6)
+    found = beside.fit
+    information, slope = beside.information(found.model)
+    limited = np.where(np.isfinite(found.prior), 1.0 / found.prior**2, 0.0)
+    covariance, u = np.array(found.model.covariance), np.sqrt(np.diag(found.model.covariance))
+    inverse = np.linalg.inv(information + np.diag(limited))
+    assert np.allclose(inverse / np.outer(u, u), covariance / np.outer(u, u), atol=1e-3)
+    assert np.allclose(slope * beside.noise, limited * np.array(found.model.parameters), atol=1e-6)
 
 
 @pytest.mark.statistical

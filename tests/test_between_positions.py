@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
+from support.interferometer_runs import runs
 from support.probe_cases import probed
 from support.virtual_measurements import THREE, measured, truth, written
 
@@ -15,8 +16,6 @@ from calibration.fit.calibrate import calibrate
 from calibration.fit.curves.between_positions import as_table, with_curves_between
 from calibration.fit.curves.smooth_process import CORRELATIONS, SIZES, Process, Processes, _Evidence
 from calibration.fit.fit import fit
-from calibration.measurement.instruments import Interferometer
-from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation.full_model import BasisChoice, rigid_model, with_effects
 from kinematics.basis import BSpline
 from kinematics.deviation import exact_deviation
@@ -26,26 +25,6 @@ from kinematics.state import State
 GANTRY = machines.load("gantry")
 K_95 = 1.96
 FEW = {"X": BasisChoice("cubic", 5), "Y": BasisChoice("cubic", 3), "Z": BasisChoice("cubic", 3)}
-
-
-def runs(error, positions, rng, u_um=0.5):
-    """Three bidirectional runs of an interferometer along X, with noise."""
-    q = np.zeros((6 * len(positions), 3))
-    q[:, 0] = np.tile(np.concatenate([positions, positions[::-1]]), 3)
-    n = len(q)
-    state = with_moves(State(q, target=np.full(n, "1")))
-    observed = (error(q[:, 0]) + u_um * rng.normal(size=n))[:, None] * 1e-3
-    axis, run = np.full(n, "X"), np.repeat(["1", "2", "3"], n // 3)
-    return Measurement(
-        GANTRY,
-        Interferometer(u_um=u_um),
-        state,
-        observed,
-        {"1": Target((0.0, 0.0, 0.0))},
-        axis=axis,
-        run=run,
-        source="runs",
-    )
 
 
 def curve(model, x):
