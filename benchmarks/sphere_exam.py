@@ -7,7 +7,8 @@ to 1 mm off, noise 1 um (k = 1). Each measurement is fitted as `ncomp fit` does,
 poses inside the measured ranges, within 50 mm of the spheres. "covered" is the share of predicted deviations, in x, y
 and z, within U (k = 2) of the true ones; "seen" the same without the directions on which the prior outweighs the data.
 
-    python benchmarks/sphere_exam.py [--draws 20] [--spheres 3] [--linear 0.1] [--design bk] [--machine dmu50 ...]
+    python benchmarks/sphere_exam.py [--draws 20] [--first 0] [--spheres 3] [--linear 0.1] [--design bk]
+        [--machine dmu50 ...]
 """
 
 import argparse
@@ -129,13 +130,14 @@ def main():
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--spheres", type=int, default=3)
     parser.add_argument("--points", type=int, default=34)
     parser.add_argument("--linear", type=float, default=0.1)
     parser.add_argument("--design", default="optimised")
     parser.add_argument("--machine", nargs="*", default=list(MIDDLE))
     given = parser.parse_args()
-    design = f"{given.design}, linear axes {given.linear:g}, {given.draws} draws"
+    design = f"{given.design}, linear axes {given.linear:g}, {given.draws} draws from {given.first}"
     print(f"{given.spheres} spheres, {given.points} poses, {design}")
     print(
         "machine       centres  location within U   before    after   after/before (worst)  no worse  "
@@ -145,7 +147,7 @@ def main():
         machine, start = machines.load(name), time.perf_counter()
         spheres = {f"s{k + 1}": tuple((AROUND[k] + MIDDLE[name]).tolist()) for k in range(given.spheres)}
         plan = probe_plan(machine, ProbeRequest(Probe(TIP), Artefact(spheres), given.design, given.points)).plan
-        drawn = [examined(plan, seed, given.linear) for seed in range(given.draws)]
+        drawn = [examined(plan, seed, given.linear) for seed in range(given.first, given.first + given.draws)]
         results = [each for each in drawn if each is not None]
         before, after = (np.array([each[key] for each in results]) for key in ("before", "after"))
         inside = np.concatenate([each["inside"] for each in results])

@@ -35,6 +35,7 @@ from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
 from calibration.fit.set_up.target_positions import findings as target_findings
+from calibration.fit.two_explanations import with_other
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import with_effects
 from calibration.observation.normal_equations import whitened, whiteners
@@ -128,12 +129,11 @@ def calibrate(
     before = nominal_residuals(found)
     before_rms_um, before_max_um, before_chi2_reduced = _sizes(found, before)
     too_many = disagreement(found)
-    waves = omitted_waves(found, chosen=wanted.automatic)
-    honest = found if waves is None else waves.beside(found)
-    curved, between = with_curves_between(honest) if wanted.automatic else (honest, ())
-    if waves is not None:
-        curved = replace(curved, model=waves.uncertain(curved.model))
+    curved, between, waves = _curved(found, wanted)
     written = drift.left_out(_written(curved, valid_days))
+    if drift.other is not None:
+        other = drift.other.left_out(in_datum(_curved(drift.other.fit, wanted)[0]))
+        written = with_other(written, other, 1.0 - drift.probability)
     result = Calibration(
         fit=found,
         model=written,
@@ -154,6 +154,16 @@ def calibrate(
     if not result.accepted:
         raise NotAccepted(result)
     return result
+
+
+def _curved(found: Fit, wanted: Wanted) -> tuple[Fit, tuple[BetweenPositions, ...], OmittedWaves | None]:
+    """The fit with its curves between positions, and the waves that it leaves out, in its uncertainties."""
+    waves = omitted_waves(found, chosen=wanted.automatic)
+    honest = found if waves is None else waves.beside(found)
+    curved, between = with_curves_between(honest) if wanted.automatic else (honest, ())
+    if waves is not None:
+        curved = replace(curved, model=waves.uncertain(curved.model))
+    return curved, between, waves
 
 
 def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], list[TargetPosition]]:

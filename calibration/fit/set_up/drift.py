@@ -2,22 +2,25 @@
 
 A centre that is measured again shows it. The fit then has a drift with time, of the tool point or of the workpiece, as
 the data make likelier; without times, the rows count as equidistant. The calibration holds for the start of the data.
+The other side counts with its probability. An error that a stated basis lacks turns with the rotary axes, as the drift
+of one side does: the probabilities are therefore of this basis and of the one with the next wave together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
 
-from calibration.fit.bases.search import Choice
+from calibration.fit.bases.search import ROTARY_KIND, Choice
 from calibration.fit.fit import Fit
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
 from calibration.fit.set_up.repeated_centres import repeat_findings
 from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import BasisChoice
 from calibration.plausibility.checks import Finding
 from kinematics.effects import Effect, ThermalDrift, WorkpieceDrift
 from kinematics.effects.thermal import Direction
@@ -29,6 +32,10 @@ SPECIFIED = 1.0
 """chi2/dof of noise that is as the instrument specification states it."""
 SHARE = 1.0 / 3.0
 """Time constant at the start of the fit, as a share of the duration."""
+UNLIKELY = 1e-3
+"""Probability below which the drift of the other side does not count."""
+CLEAR = 0.05
+"""Probability of the other side below which a report names the likelier one (odds of 19: strong evidence)."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +46,15 @@ class Drift:
     fit: Fit
     findings: tuple[Finding, ...]
     effects: tuple[Effect, ...]
+    other: Drift | None = None
+    """The same with a drift of the other side, where this is possible."""
+    probability: float = 1.0
+    """Probability that this side drifts, if one of both does."""
+
+    @property
+    def side(self) -> str:
+        """The part of the machine that drifts."""
+        return "workpiece" if isinstance(self.effects[0], WorkpieceDrift) else "tool point"
 
     def left_out(self, model: ErrorModel) -> ErrorModel:
         """The model without the drift; its covariance stays that beside it."""
@@ -55,15 +71,13 @@ def with_bases_noise_and_drift(measurement: Measurement, wanted: Wanted) -> Drif
     kept = plain.fit.kept
     if not any(repeat_findings(plain.fit, kept, SPECIFIED)):
         return replace(plain, findings=shown)
-    timed = _timed(measurement)
-    tried = [_with(effects, timed, wanted) for effects in _courses(timed)]
     # an axis that does not repeat, or a fine basis, may explain the rows as well: U contains the drift in any case
-    best = max(tried, key=lambda each: each.fit.log_probability)
+    best = _likeliest(_timed(measurement), wanted)
     # a row that only the other fit leaves out is wrong, and no drift
     if any(repeat_findings(best.fit, kept)):
         return replace(plain, findings=tuple(_added(each, UNEXPLAINED) for each in shown))
     shown = tuple(repeat_findings(plain.fit, kept, SPECIFIED))
-    sentence = ESTIMATED.format("workpiece" if isinstance(best.effects[0], WorkpieceDrift) else "tool point")
+    sentence = _sentence(best)
     if not any(repeat_findings(plain.fit, kept, best.fit.chi2_reduced)):
         sentence += CHANCE
     return replace(best, findings=tuple(_added(each, sentence) for each in shown))
@@ -73,8 +87,44 @@ ESTIMATED = (
     "The fit estimates it as a drift of the {} with time, and leaves it out: the calibration holds for the start of "
     "the data, and U contains the uncertainty of this drift"
 )
+TIED = (
+    "The fit estimates it as a drift with time, and leaves it out: the calibration holds for the start of the data. "
+    "The rows do not show clearly which side drifts, the {} (probability {:.0%}) or the {} ({:.0%}): U contains both"
+)
 CHANCE = ". If the noise is as large as the residuals, larger than u_um, the shift is chance"
 UNEXPLAINED = "No drift with time explains it, and U does not contain it: the errors may differ by as much"
+
+
+def _sentence(best: Drift) -> str:
+    if best.other is None or 1.0 - best.probability < CLEAR:
+        return ESTIMATED.format(best.side)
+    return TIED.format(best.side, best.probability, best.other.side, 1.0 - best.probability)
+
+
+def _likeliest(timed: Measurement, wanted: Wanted) -> Drift:
+    """The fit with the drift of the likelier side, beside the other one where this is possible."""
+    tried = [_with(effects, timed, wanted) for effects in _courses(timed)]
+    best, other = sorted(((_log_probability(each, timed, wanted), each) for each in tried), key=lambda own: -own[0])
+    probability = float(1.0 / (1.0 + np.exp(other[0] - best[0])))
+    return replace(best[1], other=other[1] if 1.0 - probability > UNLIKELY else None, probability=probability)
+
+
+def _log_probability(own: Drift, timed: Measurement, wanted: Wanted) -> float:
+    """Log probability of the data, up to a constant, if this side drifts."""
+    finer = _with_next_wave(own.choice.bases)
+    if wanted.automatic or finer == own.choice.bases:
+        return own.fit.log_probability
+    stated = ",".join(f"{axis}={basis}" for axis, basis in finer.items())
+    waving = _with(own.effects, timed, replace(wanted, basis=stated))
+    return float(np.logaddexp(own.fit.log_probability, waving.fit.log_probability))
+
+
+def _with_next_wave(bases: Mapping[str, BasisChoice]) -> dict[str, BasisChoice]:
+    """Stated bases with one more wave of each axis that has waves."""
+    return {
+        axis: replace(basis, size=basis.size + 1) if basis.kind == ROTARY_KIND else basis
+        for axis, basis in bases.items()
+    }
 
 
 def _added(finding: Finding, sentence: str) -> Finding:
