@@ -1,4 +1,4 @@
-"""The model beside a function that it cannot hold: the solution, its information, and what it leaves at unseen poses."""
+"""The model beside a function that it cannot hold: the solution, its information, its errors at unseen poses."""
 
 from dataclasses import replace
 

@@ -113,7 +113,7 @@ class Stage(NamedTuple):
 def unconfirmed(stage: Stage) -> list[Accepted]:
     """The least likely of the rare causes of little evidence that held-out blocks no longer confirm; empty for none.
 
-    Bases that were selected again beside a cause may hold what it explained.
+    Bases that were selected again beside a cause may hold its signal.
     """
     rare = [each for each in stage.accepted if each.candidate.rarity and each.score.delta_bic > 2.0 * WORTH]
     missed = [each for each in rare if not predicts(each.held_out_gains, SURE_OF_RARE, SIGNS)]

@@ -52,12 +52,9 @@ class BesideFunction:
         return Posterior(self.solved.information / self.noise, self.solved.limited).root
 
     @property
-    def _first(self) -> int:
-        return len(self.plain.fit.registration.names)
-
-    @property
     def _model(self) -> slice:
-        return slice(self._first, self._first + len(self.plain.fit.model.parameters))
+        first = len(self.plain.fit.registration.names)
+        return slice(first, first + len(self.plain.fit.model.parameters))
 
     @cached_property
     def moved(self) -> Array:

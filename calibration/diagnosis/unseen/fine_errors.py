@@ -253,7 +253,7 @@ def _visited(linearised: LinearisedFit) -> list[_Visited]:
         number = np.unique(np.round(linearised.positions(axis), DIGITS), return_inverse=True)[1].reshape(-1)
         pairs = np.unique(np.stack([number, stop]), axis=1)[0]
         often = np.flatnonzero(np.bincount(pairs) > 1)
-        # curves follow the few positions of an axis, and know what they do not show between them
+        # the curves of an axis with few positions have uncertainties between them already
         if number.max() >= FEW and len(often) >= ENOUGH:
             often = often[np.linspace(0, len(often) - 1, min(len(often), MOST)).astype(int)]
             i, component, _ = own_motion(machine, axis)
