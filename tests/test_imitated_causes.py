@@ -20,6 +20,7 @@ from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.imitated_causes import imitated
 from calibration.diagnosis.search.shapes.change_points import breaks
+from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.searched_causes import Found
 from calibration.diagnosis.unseen.undecided_causes import squares_by_undecided
 from calibration.diagnosis.widening import moments, rms_correction
@@ -112,10 +113,24 @@ def test_a_jump_behind_lines_that_have_positions_of_their_own_is_named(urad):
     assert cause.effect.parameters[0] == pytest.approx(urad, abs=3.0 * cause.effect.uncertainties[0])
 
 
+def test_a_wave_is_named_although_fine_bases_bend_through_its_positions():
+    """Lines across Z lie at positions of their own: a jump, or a function of the readings, imitates the wave too."""
+    data = part_lines(Cyclic("Z", "Z", 16.0, (40.0,), (0.0,)))
+    selector = prepared(data, None, "sheet", silent, silent).selector
+    beside, stage = imitated_wave(selector, selector.bare)
+    assert [each.candidate.cause[:2] for each in stage.accepted] == [("cyclic", "Z")]
+    parameters = [each.bare.linearised.posterior.effective_parameters for each in (selector, beside)]
+    assert parameters[1] < parameters[0]
+    (cause,) = diagnose(data).causes
+    assert (cause.kind, cause.axis) == ("cyclic", "Z")
+    assert cause.effect.period == pytest.approx(16.0, abs=0.02)
+
+
 @pytest.mark.parametrize("made", [layers, part_lines])
 def test_nothing_is_imitated_where_nothing_is_hidden(made):
     selector = prepared(made(), None, "sheet", silent, silent).selector
     assert imitated(selector, selector.bare) == (selector, selector.bare)
+    assert imitated_wave(selector, selector.bare) == (selector, selector.bare)
     assert diagnose(made()).causes == ()
 
 

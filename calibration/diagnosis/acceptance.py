@@ -10,15 +10,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.widening import UnseenErrors, rms_correction
-from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, not_better, reason_against
-from calibration.fit.cross_validation import CrossValidation, summed_up, uncorrected
-from calibration.fit.fit import fit
+from calibration.fit.acceptance import Judged, disagreement, freed, nominal_residuals, not_better, reason_against
+from calibration.fit.cross_validation import CrossValidation, predicted_by_others, summed_up, uncorrected
+from calibration.fit.curves.between_positions import with_curves_between
+from calibration.fit.fit import Fit, fit
 from calibration.fit.problem import FIXED
 from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.measurement.measurement import Measurement
@@ -32,6 +34,32 @@ from kinematics.transforms import Array
 ESTABLISHED = 0.75
 """Share of the expected errors without a model up to which it is an improvement: the expectation is uncertain."""
 ADVICE = "The present model stays: check the data (ncomp fit, --report), or measure more"
+FREED = "Held-out rows are compared less the unexplained dependence, which no calibration can hold"
+
+
+class _Comparison(NamedTuple):
+    """A new model beside the others on held-out blocks."""
+
+    nominal: Array
+    """As `nominal_residuals`."""
+    after: Stage
+    none: CrossValidation | None
+    present: CrossValidation | None
+
+    @classmethod
+    def of(cls, before: Stage, after: Stage, given: ErrorModel | None, less: Array | None) -> _Comparison:
+        """The stage `after` beside the nominal machine, and beside a calibration that it updates, or `before`.
+
+        less: a function `(n, d)`, mm and rad, of which all rows are freed: an error that no calibration holds, but that
+        would decide which model predicts better.
+        """
+        freed_after, nominal = after.less(less), nominal_residuals(after.fit, less)
+        none = _compared(freed_after, _of_all_rows(after, nominal))
+        if given is not None:
+            present = _compared(freed_after, _of_all_rows(after, _unchanged(after, given, less)))
+        else:
+            present = None if after is before else _compared(freed_after, _held_out(before.less(less)))
+        return cls(nominal, freed_after, none, present)
 
 
 @dataclass(frozen=True)
@@ -68,13 +96,11 @@ class Acceptance(Judged):
         the model at unseen states beside it. new: the machine's part of the model. undecided_um: RMS length of its
         errors by causes that are undecided.
         """
-        nominal = nominal_residuals(after.fit)
-        none = _compared(after, _of_all_rows(after, nominal))
         updated = calibration is not None and before.base.origin == "updated"
-        if updated and calibration is not None:
-            present = _compared(after, _of_all_rows(after, _unchanged(after, calibration)))
-        else:
-            present = None if after is before else _compared(after, _held_out(before))
+        given = calibration if updated else None
+        shown = _Comparison.of(before, after, given, None)
+        less = None if unseen is None else unseen.function
+        nominal, after, none, present = shown if less is None else _Comparison.of(before, after, given, less)
         too_many = _disagreement(after)
         causes = [each for each in after.accepted if each.candidate.effect.ACTS_ON != "instrument"]
         confirmed = updated and not causes and present is not None and not present.gains.better
@@ -83,12 +109,14 @@ class Acceptance(Judged):
             against = against_imitation(present, unexplained_um)
         if unseen is not None and not confirmed:
             against = against or against_learned(unseen)
-        reason = against or ("" if confirmed else reason_against(after.fit, nominal, none))
-        reason = reason or ("" if confirmed else against_positions(after, nominal))
+        reason = against or ("" if confirmed else reason_against(after.fit, shown.nominal, none))
+        reason = reason or ("" if confirmed else against_positions(after, nominal, less))
         reason = reason or ("" if updated else against_undecided(new, after.fit.measurement, undecided_um))
         if confirmed and none is not None and none.gains.worse:
             reason = f"{not_better('the present calibration, updated,', none, 'the nominal machine')}. {ADVICE}"
-        return cls(none, present, too_many or reason, force, confirmed and not (too_many or reason))
+        if reason and less is not None:
+            reason += f". {FREED}"
+        return cls(shown.none, shown.present, too_many or reason, force, confirmed and not (too_many or reason))
 
 
 def _disagreement(after: Stage) -> str:
@@ -168,21 +196,37 @@ def against_undecided(new: ErrorModel, measurement: Measurement, undecided_um: f
     )
 
 
-def against_positions(stage: Stage, nominal: Array) -> str:
+def against_positions(stage: Stage, nominal: Array, less: Array | None = None) -> str:
     """Reason why a model may be no improvement between the measured positions of an axis; empty if it is one.
 
     Lines and regions of stops may share the few positions of an axis: a fit then has learned the errors there. Each
-    position inside the range is predicted by a fit of the others instead. nominal: as `nominal_residuals`.
+    position inside the range is predicted by a fit of the others instead. Bases that are fine for the positions predict
+    poorly there; where the model becomes curves, these may predict better. nominal, less: as of `nominal_residuals`.
     """
     for axis in moving_axes(stage.fit.measurement):
         labels = inner_positions(stage.fit.measurement, axis)
         if labels is None:
             continue
-        by_position = stage._replace(linearised=stage.linearised.held_by(labels, f"positions of {axis}"))
+        name = f"positions of {axis}"
+        by_position = stage._replace(linearised=stage.linearised.held_by(labels, name))
         none = _compared(by_position, _of_all_rows(stage, nominal))
+        if none is not None and not none.gains.better and stage.base.curves:
+            none = _by_curves(stage.fit, labels, name, less)
         if none is not None and not none.gains.better:
             return f"{not_better('the fit of the others', none, 'the nominal machine')}. {ADVICE}"
     return ""
+
+
+def _by_curves(found: Fit, labels: np.ndarray, name: str, less: Array | None) -> CrossValidation | None:
+    """Positions, labelled `(n,)`, predicted by the curves of a fit of the others, against the nominal machine."""
+    good, finite = freed(found, less), np.isfinite(found.prior)
+    start = np.array(found.model.parameters) - np.where(finite, found.prior, 0.0) * found.away
+
+    def refit(others: np.ndarray) -> Fit:
+        part = fit(good.rows(np.flatnonzero(others)), found.model.with_parameters(start), prior=found.prior)
+        return with_curves_between(part)[0]
+
+    return predicted_by_others(good, labels[found.kept], name, refit, uncorrected(found.model))
 
 
 def _held_out(stage: Stage) -> Array:
@@ -201,12 +245,12 @@ def _of_all_rows(stage: Stage, kept: Array) -> Array:
     return result
 
 
-def _unchanged(stage: Stage, calibration: ErrorModel) -> Array:
+def _unchanged(stage: Stage, calibration: ErrorModel, less: Array | None) -> Array:
     """Residuals `(kept, d)`, mm and rad, of the calibration as it was given, with a registration of its own.
 
-    Effects of the instrument are fitted as in the new model.
+    Effects of the instrument are fitted as in the new model. less: as of `nominal_residuals`.
     """
-    kept = stage.fit.measurement.rows(np.flatnonzero(stage.fit.kept))
+    kept = freed(stage.fit, less)
     machine = calibration.part(lambda effect: effect.ACTS_ON != "instrument")
     instrument = uncorrected(stage.fit.model)
     model = msgspec.structs.replace(machine, effects=(*machine.effects, *instrument.effects), covariance=None)

@@ -26,6 +26,7 @@ from calibration.diagnosis.search.evaluation import Evaluated
 from calibration.diagnosis.search.imitated_causes import imitated
 from calibration.diagnosis.search.selection import Search, Selection, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
+from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.search.stage import Accepted, Stage, unconfirmed
 from calibration.diagnosis.search.sudden_changes import sudden_changes
 from kinematics.running.progress import Progress
@@ -67,7 +68,8 @@ def searched_causes(first: Selector, bare: Stage, progress: Progress) -> Searche
     # the noise of an axis hides whatever acts along it, a larger noise of the instrument any cause
     doubtful = _noisier(bare) or len(bare.fit.outliers) or first.base.fine(first.measurement)
     # noise is also left where finer bases have taken the place of a cause
-    if doubtful or combined(tests, GATE) or imitated(first, bare)[1] is not bare:
+    hidden = (search(first, bare)[1] is not bare for search in (imitated, imitated_wave))
+    if doubtful or combined(tests, GATE) or any(hidden):
         found = _causes(first)
     progress("testing the residual")
     before = first.cautious(bare)
@@ -86,6 +88,9 @@ def _causes(selector: Selector) -> Found:
     coarser = selector.on(selector.base.coarser(selector.measurement, selector.progress))
     found = _with_bases(coarser, sudden_changes(coarser))
     beside, more = imitated(found.selector, found.stage)
+    if more is not found.stage:
+        found = _with_bases(beside, more.accepted)
+    beside, more = imitated_wave(found.selector, found.stage)
     if more is not found.stage:
         found = _with_bases(beside, more.accepted)
     common = commoner(found.selector, found.stage)

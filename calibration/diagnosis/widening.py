@@ -58,6 +58,8 @@ class UnseenErrors(NamedTuple):
     """True for an error of the machine that recurs with the position: a model holds it rightly."""
     beside: tuple[Fit, tuple[BetweenPositions, ...]] | None = None
     """The fit beside the function, with its curves, which the calibration takes; None where a model holds the error."""
+    function: Array | None = None
+    """The function beside which the calibration is fitted, as `BesideFunction.values`; None where a model holds it."""
 
 
 class Widened(NamedTuple):
@@ -118,7 +120,7 @@ def unseen_errors(
         # estimated noise of the axes holds what the function does not
         beside = BesideFunction.of(linearised, dependence)
         if _holds(beside, dependence):
-            return _of_model_beside(beside, present, curves=curves)
+            return _of_model_beside(beside, dependence, present, curves=curves)
     even, misread = linearised.evenly_noisy, nearly_of_readings(linearised, dependence)
     found = _errors_beside(BesideFunction.of(even, dependence), linearised, dependence, present)
     if misread is None:
@@ -146,8 +148,13 @@ def _errors_beside(
     return UnseenErrors(squares, math.sqrt(after.sum()), math.sqrt(without.sum()), uncertain, recurs)
 
 
-def _of_model_beside(beside: BesideFunction, present: ErrorModel | None, *, curves: bool) -> UnseenErrors:
-    """The errors of the model beside the function, which no calibration holds: it stays, with a model and without."""
+def _of_model_beside(
+    beside: BesideFunction, dependence: Unexplained, present: ErrorModel | None, *, curves: bool
+) -> UnseenErrors:
+    """The errors of the model beside the function, which no calibration holds: it stays, with a model and without.
+
+    Beside estimated non-repeatability, which contains it too, the function is too small: the residuals show its size.
+    """
     fit, between = with_curves_between(beside.fit, beside.information) if curves else (beside.fit, ())
     given, parts = _given(present, fit.measurement), []
     for moment in moments(fit.measurement):
@@ -157,7 +164,10 @@ def _of_model_beside(beside: BesideFunction, present: ErrorModel | None, *, curv
         parts.append(np.mean([error**2 + variance, error**2, before**2], axis=1))
     squares, after, without = np.mean(parts, axis=0)
     with_um, without_um, uncertain_um = (math.sqrt(each.sum()) for each in (after, without, squares - after))
-    return UnseenErrors(squares, with_um, without_um, uncertain_um, recurs=False, beside=(fit, between))
+    noise, shared = beside.plain.measurement.noise, shared_squares(beside.plain, dependence)
+    if noise is not None and noise.non_repeatability and len(shared) == 3:
+        squares = np.maximum(squares, shared)
+    return UnseenErrors(squares, with_um, without_um, uncertain_um, False, (fit, between), beside.values)
 
 
 def _given(present: ErrorModel | None, measurement: Measurement) -> ErrorModel:

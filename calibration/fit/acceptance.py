@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -131,12 +132,20 @@ def disagreement(found: Fit) -> str:
     )
 
 
-def nominal_residuals(found: Fit) -> Array:
+def nominal_residuals(found: Fit, less: Array | None = None) -> Array:
     """Residuals `(kept, d)`, mm and rad, of the nominal machine in the kept rows, with a registration of its own.
 
-    Effects of the instrument are fitted as in the model found.
+    Effects of the instrument are fitted as in the model found. less: values `(n, d)`, mm and rad, of all rows, of which
+    the observations are freed.
     """
-    return fit(found.measurement.rows(np.flatnonzero(found.kept)), uncorrected(found.model)).residual
+    return fit(freed(found, less), uncorrected(found.model)).residual
+
+
+def freed(found: Fit, less: Array | None) -> Measurement:
+    """The kept rows of a fit, their observations less values `(n, d)`, mm and rad, of all rows; None for none."""
+    whole = found.measurement
+    measurement = whole if less is None else replace(whole, observed=whole.observed - less)
+    return measurement.rows(np.flatnonzero(found.kept))
 
 
 def refuse_worse(found: Fit, before: Array, held_out: CrossValidation | None) -> None:

@@ -25,6 +25,8 @@ LENGTHS = (0.08, 0.13, 0.2, 0.3, 0.45, 0.7, 1.1)
 """Lengths of a smooth function, as fractions of a variable's range."""
 FIRST_LENGTHS = (0.2, 0.45)
 """Lengths with which all singles, pairs and triples are tried."""
+BESIDE_SHORT = 0.3
+"""Length with which the others are tried beside a variable in which a function may be short."""
 MOST = 4
 """Most variables of a set."""
 TUNED = 4
@@ -69,12 +71,14 @@ class Unexplained(NamedTuple):
         return ", ".join(self.variables) + " of the tracker's readings" * self.of_readings
 
 
-def explaining_variables(white: Array, variables: Mapping[str, Array], rng: np.random.Generator) -> Unexplained | None:
+def explaining_variables(
+    white: Array, variables: Mapping[str, Array], rng: np.random.Generator, *, short: str = ""
+) -> Unexplained | None:
     """The smallest set of variables `(n,)` of which a smooth function explains residuals `(n, d)`; None for noise.
 
     All singles, pairs and triples are tried, and must explain more than they explain of the permuted residuals. Then
     variables are added, exchanged and dropped by their evidence, `EVIDENCE` each. Rows are permuted in blocks, by
-    `blocks_in_time`.
+    `blocks_in_time`. short: a variable in which a function may be so short that longer ones do not show it.
     """
     names = [name for name, values in variables.items() if np.ptp(values) > 0.0]
     residual = white - white.mean(axis=0)
@@ -83,6 +87,9 @@ def explaining_variables(white: Array, variables: Mapping[str, Array], rng: np.r
     kernels = Kernels([variables[name] for name in names], _centres(len(white), rng))
     sets = [each for size in (1, 2, 3) for each in combinations(range(len(names)), size)]
     starts = [dict.fromkeys(each, length) for each in sets for length in FIRST_LENGTHS]
+    if short in names:
+        number = names.index(short)
+        starts += [dict.fromkeys(each, BESIDE_SHORT) | {number: LENGTHS[0]} for each in sets if number in each]
     evidence, p_value = _against_permuted(kernels, starts, residual, blocks_in_time(white), rng)
     if p_value > LEVEL:
         return None

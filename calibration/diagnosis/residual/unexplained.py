@@ -26,6 +26,7 @@ from calibration.diagnosis.residual.dependence import (
 from calibration.diagnosis.residual.distance_correlation import Dependence, dependences
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.residual.readings import readings, with_function_of_readings
+from calibration.diagnosis.residual.shifts_of_stops import function_of_stops
 from calibration.diagnosis.residual.unnamed import evidence, may_depend_on
 from calibration.diagnosis.residual.whiteness import ALONG_TIME, Columns, Test, whiteness
 from calibration.diagnosis.search.candidates import RARE, Candidate
@@ -91,7 +92,8 @@ def unexplained(linearised: LinearisedFit) -> Unexplained | None:
     given, white = variables(linearised.measurement, linearised.rows), of_machine(linearised, linearised.residual)
     found = explaining_variables(white, given, np.random.default_rng(SEED))
     if found is None:
-        return None
+        of_stops = function_of_stops(linearised, given)
+        return of_stops and of_stops._replace(shape=_in_noise(linearised, of_stops.shape))
     even = linearised.evenly_noisy
     lengths = fitted_variables(even, found, list(given))
     if set(lengths) != set(found.variables):
@@ -181,6 +183,8 @@ def misread(stage: Stage) -> list[Accepted]:
         without = even.without(*group)
         free = sum(stage.accepted[i].score.effective_parameters for i in group)
         own = 0.5 * (without.squares - even.linearised.squares - free * np.log(without.scalars))
+        # as the function, causes may spare the error motions more than they explain
+        own = max(own, by_evidence(without, *(stage.accepted[i].candidate for i in group)))
         if all(stage.accepted[i].candidate.effect.ACTS_ON == "instrument" for i in group):
             beside = with_function_of_readings(even.linearised)
             own += beside.log_odds if beside.function else np.inf
@@ -270,16 +274,17 @@ def in_full(without: LinearisedFit, score: Score) -> float:
     return 0.5 * (score.squares - score.effective_parameters * float(np.log(without.scalars)))
 
 
-def by_evidence(without: LinearisedFit, candidate: Candidate) -> float:
-    """Log odds of a cause on the fit without it, by the evidence of its columns, as that of a function is calculated.
+def by_evidence(without: LinearisedFit, *candidates: Candidate) -> float:
+    """Log odds of causes on the fit without them, by the evidence of their columns, as those of a function.
 
-    The evidence counts what the cause spares the error motions, which imitate a part of it. The search for its moment,
+    The evidence counts what a cause spares the error motions, which imitate a part of it. The search for its moment,
     or for its first shape, counts by the tries; every further shape as a parameter.
     """
-    projected = without.projected(without.columns(candidate.effect))
+    projected = without.projected(without.columns(*(each.effect for each in candidates)))
     odds = evidence(projected.schur, projected.columns.T @ without.residual)[0]
-    searched = np.log(candidate.trials) + 0.5 * max(candidate.shapes - 1, 0) * np.log(without.scalars)
-    return odds - float(searched) - candidate.rarity
+    for each in candidates:
+        odds -= float(np.log(each.trials) + 0.5 * max(each.shapes - 1, 0) * np.log(without.scalars)) + each.rarity
+    return odds
 
 
 def in_lengths(linearised: LinearisedFit, dependence: Unexplained) -> Array:
@@ -289,6 +294,14 @@ def in_lengths(linearised: LinearisedFit, dependence: Unexplained) -> Array:
         return np.asarray((noise @ dependence.shape[:, :, None])[:, :, 0])
     errors = dependence.shape * np.linalg.norm(turns @ noise, axis=2)
     return np.asarray((np.swapaxes(turns, 1, 2) @ errors[:, :, None])[:, :, 0])
+
+
+def _in_noise(linearised: LinearisedFit, lengths: Array) -> Array:
+    """The shape `(n, d)` of a function, by its lengths `(n, d)` of which `in_lengths` is the inverse."""
+    noise, turns = _noise(linearised), _into_tool(linearised)
+    if turns is None:
+        return np.asarray(np.linalg.solve(noise, lengths[:, :, None])[:, :, 0])
+    return np.asarray((turns @ lengths[:, :, None])[:, :, 0] / np.linalg.norm(turns @ noise, axis=2))
 
 
 def shared_rms(linearised: LinearisedFit, dependence: Unexplained) -> float:

@@ -26,16 +26,16 @@ def imitated(selector: Selector, stage: Stage) -> tuple[Selector, Stage]:
 
     The bases and the cause must be likelier than the bases of the stage alone, and predict held-out blocks better.
     """
-    found, most = (selector, stage), _bic(stage) + WORTH
+    found, most = (selector, stage), bic(stage) + WORTH
     for each in _suspected(selector, stage) if selector.base.choice is not None else ():
         selector.progress(f"selecting bases beside {each.candidate.effect.name}")
         effects = [stage.fit.model.effects[i] for i in stage.numbers if i >= len(selector.base.model.effects)]
         effects.append(each.candidate.effect)
         base = selector.base.coarser_beside(selector.measurement, effects, selector.progress)
         trial = selector.on(base).stage([*chosen_of(stage.accepted), (each.candidate, each.score.size)])
-        likely = trial.accepted[-1].score.delta_bic < WORTH and _bic(trial) < most
+        likely = trial.accepted[-1].score.delta_bic < WORTH and bic(trial) < most
         if likely and stage.predicts_worse_than(trial):
-            found, most = (selector.on(base), trial), _bic(trial)
+            found, most = (selector.on(base), trial), bic(trial)
     return found
 
 
@@ -59,7 +59,7 @@ def _searched(each: Evaluated) -> bool:
     return bool(each.candidate.replaces) or isinstance(each.candidate.effect, shapes)
 
 
-def _bic(stage: Stage) -> float:
+def bic(stage: Stage) -> float:
     """BIC of a fit with the effective parameters of its bases, up to a constant of the data."""
     linearised = stage.linearised
     parameters = linearised.posterior.effective_parameters

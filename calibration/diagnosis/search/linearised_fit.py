@@ -156,6 +156,11 @@ class LinearisedFit:
         vars(other).update({name: vars(self)[name] for name in OF_THE_DESIGN if name in vars(self)})
         return other
 
+    def less(self, values: Array) -> LinearisedFit:
+        """The linearised fit of observations less values `(n, d)`, mm and rad, of all rows of the measurement."""
+        white = self.decorrelation.apply(whitened(self.white, values[self.rows])).reshape(-1)
+        return self._with_residual(self.residual - white, self.away)._at_rest()
+
     def thinned(self, most: int) -> LinearisedFit:
         """The linearised fit of at most so many of its rows: whole stops, evenly spread."""
         if len(self.rows) <= most:

@@ -68,6 +68,10 @@ class Stage(NamedTuple):
         """The stage without the results that can be calculated again."""
         return self._replace(linearised=replace(self.linearised))
 
+    def less(self, values: Array | None) -> Stage:
+        """The stage with the linearised fit of observations less values, as `LinearisedFit.less`; None for none."""
+        return self if values is None else self._replace(linearised=self.linearised.less(values))
+
     def without(self, *indices: int) -> LinearisedFit:
         """The linearised fit without some of the accepted causes."""
         numbers = self.numbers

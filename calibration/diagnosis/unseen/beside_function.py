@@ -66,6 +66,18 @@ class BesideFunction:
         """Coefficients `(k,)` of the function in the directions of the tool, in units of their priors."""
         return self.solved.away[len(self.solved.away) - len(self.function.prior) :]
 
+    @property
+    def values(self) -> Array:
+        """The function, with its random walk, at all rows `(n, d)`, mm and rad in the frame of the observations.
+
+        0 at rows that the linearised fit lacks.
+        """
+        plain = self.plain
+        own = slice(plain.design.shape[1], None)
+        found = np.zeros_like(plain.fit.residual)
+        found[plain.rows] = plain.in_lengths(self.solved.design[:, own] @ self.solved.away[own])
+        return found
+
     @cached_property
     def root(self) -> Array:
         """Root `(p + k, q)` of the covariance of the model's parameters and of the coefficients, as above.
