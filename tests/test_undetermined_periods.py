@@ -1,5 +1,7 @@
 """Waves whose period the positions of their axis do not determine, and errors between few positions."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
@@ -10,7 +12,9 @@ from calibration.diagnosis.acceptance import against_positions
 from calibration.diagnosis.residual.undetermined_periods import at_positions, undetermined
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.shapes.proposed_shapes import waves_of
+from calibration.diagnosis.search.start_model import Base
 from calibration.fit.acceptance import nominal_residuals
+from calibration.observation.full_model import BasisChoice, priors, rigid_model
 from calibration.observation.stops_and_lines import inner_positions
 from kinematics.basis import Legendre
 from kinematics.effects import Cyclic, ErrorMotion
@@ -62,6 +66,14 @@ def test_errors_between_few_positions_must_be_predicted():
     assert "held-out positions of X" in against_positions(bare, nominal_residuals(bare.fit))
     bare, _ = with_a_wave(points(SLOPE, levels=LEVELS))
     assert against_positions(bare, nominal_residuals(bare.fit)) == ""
+
+
+def test_curves_that_predict_some_positions_better_by_chance_are_no_improvement():
+    q = np.round(np.linspace(3.0, 596.0, 6) + np.random.default_rng(3).uniform(-12.0, 12.0, 6), 1)
+    data = points(SLOPE, WAVE, levels=q)
+    model = rigid_model(data, {axis: BasisChoice("b-spline", 6 if axis == "X" else 2) for axis in "XYZ"})
+    curved = replace(selector(data), base=Base(model, priors(model), "refitted", curves=True)).stage([])
+    assert "held-out positions of X" in against_positions(curved, nominal_residuals(curved.fit))
 
 
 def test_only_positions_inside_the_range_are_held_out():

@@ -33,6 +33,8 @@ from kinematics.transforms import Array
 
 ESTABLISHED = 0.75
 """Share of the expected errors without a model up to which it is an improvement: the expectation is uncertain."""
+CLEARLY = 2.0
+"""Standard errors by which curves must predict the few positions of an axis better than the nominal machine."""
 ADVICE = "The present model stays: check the data (ncomp fit, --report), or measure more"
 FREED = "Held-out rows are compared less the unexplained dependence, which no calibration can hold"
 
@@ -210,14 +212,24 @@ def against_positions(stage: Stage, nominal: Array, less: Array | None = None) -
         name = f"positions of {axis}"
         by_position = stage._replace(linearised=stage.linearised.held_by(labels, name))
         none = _compared(by_position, _of_all_rows(stage, nominal))
-        if none is not None and not none.gains.better and stage.base.curves:
-            none = _by_curves(stage.fit, labels, name, less)
-        if none is not None and not none.gains.better:
-            return f"{not_better('the fit of the others', none, 'the nominal machine')}. {ADVICE}"
+        if none is None or none.gains.better or (stage.base.curves and _clear(_by_curves(stage.fit, labels, less))):
+            continue
+        return f"{not_better('the fit of the others', none, 'the nominal machine')}. {ADVICE}"
     return ""
 
 
-def _by_curves(found: Fit, labels: np.ndarray, name: str, less: Array | None) -> CrossValidation | None:
+def _clear(by_curves: CrossValidation | None) -> bool:
+    """True where positions are predicted better than by the nominal machine, by `CLEARLY` standard errors.
+
+    A wave that is finer than the positions makes the difference large at each of them, and of either sign.
+    """
+    if by_curves is None or not by_curves.gains.better:
+        return False
+    gains = by_curves.gains.um
+    return len(gains) > 1 and float(gains.sum()) > CLEARLY * float(np.sqrt(len(gains) * gains.var(ddof=1)))
+
+
+def _by_curves(found: Fit, labels: np.ndarray, less: Array | None) -> CrossValidation | None:
     """Positions, labelled `(n,)`, predicted by the curves of a fit of the others, against the nominal machine."""
     good, finite = freed(found, less), np.isfinite(found.prior)
     start = np.array(found.model.parameters) - np.where(finite, found.prior, 0.0) * found.away
@@ -226,7 +238,7 @@ def _by_curves(found: Fit, labels: np.ndarray, name: str, less: Array | None) ->
         part = fit(good.rows(np.flatnonzero(others)), found.model.with_parameters(start), prior=found.prior)
         return with_curves_between(part)[0]
 
-    return predicted_by_others(good, labels[found.kept], name, refit, uncorrected(found.model))
+    return predicted_by_others(good, labels[found.kept], "positions", refit, uncorrected(found.model))
 
 
 def _held_out(stage: Stage) -> Array:
