@@ -153,7 +153,8 @@ def _of_model_beside(
 ) -> UnseenErrors:
     """The errors of the model beside the function, which no calibration holds: it stays, with a model and without.
 
-    Beside estimated non-repeatability, which contains it too, the function is too small: the residuals show its size.
+    Beside estimated non-repeatability, which contains it too, an error of the tool is too small: the residuals show its
+    size.
     """
     fit, between = with_curves_between(beside.fit, beside.information) if curves else (beside.fit, ())
     given, parts = _given(present, fit.measurement), []
@@ -165,7 +166,8 @@ def _of_model_beside(
     squares, after, without = np.mean(parts, axis=0)
     with_um, without_um, uncertain_um = (math.sqrt(each.sum()) for each in (after, without, squares - after))
     noise, shared = beside.plain.measurement.noise, shared_squares(beside.plain, dependence)
-    if noise is not None and noise.non_repeatability and len(shared) == 3:
+    of_tool = not dependence.of_readings and len(shared) == 3
+    if noise is not None and noise.non_repeatability and of_tool:
         squares = np.maximum(squares, shared)
     return UnseenErrors(squares, with_um, without_um, uncertain_um, False, (fit, between), beside.values)
 
