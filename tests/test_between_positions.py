@@ -14,7 +14,7 @@ from support.virtual_measurements import THREE, measured, truth, written
 import machines
 from calibration.fit.calibrate import calibrate
 from calibration.fit.curves.between_positions import as_table, with_curves_between
-from calibration.fit.curves.smooth_process import CORRELATIONS, SIZES, Process, Processes, _Evidence
+from calibration.fit.curves.smooth_process import CORRELATIONS, LINES, SIZES, Line, Process, Processes, _Evidence
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model, with_effects
 from kinematics.basis import BSpline
@@ -51,11 +51,13 @@ def test_the_evidence_is_that_of_the_normal_distribution():
     rng = np.random.default_rng(0)
     x, noise = np.linspace(0.0, 600.0, 6), 0.8
     values = rng.normal(size=12) * 5.0
-    processes = Processes.about(x, (30.0, 20.0), [("positioning", values[:6]), ("angular", values[6:])])
+    lines = Line(30.0), Line(20.0, largest=True)
+    processes = Processes.about(x, lines, [("positioning", values[:6]), ("angular", values[6:])])
     tried = [
-        Process(correlation, length, {"positioning": size, "angular": size - 3})
+        Process(correlation, length, {"positioning": size, "angular": size - 3}, line)
         for correlation in CORRELATIONS
         for length, size in ((0.5, 8), (2.0, 12))
+        for line in LINES
     ]
     found = _Evidence(processes, np.eye(12) / noise**2, values / noise**2).of(tried)
     for value, process in zip(found, tried, strict=True):
@@ -68,12 +70,29 @@ def test_the_evidence_is_that_of_the_normal_distribution():
         assert value + processes.away(process) == pytest.approx(own - bare, abs=1e-6)
 
 
+@pytest.mark.parametrize("true", [30.0, 2.0])
+def test_a_line_may_be_smaller_than_expected(true):
+    """Its size is then averaged over those that the data leave possible; that of other lines stays."""
+    rng = np.random.default_rng(3)
+    x, noise, u = np.linspace(0.0, 600.0, 7), 0.5, np.linspace(-1.0, 1.0, 7)
+    values = [true * (a + b * u) + noise * rng.normal(size=7) for a, b in ((1.0, -0.8), (0.7, 1.1))]
+    lines = Line(30.0, largest=True), Line(30.0)
+    processes = Processes.about(x, lines, [("positioning", values[0]), ("angular", values[1])])
+    found = processes.given(np.eye(14) / noise**2, np.concatenate(values) / noise**2)
+    free, stated = (found.covariance(x, motion)[3, 3] ** 0.5 for motion in (0, 1))
+    assert stated > 29.0
+    assert free > 25.0 if true == 30.0 else free < 10.0
+
+
 def test_known_values_leave_no_uncertainty_at_them():
     x = np.linspace(0.0, 600.0, 7)
     size = int(np.argmin(np.abs(SIZES - 10.0)))
     rough, smooth = (
         Processes(
-            x, (30.0,), ("positioning",), ((1.0, Process(next(iter(CORRELATIONS)), length, {"positioning": size})),)
+            x,
+            (Line(30.0),),
+            ("positioning",),
+            ((1.0, Process(next(iter(CORRELATIONS)), length, {"positioning": size})),),
         )
         for length in (0.5, 4.0)
     )
@@ -202,7 +221,7 @@ def test_the_expected_size_of_a_curve_is_that_of_its_own_error_motion():
         effect.name: curved.prior[part].max()
         for effect, part in zip(curved.model.effects, curved.model.slices, strict=True)
     }
-    assert {name: sizes[name] for name in ("E_XX", "E_ZZ", "E_AX")} == pytest.approx(
-        {"E_XX": 3.0, "E_ZZ": 3.0, "E_AX": 3.0}, rel=0.5
-    )
+    others = [sizes[name] for name in ("E_XX", "E_ZZ", "E_AX")]
+    # a tenth of the typical 30 um, or less where the data show that it is
+    assert 0.25 < min(others) <= max(others) < 4.5
     assert min(sizes["E_XY"], sizes["E_XZ"]) > 2.0 * sizes["E_ZZ"]

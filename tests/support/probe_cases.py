@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import machines
-from calibration.evaluation.volumetric import volumetric_error_um
+from calibration.evaluation.volumetric import rigid_columns, volumetric_error_um
 from calibration.fit.datum import error_motions, to_datum
 from calibration.fit.location_errors import split_locations, transformed
 from calibration.measurement.instruments import TouchProbe
@@ -17,6 +17,7 @@ from calibration.simulation.touch_probe import Spheres
 from calibration.simulation.true_model import model_of, random_location_errors
 from kinematics.deviation import exact_deviation
 from kinematics.effects import LocationError
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
 from kinematics.state import State
@@ -98,3 +99,24 @@ def shifted_rows(measured, rows, shift):
     tips[rows] += shift
     positions = linear_positions(machine, measured.state.positions, tips, measured.tool)
     return replace(measured, state=replace(measured.state, positions=positions))
+
+
+def deviation_columns(model, machine, q):
+    """Derivatives `(3 n, p)`, um, of the tip's deviations by the parameters of a model."""
+    transform = error_transform_with_tool(machine, q, np.tile(TIP, (len(q), 1)))[:, :3]
+    return 1e3 * model.design(machine, State(q), transform).reshape(3 * len(q), -1)
+
+
+def covered(model, true, machine, q, unseen=None):
+    """Within U (k = 2) `(n, 3)`, the deviations of the tip that a calibration predicts.
+
+    The best rigid motion is left out of errors and uncertainties: the datum of the calibration decides on it. unseen:
+    further directions `(3 n, k)` that are left out.
+    """
+    real, told = (exact_deviation(machine, q, each.errors(machine, State(q)), TIP).position for each in (true, model))
+    off, design = 1e3 * (real - told).ravel(), deviation_columns(model, machine, q)
+    left_out = rigid_columns(tool_point(machine, q, TIP))
+    basis = np.linalg.qr(left_out if unseen is None else np.hstack([left_out, unseen]))[0]
+    off, design = off - basis @ (basis.T @ off), design - basis @ (basis.T @ design)
+    variance = np.einsum("ij,jk,ik->i", design, np.array(model.covariance), design)
+    return (np.abs(off) <= 2.0 * variance**0.5).reshape(-1, 3)

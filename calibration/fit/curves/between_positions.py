@@ -23,12 +23,14 @@ import msgspec
 import numpy as np
 
 from calibration.fit.cross_validation import diagonals
-from calibration.fit.curves.smooth_process import Processes
+from calibration.fit.curves.smooth_process import Line, Processes
 from calibration.fit.fit import Fit
 from calibration.fit.linear import pseudo_inverse
 from calibration.fit.problem import UNSEEN
 from calibration.measurement.estimated_noise import Decorrelation
+from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import least_priors
 from calibration.observation.normal_equations import assemble, whitened, whiteners
 from kinematics.basis import Basis, BSpline
 from kinematics.effects import Effect, ErrorMotion
@@ -202,7 +204,7 @@ class _Values:
     def processes(self) -> dict[str, Processes]:
         """The possible processes of each axis."""
         found = {
-            axis: Processes.about(x, self._trends(axis, len(x)), list(self._values(axis)))
+            axis: Processes.about(x, self._lines(axis, len(x)), list(self._values(axis)))
             for axis, x in self.axes.items()
         }
         for _ in range(SWEEPS):
@@ -213,10 +215,18 @@ class _Values:
                 break
         return found
 
-    def _trends(self, axis: str, positions: int) -> list[float]:
-        """Size of constant and slope of each error motion: at the ends both together have that of its prior."""
-        trends: list[float] = (self.prior[self._rows(axis)][::positions] / 2**0.5).tolist()
-        return trends
+    def _lines(self, axis: str, positions: int) -> list[Line]:
+        """The line of each error motion: at the ends constant and slope together have the size of its prior.
+
+        Spheres leave combinations of lines to the prior, and their data choose the size of all error motions of linear
+        axes at once: the lines may be smaller, but for those that are squareness.
+        """
+        rows = self._rows(axis)[::positions]
+        model = msgspec.structs.replace(self.found.model, effects=self.effects)
+        least = least_priors(self.found.measurement, model)[rows]
+        spheres = isinstance(self.found.measurement.instrument, TouchProbe)
+        sizes = (self.prior[rows] / 2**0.5).tolist()
+        return [Line(size, bool(spheres and own == 0.0)) for size, own in zip(sizes, least, strict=True)]
 
     def with_curves(self, processes: Mapping[str, Processes], bases: Mapping[str, BSpline]) -> Fit:
         """The fit with the curves, given the data, in place of its error motions; bases: of the curves of each axis."""
@@ -333,8 +343,8 @@ def _lacked(processes: Processes, basis: BSpline) -> float:
     """Largest standard deviation of a process from the spline through it, as a share of its size."""
     x, everywhere = _determining(basis), np.linspace(*basis.interval, 8 * FEW + 1)
     through = np.hstack([-np.linalg.solve(basis.columns(x).T, basis.columns(everywhere).T).T, np.eye(len(everywhere))])
-    both, shares, kinds = np.concatenate([x, everywhere]), [], zip(processes.classes, processes.trends, strict=True)
-    # error motions of one class and trend have the same process
+    both, shares, kinds = np.concatenate([x, everywhere]), [], zip(processes.classes, processes.lines, strict=True)
+    # error motions of one class and line have the same process
     for motion in {key: motion for motion, key in enumerate(kinds)}.values():
         variances = np.sum(through @ processes.covariance(both, motion) * through, axis=1)
         shares.append(variances.max() / processes.size(processes.classes[motion]) ** 2)
