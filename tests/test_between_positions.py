@@ -14,7 +14,8 @@ from support.virtual_measurements import THREE, measured, truth, written
 import machines
 from calibration.fit.calibrate import calibrate
 from calibration.fit.curves.between_positions import as_table, with_curves_between
-from calibration.fit.curves.smooth_process import CORRELATIONS, LINES, SIZES, Line, Process, Processes, _Evidence
+from calibration.fit.curves.line_shares import line_shares
+from calibration.fit.curves.smooth_process import CORRELATIONS, SIZES, Process, Processes, _Evidence
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model, with_effects
 from kinematics.basis import BSpline
@@ -51,13 +52,11 @@ def test_the_evidence_is_that_of_the_normal_distribution():
     rng = np.random.default_rng(0)
     x, noise = np.linspace(0.0, 600.0, 6), 0.8
     values = rng.normal(size=12) * 5.0
-    lines = Line(30.0), Line(20.0, largest=True)
-    processes = Processes.about(x, lines, [("positioning", values[:6]), ("angular", values[6:])])
+    processes = Processes.about(x, (30.0, 20.0), [("positioning", values[:6]), ("angular", values[6:])])
     tried = [
-        Process(correlation, length, {"positioning": size, "angular": size - 3}, line)
+        Process(correlation, length, {"positioning": size, "angular": size - 3})
         for correlation in CORRELATIONS
         for length, size in ((0.5, 8), (2.0, 12))
-        for line in LINES
     ]
     found = _Evidence(processes, np.eye(12) / noise**2, values / noise**2).of(tried)
     for value, process in zip(found, tried, strict=True):
@@ -70,18 +69,21 @@ def test_the_evidence_is_that_of_the_normal_distribution():
         assert value + processes.away(process) == pytest.approx(own - bare, abs=1e-6)
 
 
-@pytest.mark.parametrize("true", [30.0, 2.0])
-def test_a_line_may_be_smaller_than_expected(true):
-    """Its size is then averaged over those that the data leave possible; that of other lines stays."""
-    rng = np.random.default_rng(3)
+@pytest.mark.parametrize(("true", "least", "most"), [(90.0, 2.0, 3.0), (30.0, 0.8, 1.5), (3.0, 0.3, 0.8)])
+def test_lines_of_one_class_show_their_size_together(true, least, most):
+    """Also that of an axis of which nothing is seen; others keep the size of their prior."""
     x, noise, u = np.linspace(0.0, 600.0, 7), 0.5, np.linspace(-1.0, 1.0, 7)
-    values = [true * (a + b * u) + noise * rng.normal(size=7) for a, b in ((1.0, -0.8), (0.7, 1.1))]
-    lines = Line(30.0, largest=True), Line(30.0)
-    processes = Processes.about(x, lines, [("positioning", values[0]), ("angular", values[1])])
-    found = processes.given(np.eye(14) / noise**2, np.concatenate(values) / noise**2)
-    free, stated = (found.covariance(x, motion)[3, 3] ** 0.5 for motion in (0, 1))
-    assert stated > 29.0
-    assert free > 25.0 if true == 30.0 else free < 10.0
+    processes, right = {}, []
+    for axis, a, b in (("X", 1.2, -0.9), ("Y", -0.7, 1.1), ("Z", 0.9, 0.8)):
+        values = [true * (a + b * u), true * (b - a * u)]
+        processes[axis] = Processes.about(x, (30.0, 30.0), [("positioning", values[0]), ("angular", values[1])])
+        right += [value / noise**2 * (axis != "Z") for value in values]
+    seen = np.repeat([1.0, 1.0, 0.0], 14) / noise**2
+    free = dict.fromkeys(processes, np.array([True, False]))
+    shares = line_shares(processes, free, np.diag(seen), np.concatenate(right))
+    assert least <= shares["Z"][0] <= most
+    assert shares["X"][0] == shares["Z"][0]
+    assert {own[1] for own in shares.values()} == {1.0}
 
 
 def test_known_values_leave_no_uncertainty_at_them():
@@ -90,9 +92,9 @@ def test_known_values_leave_no_uncertainty_at_them():
     rough, smooth = (
         Processes(
             x,
-            (Line(30.0),),
+            (30.0,),
             ("positioning",),
-            ((1.0, Process(next(iter(CORRELATIONS)), length, {"positioning": size})),),
+            possible=((1.0, Process(next(iter(CORRELATIONS)), length, {"positioning": size})),),
         )
         for length in (0.5, 4.0)
     )

@@ -23,7 +23,9 @@ import msgspec
 import numpy as np
 
 from calibration.fit.cross_validation import diagonals
-from calibration.fit.curves.smooth_process import Line, Processes
+from calibration.fit.curves.line_shares import line_shares
+from calibration.fit.curves.smooth_process import TYPICAL_SIZE, Processes
+from calibration.fit.curves.spline_of_process import cubic, following, root_of
 from calibration.fit.fit import Fit
 from calibration.fit.linear import pseudo_inverse
 from calibration.fit.problem import UNSEEN
@@ -42,10 +44,10 @@ FEW = 24
 """Most positions of an axis that count as few; among more, values at equidistant ones are found."""
 LEAST, MOST = 13, FEW + 1
 """Numbers of equidistant positions, at least and at most."""
-LACKING = 0.01
-"""Share of the size of a process, at most, that a spline among many positions may lack anywhere."""
 TOGETHER = 1e-3
 """Distance, as a share of the measured range, up to which positions are one."""
+CURVE_SHARE = 0.2
+"""Size of a process that is expected for spheres, as a share of the prior of its error motion (Type B)."""
 SWEEPS = 2
 """Most times that the processes of all axes are found, one after the other."""
 NOTICED = 0.1
@@ -109,7 +111,7 @@ def with_curves_between(found: Fit, information: Information | None = None) -> t
     processes = values.processes()
     intervals = {axis: splines[axis][0].interval for axis in axes}
     bases = {
-        axis: _cubic(intervals[axis], 2 * len(own.positions) - 1) if axis in few else _holding(own, intervals[axis])
+        axis: cubic(intervals[axis], 2 * len(own.positions) - 1) if axis in few else following(own, intervals[axis])
         for axis, own in processes.items()
     }
     return values.with_curves(processes, bases), tuple(_between(axis, processes[axis]) for axis in few)
@@ -203,8 +205,17 @@ class _Values:
 
     def processes(self) -> dict[str, Processes]:
         """The possible processes of each axis."""
+        lines = {axis: self._lines(axis) for axis in self.axes}
+        found = self._swept(lines)
+        if self._of_spheres:
+            shares = self._line_shares(found)
+            found = self._swept({axis: own * shares[axis] for axis, own in lines.items()})
+        return found
+
+    def _swept(self, lines: Mapping[str, Array]) -> dict[str, Processes]:
+        """The possible processes of each axis; lines: size of the line of each error motion of an axis, um or urad."""
         found = {
-            axis: Processes.about(x, self._lines(axis, len(x)), list(self._values(axis)))
+            axis: Processes.about(x, lines[axis].tolist(), list(self._values(axis)), self._typical_size(axis))
             for axis, x in self.axes.items()
         }
         for _ in range(SWEEPS):
@@ -215,18 +226,25 @@ class _Values:
                 break
         return found
 
-    def _lines(self, axis: str, positions: int) -> list[Line]:
-        """The line of each error motion: at the ends constant and slope together have the size of its prior.
+    def _lines(self, axis: str) -> Array:
+        """Size of constant and slope of each error motion: at the ends both together have that of its prior."""
+        return np.asarray(self.prior[self._rows(axis)][:: len(self.axes[axis])] / 2**0.5)
 
-        Spheres leave combinations of lines to the prior, and their data choose the size of all error motions of linear
-        axes at once: the lines may be smaller, but for those that are squareness.
-        """
-        rows = self._rows(axis)[::positions]
+    @property
+    def _of_spheres(self) -> bool:
+        return isinstance(self.found.measurement.instrument, TouchProbe)
+
+    def _typical_size(self, axis: str) -> float:
+        """Size of the processes of an axis that is expected, um or urad."""
+        return CURVE_SHARE * 2**0.5 * float(self._lines(axis).min()) if self._of_spheres else TYPICAL_SIZE
+
+    def _line_shares(self, processes: Mapping[str, Processes]) -> dict[str, Array]:
+        """Size of the line of each error motion of each axis, as a share of its prior; squareness keeps its own."""
+        rows = np.concatenate([self._rows(axis) for axis in processes])
         model = msgspec.structs.replace(self.found.model, effects=self.effects)
-        least = least_priors(self.found.measurement, model)[rows]
-        spheres = isinstance(self.found.measurement.instrument, TouchProbe)
-        sizes = (self.prior[rows] / 2**0.5).tolist()
-        return [Line(size, bool(spheres and own == 0.0)) for size, own in zip(sizes, least, strict=True)]
+        least = least_priors(self.found.measurement, model)
+        free = {axis: least[self._rows(axis)][:: len(x)] == 0.0 for axis, x in self.axes.items()}
+        return line_shares(processes, free, self.information[np.ix_(rows, rows)], self._right[rows])
 
     def with_curves(self, processes: Mapping[str, Processes], bases: Mapping[str, BSpline]) -> Fit:
         """The fit with the curves, given the data, in place of its error motions; bases: of the curves of each axis."""
@@ -237,7 +255,7 @@ class _Values:
         for effect, part in zip(self.found.model.effects, self.parts, strict=True):
             if isinstance(effect, ErrorMotion) and effect.axis in self.axes:
                 own, basis = processes[effect.axis], bases[effect.axis]
-                roots.append(_root(own, next(numbers[effect.axis]), basis))
+                roots.append(root_of(own, next(numbers[effect.axis]), basis))
                 reached.append(basis.columns(own.positions) @ roots[-1])
                 effects.append(_motion(effect, basis, np.zeros(basis.size)))
             else:
@@ -326,42 +344,6 @@ def _information(found: Fit, model: ErrorModel) -> tuple[Array, Array]:
     eliminated = normal.matrix[size:, :size] @ half
     information = normal.matrix[size:, size:] - eliminated @ eliminated.T
     return (information + information.T) / 2.0, normal.right[size:] - eliminated @ (half.T @ normal.right[:size])
-
-
-def _holding(processes: Processes, interval: tuple[float, float]) -> BSpline:
-    """The cubic spline with the fewest nodes that follows the processes of an axis."""
-    k = len(processes.positions)
-    tried = (_cubic(interval, nodes) for nodes in range(5, k, 2))
-    return next((basis for basis in tried if _lacked(processes, basis) <= LACKING), _cubic(interval, k))
-
-
-def _cubic(interval: tuple[float, float], nodes: int) -> BSpline:
-    return BSpline(tuple(np.linspace(*interval, nodes).tolist()), 3)
-
-
-def _lacked(processes: Processes, basis: BSpline) -> float:
-    """Largest standard deviation of a process from the spline through it, as a share of its size."""
-    x, everywhere = _determining(basis), np.linspace(*basis.interval, 8 * FEW + 1)
-    through = np.hstack([-np.linalg.solve(basis.columns(x).T, basis.columns(everywhere).T).T, np.eye(len(everywhere))])
-    both, shares, kinds = np.concatenate([x, everywhere]), [], zip(processes.classes, processes.lines, strict=True)
-    # error motions of one class and line have the same process
-    for motion in {key: motion for motion, key in enumerate(kinds)}.values():
-        variances = np.sum(through @ processes.covariance(both, motion) * through, axis=1)
-        shares.append(variances.max() / processes.size(processes.classes[motion]) ** 2)
-    return float(np.sqrt(max(shares)))
-
-
-def _root(processes: Processes, motion: int, basis: BSpline) -> Array:
-    """Root of the covariance of the parameters of a spline that is the process of an error motion."""
-    x = _determining(basis)
-    return np.asarray(np.linalg.solve(basis.columns(x), np.linalg.cholesky(processes.covariance(x, motion))))
-
-
-def _determining(basis: BSpline) -> Array:
-    """Positions at which the values of a cubic spline determine its parameters, mm or degrees."""
-    nodes = np.array(basis.nodes)
-    knots = np.concatenate([nodes[[0, 0]], nodes, nodes[[-1, -1]]])
-    return np.asarray((knots[:-2] + knots[1:-1] + knots[2:]) / 3.0)
 
 
 def _diagonal(blocks: list[Array]) -> Array:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -23,15 +22,11 @@ SIZES = read_only(10.0 * 2.0 ** (np.arange(-14, 13) / 2.0))
 SHORTEST = 0.5
 """Least correlation length, in mean distances of positions: the data do not distinguish shorter ones."""
 TYPICAL_SIZE = 10.0
-"""Size, um or urad, that is expected before the data are seen (Type B), where no line may be smaller."""
+"""Size, um or urad, that is expected before the data are seen (Type B), where nothing else is stated."""
 TYPICAL_SHARE, TYPICAL_LENGTH = 1.0 / 6.0, 2.0
 """Length that is expected, as a share of the measured range; but at least this number of mean distances (Type B)."""
 SIZE_SPREAD, LENGTH_SPREAD = 1.5, 1.0
 """Standard deviations of the logarithms of size and length about these."""
-LINES = (1.0, 0.3, 0.1)
-"""Sizes of lines that may be smaller, as shares of the largest, equally probable before the data are seen (Type B)."""
-CURVE_SHARE = 1.0 / 3.0
-"""Size of a process that is expected beside such a line, as a share of the line's largest value at an end (Type B)."""
 UNLIKELY = 1e-3
 """Probability below which a process does not count."""
 JITTER = 1e-9
@@ -60,15 +55,6 @@ CORRELATIONS: Mapping[Correlation, float] = {_always: 0.3, _twice: 0.3, _once: 0
 probabilities that are expected before the data are seen: carriages average the form of their guideways (Type B)."""
 
 
-class Line(NamedTuple):
-    """The straight line in an error motion, before the data are seen."""
-
-    size: float
-    """Standard deviation of constant and slope over the measured range, um or urad."""
-    largest: bool = False
-    """True where the line may be smaller, as one of LINES."""
-
-
 class Process(NamedTuple):
     """A Gaussian process of the error motions of an axis."""
 
@@ -77,8 +63,6 @@ class Process(NamedTuple):
     """Correlation length in mean distances of positions."""
     sizes: Mapping[str, int]
     """Index in SIZES by class of error motions."""
-    line: float = 1.0
-    """Size of the lines that may be smaller, as a share of the largest."""
 
 
 @dataclass(frozen=True)
@@ -87,10 +71,12 @@ class Processes:
 
     positions: Array
     """Measured positions `(k,)`, ascending, mm or degrees."""
-    lines: tuple[Line, ...]
-    """The line of each error motion."""
+    trends: tuple[float, ...]
+    """Standard deviation of constant and slope over the measured range, um or urad, of each error motion."""
     classes: tuple[str, ...]
     """Class of each error motion."""
+    typical_size: float = TYPICAL_SIZE
+    """Size, um or urad, that is expected before the data are seen."""
     possible: tuple[tuple[float, Process], ...] = ()
     """Probabilities and processes; the expected one before the data are seen."""
 
@@ -98,8 +84,9 @@ class Processes:
     def about(
         cls,
         positions: Array,
-        lines: Sequence[Line],
+        trends: Sequence[float],
         values: Sequence[tuple[str, Array]],
+        typical_size: float = TYPICAL_SIZE,
     ) -> Processes:
         """A first guess from values `(k,)` at the positions, with the class of each error motion."""
         line = np.linalg.qr(np.vander(positions - positions.mean(), 2))[0]
@@ -110,19 +97,13 @@ class Processes:
             which: int(np.argmin(np.abs(np.log(SIZES) - 0.5 * np.log(max(np.mean(own), SIZES[0] ** 2)))))
             for which, own in squares.items()
         }
-        nothing = cls(positions, tuple(lines), tuple(which for which, _ in values))
+        nothing = cls(positions, tuple(trends), tuple(which for which, _ in values), typical_size)
         return replace(nothing, possible=((1.0, Process(_twice, nothing.typical_length, sizes)),))
 
     @property
     def typical_length(self) -> float:
         """Correlation length that is expected before the data are seen, in mean distances of positions."""
         return max(TYPICAL_LENGTH, TYPICAL_SHARE * (len(self.positions) - 1))
-
-    @property
-    def typical_size(self) -> float:
-        """Size that is expected before the data are seen, um or urad."""
-        sizes = [CURVE_SHARE * 2**0.5 * line.size for line in self.lines if line.largest]
-        return min(sizes, default=TYPICAL_SIZE)
 
     def away(self, process: Process) -> float:
         """Negative log probability of a process before the data are seen, up to a constant."""
@@ -138,13 +119,7 @@ class Processes:
         """Covariance of the values at positions `(m,)` of an error motion, given by its number, um2 or urad2."""
         which = self.classes[motion]
         own = sum(p * SIZES[process.sizes[which]] ** 2 * self._correlation(process, x) for p, process in self.possible)
-        line = sum(p * self.line(process, motion) ** 2 for p, process in self.possible) ** 0.5
-        return self._with_line(x, line, np.asarray(own))
-
-    def line(self, process: Process, motion: int) -> float:
-        """Standard deviation of constant and slope of an error motion under one process, um or urad."""
-        line = self.lines[motion]
-        return line.size * (process.line if line.largest else 1.0)
+        return self._with_line(x, self.trends[motion], np.asarray(own))
 
     def between(self, motion: int) -> float:
         """Largest standard deviation half-way between positions if the values at these are known, um or urad."""
@@ -161,9 +136,7 @@ class Processes:
         """
         sizes, longest = self.possible[0][1].sizes, 2.0 * self.typical_length
         lengths = SHORTEST * 2.0 ** np.arange(int(np.log2(longest / SHORTEST)) + 1)
-        lines = LINES if any(line.largest for line in self.lines) else LINES[:1]
-        tried = product(CORRELATIONS, lengths.tolist(), lines)
-        starts = [Process(correlation, length, sizes, line) for correlation, length, line in tried]
+        starts = [Process(correlation, length, sizes) for correlation in CORRELATIONS for length in lengths.tolist()]
         found = _Evidence(self, information, right).climbed(starts)
         most = max(value for value, _ in found)
         odds = [(float(np.exp(value - most)), process) for value, process in found]
@@ -177,7 +150,7 @@ class Processes:
         """Root of the covariance of the values of an error motion at the positions under one process."""
         x, size = self.positions, SIZES[process.sizes[self.classes[motion]]]
         own = size**2 * self._correlation(process, x)
-        return np.asarray(np.linalg.cholesky(self._with_line(x, self.line(process, motion), own)))
+        return np.asarray(np.linalg.cholesky(self._with_line(x, self.trends[motion], own)))
 
     def _correlation(self, process: Process, x: Array) -> Array:
         distance = (self.positions[-1] - self.positions[0]) / (len(self.positions) - 1)
@@ -188,6 +161,16 @@ class Processes:
         u = (2.0 * x - low - high) / (high - low)
         whole = trend**2 * (1.0 + np.outer(u, u)) + own
         return np.asarray(whole + JITTER * np.diag(np.diag(whole)))
+
+
+def log_evidence(information: Array, right: Array) -> float:
+    """Log probability of the data, up to a constant.
+
+    information `(q, q)` on the values, in units of a root of their covariance, and its product with them `(q,)`.
+    """
+    factor = np.linalg.cholesky(np.eye(len(right)) + information)
+    explained = linalg.solve_triangular(factor, right, lower=True, check_finite=False)
+    return 0.5 * float(explained @ explained) - float(np.log(np.diag(factor)).sum())
 
 
 @dataclass(frozen=True)
@@ -208,7 +191,7 @@ class _Evidence:
 
     def of(self, tried: Sequence[Process]) -> Array:
         """The values `(n,)` of n processes."""
-        keys = [(process.correlation, process.length, process.line, *process.sizes.values()) for process in tried]
+        keys = [(process.correlation, process.length, *process.sizes.values()) for process in tried]
         for key, process in zip(keys, tried, strict=True):
             if key not in self._known:
                 self._known[key] = self._of(process)
@@ -223,14 +206,11 @@ class _Evidence:
             whole[:, part] = self.information[:, part] @ root
         for part, root in zip(own, roots, strict=True):
             whole[part], along[part] = root.T @ whole[part], root.T @ self.right[part]
-        factor = np.linalg.cholesky(np.eye(size) + whole)
-        explained = linalg.solve_triangular(factor, along, lower=True, check_finite=False)
-        volume = float(np.log(np.diag(factor)).sum())
-        return 0.5 * float(explained @ explained) - volume - self.processes.away(process)
+        return log_evidence(whole, along) - self.processes.away(process)
 
     def _root(self, process: Process, motion: int) -> Array:
         which = self.processes.classes[motion]
-        key = process.correlation, process.length, process.sizes[which], self.processes.line(process, motion)
+        key = process.correlation, process.length, process.sizes[which], self.processes.trends[motion]
         if key not in self._roots:
             self._roots[key] = self.processes.root(process, motion)
         return self._roots[key]
