@@ -227,3 +227,16 @@ def test_the_expected_size_of_a_curve_is_that_of_its_own_error_motion():
     # a tenth of the typical 30 um, or less where the data show that it is
     assert 0.25 < min(others) <= max(others) < 4.5
     assert min(sizes["E_XY"], sizes["E_XZ"]) > 2.0 * sizes["E_ZZ"]
+
+
+def test_rotary_axes_as_splines_keep_the_size_of_their_own_prior():
+    """Spheres: it is chosen apart from that of linear axes, whose lines show their size together."""
+    measurement, _ = probed("trunnion_ac", 20)
+    model, prior = with_effects(measurement, {name: BasisChoice("b-spline", 2) for name in "XYZAC"}, (), 0.1, 1.0)
+    curved, _ = with_curves_between(fit(measurement, model, prior=prior))
+    sizes = {
+        effect.name: curved.prior[part].max()
+        for effect, part in zip(curved.model.effects, curved.model.slices, strict=True)
+    }
+    assert min(size for name, size in sizes.items() if name[-1] == "A") > 28.0
+    assert max(sizes[name] for name in ("E_XX", "E_YY", "E_ZZ")) < 4.5

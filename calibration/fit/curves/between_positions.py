@@ -21,6 +21,7 @@ from itertools import count
 
 import msgspec
 import numpy as np
+from scipy import linalg
 
 from calibration.fit.cross_validation import diagonals
 from calibration.fit.curves.line_shares import line_shares
@@ -32,7 +33,7 @@ from calibration.fit.problem import UNSEEN
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import least_priors
+from calibration.observation.full_model import ROTARY, least_priors
 from calibration.observation.normal_equations import assemble, whitened, whiteners
 from kinematics.basis import Basis, BSpline
 from kinematics.effects import Effect, ErrorMotion
@@ -207,7 +208,7 @@ class _Values:
         """The possible processes of each axis."""
         lines = {axis: self._lines(axis) for axis in self.axes}
         found = self._swept(lines)
-        if self._of_spheres:
+        if any(map(self._of_spheres, self.axes)):
             shares = self._line_shares(found)
             found = self._swept({axis: own * shares[axis] for axis, own in lines.items()})
         return found
@@ -230,20 +231,22 @@ class _Values:
         """Size of constant and slope of each error motion: at the ends both together have that of its prior."""
         return np.asarray(self.prior[self._rows(axis)][:: len(self.axes[axis])] / 2**0.5)
 
-    @property
-    def _of_spheres(self) -> bool:
-        return isinstance(self.found.measurement.instrument, TouchProbe)
+    def _of_spheres(self, axis: str) -> bool:
+        """True for a linear axis of which spheres leave some lines to the prior."""
+        return isinstance(self.found.measurement.instrument, TouchProbe) and axis[0] not in ROTARY
 
     def _typical_size(self, axis: str) -> float:
         """Size of the processes of an axis that is expected, um or urad."""
-        return CURVE_SHARE * 2**0.5 * float(self._lines(axis).min()) if self._of_spheres else TYPICAL_SIZE
+        return CURVE_SHARE * 2**0.5 * float(self._lines(axis).min()) if self._of_spheres(axis) else TYPICAL_SIZE
 
     def _line_shares(self, processes: Mapping[str, Processes]) -> dict[str, Array]:
-        """Size of the line of each error motion of each axis, as a share of its prior; squareness keeps its own."""
+        """Size of the line of each error motion, as a share of its prior; squareness and rotary axes keep theirs."""
         rows = np.concatenate([self._rows(axis) for axis in processes])
         model = msgspec.structs.replace(self.found.model, effects=self.effects)
         least = least_priors(self.found.measurement, model)
-        free = {axis: least[self._rows(axis)][:: len(x)] == 0.0 for axis, x in self.axes.items()}
+        free = {
+            axis: self._of_spheres(axis) & (least[self._rows(axis)][:: len(x)] == 0.0) for axis, x in self.axes.items()
+        }
         return line_shares(processes, free, self.information[np.ix_(rows, rows)], self._right[rows])
 
     def with_curves(self, processes: Mapping[str, Processes], bases: Mapping[str, BSpline]) -> Fit:
@@ -263,7 +266,7 @@ class _Values:
                 roots.append(np.diag(self.prior[part]))
                 reached.append(roots[-1])
         model = msgspec.structs.replace(self.found.model, effects=tuple(effects), covariance=None)
-        root, through = _diagonal(roots), _diagonal(reached)
+        root, through = linalg.block_diag(*roots), linalg.block_diag(*reached)
         within = through.T @ self.information @ through
         values, vectors = np.linalg.eigh((within + within.T) / 2.0)
         half = root @ (vectors / np.sqrt(1.0 + np.maximum(values, 0.0)))
@@ -320,7 +323,7 @@ class _Values:
             for name in others
             for motion in range(len(processes[name].classes))
         ]
-        root = _diagonal(blocks)
+        root = linalg.block_diag(*blocks)
         inner = np.eye(len(rows)) + root.T @ self.information[np.ix_(rows, rows)] @ root
         cross = root.T @ self.information[np.ix_(rows, own)]
         solved = np.linalg.solve(inner, np.column_stack([cross, root.T @ self._right[rows]]))
@@ -344,15 +347,6 @@ def _information(found: Fit, model: ErrorModel) -> tuple[Array, Array]:
     eliminated = normal.matrix[size:, :size] @ half
     information = normal.matrix[size:, size:] - eliminated @ eliminated.T
     return (information + information.T) / 2.0, normal.right[size:] - eliminated @ (half.T @ normal.right[:size])
-
-
-def _diagonal(blocks: list[Array]) -> Array:
-    """The matrix with these blocks `(a, b)` along its diagonal."""
-    ends = np.cumsum([[0, 0], *(block.shape for block in blocks)], axis=0)
-    whole = np.zeros(ends[-1])
-    for (row, column), block in zip(ends, blocks, strict=False):
-        whole[row : row + block.shape[0], column : column + block.shape[1]] = block
-    return whole
 
 
 def _motion(effect: ErrorMotion, basis: BSpline, values: Array) -> ErrorMotion:
