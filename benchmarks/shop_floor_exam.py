@@ -2,6 +2,7 @@
 
     python benchmarks/shop_floor_exam.py --draws 20 --designs lines,serpentine --causes none,backlash,drift --jobs 2
     python benchmarks/shop_floor_exam.py --designs all --causes all --draws 2 --sample 150  # a part, by chance
+    python benchmarks/shop_floor_exam.py --designs all --causes all --machines all --each 20  # 20 of each design
     python benchmarks/shop_floor_exam.py --resume          # goes on where an interrupted exam ended
     python benchmarks/shop_floor_exam.py --table           # the table of what is recorded; asks nothing
 
@@ -16,7 +17,7 @@ import argparse
 import json
 import random
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
@@ -42,7 +43,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--designs", type=_listed(DESIGNS), default=list(FIRST_DESIGNS), help=",".join(DESIGNS))
     parser.add_argument("--causes", type=_listed(CAUSES), default=list(FIRST_CAUSES), help=",".join(CAUSES))
     parser.add_argument("--machines", type=_listed(MACHINES), default=["gantry", "cframe"], help=",".join(MACHINES))
-    parser.add_argument("--sample", type=int, metavar="N", help="N questions with an effect, chosen at random")
+    part = parser.add_mutually_exclusive_group()
+    part.add_argument("--sample", type=int, metavar="N", help="N questions with an effect, chosen at random")
+    part.add_argument("--each", type=int, metavar="N", help="N of each design; causes and machines as even as can be")
     parser.add_argument("--jobs", type=int, default=1, metavar="J", help="diagnoses at once")
     parser.add_argument("--timeout", type=float, default=1800.0, metavar="S", help="of a command, s")
     parser.add_argument("--records", type=Path, default=Path("out/shop_floor_exam.jsonl"), help="file of the answers")
@@ -72,8 +75,10 @@ def _listed(names: Iterable[str]) -> Callable[[str], list[str]]:
 def questions(args: argparse.Namespace) -> list[Key]:
     """The keys of all questions, draw by draw, so that an interrupted exam has all designs and causes.
 
-    Those of a sample are in the order in which chance chose them, each behind that of the same data without its cause.
+    Those of a sample are in the order in which chance chose them.
     """
+    if args.each is not None:
+        return _with_nothing_hidden(_even(args))
     causes = list(dict.fromkeys(["none", *args.causes]))
     keys = [
         Key(design, cause, machine, draw, args.seed)
@@ -85,8 +90,23 @@ def questions(args: argparse.Namespace) -> list[Key]:
     if args.sample is None:
         return keys
     hidden = [key for key in keys if key.cause != "none"]
-    chosen = random.Random(args.seed).sample(hidden, min(args.sample, len(hidden)))
-    return list(dict.fromkeys(each for key in chosen for each in (key._replace(cause="none"), key)))
+    return _with_nothing_hidden(random.Random(args.seed).sample(hidden, min(args.sample, len(hidden))))
+
+
+def _even(args: argparse.Namespace) -> Iterator[Key]:
+    """`--each` questions of each design, design by design in turn; the data of a machine's draw serve three causes."""
+    causes = [cause for cause in args.causes if cause != "none"]
+    chance, machines = random.Random(args.seed), args.machines
+    orders = {design: chance.sample(causes, len(causes)) for design in args.designs}
+    for turn in range(args.each):
+        draw = args.first + turn // (3 * len(machines))
+        for place, (design, order) in enumerate(orders.items(), turn):
+            yield Key(design, order[turn % len(order)], machines[place % len(machines)], draw, args.seed)
+
+
+def _with_nothing_hidden(keys: Iterable[Key]) -> list[Key]:
+    """Each question once, behind that of the same data with nothing hidden."""
+    return list(dict.fromkeys(each for key in keys for each in (key._replace(cause="none"), key)))
 
 
 def put(args: argparse.Namespace, known: list[Record]) -> list[Record]:
