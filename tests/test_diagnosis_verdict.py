@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import data_with, fitted, framed
+from support.diagnosis_cases import CFRAME, data_with, fitted, framed
 
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling
@@ -12,7 +12,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Projected, Score
 from calibration.diagnosis.search.stage import Accepted
 from calibration.diagnosis.verdict import may_be_mean, notes, outliers, tied_with, verdict_of
-from kinematics.effects import Backlash, CrossAxis, Cyclic, LocationError, Scale, Settling
+from kinematics.effects import Backlash, CrossAxis, Cyclic, LocationError, Scale, Settling, UnknownApproach
 
 SCORE = Score(500.0, 500.0, 1.0, -480.0, 1e-9, np.ones(1))
 PROJECTED = Projected(np.ones((3, 1)), np.zeros((2, 1)), np.ones((1, 1)))
@@ -117,3 +117,17 @@ def test_a_row_before_the_first_move_of_an_axis_with_backlash_is_no_outlier(wron
     assert found.outliers.tolist() == [0, *wrong]
     cause = outliers(found, LinearisedFit.of(found))
     assert (cause.effect.rows if cause else ()) == wrong
+
+
+@pytest.mark.parametrize(("known", "named_rows"), [((), ()), ((UnknownApproach("X", 0.0),), (5,))])
+def test_a_wrong_row_before_the_first_move_is_an_outlier_where_the_side_is_a_parameter(known, named_rows):
+    """All rows before the first move of an axis share its side: beside their own error a single one can be wrong."""
+    data = data_with()
+    observed, approach = data.observed.copy(), data.state.approach.copy()
+    observed[5] += fitted(data).registration.rotations(data)[5, :, 1] * 0.4
+    approach[:30, CFRAME.index("X")] = 0.0
+    shifted = replace(data, observed=observed, state=replace(data.state, observed=observed, approach=approach))
+    found = fitted(shifted, Backlash("X", 0.0), *known)
+    assert 5 in found.outliers
+    cause = outliers(found, LinearisedFit.of(found))
+    assert (cause.effect.rows if cause else ()) == named_rows

@@ -31,6 +31,7 @@ from kinematics.effects import (
     Settling,
     TargetOffset,
     TrackerDrift,
+    UnknownApproach,
     Unnamed,
 )
 
@@ -211,7 +212,8 @@ def in_terms_of(before: LinearisedFit, linearised: LinearisedFit) -> float:
 def outliers(fit: Fit, before: LinearisedFit) -> Named | None:
     """The outliers of three-component observations as one cause; None without any, or where noise can make them.
 
-    Rows before the first move of an axis with lost motion are no outliers: on which side it stood is unknown.
+    Rows before the first move of an axis with lost motion are no outliers where no parameter of the model holds the
+    unknown side on which it stood.
     """
     rows = fit.outliers[~_of_unknown_side(fit)[fit.outliers]]
     if not len(rows) or fit.measurement.instrument.components != 3:
@@ -232,12 +234,13 @@ def outliers(fit: Fit, before: LinearisedFit) -> Named | None:
 
 
 def _of_unknown_side(fit: Fit) -> np.ndarray:
-    """True `(n,)` for rows before the first move of an axis for which the model has an effect of its direction."""
+    """True `(n,)` for rows before the first move of an axis whose direction has an effect, but no unknown start."""
     state, machine = fit.measurement.state, fit.measurement.machine
     if state.approach is None:
         return np.zeros(len(fit.measurement), bool)
     sided = [effect for effect in fit.model.effects if "approach" in effect.needs and effect.ACTS_ON != "instrument"]
-    axes = [machine.index(where(effect) or "") for effect in sided if where(effect) in machine.names]
+    known = {effect.axis for effect in fit.model.effects if isinstance(effect, UnknownApproach)}
+    axes = [machine.index(axis) for axis in {where(effect) or "" for effect in sided} & {*machine.names} - known]
     return np.asarray(np.any(state.approach[:, axes] == 0.0, axis=1))
 
 
