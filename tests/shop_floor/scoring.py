@@ -45,7 +45,7 @@ def score(
 ) -> Score:
     """The score of a diagnosis; `calibration` is its new one, if it was accepted.
 
-    allowed: answers that are neither required nor false.
+    allowed: answers that are neither required nor false, also as alternatives of a tie.
     """
     left = list(diagnosis["effects"])
     named = tied = 0
@@ -66,8 +66,7 @@ def score(
             left.remove(partner)
             tied += 1
     for answer in allowed:
-        while _taken(left, answer):
-            pass
+        left = [effect for effect in left if not (matches(effect, answer) or _tied(effect, answer))]
     relatives = {kind for answer in answers for kind in answer.relatives}
     false = tuple(title(effect) for effect in left if effect["kind"] not in relatives)
     return Score(named, tied, len(unnamed) - tied, false, sum(inside), len(inside))
