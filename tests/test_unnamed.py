@@ -39,6 +39,12 @@ def test_terms_hold_what_a_function_of_these_lengths_does():
     assert len(terms_of((0.3, 0.7), 5)[0]) == 5
 
 
+@pytest.mark.parametrize("lengths", [(1.1, 0.7, 1.1), (1.1, 1.1, 1.1), (0.7, 0.7, 1.1)])
+def test_a_function_of_three_variables_depends_on_all_three(lengths):
+    """Nearly all variance of a very smooth one is in terms of two variables, which models hold more easily."""
+    assert (1, 1, 1) in map(tuple, terms_of(lengths, 120)[0].tolist())
+
+
 def test_of_every_combination_of_what_is_kept_enough_survives():
     rng = np.random.default_rng(2)
     model = np.linalg.qr(rng.normal(size=(200, 20)))[0]

@@ -33,8 +33,8 @@ Direction = Literal["X", "Y", "Z"]
 COMPONENTS: tuple[Direction, ...] = ("X", "Y", "Z")
 AGAIN = 2
 """Times that the bases are selected again with the added effects."""
-HELD = 0.998
-"""Share of the function's variance that its terms hold."""
+HELD, HELD_OF_ALL = 0.998, 0.9
+"""Shares of the function's variance, and of the part that depends on all variables, that its terms hold."""
 MOST_TERMS, MOST_IN_ODDS = 120, 300
 ROWS_PER_TERM = 2
 OWN = 0.45
@@ -206,7 +206,11 @@ def terms_of(lengths: tuple[float, ...], most: int) -> tuple[np.ndarray, Array]:
     least = np.partition(held, max(len(held) - most, 0))[max(len(held) - most, 0)]
     some = np.flatnonzero(held >= least)
     order = some[np.argsort(-held[some], kind="stable")]
-    count = int(np.searchsorted(np.cumsum(held[order]), HELD * held.sum())) + 1
+    of_all = reduce(np.multiply.outer, [np.arange(len(own)) > 0 for own in each]).reshape(-1) * held
+    count = 1 + max(
+        int(np.searchsorted(np.cumsum(part[order]), share * part.sum()))
+        for part, share in ((held, HELD), (of_all, HELD_OF_ALL))
+    )
     chosen = np.sort(order[: min(count, most)])
     degrees = np.stack(np.unravel_index(chosen, [len(own) for own in each]), axis=1)
     return read_only(degrees), read_only(sizes[chosen])
