@@ -16,7 +16,7 @@ from calibration.fit.acceptance import nominal_residuals, not_better
 from calibration.fit.calibrate import NotAccepted, calibrate
 from calibration.fit.cross_validation import CrossValidation, Gains
 from calibration.fit.fit import fit
-from kinematics.effects import StationShift
+from kinematics.effects import StationShift, Unnamed
 from kinematics.error_model.model import no_errors
 
 MACHINE = machines.load("cframe")
@@ -102,6 +102,22 @@ def test_the_same_machine_again_confirms_its_calibration():
     assert again.acceptance.confirmed
     assert again.model is present
     assert again.acceptance.none.gains.better
+
+
+@pytest.mark.statistical
+def test_a_confirmed_calibration_is_uncertain_by_what_no_cause_explains():
+    """Beside an error that swings with Y and time its values stay, but it no longer predicts to its own uncertainty."""
+    model, first = data(n=400)
+    present = calibrate(first).model
+    swing = Unnamed("Z", ("Y", "time"), ((0.0, 500.0), (0.0, 15.0 * 120)), ((1, 2), (1, 3)), (60.0, 60.0))
+    moved = msgspec.structs.replace(model, effects=(*model.effects, swing))
+    again = diagnose(data(seed=5, model=moved)[1], present)
+    assert again.acceptance.confirmed
+    assert "time" in again.unexplained.variables
+    assert again.model.parameters == present.parameters
+    assert again.widened > 2.0
+    assert np.trace(again.model.covariance) > np.trace(present.covariance)
+    assert not again.beside_function
 
 
 @pytest.mark.parametrize(("unexplained_um", "kept"), [(0.0, False), (5.0, False), (7.0, True)])

@@ -79,6 +79,8 @@ class _Calibrated(NamedTuple):
     between: tuple[BetweenPositions, ...]
     acceptance: Acceptance
     beside_function: bool
+    present: Widened | None
+    """The present calibration where these data confirm it: its uncertainties hold an unexplained error too."""
 
 
 class _Given(NamedTuple):
@@ -224,7 +226,12 @@ def _calibrated(
     acceptance = Acceptance.of(
         searched.before, after, calibration, unexplained_um, unseen, new.model, undecided_um, force=force
     )
-    return _Calibrated(new, between, acceptance, bool(beside))
+    if not acceptance.confirmed or calibration is None:
+        return _Calibrated(new, between, acceptance, bool(beside), None)
+    present = Widened(calibration, 1.0)
+    if unseen is not None:
+        present = widened(calibration, selector.measurement, unseen.squares_without)
+    return _Calibrated(new, between, acceptance, False, present)
 
 
 def _compared_with_given(
@@ -241,8 +248,8 @@ def _compared_with_given(
         return _Given(searched.before, searched.tests, evidence.causes, model, factor, None)
     before, causes, after = first.on(first.base.as_it_is).bare, evidence.causes, completed.stage
     change = machine_change(completed.selector.measurement, after.fit.kept, calibration, model)
-    if new.acceptance.confirmed:
-        model, factor = calibration, 1.0
+    if new.present is not None:
+        model, factor = new.present
     elif searched.dependence is None:
         causes = with_changed_lines(causes, change, before, after)
     return _Given(before, unexplained_residual.tests(before.linearised), causes, model, factor, change)

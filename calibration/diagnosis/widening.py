@@ -48,10 +48,10 @@ class UnseenErrors(NamedTuple):
 
     squares: Array
     """Mean squares `(3,)` in x, y, z, um^2."""
+    squares_without: Array
+    """Mean squares `(3,)` in x, y, z, um^2, of the errors of the calibration that the model replaces."""
     with_um: float
     """RMS length, um, of the expected errors of the model."""
-    without_um: float
-    """RMS length, um, of the expected errors of the calibration that it replaces."""
     uncertain_um: float
     """RMS length, um, of the uncertainty of these errors."""
     recurs: bool
@@ -60,6 +60,11 @@ class UnseenErrors(NamedTuple):
     """The fit beside the function, with its curves, which the calibration takes; None where a model holds the error."""
     function: Array | None = None
     """The function beside which the calibration is fitted, as `BesideFunction.values`; None where a model holds it."""
+
+    @property
+    def without_um(self) -> float:
+        """RMS length, um, of the expected errors of the calibration that the model replaces."""
+        return math.sqrt(float(self.squares_without.sum()))
 
 
 class Widened(NamedTuple):
@@ -145,7 +150,7 @@ def _errors_beside(
         squares = np.maximum(squares, shared)
     uncertain = math.sqrt(max(float(np.sum(squares - after)), 0.0))
     recurs = not _moves(dependence) and not dependence.of_readings
-    return UnseenErrors(squares, math.sqrt(after.sum()), math.sqrt(without.sum()), uncertain, recurs)
+    return UnseenErrors(squares, without, math.sqrt(after.sum()), uncertain, recurs)
 
 
 def _of_model_beside(
@@ -164,12 +169,12 @@ def _of_model_beside(
         variance = fit.model.propagated(moment.design(fit.model)) ** 2
         parts.append(np.mean([error**2 + variance, error**2, before**2], axis=1))
     squares, after, without = np.mean(parts, axis=0)
-    with_um, without_um, uncertain_um = (math.sqrt(each.sum()) for each in (after, without, squares - after))
+    with_um, uncertain_um = (math.sqrt(each.sum()) for each in (after, squares - after))
     noise, shared = beside.plain.measurement.noise, shared_squares(beside.plain, dependence)
     of_tool = not dependence.of_readings and len(shared) == 3
     if noise is not None and noise.non_repeatability and of_tool:
         squares = np.maximum(squares, shared)
-    return UnseenErrors(squares, with_um, without_um, uncertain_um, False, (fit, between), beside.values)
+    return UnseenErrors(squares, without, with_um, uncertain_um, False, (fit, between), beside.values)
 
 
 def _given(present: ErrorModel | None, measurement: Measurement) -> ErrorModel:

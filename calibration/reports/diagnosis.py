@@ -66,10 +66,11 @@ def _confirmed(found: Diagnosis) -> Iterator[str]:
     """The first sentence where the data confirm the present calibration."""
     present = found.acceptance.present
     if found.acceptance.confirmed and present is not None:
+        larger = " but for larger uncertainties" if found.widened > 1.0 else ""
         yield (
             f"CONFIRMED: the present calibration predicts held-out {present.name} as well "
             f"({present.other_rms_um:.2f} um RMS) as one that these data update ({present.rms_um:.2f} um). It stays: "
-            "the new file holds it unchanged."
+            f"the new file holds it unchanged{larger}."
         )
 
 
