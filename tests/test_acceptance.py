@@ -114,7 +114,7 @@ def test_a_confirmed_calibration_is_uncertain_by_what_no_cause_explains():
     again = diagnose(data(seed=5, model=moved)[1], present)
     assert again.acceptance.confirmed
     assert "time" in again.unexplained.variables
-    assert again.model.parameters == present.parameters
+    assert np.array_equal(again.model.parameters, present.parameters)
     assert again.widened > 2.0
     assert np.trace(again.model.covariance) > np.trace(present.covariance)
     assert not again.beside_function
