@@ -27,6 +27,7 @@ from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.searched_causes import Searched, searched_causes
 from calibration.diagnosis.separability import separability
 from calibration.diagnosis.unseen.fine_errors import squares_by_fine_errors
+from calibration.diagnosis.unseen.random_walk import squares_by_walk
 from calibration.diagnosis.unseen.undecided_causes import squares_by_forms, squares_by_undecided
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, in_terms_of, named, outliers, with_changed_lines
@@ -45,6 +46,7 @@ from calibration.plausibility.checks import Finding
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress, numbered, silent
+from kinematics.state import TIME
 from kinematics.transforms import Array
 
 LeftOver = Literal["report", "add"]
@@ -211,6 +213,8 @@ def _calibrated(
     curves, unseen = selector.base.curves, None
     if dependence is not None and not held:
         unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves)
+        if TIME in dependence.variables:
+            unseen = unseen.of_at_least(squares_by_walk(after.linearised))
     beside = "" if dependence is None or unseen is None or unseen.beside is None else dependence.listed
     if unseen is not None and unseen.beside is not None:
         curved, between = unseen.beside

@@ -66,6 +66,11 @@ class UnseenErrors(NamedTuple):
         """RMS length, um, of the expected errors of the calibration that the model replaces."""
         return math.sqrt(float(self.squares_without.sum()))
 
+    def of_at_least(self, squares: Array) -> UnseenErrors:
+        """The same with at least these mean squares `(3,)`, um^2, of an error that neither calibration holds."""
+        without = np.maximum(self.squares_without, squares)
+        return self._replace(squares=np.maximum(self.squares, squares), squares_without=without)
+
 
 class Widened(NamedTuple):
     """A model with uncertainties that hold an unexplained error too."""

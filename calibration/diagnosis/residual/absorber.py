@@ -41,6 +41,8 @@ class Absorbing(NamedTuple):
     """The function in the directions of the tool that it needs, at zero."""
     prior: Array = np.zeros(0)
     """Prior standard deviations `(k,)` of its coefficients, um."""
+    walks: tuple[tuple[Direction, float], ...] = ()
+    """Directions of the tool with a random walk, and the standard deviation of its steps, um, in turn as its columns."""
 
 
 def absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> LinearisedFit:
@@ -134,6 +136,7 @@ def absorbing(
             found.log_odds + best.log_odds,
             (*found.effects, best.effect),
             np.concatenate([found.prior, prior]),
+            found.walks,
         )
         missing = tuple(component for component in missing if component != best.effect.component)
     return found
@@ -152,8 +155,9 @@ def with_walk(linearised: LinearisedFit) -> Absorbing:
     Independent steps at moments that are evenly spread over the rows, with one standard deviation.
     """
     found, missing = Absorbing(linearised, 0.0), COMPONENTS
+    steps = steps_of_walk(linearised)
     while missing:
-        walks = [_walk(found.linearised, component) for component in missing]
+        walks = [_walk(found.linearised, component, steps) for component in missing]
         proposed = [
             evidence(found.linearised.projected(each).schur, found.linearised.residual @ each) for each in walks
         ]
@@ -161,16 +165,22 @@ def with_walk(linearised: LinearisedFit) -> Absorbing:
         log_odds, size = proposed[best]
         if log_odds <= EVIDENCE:
             break
-        found = Absorbing(found.linearised.beside(size * walks[best]), found.log_odds + log_odds)
+        beside = found.linearised.beside(size * walks[best])
+        own = (*found.walks, (missing[best], size * STEP_UM))
+        found = Absorbing(beside, found.log_odds + log_odds, walks=own)
         missing = tuple(component for component in missing if component != missing[best])
     return found
 
 
-def _walk(linearised: LinearisedFit, component: Direction) -> Array:
-    """White columns `(N, k)` of steps of the tool in one direction, of `STEP_UM` each."""
+def steps_of_walk(linearised: LinearisedFit) -> Array:
+    """Which steps of a random walk each row has behind it, `(n, k)`: 1 or 0."""
     time, count = linearised.state.need("time", "a random walk"), min(STEPS, len(linearised.rows) // ROWS_PER_STEP)
     moments = np.unique(np.quantile(time, np.arange(1, count + 1) / (count + 1), method="nearest"))
-    steps = time[:, None] >= moments[moments > time.min()]
+    return np.asarray(time[:, None] >= moments[moments > time.min()], float)
+
+
+def _walk(linearised: LinearisedFit, component: Direction, steps: Array) -> Array:
+    """White columns `(N, k)` of steps of the tool in one direction, of `STEP_UM` each."""
     arm = linearised.transform[:, :, 6 * len(linearised.measurement.machine.axes) + COMPONENTS.index(component)]
     columns = UM * STEP_UM * arm[:, :, None] * steps[:, None, :]
     return np.asarray(linearised.decorrelation.apply(columns).reshape(linearised.scalars, -1))
