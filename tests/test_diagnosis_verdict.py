@@ -12,6 +12,8 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Projected, Score
 from calibration.diagnosis.search.stage import Accepted
 from calibration.diagnosis.verdict import may_be_mean, notes, outliers, tied_with, verdict_of
+from calibration.observation.equations import specified_covariance
+from calibration.observation.normal_equations import whitened, whiteners
 from kinematics.effects import Backlash, CrossAxis, Cyclic, LocationError, Scale, Settling, UnknownApproach
 
 SCORE = Score(500.0, 500.0, 1.0, -480.0, 1e-9, np.ones(1))
@@ -131,3 +133,17 @@ def test_a_wrong_row_before_the_first_move_is_an_outlier_where_the_side_is_a_par
     assert 5 in found.outliers
     cause = outliers(found, LinearisedFit.of(found))
     assert (cause.effect.rows if cause else ()) == named_rows
+
+
+def test_an_outlier_across_the_beam_is_one_error_of_the_tracker():
+    """Its x and y are parts of one angle: counted each by its own uncertainty they would be two."""
+    data = data_with()
+    unit = np.linalg.cholesky(specified_covariance(data)[40])[:, 0]
+    observed = data.observed.copy()
+    observed[40] += 12.0 * unit
+    shifted = replace(data, observed=observed, state=replace(data.state, observed=observed))
+    found = fitted(shifted)
+    cause = outliers(found, LinearisedFit.of(found))
+    assert cause.effect.rows == (40,)
+    white = whitened(whiteners(shifted), found.residual)[40]
+    assert cause.delta_bic == pytest.approx(3.0 * np.log(found.observations) - white @ white)

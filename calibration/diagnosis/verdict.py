@@ -222,11 +222,13 @@ def outliers(fit: Fit, before: LinearisedFit) -> Named | None:
     components = fit.measurement.instrument.components
     squares = float(np.sum(before.residual.reshape(-1, components)[frame_rows] ** 2))
     shift = fit.residual[rows] * 1e3
-    u = np.sqrt(np.diagonal(_covariances(fit, rows), axis1=1, axis2=2)) * 1e3
+    covariances = 1e6 * _covariances(fit, rows)
+    u = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     effect = Outliers(
         rows=tuple(rows.tolist()), shift_um=tuple(shift.reshape(-1).tolist()), u=tuple(u.reshape(-1).tolist())
     )
-    distance = float(np.sum((shift / u) ** 2))
+    # across the beam of a tracker x and y err together
+    distance = float(np.sum(shift * np.linalg.solve(covariances, shift[:, :, None])[:, :, 0]))
     delta_bic = -distance + shift.size * math.log(max(fit.observations, 2))
     if delta_bic > WORTH:
         return None
