@@ -42,7 +42,7 @@ class Absorbing(NamedTuple):
     prior: Array = np.zeros(0)
     """Prior standard deviations `(k,)` of its coefficients, um."""
     walks: tuple[tuple[Direction, float], ...] = ()
-    """Directions of the tool with a random walk, and the standard deviation of its steps, um; in turn as the columns."""
+    """Directions of the tool with a random walk, and the standard deviation of its steps, um; in turn as columns."""
 
 
 def absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> LinearisedFit:
