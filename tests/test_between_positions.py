@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal
 from support.interferometer_runs import runs
 from support.probe_cases import probed
-from support.virtual_measurements import THREE, measured, truth, written
+from support.virtual_measurements import THREE, measured, positions, truth, written
 
 import machines
 from calibration.fit.calibrate import calibrate
@@ -17,10 +17,11 @@ from calibration.fit.curves.between_positions import as_table, with_curves_betwe
 from calibration.fit.curves.line_shares import line_shares
 from calibration.fit.curves.smooth_process import CORRELATIONS, SIZES, Process, Processes, _Evidence
 from calibration.fit.fit import fit
-from calibration.observation.full_model import BasisChoice, rigid_model, with_effects
+from calibration.observation.full_model import BasisChoice, priors, rigid_model, with_effects
 from kinematics.basis import BSpline
 from kinematics.deviation import exact_deviation
-from kinematics.effects import ErrorMotion
+from kinematics.effects import AngleHarmonic, ErrorMotion
+from kinematics.error_model.model import no_errors
 from kinematics.state import State
 
 GANTRY = machines.load("gantry")
@@ -240,3 +241,32 @@ def test_rotary_axes_as_splines_keep_the_size_of_their_own_prior():
     }
     assert min(size for name, size in sizes.items() if name[-1] == "A") > 28.0
     assert max(sizes[name] for name in ("E_XX", "E_YY", "E_ZZ")) < 4.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_other_effects_are_found_again_beside_the_curves(seed):
+    """A basis pays for a line with each of its parameters, and leaves a part of it to a wave of the tracker's circle."""
+    rng, ends = np.random.default_rng(seed), np.array([-1.0, 1.0])
+    lines = [
+        ErrorMotion(
+            component, axis, BSpline((low, high), 1), tuple((ends * rng.uniform(-40.0, 40.0)).tolist()), (0.0,) * 2
+        )
+        for axis, low, high in zip("XYZ", *GANTRY.travel.tolist(), strict=True)
+        for component in "XYZABC"
+    ]
+    circle = AngleHarmonic(circle="azimuth", harmonic=1, sine_urad=40.0, cosine_urad=20.0)
+    model = msgspec.structs.replace(no_errors(GANTRY), effects=(*lines, circle))
+    measurement = measured(GANTRY, positions(GANTRY, 200, rng), THREE, model, rng)
+    base = rigid_model(measurement, dict.fromkeys("XYZ", BasisChoice("cubic", 9)))
+    start = circle.with_parameters((0.0, 0.0))
+    first = msgspec.structs.replace(base, effects=(*base.effects, start))
+    found = fit(measurement, first, prior=np.concatenate([priors(base), [100.0, 100.0]]))
+    before, after = (_of_circle(each) for each in (found, with_curves_between(found)[0]))
+    assert np.all(np.abs(after[0] - [40.0, 20.0]) < 2.5 * after[1])
+    assert np.all(after[1] < before[1])
+
+
+def _of_circle(found):
+    """Parameters of the last effect of a fit, and their standard uncertainties."""
+    own = found.model.slices[-1]
+    return np.array(found.model.parameters)[own], np.sqrt(np.diag(np.array(found.model.covariance))[own])

@@ -74,11 +74,21 @@ class _Evidence(NamedTuple):
     evaluated: tuple[Evaluated, ...]
 
 
+class _Curved(NamedTuple):
+    """The fit of the result with its error motions as curves, beside an unexplained function where there is one."""
+
+    fit: Fit
+    between: tuple[BetweenPositions, ...]
+    unseen: UnseenErrors | None
+    """Errors at unseen states beside the function; None without a function, or where an unnamed effect holds it."""
+    beside: str
+    """Variables of the function beside which it was fitted, as a list in words; empty without one."""
+
+
 class _Calibrated(NamedTuple):
     """The new calibration with its uncertainties, and its acceptance."""
 
     widened: Widened
-    between: tuple[BetweenPositions, ...]
     acceptance: Acceptance
     beside_function: bool
     present: Widened | None
@@ -145,8 +155,9 @@ def _concluded(
     """The diagnosis: the named causes, the new calibration and its comparison with the present one."""
     first, after, dependence = start.selector, completed.stage, searched.dependence
     measurement = completed.selector.measurement
-    evidence = _evidence(start, searched, completed)
-    new = _calibrated(searched, completed, evidence, calibration, force=force)
+    curved = _curved(searched, completed, calibration)
+    evidence = _evidence(start, searched, completed, curved.fit.model)
+    new = _calibrated(searched, completed, evidence, curved, calibration, force=force)
     given = _compared_with_given(first, searched, completed, evidence, new, calibration)
     return Diagnosis(
         measurement=measurement,
@@ -175,19 +186,34 @@ def _concluded(
         proposed_measurements=tuple(proposed_measurements(searched.found.stage, given.causes, dependence)),
         acceptance=new.acceptance,
         design=tuple(separability(searched.before.linearised, first.library)),
-        between_positions=new.between,
+        between_positions=curved.between,
         machine_change=given.change,
     )
 
 
-def _evidence(start: Start, searched: Searched, completed: _Completed) -> _Evidence:
-    """The named causes, and the evidence for them."""
+def _curved(searched: Searched, completed: _Completed, calibration: ErrorModel | None) -> _Curved:
+    """The fit of the result with its error motions as curves."""
+    after, dependence, curves = completed.stage, searched.dependence, completed.selector.base.curves
+    held = len(after.accepted) != len(searched.found.stage.accepted)  # by the model, as an unnamed effect
+    unseen = None
+    if dependence is not None and not held:
+        unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves)
+        if TIME in dependence.variables:
+            unseen = unseen.of_at_least(squares_by_walk(after.linearised))
+        if unseen.beside is not None:
+            return _Curved(*unseen.beside, unseen, dependence.listed)
+    fit, between = with_curves_between(after.fit) if curves else (after.fit, ())
+    return _Curved(fit, between, unseen, "")
+
+
+def _evidence(start: Start, searched: Searched, completed: _Completed, model: ErrorModel) -> _Evidence:
+    """The named causes with their sizes in the model of the result, and the evidence for them."""
     first, after, dependence = start.selector, completed.stage, searched.dependence
     bare = after.linearised if not after.accepted else completed.selector.without_causes(after)
     positions = beside_causes(start.positions, absorbed(after.linearised, dependence))
     # an unexplained dependence makes outliers too
     lost = outliers(after.fit, bare) if dependence is None else None
-    found = named(after, bare)
+    found = named(after, bare, model)
     # a basis that the search has chosen itself is no fault of the model
     finer = [each for each in found if each.kind == HIGHER_FREQUENCY and first.base.origin == "automatic"]
     causes = [each for each in found if each not in finer]
@@ -200,42 +226,33 @@ def _calibrated(
     searched: Searched,
     completed: _Completed,
     evidence: _Evidence,
+    curved: _Curved,
     calibration: ErrorModel | None,
     *,
     force: bool,
 ) -> _Calibrated:
     """The new calibration with its uncertainties, and its acceptance."""
     selector, after, dependence = completed.selector, completed.stage, searched.dependence
-    with_causes = searched.found.stage
     added = [f"{cause.kind} {cause.axis or ''}".strip() for cause in evidence.causes if cause.where == "machine"]
-    unexplained_um = 0.0 if dependence is None else unexplained_residual.shared_rms(with_causes.linearised, dependence)
-    held = dependence is None or len(after.accepted) != len(with_causes.accepted)  # by the model, as an unnamed effect
-    curves, unseen = selector.base.curves, None
-    if dependence is not None and not held:
-        unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves)
-        if TIME in dependence.variables:
-            unseen = unseen.of_at_least(squares_by_walk(after.linearised))
-    beside = "" if dependence is None or unseen is None or unseen.beside is None else dependence.listed
-    if unseen is not None and unseen.beside is not None:
-        curved, between = unseen.beside
-    else:
-        curved, between = with_curves_between(after.fit) if curves else (after.fit, ())
-    alone = new_calibration(selector.base, curved, added, calibration, beside)
+    with_causes = searched.found.stage.linearised
+    unexplained_um = 0.0 if dependence is None else unexplained_residual.shared_rms(with_causes, dependence)
+    alone = new_calibration(selector.base, curved.fit, added, calibration, curved.beside)
     undecided, known = np.zeros(3), np.zeros(3)
     if dependence is None:
         undecided = squares_by_undecided(after.linearised, evidence.evaluated)
         known = squares_by_forms(after, selector.library) + squares_by_fine_errors(after.linearised)
+    unseen = curved.unseen
     new = _with_uncertainties(alone, completed, dependence, unseen, undecided + known)
     undecided_um = float(np.sqrt(undecided.sum()))
     acceptance = Acceptance.of(
         searched.before, after, calibration, unexplained_um, unseen, new.model, undecided_um, force=force
     )
     if not acceptance.confirmed or calibration is None:
-        return _Calibrated(new, between, acceptance, bool(beside), None)
+        return _Calibrated(new, acceptance, bool(curved.beside), None)
     present = Widened(calibration, 1.0)
     if unseen is not None:
         present = widened(calibration, selector.measurement, unseen.squares_without)
-    return _Calibrated(new, between, acceptance, False, present)
+    return _Calibrated(new, acceptance, False, present)
 
 
 def _compared_with_given(

@@ -24,6 +24,7 @@ from kinematics.effects import (
     CrossAxis,
     Cyclic,
     Effect,
+    ErrorMotion,
     LocationError,
     Outliers,
     QuantisedCompensation,
@@ -34,6 +35,7 @@ from kinematics.effects import (
     UnknownApproach,
     Unnamed,
 )
+from kinematics.error_model.model import ErrorModel
 
 Verdict = Literal["strong", "tied", "weak"]
 LINEAR, ANGLES = "XYZ", "ABC"
@@ -117,17 +119,20 @@ class Named:
         return {name: getattr(self.effect, name) for name in names if getattr(self.effect, name, None) is not None}
 
 
-def named(stage: Stage, before: LinearisedFit) -> list[Named]:
+def named(stage: Stage, before: LinearisedFit, model: ErrorModel) -> list[Named]:
     """The accepted causes of a stage, the best first, unnamed effects last.
 
-    before: the linearised fit without any of them. A line that is tied, and may be the mean of a cross-axis error that
-    is a cause, is no further one.
+    before: the linearised fit without any of them. model: that of the stage, with the sizes of the result; its error
+    motions are curves. A line that is tied, and may be the mean of a cross-axis error that is a cause, is no further
+    one.
     """
     found = []
     whole = in_terms_of(before, stage.linearised)
     for i, (each, number) in enumerate(zip(stage.accepted, stage.numbers, strict=True)):
         without = stage.without(i)
-        effect = _with_uncertainty(stage.fit.model.effects[number], without)
+        fitted = stage.fit.model.effects[number]
+        sized = fitted if isinstance(fitted, ErrorMotion) else model.effects[number]
+        effect = _with_uncertainty(sized, without)
         own = without.projected(without.columns(each.candidate.effect))
         share = float(each.size @ own.schur @ each.size) / whole
         walk = _random_walk(stage, i)

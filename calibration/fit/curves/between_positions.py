@@ -9,7 +9,9 @@ is known half-way between two positions. A Type B judgement (GUM) limits them wh
 them.
 
 The curve and its covariance, given the data, are written as a cubic spline: with a node at each position and half-way
-between few of them, with as few nodes as hold the process among many. Other effects keep their values.
+between few of them, with as few nodes as hold the process among many. Other effects are found again beside the curves,
+which hold lines more easily than a basis does: what looks like a line of an axis may be a wave of a tracker's circle.
+Their shapes, in which errors are not linear, stay.
 """
 
 from __future__ import annotations
@@ -270,16 +272,26 @@ class _Values:
         within = through.T @ self.information @ through
         values, vectors = np.linalg.eigh((within + within.T) / 2.0)
         half = root @ (vectors / np.sqrt(1.0 + np.maximum(values, 0.0)))
-        parameters = np.array(model.parameters)
-        curves = np.concatenate([self._columns(model, axis) for axis in self.axes])
-        rows = np.concatenate([self._rows(axis) for axis in self.axes])
-        own = through[np.ix_(rows, curves)]
-        solved = np.linalg.solve(
-            np.eye(len(curves)) + own.T @ self.information[np.ix_(rows, rows)] @ own, own.T @ self._right[rows]
-        )
-        parameters[curves] = root[np.ix_(curves, curves)] @ solved
+        free = self._moving(model)
+        inner = (np.eye(len(within)) + within)[np.ix_(free, free)]
+        solved = np.linalg.solve(inner, (through.T @ self._right - self._pulled(model))[free])
+        parameters = np.array(model.parameters) + root[:, free] @ solved
         prior = np.sqrt(np.sum(root**2, axis=1))
         return replace(self.found, model=model.with_parameters(parameters, half @ half.T), prior=prior)
+
+    def _moving(self, model: ErrorModel) -> np.ndarray:
+        """Numbers of the parameters that are found again: shapes keep their values."""
+        linear = np.concatenate([np.array(effect.linear) for effect in model.effects])
+        return np.flatnonzero(linear)
+
+    def _pulled(self, model: ErrorModel) -> Array:
+        """Distances `(q,)` of the parameters of other effects from their priors, in units of these; 0 for curves."""
+        pulled = np.zeros(len(model.parameters))
+        for effect, own, part in zip(self.found.model.effects, self.found.model.slices, model.slices, strict=True):
+            if not (isinstance(effect, ErrorMotion) and effect.axis in self.axes):
+                limited = np.isfinite(self.found.prior[own])
+                pulled[part] = np.where(limited, self.found.away[own], 0.0)
+        return pulled
 
     def _rows(self, axis: str) -> np.ndarray:
         """Numbers of the values of the error motions of an axis."""
