@@ -249,7 +249,7 @@ def test_other_effects_are_found_again_beside_the_curves(seed):
     rng, ends = np.random.default_rng(seed), np.array([-1.0, 1.0])
     lines = [
         ErrorMotion(
-            component, axis, BSpline((low, high), 1), tuple((ends * rng.uniform(-40.0, 40.0)).tolist()), (0.0,) * 2
+            component, axis, BSpline((low, high), 1), tuple((ends * rng.uniform(-40.0, 40.0)).tolist()), u=(0.0, 0.0)
         )
         for axis, low, high in zip("XYZ", *GANTRY.travel.tolist(), strict=True)
         for component in "XYZABC"
