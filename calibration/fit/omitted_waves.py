@@ -60,7 +60,9 @@ class OmittedWaves:
 
     def beside(self, found: Fit) -> Fit:
         """The fit with this model: of the result, only the model and the priors belong to the waves."""
-        return replace(found, model=self.model, prior=self.prior)
+        away = np.zeros(len(self.own))
+        away[~self.own] = found.away
+        return replace(found, model=self.model, prior=self.prior, away=away)
 
     def uncertain(self, model: ErrorModel) -> ErrorModel:
         """A model with the same waves, whose covariance is that beside them, with the covariance of its errors."""

@@ -93,7 +93,7 @@ class BesideFunction:
         given = self.plain.fit
         root = self.root[: len(given.model.parameters)]
         model = given.model.with_parameters(np.array(given.model.parameters) + self.moved, root @ root.T)
-        return replace(given, model=model)
+        return replace(given, model=model, away=self.solved.away[self._model])
 
     def information(self, model: ErrorModel) -> tuple[Array, Array]:
         """Information on the parameters of a model `(q, q)` and slope `(q,)` at the residuals without the function.

@@ -11,7 +11,7 @@ them.
 The curve and its covariance, given the data, are written as a cubic spline: with a node at each position and half-way
 between few of them, with as few nodes as hold the process among many. Other effects are found again beside the curves,
 which hold lines more easily than a basis does: what looks like a line of an axis may be a wave of a tracker's circle.
-Their shapes, in which errors are not linear, stay.
+Their shapes, in which errors are not linear, stay, and so do other error motions.
 """
 
 from __future__ import annotations
@@ -280,9 +280,12 @@ class _Values:
         return replace(self.found, model=model.with_parameters(parameters, half @ half.T), prior=prior)
 
     def _moving(self, model: ErrorModel) -> np.ndarray:
-        """Numbers of the parameters that are found again: shapes keep their values."""
-        linear = np.concatenate([np.array(effect.linear) for effect in model.effects])
-        return np.flatnonzero(linear)
+        """Numbers of the parameters that are found again; shapes, and error motions without curves, stay."""
+        moving = [
+            np.array(effect.linear) & (not isinstance(effect, ErrorMotion) or effect.axis in self.axes)
+            for effect in model.effects
+        ]
+        return np.flatnonzero(np.concatenate(moving))
 
     def _pulled(self, model: ErrorModel) -> Array:
         """Distances `(q,)` of the parameters of other effects from their priors, in units of these; 0 for curves."""
