@@ -284,7 +284,7 @@ def test_a_drift_that_a_random_walk_explains_as_well_is_tied_with_it(um, verdict
     made = selector(replace(data, observed=data.observed + along))
     stage = made.stage([(Candidate(ThermalDrift("Z", rate=0.0)), np.zeros(1))])
     assert remainder.wandering(stage) == []
-    (cause,) = named(stage, made.without_causes(stage))
+    (cause,) = named(stage, made.without_causes(stage), stage.fit.model)
     assert cause.verdict == verdict
     assert [each.kind for each in cause.alternatives if each.tied] == ["random-walk"] * (verdict == "tied")
 
