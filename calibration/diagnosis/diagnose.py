@@ -156,7 +156,9 @@ def _concluded(
     first, after, dependence = start.selector, completed.stage, searched.dependence
     measurement = completed.selector.measurement
     curved = _curved(searched, completed, calibration)
-    evidence = _evidence(start, searched, completed, curved.fit.model)
+    # the solution beside a function is one of the linearised fit, far from it where the function is large
+    sized = after.fit.model if curved.beside else curved.fit.model
+    evidence = _evidence(start, searched, completed, sized)
     new = _calibrated(searched, completed, evidence, curved, calibration, force=force)
     given = _compared_with_given(first, searched, completed, evidence, new, calibration)
     return Diagnosis(
