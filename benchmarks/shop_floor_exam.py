@@ -96,6 +96,8 @@ def questions(args: argparse.Namespace) -> list[Key]:
 def _even(args: argparse.Namespace) -> Iterator[Key]:
     """`--each` questions of each design, design by design in turn; the data of a machine's draw serve three causes."""
     causes = [cause for cause in args.causes if cause != "none"]
+    if not causes:
+        sys.exit("--each chooses among effects: --causes must name one besides none")
     chance, machines = random.Random(args.seed), args.machines
     orders = {design: chance.sample(causes, len(causes)) for design in args.designs}
     for turn in range(args.each):

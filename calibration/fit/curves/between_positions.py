@@ -298,15 +298,7 @@ class _Values:
 
     def _rows(self, axis: str) -> np.ndarray:
         """Numbers of the values of the error motions of an axis."""
-        return self._numbered(self.effects, self.parts, axis)
-
-    def _columns(self, model: ErrorModel, axis: str) -> np.ndarray:
-        """The same for the parameters of the curves."""
-        return self._numbered(model.effects, model.slices, axis)
-
-    @staticmethod
-    def _numbered(effects: tuple[Effect, ...], parts: tuple[slice, ...], axis: str) -> np.ndarray:
-        own = zip(effects, parts, strict=True)
+        own = zip(self.effects, self.parts, strict=True)
         return np.concatenate(
             [np.arange(p.start, p.stop) for effect, p in own if isinstance(effect, ErrorMotion) and effect.axis == axis]
         )
