@@ -1,4 +1,4 @@
-"""Errors judged row by row, against whole columns; tails and cores against their definitions."""
+"""Errors judged position by position, against whole columns; tails and cores against their definitions."""
 
 import numpy as np
 import pytest
@@ -38,8 +38,8 @@ def test_a_lever_says_what_whole_columns_say(linearised, effect):
 
 
 def test_gains_of_waves_are_what_the_best_sum_of_sine_and_cosine_gains(linearised):
-    sensitivity, x = Sensitivity.of(linearised, "X", "Z"), linearised.positions("X")
-    phase = 2 * np.pi * x[:, None] / np.array([7.0, 11.0, 30.0])
+    sensitivity = Sensitivity.of(linearised, "X", "Z")
+    phase = 2 * np.pi * sensitivity.x[:, None] / np.array([7.0, 11.0, 30.0])
     sines, cosines = np.sin(phase), np.cos(phase)
     both = sensitivity.wave_gains(sines, cosines)
     for i, found in enumerate(both):

@@ -50,9 +50,9 @@ def _added(without: LinearisedFit, with_cause: LinearisedFit, axis: str, compone
 
 def _log_odds(linearised: LinearisedFit, axis: str, component: Component) -> float:
     """Log odds of independent errors of an axis at its positions, of one standard deviation, against none."""
-    _, number = np.unique(np.round(linearised.positions(axis), 3), return_inverse=True)
+    sensitivity = Sensitivity.of(linearised, axis, component)
+    _, number = np.unique(np.round(sensitivity.x, 3), return_inverse=True)
     if (count := int(number.max()) + 1) > MANY:
         return 0.0
-    sensitivity, errors = Sensitivity.of(linearised, axis, component), np.eye(count)[number.reshape(-1)]
-    errors = SIZE * unit_of(component)[1] * errors
+    errors = SIZE * unit_of(component)[1] * np.eye(count)[number.reshape(-1)]
     return evidence(sensitivity.schur(errors), sensitivity.along @ errors)[0]

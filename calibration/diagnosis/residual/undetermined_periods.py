@@ -47,8 +47,6 @@ class _AtPositions(NamedTuple):
     """Independent errors at the positions of an axis, in a linearised fit without the cause."""
 
     sensitivity: Sensitivity
-    x: Array
-    """Positions `(n,)` of the rows."""
     squares: float
     """Reduction of the sum of squares by errors of any size at the positions."""
     dimensions: float
@@ -59,19 +57,18 @@ class _AtPositions(NamedTuple):
     @classmethod
     def of(cls, linearised: LinearisedFit, effect: Repeating) -> _AtPositions | None:
         """The errors in the direction of a cause; None for many positions."""
-        x = linearised.positions(effect.axis)
-        _, number = np.unique(np.round(x, 3), return_inverse=True)
-        if (count := int(number.max()) + 1) > MANY:
-            return None
         component = effect.component if isinstance(effect, Cyclic) else own_component(effect.axis)
         sensitivity = Sensitivity.of(linearised, effect.axis, component)
+        _, number = np.unique(np.round(sensitivity.x, 3), return_inverse=True)
+        if (count := int(number.max()) + 1) > MANY:
+            return None
         errors = unit_of(component)[1] * np.eye(count)[number.reshape(-1)]
         schur, along = sensitivity.schur(errors), sensitivity.along @ errors
         root = pseudo_inverse(schur, UNSEEN).root
-        signal = (sensitivity.arm * (errors @ (root @ (root.T @ along)))[:, None]).reshape(-1)
+        signal = sensitivity.signal(errors @ (root @ (root.T @ along)))
         explained = signal - linearised.spanned @ (linearised.spanned.T @ signal)
         dimensions = float(np.trace(schur) ** 2 / np.sum(schur**2))
-        return cls(sensitivity, x, float(np.sum((root.T @ along) ** 2)), dimensions, explained)
+        return cls(sensitivity, float(np.sum((root.T @ along) ** 2)), dimensions, explained)
 
     def left(self, squares: Array | float) -> Array:
         """Share of their squares that a wave leaves which explains `squares`; at least that of noise."""
@@ -82,7 +79,7 @@ class _AtPositions(NamedTuple):
         frequencies = frequencies_of(self.sensitivity.linearised, effect.axis)
         if len(frequencies) < OVERSAMPLING:
             return []
-        waves = Waves.of(self.x, frequencies)
+        waves = Waves.of(self.sensitivity.x, frequencies)
         (power,) = strengths([self.sensitivity], waves)
         best, gains = finest(self.sensitivity, waves, peaks(power, TRIED), unit_of(effect.component)[1])
         odds = 0.5 * (self.dimensions - 2.0) * np.log(self.left(gains) / left)

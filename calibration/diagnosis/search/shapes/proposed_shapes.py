@@ -156,8 +156,10 @@ def _strongest(
     linearised: LinearisedFit, axis: str, components: Sequence[Component], frequencies: Array
 ) -> Iterator[tuple[Sensitivity, Array, Array]]:
     """For each error motion of an axis the frequencies `(k,)` that explain most, refined, and their gains `(k,)`."""
-    waves = Waves.of(linearised.positions(axis), frequencies)
     sensitivities = [Sensitivity.of(linearised, axis, component) for component in components]
+    if not sensitivities:
+        return
+    waves = Waves.of(sensitivities[0].x, frequencies)
     powers = strengths(sensitivities, waves)
     for component, sensitivity, power in zip(components, sensitivities, powers, strict=True):
         yield sensitivity, *finest(sensitivity, waves, peaks(power, BEST_WAVES), unit_of(component)[1])
@@ -220,16 +222,15 @@ def steps_along(linearised: LinearisedFit, axis: str, whole: LinearisedFit | Non
     """The strongest sawtooth along one axis, in a list; `whole` as in `steps`."""
     measurement = linearised.measurement
     low, high = moving_axes(measurement)[axis]
-    x = linearised.positions(axis)
     count = min(distinct_positions(measurement, axis) / 2, MOST_TEETH / OVERSAMPLING)
     frequencies = np.arange(TEETH, max(count, TEETH), 1.0 / OVERSAMPLING) / (high - low)
     if len(frequencies) < OVERSAMPLING:
         return []
     sensitivity = Sensitivity.of(linearised, axis, own_component(axis))
-    (strength,) = strengths([sensitivity], Waves.of(x, frequencies))
+    (strength,) = strengths([sensitivity], Waves.of(sensitivity.x, frequencies))
     shares, shapes = np.arange(OFFSETS) / OFFSETS, []
     for frequency in frequencies[peaks(strength, 2 * BEST)].tolist():
-        tried = teeth(x, 1.0 / frequency, shares / frequency)
+        tried = teeth(sensitivity.x, 1.0 / frequency, shares / frequency)
         power = (sensitivity.along @ tried) ** 2 / np.maximum(sensitivity.squares @ tried**2, 1e-300)
         shapes.append((float(power.max()), 1.0 / frequency, float(shares[power.argmax()]) / frequency))
     _, pitches, offsets = np.array(sorted(shapes, reverse=True)[:BEST]).T

@@ -24,7 +24,7 @@ ALL = 0.999
 """Least share of the odds in the range of the next round."""
 _NEXT = tuple(slice(n // 2 - n // 2 // CLOSER, n // 2 + n // 2 // CLOSER + 1) for n in (OFFSETS, PITCHES))
 OVER = 3_000_000
-"""Most rows times sawtooth functions that are computed together."""
+"""Most positions times sawtooth functions that are computed together."""
 
 
 def teeth(x: Array, pitches: Array | float, offsets: Array | float) -> Array:
@@ -40,7 +40,7 @@ def likeliest(sensitivity: Sensitivity, axis: str, pitches: Array, offsets: Arra
 
     sensitivity: of the axis in its own direction.
     """
-    best = int(np.argmax(_gains(sensitivity, axis, pitches, offsets)))
+    best = int(np.argmax(_gains(sensitivity, pitches, offsets)))
     pitch = float(pitches[best])
     return QuantisedCompensation(axis=axis, step=0.0, pitch=pitch, offset=float(offsets[best]) % pitch)
 
@@ -62,7 +62,7 @@ def saw_uncertainty(linearised: LinearisedFit, effect: QuantisedCompensation) ->
     for k in range(ROUNDS):
         pitches, offsets = _about(linearised, effect, CLOSER**-k)
         apart = pitches[1] - pitches[0], offsets[PITCHES] - offsets[0]
-        gains = _gains(sensitivity, effect.axis, pitches, offsets)
+        gains = _gains(sensitivity, pitches, offsets)
         variance = max((linearised.squares - float(gains.max())) / linearised.degrees_of_freedom, 1.0)
         odds = np.exp((gains - gains.max()) / (2.0 * variance))
         odds /= odds.sum()
@@ -88,9 +88,9 @@ def _about(linearised: LinearisedFit, effect: QuantisedCompensation, reach: floa
     return pitches, middles - jumps * pitches
 
 
-def _gains(sensitivity: Sensitivity, axis: str, pitches: Array, offsets: Array) -> Array:
+def _gains(sensitivity: Sensitivity, pitches: Array, offsets: Array) -> Array:
     """Reduction of the sum of squares by each sawtooth `(k,)`."""
-    x = sensitivity.linearised.positions(axis)
+    x = sensitivity.x
     size = max(1, OVER // len(x))
     parts = [slice(start, start + size) for start in range(0, len(pitches), size)]
     return np.concatenate([sensitivity.gains(teeth(x, pitches[part], offsets[part])) for part in parts])

@@ -1,7 +1,7 @@
-"""Sensitivity of the observations to an error of one axis in one direction, row by row.
+"""Sensitivity of the observations to an error of one axis in one direction, position by position.
 
-Error motions, waves and sawtooth functions of an axis in one direction differ only in their sizes at the rows. Their
-part that model and registration cannot imitate follows from that of a unit error at each row, computed once.
+Error motions, waves and sawtooth functions of an axis in one direction differ only in their sizes at its positions.
+Their part that model and registration cannot imitate follows from that of a unit error at each, computed once.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import linalg
 
 from calibration.diagnosis.search.linearised_fit import RIDGE, LinearisedFit
 from calibration.diagnosis.search.score import Score
@@ -22,50 +23,76 @@ UNSEEN = 1e-12
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Signal of an error of 1, mm or rad, at every row of a linearised fit."""
+    """Signal of an error of 1, mm or rad, at every position of an axis in a linearised fit.
+
+    Of rows at one position only their sums count: most designs have far fewer positions than rows.
+    """
 
     linearised: LinearisedFit
     arm: Array
     """Whitened derivatives `(n, d)` of the observations."""
+    x: Array
+    """Positions `(m,)`, ascending, mm or degrees."""
+    first: np.ndarray
+    """First row `(m,)` at each position."""
+    number: np.ndarray
+    """Number `(n,)` of the position of each row."""
 
     @classmethod
     def of(cls, linearised: LinearisedFit, axis: str, component: Component) -> Sensitivity:
         """Sensitivity to an error of an axis in a direction of its error frame."""
         column = 6 * linearised.measurement.machine.index(axis) + COMPONENTS.index(component)
-        return cls(linearised, linearised.decorrelation.apply(linearised.transform[:, :, column]))
+        arm = linearised.decorrelation.apply(linearised.transform[:, :, column])
+        x, first, number = np.unique(linearised.positions(axis), return_index=True, return_inverse=True)
+        return cls(linearised, arm, x, first, number.reshape(-1))
 
     @cached_property
     def along(self) -> Array:
-        """Residual `(n,)` along the sensitivity."""
-        return np.asarray(np.sum(self.arm * self.linearised.residual.reshape(self.arm.shape), axis=1))
+        """Residual `(m,)` along the sensitivity."""
+        return self._sums(self.arm * self.linearised.residual.reshape(self.arm.shape))
 
     @cached_property
     def squares(self) -> Array:
-        """Squares `(n,)` of the sensitivity."""
-        return np.asarray(np.sum(self.arm**2, axis=1))
+        """Squares `(m,)` of the sensitivity."""
+        return self._sums(self.arm**2)
+
+    def _sums(self, values: Array) -> Array:
+        """Sums `(m,)` over the rows of each position, of values `(n, d)`."""
+        return np.bincount(self.number, np.sum(values, axis=1), len(self.x))
 
     @cached_property
     def _through(self) -> Array:
-        """`Projected.through` `(q, n)` of a unit error at each row."""
+        """`Projected.through` `(q, m)` of a unit error at each position."""
         n, d = self.arm.shape
-        along = self.arm[:, None] @ self.linearised.spanned.reshape(n, d, -1)
-        return np.asarray(along[:, 0].T)
+        along = (self.arm[:, None] @ self.linearised.spanned.reshape(n, d, -1))[:, 0]
+        rows = np.argsort(self.number, kind="stable")
+        return np.asarray(np.add.reduceat(along[rows], np.searchsorted(self.number[rows], np.arange(len(self.x)))).T)
+
+    @cached_property
+    def _absorbed(self) -> Array:
+        """Rows `(k, m)` with the same products among each other as `_through`, the fewest."""
+        q, m = self._through.shape
+        return self._through if q <= m else np.asarray(linalg.qr(self._through, mode="r", check_finite=False)[0][:m])
+
+    def signal(self, sizes: Array) -> Array:
+        """White signal `(N,)` of errors of given sizes `(m,)`."""
+        return (self.arm * sizes[self.number, None]).reshape(-1)
 
     def schur(self, sizes: Array) -> Array:
-        """Schur complement `(k, k)` of errors of given sizes `(n, k)`; see `Projected.schur`."""
-        through = self._through @ sizes
+        """Schur complement `(k, k)` of errors of given sizes `(m, k)`; see `Projected.schur`."""
+        through = self._absorbed @ sizes
         return np.asarray((sizes * self.squares[:, None]).T @ sizes - through.T @ through)
 
     def gains(self, sizes: Array) -> Array:
-        """Reduction of the sum of squares by each of some errors `(n, k)`, alone and with its best amplitude."""
-        through = self._through @ sizes
+        """Reduction of the sum of squares by each of some errors `(m, k)`, alone and with its best amplitude."""
+        through = self._absorbed @ sizes
         whole = self.squares @ sizes**2
         schur = whole - np.sum(through**2, axis=0)
         return np.where(schur > RIDGE * whole, (self.along @ sizes) ** 2 / np.maximum(schur, 1e-300), 0.0)
 
     def wave_gains(self, sines: Array, cosines: Array) -> Array:
-        """`gains` of waves, each with the best amplitudes of its sine and cosine `(n, k)`."""
-        through_sine, through_cosine = self._through @ sines, self._through @ cosines
+        """`gains` of waves, each with the best amplitudes of its sine and cosine `(m, k)`."""
+        through_sine, through_cosine = self._absorbed @ sines, self._absorbed @ cosines
         sine = self.squares @ sines**2 - np.sum(through_sine**2, axis=0)
         cosine = self.squares @ cosines**2 - np.sum(through_cosine**2, axis=0)
         both = self.squares @ (sines * cosines) - np.sum(through_sine * through_cosine, axis=0)
@@ -76,8 +103,8 @@ class Sensitivity:
         return np.asarray(explained / (sine * cosine - both**2))
 
     def sizes(self, effect: Effect) -> Array:
-        """Sizes `(n, k)` of an effect of this axis and direction alone, by its linear parameters, in typical sizes."""
-        (only,) = effect.columns(self.linearised.measurement.machine, self.linearised.state)
+        """Sizes `(m, k)` of an effect of this axis and direction alone, by its linear parameters, in typical sizes."""
+        (only,) = effect.columns(self.linearised.measurement.machine, self.linearised.state.rows(self.first))
         linear = np.array(effect.linear)
         typical = np.array(effect.typical)[linear]
         return np.asarray(only.values[:, linear] * np.where(np.isfinite(typical), typical, 1.0))
