@@ -63,7 +63,9 @@ def test_at_few_positions_waves_of_many_periods_explain_the_errors():
 
 def test_errors_between_few_positions_must_be_predicted():
     bare, _ = with_a_wave(points(SLOPE, WAVE, levels=LEVELS))
-    assert "held-out positions of X" in against_positions(bare, nominal_residuals(bare.fit))
+    reason, count = against_positions(bare, nominal_residuals(bare.fit)), len(LEVELS)
+    assert "held-out positions of X" in reason
+    assert f"the {count} positions of X do not show the errors between them; measure at about {2 * count - 1}" in reason
     bare, _ = with_a_wave(points(SLOPE, levels=LEVELS))
     assert against_positions(bare, nominal_residuals(bare.fit)) == ""
 

@@ -24,7 +24,7 @@ from calibration.fit.fit import Fit, fit
 from calibration.fit.problem import FIXED
 from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes, priors
+from calibration.observation.full_model import distinct_positions, moving_axes, priors
 from calibration.observation.normal_equations import whiteners
 from calibration.observation.stops_and_lines import inner_positions
 from kinematics.effects import LocationJump, StationShift
@@ -214,7 +214,12 @@ def against_positions(stage: Stage, nominal: Array, less: Array | None = None) -
         none = _compared(by_position, _of_all_rows(stage, nominal))
         if none is None or none.gains.better or (stage.base.curves and _clear(_by_curves(stage.fit, labels, less))):
             continue
-        return f"{not_better('the fit of the others', none, 'the nominal machine')}. {ADVICE}"
+        count = distinct_positions(stage.fit.measurement, axis)
+        return (
+            f"{not_better('the fit of the others', none, 'the nominal machine')}. The present model stays: the {count} "
+            f"positions of {axis} do not show the errors between them; measure at about {2 * count - 1}, or at "
+            "irregular ones"
+        )
     return ""
 
 
