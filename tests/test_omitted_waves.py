@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from shop_floor.exam import K_95
+from shop_floor.question import ask
 from support.probe_cases import MIDDLE, TIP, in_datum, poses, probed, spheres_of
 
 import machines
@@ -11,9 +13,10 @@ from calibration.fit.fit import fit
 from calibration.fit.omitted_waves import with_next_waves
 from calibration.fit.prediction import relative
 from calibration.fit.together import calibrate_together
+from calibration.measurement.file import read_measurement
 from calibration.simulation.true_model import ROTARY, random_location_errors, random_true_model
 from kinematics.deviation import exact_deviation
-from kinematics.effects import ErrorMotion, LocationError
+from kinematics.effects import COMPONENTS, ErrorMotion, LocationError
 from kinematics.inverse import linear_positions
 from kinematics.state import State
 
@@ -98,3 +101,39 @@ def test_location_errors_of_a_part_of_a_turn_are_within_their_uncertainties():
         exact, own = in_datum(true, found.fit), locations(found.model)
         off += [(own[name].value - exact[name]) / own[name].uncertainties[0] for name in ("E_Z0A", "E_B0A")]
     assert np.mean(np.abs(off) <= 2.0) >= 0.9
+
+
+@pytest.mark.statistical
+def test_by_a_tracker_the_errors_along_a_part_of_a_turn_are_within_their_uncertainties(tmp_path):
+    """Lines and random poses of a DMU 50 whose B has three waves per turn and moves over 110 degrees."""
+    inside, before = [], []
+    for design, draw in (("two-stations", 0), ("random3", 0), ("diagonals", 0), ("lines-once", 0)):
+        question = ask(design, "none", "dmu50", draw, 71001)
+        sheet = tmp_path / f"{design}.csv"
+        sheet.write_text(question.sheet(), encoding="utf-8")
+        found = calibrate(read_measurement(sheet, machines.load("dmu50")), hold_out=False)
+        inside += of_b(found.model, question)
+        before += of_b(found.fit.model, question)
+    assert np.mean(before) < np.mean(inside)
+    assert np.mean(inside) > 0.88
+
+
+def of_b(model, question):
+    """Shares of the error motions of B within their 95 % intervals, less shifts and turns of the axis' neighbours."""
+    place = question.run.machine.names.index("B")
+    q = question.run.positions[:, place]
+    x = np.linspace(q.min(), q.max(), 100)
+    positions = np.zeros((len(x), len(question.run.machine.names)))
+    positions[:, place] = x
+    true = question.motions.errors(positions)[:, place]
+    neighbours = np.stack([np.ones(len(x)), np.cos(np.radians(x)), np.sin(np.radians(x))], axis=1)
+    apart = np.eye(len(x)) - neighbours @ np.linalg.pinv(neighbours)
+    shares = []
+    for effect, part in zip(model.effects, model.slices, strict=True):
+        if isinstance(effect, ErrorMotion) and effect.axis == "B":
+            k = COMPONENTS.index(effect.component)
+            columns = apart @ effect.basis.columns(x)
+            error = columns @ effect.parameters - apart @ true[:, k] * (1e6 if effect.angular else 1e3)
+            u = np.sqrt(np.sum((columns @ np.array(model.covariance)[part, part]) * columns, axis=1))
+            shares.append(float(np.mean(np.abs(error) <= K_95 * u)))
+    return shares

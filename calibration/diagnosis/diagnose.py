@@ -33,9 +33,10 @@ from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, in_terms_of, named, outliers, with_changed_lines
 from calibration.diagnosis.widening import UnseenErrors, Widened, errors_by_choice, unseen_errors, widened
 from calibration.fit.acceptance import disagreement
-from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
+from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import identifiability
+from calibration.fit.omitted_waves import with_curves_and_waves
 from calibration.fit.set_up.repeated_centres import repeat_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition
@@ -204,7 +205,7 @@ def _curved(searched: Searched, completed: _Completed, calibration: ErrorModel |
             unseen = unseen.of_at_least(squares_by_walk(after.linearised))
         if unseen.beside is not None:
             return _Curved(*unseen.beside, unseen, dependence.listed)
-    fit, between = with_curves_between(after.fit) if curves else (after.fit, ())
+    fit, between = with_curves_and_waves(after.fit, chosen=True)[:2] if curves else (after.fit, ())
     return _Curved(fit, between, unseen, "")
 
 

@@ -20,12 +20,12 @@ from calibration.fit.acceptance import (
 )
 from calibration.fit.bases.search import AUTO, Choice
 from calibration.fit.cross_validation import CrossValidation, cross_validate
-from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
+from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.datum import to_datum
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.location_errors import split_locations, transformed
-from calibration.fit.omitted_waves import OmittedWaves, omitted_waves
+from calibration.fit.omitted_waves import OmittedWaves, with_curves_and_waves
 from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
 from calibration.fit.set_up.bases_and_noise import Wanted
@@ -129,10 +129,10 @@ def calibrate(
     before = nominal_residuals(found)
     before_rms_um, before_max_um, before_chi2_reduced = _sizes(found, before)
     too_many = disagreement(found)
-    curved, between, waves = _curved(found, wanted)
+    curved, between, waves = with_curves_and_waves(found, chosen=wanted.automatic)
     written = drift.left_out(_written(curved, valid_days))
     if drift.other is not None:
-        other = drift.other.left_out(in_datum(_curved(drift.other.fit, wanted)[0]))
+        other = drift.other.left_out(in_datum(with_curves_and_waves(drift.other.fit, chosen=wanted.automatic)[0]))
         written = with_other(written, other, 1.0 - drift.probability)
     result = Calibration(
         fit=found,
@@ -154,16 +154,6 @@ def calibrate(
     if not result.accepted:
         raise NotAccepted(result)
     return result
-
-
-def _curved(found: Fit, wanted: Wanted) -> tuple[Fit, tuple[BetweenPositions, ...], OmittedWaves | None]:
-    """The fit with its curves between positions, and the waves that it leaves out, in its uncertainties."""
-    waves = omitted_waves(found, chosen=wanted.automatic)
-    honest = found if waves is None else waves.beside(found)
-    curved, between = with_curves_between(honest) if wanted.automatic else (honest, ())
-    if waves is not None:
-        curved = replace(curved, model=waves.uncertain(curved.model))
-    return curved, between, waves
 
 
 def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], list[TargetPosition]]:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
+from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
 from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
 from calibration.fit.problem import Problem
@@ -120,11 +121,12 @@ class OmittedWaves:
 
 
 def omitted_waves(found: Fit, *, chosen: bool) -> OmittedWaves | None:
-    """The waves that a fit leaves out; None for other instruments than a touch probe, and without a rotary axis.
+    """The waves that a fit leaves out; None without a rotary axis, and beside a calibration that is prior knowledge.
 
-    chosen: the evidence has selected the bases.
+    chosen: the evidence has selected the bases. Stated ones may lack any wave, also over a whole turn, which counts for
+    spheres: other instruments show the errors between the waves in the residuals.
     """
-    if not isinstance(found.measurement.instrument, TouchProbe) or found.prior.ndim > 1:
+    if found.prior.ndim > 1 or not (chosen or isinstance(found.measurement.instrument, TouchProbe)):
         return None
     model, prior, own = with_next_waves(found.model, found.prior, PART_DEG if chosen else np.inf)
     if not own.any():
@@ -135,6 +137,16 @@ def omitted_waves(found: Fit, *, chosen: bool) -> OmittedWaves | None:
     # the problem starts here, so that its priors have no part in the step
     step = solved.step[point.registered :] / prior
     return OmittedWaves.of(model, prior, own, solved.information, solved.information @ step + step)
+
+
+def with_curves_and_waves(found: Fit, *, chosen: bool) -> tuple[Fit, tuple[BetweenPositions, ...], OmittedWaves | None]:
+    """The fit with its curves between positions, where `chosen`, and the waves that it leaves out in its covariance."""
+    waves = omitted_waves(found, chosen=chosen)
+    honest = found if waves is None else waves.beside(found)
+    curved, between = with_curves_between(honest) if chosen else (honest, ())
+    if waves is not None:
+        curved = replace(curved, model=waves.uncertain(curved.model))
+    return curved, between, waves
 
 
 def with_next_waves(model: ErrorModel, prior: Array, most_deg: float) -> tuple[ErrorModel, Array, np.ndarray]:

@@ -305,7 +305,8 @@ class _Joint:
 
     def omitted_waves(self, *, chosen: bool) -> OmittedWaves | None:
         """The waves that the model leaves out, as `calibration.fit.omitted_waves.omitted_waves`."""
-        if not any(isinstance(share.alone.measurement.instrument, TouchProbe) for share in self.shares):
+        spheres = any(isinstance(share.alone.measurement.instrument, TouchProbe) for share in self.shares)
+        if not (chosen or spheres):
             return None
         model, prior, own = with_next_waves(self.result, self.prior, PART_DEG if chosen else np.inf)
         if not own.any():
