@@ -58,7 +58,7 @@ class Sensitivity:
 
     def _sums(self, values: Array) -> Array:
         """Sums `(m,)` over the rows of each position, of values `(n, d)`."""
-        return np.bincount(self.number, np.sum(values, axis=1), len(self.x))
+        return np.bincount(self.number, np.sum(values, axis=1), len(self.x)).astype(float)
 
     @cached_property
     def _through(self) -> Array:
