@@ -99,7 +99,8 @@ def with_curves_between(found: Fit, information: Information | None = None) -> t
     than splines stay, and those of an axis with finer ones than the curves could be. Also those of axes with many
     positions on a few diagonals: the held-out lines have decided on the sizes of the errors there, not the evidence.
 
-    information: of the model of the fit, with error motions as tables; None for that of its rows.
+    information: of the model of the fit, with error motions as tables, beside a function of recorded variables, which
+    leaves some lines to their prior; None for that of its rows.
     """
     splines = _splines(found) if found.prior.ndim == 1 else {}
     measured = {axis: _positions(found.measurement, axis, found.kept) for axis in splines}
@@ -110,7 +111,8 @@ def with_curves_between(found: Fit, information: Information | None = None) -> t
     axes = {axis: x for axis, x in axes.items() if len(x)}
     if not axes:
         return found, ()
-    values = _Values.of(found, axes, information or partial(_information, found))
+    open_lines = information is not None or isinstance(found.measurement.instrument, TouchProbe)
+    values = _Values.of(found, axes, information or partial(_information, found), open_lines=open_lines)
     processes = values.processes()
     intervals = {axis: splines[axis][0].interval for axis in axes}
     bases = {
@@ -186,9 +188,11 @@ class _Values:
     """Product `(q,)` of the derivatives with the residuals, registration eliminated."""
     prior: Array
     """Standard deviations `(q,)`; only those of the other parameters are used."""
+    open_lines: bool
+    """True where the data leave some lines of linear axes to their prior: their sizes are those of all lines."""
 
     @classmethod
-    def of(cls, found: Fit, axes: Mapping[str, Array], information_on: Information) -> _Values:
+    def of(cls, found: Fit, axes: Mapping[str, Array], information_on: Information, *, open_lines: bool) -> _Values:
         """The information about the result of a fit."""
         effects: list[Effect] = []
         priors: list[Array] = []
@@ -204,13 +208,14 @@ class _Values:
                 priors.append(own)
         model = msgspec.structs.replace(found.model, effects=tuple(effects), covariance=None)
         information, slope = information_on(model)
-        return cls(found, axes, model.effects, model.slices, information, slope, np.concatenate(priors))
+        prior = np.concatenate(priors)
+        return cls(found, axes, model.effects, model.slices, information, slope, prior, open_lines)
 
     def processes(self) -> dict[str, Processes]:
         """The possible processes of each axis."""
         lines = {axis: self._lines(axis) for axis in self.axes}
         found = self._swept(lines)
-        if any(map(self._of_spheres, self.axes)):
+        if self.open_lines:
             shares = self._line_shares(found)
             found = self._swept({axis: own * shares[axis] for axis, own in lines.items()})
         return found
@@ -247,7 +252,7 @@ class _Values:
         model = msgspec.structs.replace(self.found.model, effects=self.effects)
         least = least_priors(self.found.measurement, model)
         free = {
-            axis: self._of_spheres(axis) & (least[self._rows(axis)][:: len(x)] == 0.0) for axis, x in self.axes.items()
+            axis: (axis[0] not in ROTARY) & (least[self._rows(axis)][:: len(x)] == 0.0) for axis, x in self.axes.items()
         }
         return line_shares(processes, free, self.information[np.ix_(rows, rows)], self._right[rows])
 
