@@ -54,19 +54,22 @@ def test_its_information_is_that_of_its_covariance():
 
 @pytest.mark.statistical
 @pytest.mark.parametrize(
-    ("design", "cause", "machine", "seed", "most"),
+    ("design", "cause", "machine", "draw", "seed", "most"),
     [
-        ("random3", "beam", "cframe", 940001, 2.0),
-        ("random3", "walk", "cframe", 7, 2.2),
-        ("serpentine", "beam", "gantry", 940001, 5.5),
+        ("random3", "beam", "cframe", 0, 940001, 2.0),
+        ("random3", "walk", "cframe", 0, 7, 2.2),
+        ("serpentine", "beam", "gantry", 0, 940001, 5.5),
+        ("lines", "beam", "gantry", 1, 71001, 8.0),
+        ("few", "beam", "gantry", 0, 71001, 11.0),
     ],
 )
-def test_a_calibration_learns_little_of_what_it_cannot_hold(design, cause, machine, seed, most):
+def test_a_calibration_learns_little_of_what_it_cannot_hold(design, cause, machine, draw, seed, most):
     """A tracker's reading that is wrong, and a tool that wanders: um that are left at unseen poses.
 
-    On a grid only the curves between its few positions show that the calibration predicts better than none.
+    On a grid only the curves between its few positions show that the calibration predicts better than none. Scales of
+    the axes look like a function of the readings: they must not be given to it.
     """
-    found = exam.answer(exam.Key(design, cause, machine, 0, seed), timeout=600)
+    found = exam.answer(exam.Key(design, cause, machine, draw, seed), timeout=600)
     assert found["accepted"], found["reason"]
     assert found["unseen_um"][1] < most
     assert found["covered"] > 0.9

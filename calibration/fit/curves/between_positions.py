@@ -26,7 +26,7 @@ import numpy as np
 from scipy import linalg
 
 from calibration.fit.cross_validation import diagonals
-from calibration.fit.curves.line_shares import line_shares
+from calibration.fit.curves.line_shares import BESIDE_FUNCTION, OF_SPHERES, line_shares
 from calibration.fit.curves.smooth_process import TYPICAL_SIZE, Processes
 from calibration.fit.curves.spline_of_process import cubic, following, root_of
 from calibration.fit.fit import Fit
@@ -254,7 +254,8 @@ class _Values:
         free = {
             axis: (axis[0] not in ROTARY) & (least[self._rows(axis)][:: len(x)] == 0.0) for axis, x in self.axes.items()
         }
-        return line_shares(processes, free, self.information[np.ix_(rows, rows)], self._right[rows])
+        shares = OF_SPHERES if isinstance(self.found.measurement.instrument, TouchProbe) else BESIDE_FUNCTION
+        return line_shares(processes, free, self.information[np.ix_(rows, rows)], self._right[rows], shares)
 
     def with_curves(self, processes: Mapping[str, Processes], bases: Mapping[str, BSpline]) -> Fit:
         """The fit with the curves, given the data, in place of its error motions; bases: of the curves of each axis."""

@@ -18,21 +18,28 @@ from scipy import linalg
 from calibration.fit.curves.smooth_process import Processes, log_evidence
 from kinematics.transforms import Array
 
-SHARES = (3.0, 1.0, 0.3)
-"""Sizes of lines that are tried, as shares of the prior; equally probable before the data are seen (Type B)."""
+OF_SPHERES, BESIDE_FUNCTION = (3.0, 1.0, 0.3), (10.0, 3.0, 1.0)
+"""Sizes of lines that are tried, as shares of the prior; equally probable before the data are seen (Type B).
+
+The evidence has chosen the prior of a spline's coefficients, and a line of this size needs all of them at once: beside
+a function, lines are rather larger."""
 
 
 def line_shares(
-    processes: Mapping[str, Processes], free: Mapping[str, np.ndarray], information: Array, right: Array
+    processes: Mapping[str, Processes],
+    free: Mapping[str, np.ndarray],
+    information: Array,
+    right: Array,
+    shares: tuple[float, ...],
 ) -> dict[str, Array]:
     """Size of the line of each error motion of each axis, as a share of its prior.
 
-    Averaged over the SHARES of each class that the data leave possible. free: masks of the error motions whose lines
+    Averaged over those of the shares of each class that the data leave possible. free: masks of the error motions whose lines
     may differ from the prior. information `(q, q)` on the values of all error motions at the positions of all axes, and
     its product with the values `(q,)`.
     """
     classes = list(dict.fromkeys(which for own in processes.values() for which in own.classes))
-    tried = np.array(list(product(SHARES, repeat=len(classes))))
+    tried = np.array(list(product(shares, repeat=len(classes))))
     odds = np.array([_evidence(processes, _by_axis(processes, free, classes, of), information, right) for of in tried])
     odds = np.exp(odds - odds.max())
     return _by_axis(processes, free, classes, np.sqrt(odds @ tried**2 / odds.sum()))
