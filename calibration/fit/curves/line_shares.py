@@ -34,7 +34,7 @@ def line_shares(
 ) -> dict[str, Array]:
     """Size of the line of each error motion of each axis, as a share of its prior.
 
-    Averaged over those of the shares of each class that the data leave possible. free: masks of the error motions whose lines
+    Averaged over those shares of each class that the data leave possible. free: masks of the error motions whose lines
     may differ from the prior. information `(q, q)` on the values of all error motions at the positions of all axes, and
     its product with the values `(q,)`.
     """
