@@ -21,6 +21,7 @@ from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
 from calibration.fit.problem import Problem
 from calibration.measurement.instruments import TouchProbe
+from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import ROTARY
 from calibration.plausibility.checks import Finding
 from kinematics.basis import Basis, Fourier, Harmonics
@@ -123,12 +124,11 @@ class OmittedWaves:
 def omitted_waves(found: Fit, *, chosen: bool) -> OmittedWaves | None:
     """The waves that a fit leaves out; None without a rotary axis, and beside a calibration that is prior knowledge.
 
-    chosen: the evidence has selected the bases. Stated ones may lack any wave, also over a whole turn, which counts for
-    spheres: other instruments show the errors between the waves in the residuals.
+    chosen: as of `left_out`.
     """
-    if found.prior.ndim > 1 or not (chosen or isinstance(found.measurement.instrument, TouchProbe)):
+    if found.prior.ndim > 1:
         return None
-    model, prior, own = with_next_waves(found.model, found.prior, PART_DEG if chosen else np.inf)
+    model, prior, own = left_out(found.model, found.prior, [found.measurement], chosen=chosen)
     if not own.any():
         return None
     problem = Problem.of(found.measurement, model, prior)
@@ -147,6 +147,20 @@ def with_curves_and_waves(found: Fit, *, chosen: bool) -> tuple[Fit, tuple[Betwe
     if waves is not None:
         curved = replace(curved, model=waves.uncertain(curved.model))
     return curved, between, waves
+
+
+def left_out(
+    model: ErrorModel, prior: Array, measurements: Sequence[Measurement], *, chosen: bool
+) -> tuple[ErrorModel, Array, np.ndarray]:
+    """`with_next_waves` of the waves that a model of some measurements may lack.
+
+    chosen: the evidence has selected the bases. Stated ones may lack any wave, also over a whole turn, which counts for
+    spheres: other instruments show the errors between the waves in the residuals.
+    """
+    if chosen:
+        return with_next_waves(model, prior, PART_DEG)
+    spheres = any(isinstance(each.instrument, TouchProbe) for each in measurements)
+    return with_next_waves(model, prior, np.inf if spheres else 0.0)
 
 
 def with_next_waves(model: ErrorModel, prior: Array, most_deg: float) -> tuple[ErrorModel, Array, np.ndarray]:

@@ -31,7 +31,7 @@ from calibration.fit.datum import error_motions
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.linear import Posterior, pseudo_inverse
-from calibration.fit.omitted_waves import PART_DEG, OmittedWaves, with_next_waves
+from calibration.fit.omitted_waves import OmittedWaves, left_out
 from calibration.fit.problem import FIXED, Problem
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
 from calibration.fit.set_up.distances import distance_findings
@@ -39,7 +39,6 @@ from calibration.fit.set_up.repeated_centres import repeat_findings
 from calibration.fit.set_up.rows_and_noise import noise_findings, outlier_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import at_positions
-from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import least_priors, priors, with_effects
 from calibration.observation.outliers import Variance
@@ -305,10 +304,8 @@ class _Joint:
 
     def omitted_waves(self, *, chosen: bool) -> OmittedWaves | None:
         """The waves that the model leaves out, as `calibration.fit.omitted_waves.omitted_waves`."""
-        spheres = any(isinstance(share.alone.measurement.instrument, TouchProbe) for share in self.shares)
-        if not (chosen or spheres):
-            return None
-        model, prior, own = with_next_waves(self.result, self.prior, PART_DEG if chosen else np.inf)
+        measurements = [share.alone.measurement for share in self.shares]
+        model, prior, own = left_out(self.result, self.prior, measurements, chosen=chosen)
         if not own.any():
             return None
         shares = [_Share.of(share.alone, model, prior) for share in self.shares]

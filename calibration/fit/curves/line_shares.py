@@ -2,8 +2,8 @@
 
 The data of spheres choose one size for all error motions of linear axes, but leave some lines to this prior, as the
 scale that all axes have in common. The lines of one class show their own size together: a common scale is about as
-large as the differences of the axes' scales. So do the lines beside an unexplained function of a tracker's readings,
-which looks like some of them.
+large as the differences of the axes' scales. So do the lines beside an unexplained function, such as
+one of a tracker's readings, which looks like some of them.
 """
 
 from __future__ import annotations

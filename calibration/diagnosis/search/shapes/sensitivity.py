@@ -70,9 +70,9 @@ class Sensitivity:
 
     @cached_property
     def _absorbed(self) -> Array:
-        """Rows `(k, m)` with the same products among each other as `_through`, the fewest."""
+        """Rows `(k, m)` with the same products among each other as `_through`; few where these are worth finding."""
         q, m = self._through.shape
-        return self._through if q <= m else np.asarray(linalg.qr(self._through, mode="r", check_finite=False)[0][:m])
+        return self._through if q < 2 * m else np.asarray(linalg.qr(self._through, mode="r", check_finite=False)[0][:m])
 
     def signal(self, sizes: Array) -> Array:
         """White signal `(N,)` of errors of given sizes `(m,)`."""
