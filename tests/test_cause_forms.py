@@ -6,7 +6,8 @@ from support.diagnosis_cases import data_with, selector
 
 from calibration.diagnosis.forms import with_likelier_forms
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.unseen.undecided_causes import squares_by_forms
+from calibration.diagnosis.unseen.undecided_causes import errors_by_forms
+from calibration.diagnosis.widening import mean_squares
 from kinematics.effects import ThermalDrift
 
 RATE = Candidate(ThermalDrift("Z", rate=0.0))
@@ -39,7 +40,7 @@ def test_a_drift_of_constant_rate_stays():
 
 def test_the_uncertainty_holds_forms_that_the_data_leave_open():
     own, stage = named(settling(data_with(n=300), 120.0), 120.0)
-    wrong = squares_by_forms(stage, own.library)
-    right = squares_by_forms(with_likelier_forms(own, stage), own.library)
+    wrong = mean_squares(errors_by_forms(stage, own.library))
+    right = mean_squares(errors_by_forms(with_likelier_forms(own, stage), own.library))
     assert wrong[2] > 1.0
     assert right.max() < 0.1 * wrong[2]

@@ -22,8 +22,8 @@ from calibration.diagnosis.search.imitated_causes import imitated
 from calibration.diagnosis.search.shapes.change_points import breaks
 from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.searched_causes import Found
-from calibration.diagnosis.unseen.undecided_causes import squares_by_undecided
-from calibration.diagnosis.widening import moments, rms_correction
+from calibration.diagnosis.unseen.undecided_causes import errors_by_undecided
+from calibration.diagnosis.widening import mean_squares, moments, rms_correction
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Backlash, Cyclic, LocationJump, StationShift, TargetOffset
 from kinematics.error_model.model import no_errors
@@ -139,7 +139,7 @@ def test_an_axis_that_does_not_repeat_may_have_lost_motion_that_the_model_has_le
     data = unrepeatable(layers(Backlash("Z", 120.0))), unrepeatable(data_with(n=123)), layers()
     found, scattered, quiet = (diagnose(each) for each in data)
     of_layers, of_scattered, none = (
-        np.sqrt(squares_by_undecided(each.after.linearised, ())) for each in (found, scattered, quiet)
+        np.sqrt(mean_squares(errors_by_undecided(each.after.linearised, ()))) for each in (found, scattered, quiet)
     )
     for each in (found, scattered):
         assert (each.causes, list(each.after.fit.measurement.noise.non_repeatability)) == ((), ["Z"])
@@ -147,7 +147,7 @@ def test_an_axis_that_does_not_repeat_may_have_lost_motion_that_the_model_has_le
     assert 0.0 < of_scattered[2] < 10.0
     assert not none.any()
     assert found.widened > 1.5
-    undecided_um = float(np.sqrt(squares_by_undecided(found.after.linearised, found.evaluated).sum()))
+    undecided_um = float(np.sqrt(mean_squares(errors_by_undecided(found.after.linearised, found.evaluated)).sum()))
     assert "leave open whether the new model is an improvement" in against_undecided(found.model, data[0], undecided_um)
 
 

@@ -7,8 +7,8 @@ from support.diagnosis_cases import CFRAME, data_with, selector
 
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import evaluate
-from calibration.diagnosis.unseen.undecided_causes import squares_by_undecided
-from calibration.diagnosis.widening import moments
+from calibration.diagnosis.unseen.undecided_causes import errors_by_undecided
+from calibration.diagnosis.widening import mean_squares, moments
 from kinematics.effects import Backlash, ThermalDrift, TrackerDrift
 from kinematics.error_model.model import no_errors
 
@@ -26,7 +26,7 @@ def errors(linearised, *true):
 def test_a_likely_cause_counts_with_its_whole_error():
     true = Backlash("X", 40.0)
     linearised = selector(data_with(true)).bare.linearised
-    expected = squares_by_undecided(linearised, evaluate(linearised, [Candidate(Backlash("X", 0.0))]))
+    expected = mean_squares(errors_by_undecided(linearised, evaluate(linearised, [Candidate(Backlash("X", 0.0))])))
     found, own = errors(linearised, true)
     assert found[0] > 10.0 * own[0]
     assert expected[0] == pytest.approx(found[0], rel=0.15)
@@ -34,15 +34,17 @@ def test_a_likely_cause_counts_with_its_whole_error():
 
 def test_an_unlikely_cause_does_not_count():
     linearised = selector(data_with(n=300)).bare.linearised
-    expected = squares_by_undecided(linearised, evaluate(linearised, [Candidate(Backlash("X", 0.0))]))
+    expected = mean_squares(errors_by_undecided(linearised, evaluate(linearised, [Candidate(Backlash("X", 0.0))])))
     assert np.all(expected < 0.1 * errors(linearised)[1])
 
 
 def test_of_a_cause_of_the_instrument_the_model_has_learned_a_part():
     true = TrackerDrift(shift_um_per_h=(0.0, 0.0, 0.0), turn_urad_per_h=(0.0, 0.0, 60.0))
     linearised = selector(data_with(true)).bare.linearised
-    expected = squares_by_undecided(
-        linearised, evaluate(linearised, [Candidate(TrackerDrift((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))])
+    expected = mean_squares(
+        errors_by_undecided(
+            linearised, evaluate(linearised, [Candidate(TrackerDrift((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))])
+        )
     )
     assert expected.sum() == pytest.approx(errors(linearised)[0].sum(), rel=0.5)
 
@@ -51,5 +53,5 @@ def test_of_a_drift_that_the_model_lacks_the_part_counts_that_it_has_learned():
     true = ThermalDrift("Z", rate=300.0)
     linearised = selector(data_with(true)).bare.linearised
     candidate = Candidate(ThermalDrift("Z", rate=0.0))
-    expected = squares_by_undecided(linearised, evaluate(linearised, [candidate]))
+    expected = mean_squares(errors_by_undecided(linearised, evaluate(linearised, [candidate])))
     assert expected[2] == pytest.approx(errors(linearised, true)[0][2], rel=0.25)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -28,10 +29,10 @@ from calibration.diagnosis.searched_causes import Searched, searched_causes
 from calibration.diagnosis.separability import separability
 from calibration.diagnosis.unseen.fine_errors import squares_by_fine_errors
 from calibration.diagnosis.unseen.random_walk import squares_by_walk
-from calibration.diagnosis.unseen.undecided_causes import squares_by_forms, squares_by_undecided
+from calibration.diagnosis.unseen.undecided_causes import errors_by_forms, errors_by_ties, errors_by_undecided
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, in_terms_of, named, outliers, with_changed_lines
-from calibration.diagnosis.widening import UnseenErrors, Widened, errors_by_choice, unseen_errors, widened
+from calibration.diagnosis.widening import UnseenErrors, Widened, errors_by_choice, mean_squares, unseen_errors, widened
 from calibration.fit.acceptance import disagreement
 from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.fit import Fit
@@ -240,13 +241,14 @@ def _calibrated(
     with_causes = searched.found.stage.linearised
     unexplained_um = 0.0 if dependence is None else unexplained_residual.shared_rms(with_causes, dependence)
     alone = new_calibration(selector.base, curved.fit, added, calibration, curved.beside)
-    undecided, known = np.zeros(3), np.zeros(3)
+    undecided, fine = errors_by_ties(after), np.zeros(3)
+    forms = undecided[:0]
     if dependence is None:
-        undecided = squares_by_undecided(after.linearised, evidence.evaluated)
-        known = squares_by_forms(after, selector.library) + squares_by_fine_errors(after.linearised)
+        undecided = np.concatenate([undecided, errors_by_undecided(after.linearised, evidence.evaluated)])
+        forms, fine = errors_by_forms(after, selector.library), squares_by_fine_errors(after.linearised)
     unseen = curved.unseen
-    new = _with_uncertainties(alone, completed, dependence, unseen, undecided + known)
-    undecided_um = float(np.sqrt(undecided.sum()))
+    new = _with_uncertainties(alone, completed, dependence, unseen, np.concatenate([undecided, forms]), fine)
+    undecided_um = math.sqrt(float(mean_squares(undecided).sum()))
     acceptance = Acceptance.of(
         searched.before, after, calibration, unexplained_um, unseen, new.model, undecided_um, force=force
     )
@@ -284,17 +286,18 @@ def _with_uncertainties(
     completed: _Completed,
     dependence: Unexplained | None,
     unseen: UnseenErrors | None,
-    undecided: Array,
+    possible: Array,
+    fine: Array,
 ) -> Widened:
-    """The new calibration, its uncertainties enlarged by errors that it lacks."""
+    """The new calibration, its uncertainties enlarged by errors that it lacks: possible ones `(k, m, 3)`, and fine ones."""
     selector, after = completed.selector, completed.stage
     if unseen is not None:
-        return widened(model, selector.measurement, unseen.squares)
+        return widened(model, selector.measurement, unseen.squares, fine, possible)
     if dependence is not None:
         return Widened(model, 1.0)
     finer = selector.with_finer_turns(after)
     by_choice = np.zeros(3) if finer is None else errors_by_choice(after.fit, finer)
-    return widened(model, selector.measurement, by_choice, undecided)
+    return widened(model, selector.measurement, by_choice, fine, possible)
 
 
 def _findings(fit: Fit) -> list[Finding]:

@@ -51,13 +51,17 @@ def forms(stage: Stage, library: Sequence[Candidate]) -> Iterator[Forms]:
         if not others:
             continue
         without = stage.without(i)
-        found = []
-        responses = without.responses([known.effect, *(each.effect for each in others)])
-        for candidate, response in zip([known, *others], responses, strict=True):
-            score = without.score(response, candidate.shapes, candidate.trials)
-            cost = score.delta_bic + 2.0 * candidate.rarity
-            found.append(Form(candidate, score.size, response.columns @ score.size, cost))
-        yield Forms(i, without, found[0], tuple(sorted(found[1:], key=lambda form: form.cost)))
+        own_form, *found = compared(without, [known, *others])
+        yield Forms(i, without, own_form, tuple(sorted(found, key=lambda form: form.cost)))
+
+
+def compared(without: LinearisedFit, candidates: Sequence[Candidate]) -> Iterator[Form]:
+    """Each candidate as a cause that a linearised fit lacks, its mean included."""
+    responses = without.responses([each.effect for each in candidates])
+    for candidate, response in zip(candidates, responses, strict=True):
+        score = without.score(response, candidate.shapes, candidate.trials)
+        cost = score.delta_bic + 2.0 * candidate.rarity
+        yield Form(candidate, score.size, response.columns @ score.size, cost)
 
 
 def with_likelier_forms(selector: Selector, stage: Stage) -> Stage:

@@ -50,12 +50,13 @@ def new_calibration(
         temperatures_degC=_temperatures(fit, present) or msgspec.UNSET,
     )
     own = model.part(lambda effect: effect.ACTS_ON != "instrument")
-    # after its moment a jump is permanent, whenever the clock of later data begins
-    jumped = (
-        msgspec.structs.replace(effect, since_s=None) if isinstance(effect, LocationJump) else effect
-        for effect in own.effects
-    )
-    return msgspec.structs.replace(own, effects=tuple(jumped), provenance=provenance, demonstration=False)
+    effects = tuple(map(lasting, own.effects))
+    return msgspec.structs.replace(own, effects=effects, provenance=provenance, demonstration=False)
+
+
+def lasting(effect: Effect) -> Effect:
+    """The effect as a calibration has it: after its moment a jump is permanent, whenever the clock of later data begins."""
+    return msgspec.structs.replace(effect, since_s=None) if isinstance(effect, LocationJump) else effect
 
 
 def _temperatures(fit: Fit, present: ErrorModel | None) -> dict[str, tuple[float, float]]:

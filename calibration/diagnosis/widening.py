@@ -36,6 +36,8 @@ from kinematics.transforms import Array
 
 SEEN = 1e-3
 """Share of the largest uncertainty below which a direction does not show a combination of parameters."""
+IMITATES = 1e-2
+"""Share of the largest uncertainty below which a combination of parameters is not taken to imitate an error."""
 MOMENTS, POSES = 5, 100
 """Moments of the measurement, and states at each of them, at which errors are predicted."""
 SEED = 1
@@ -249,14 +251,27 @@ def rms_correction(model: ErrorModel, measurement: Measurement) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-def widened(model: ErrorModel, measurement: Measurement, squares: Array, besides: Array | float = 0.0) -> Widened:
+def mean_squares(errors: Array) -> Array:
+    """Mean squares `(3,)`, um^2, of the sum of independent errors `(k, m, 3)`, um, at unseen states."""
+    return np.asarray(np.sum(np.mean(errors**2, axis=1), axis=0))
+
+
+def widened(
+    model: ErrorModel,
+    measurement: Measurement,
+    squares: Array,
+    besides: Array | float = 0.0,
+    possible: Array | None = None,
+) -> Widened:
     """The model with larger uncertainties, where those of its predictions are smaller than their errors.
 
     squares: mean squares of the errors of predicted deviations `(3,)`, um^2, in x, y, z, as of `UnseenErrors`. besides:
-    mean squares of errors besides those of its own uncertainties, likewise.
+    mean squares of errors besides those of its own uncertainties, likewise. possible: such errors `(k, m, 3)`, um, of
+    one standard deviation each, at all states of `moments`.
 
-    The variance of each combination of parameters that moves the tool in a direction is multiplied (Birge 1932), such
-    that those of the predicted deviations at unseen states reach these mean squares.
+    A possible error becomes an uncertainty of the parameters that imitate it. For the others, and for what no
+    parameters imitate, the variance of each combination of parameters that moves the tool in a direction is multiplied
+    (Birge 1932), such that those of the predicted deviations at unseen states reach these mean squares.
     """
     if model.covariance is None:
         return Widened(model, 1.0)
@@ -264,21 +279,38 @@ def widened(model: ErrorModel, measurement: Measurement, squares: Array, besides
 
     design = np.concatenate([moment.design(model) for moment in moments(measurement)])
     root = root_of(np.array(model.covariance))
-    parts = np.moveaxis(design @ root, 1, 0)
-    variance = np.mean(np.sum(parts**2, axis=2), axis=1)
+    parts = design @ root
+    variance = np.mean(np.sum(parts**2, axis=2), axis=0)
     own = []
     for k in np.flatnonzero(variance):
-        _, sizes, directions = np.linalg.svd(parts[k], full_matrices=False)
+        _, sizes, directions = np.linalg.svd(parts[:, k], full_matrices=False)
         own.append(root @ directions[sizes > SEEN * sizes[0]].T)
     if not own:
         return Widened(model, 1.0)
+    more = np.zeros_like(root @ root.T)
+    if possible is not None and len(possible):
+        imitating = root @ _imitating(parts, possible)
+        more += imitating @ imitating.T
+        imitated = mean_squares(np.moveaxis(design @ imitating, 2, 0))
+        squares, besides = squares - imitated, besides + mean_squares(possible) - imitated
     # a combination of parameters moves the tool in other directions too
     moved = np.stack([np.mean(np.sum((design @ each) ** 2, axis=2), axis=0) for each in own], axis=1)
     factors, _ = nnls(moved, np.maximum(squares - variance, besides))
-    if not factors.any():
+    more += sum(factor * each @ each.T for factor, each in zip(factors.tolist(), own, strict=True))
+    if not more.any():
         return Widened(model, 1.0)
-    more = sum(factor * each @ each.T for factor, each in zip(factors.tolist(), own, strict=True))
     larger = model.with_parameters(model.parameters, np.array(model.covariance) + more)
     after = np.mean(larger.propagated(design) ** 2, axis=0)
     factor = float(np.sqrt(after.mean() / variance.mean()))
     return Widened(larger, factor) if factor > NOTABLE else Widened(model, 1.0)
+
+
+def _imitating(parts: Array, errors: Array) -> Array:
+    """Coefficients `(r, k)` of combinations of parameters that imitate errors `(k, m, 3)`; parts `(m, 3, r)`: theirs.
+
+    Combinations that hardly move the tool at these states may move it at others: they imitate nothing.
+    """
+    left, sizes, directions = np.linalg.svd(parts.reshape(-1, parts.shape[2]), full_matrices=False)
+    kept = sizes > IMITATES * sizes[0]
+    along = left[:, kept].T @ errors.reshape(len(errors), -1).T
+    return np.asarray(directions[kept].T @ (along / sizes[kept, None]))

@@ -2,9 +2,9 @@
 
 A cause without enough evidence to be named is no part of the model, which has learned a part of its signal instead.
 Each such cause counts with its probability against none (Bayesian model averaging). A named cause may have another form
-than the one fitted, such as a drift that settles instead of one of constant rate: each form counts with its
-probability, and with the difference that it makes. An axis that does not repeat has lost motion too: friction and play
-make both. It counts with the size that the non-repeatability lets expect.
+than the one fitted, such as a drift that settles instead of one of constant rate, or be tied with another cause: each
+counts with its probability, and with the difference that it makes. An axis that does not repeat has lost motion too:
+friction and play make both. It counts with the size that the non-repeatability lets expect.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.forms import forms
+from calibration.diagnosis.forms import Forms, compared, forms
 from calibration.diagnosis.search.candidates import Candidate, at_zero, where
-from calibration.diagnosis.search.evaluation import Evaluated, evaluate
+from calibration.diagnosis.search.evaluation import Evaluated, Sibling, complexity, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.unseen.beside_function import scaled
+from calibration.diagnosis.updated_model import lasting
+from calibration.diagnosis.verdict import tied_with
 from calibration.diagnosis.widening import Moment, moments
 from kinematics.effects import Backlash, Effect, unit_of
 from kinematics.transforms import Array
@@ -50,33 +52,38 @@ class _Possible(NamedTuple):
         """Deviations `(n, 3)`, um, that the model lacks, its parameters unchanged."""
         if self.instead is None:
             return _lacking(moment, self.effect)
-        return moment.deviations_of(self.effect) - moment.deviations_of(self.instead)
+        return _of_machine(moment, self.effect) - _of_machine(moment, self.instead)
 
 
-def squares_by_undecided(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Array:
-    """Mean squares `(3,)`, um^2, of the errors of a model at unseen states, besides those of its uncertainty.
+def errors_by_undecided(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Array:
+    """Errors `(k, m, 3)`, um, of a model at unseen states, besides those of its uncertainty: RMS, by each cause.
 
-    Those by causes that are likely, and by lost motion of axes that do not repeat. evaluated: candidates beside the
-    model, the best first, with the scores of any noise.
+    By causes that are likely, and by lost motion of axes that do not repeat. evaluated: candidates beside the model,
+    the best first, with the scores of any noise.
     """
     causes = list(_likely(linearised, evaluated))
     causes += _lost_motions(linearised, [*linearised.fit.model.effects, *(cause.effect for cause in causes)])
-    return _mean_squares(linearised, causes)
+    return _errors(linearised, causes)
 
 
-def squares_by_forms(stage: Stage, library: Sequence[Candidate]) -> Array:
+def errors_by_forms(stage: Stage, library: Sequence[Candidate]) -> Array:
     """The same by other forms of the causes of the machine that a stage has; library: all candidates."""
-    return _mean_squares(stage.linearised, list(_other_forms(stage, library)))
+    return _errors(stage.linearised, [each for found in forms(stage, library) for each in _instead(stage, found)])
 
 
-def _mean_squares(linearised: LinearisedFit, causes: Sequence[_Possible]) -> Array:
-    """Mean squares `(3,)`, um^2, of the expected errors by some causes at unseen states."""
-    squares = np.zeros(3)
-    for count, moment in enumerate(moments(linearised.measurement) if causes else (), start=1):
-        design = moment.design(linearised.fit.model)
-        errors = [cause.weight * (cause.lacking(moment) + design @ cause.moved) ** 2 for cause in causes]
-        squares += (np.sum(errors, axis=0).mean(axis=0) - squares) / count
-    return squares
+def errors_by_ties(stage: Stage) -> Array:
+    """The same by causes that these data do not distinguish from those that a stage has."""
+    return _errors(stage.linearised, [each for found in _ties(stage) for each in _instead(stage, found)])
+
+
+def _errors(linearised: LinearisedFit, causes: Sequence[_Possible]) -> Array:
+    """Errors `(k, m, 3)`, um, by causes, each in RMS over its probability, at all states of `moments`."""
+    model, found = linearised.fit.model, []
+    for moment in moments(linearised.measurement):
+        design = moment.design(model)
+        errors = [np.sqrt(cause.weight) * (cause.lacking(moment) + design @ cause.moved) for cause in causes]
+        found.append(np.reshape(errors, (len(causes), len(design), 3)))
+    return np.concatenate(found, axis=1)
 
 
 def _likely(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterator[_Possible]:
@@ -93,20 +100,43 @@ def _likely(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterat
             )
 
 
-def _other_forms(stage: Stage, library: Sequence[Candidate]) -> Iterator[_Possible]:
-    """Other forms of the named causes of the machine, each of its most likely size, with its probability."""
-    for found in forms(stage, library):
-        own, others, without = found.own, found.others, found.without
-        costs = np.array([own.cost, *(each.cost for each in others)])
-        odds = np.exp(-0.5 * (costs - costs.min()))
-        instead = _of_size(own.candidate, own.size)
-        kept = np.delete(
-            np.arange(len(stage.fit.model.parameters)), stage.fit.model.slices[stage.numbers[found.number]]
-        )
-        for each, weight in zip(others, (odds[1:] / odds.sum()).tolist(), strict=True):
-            moved = np.zeros(len(stage.fit.model.parameters))
-            moved[kept] = _in_priors(without, each.signal - own.signal)
-            yield _Possible(weight, _of_size(each.candidate, each.size), -scaled(stage.fit.prior, moved), instead)
+def _ties(stage: Stage) -> Iterator[Forms]:
+    """The causes that are tied, each with those that these data do not distinguish from it."""
+    for i, own in enumerate(stage.accepted):
+        others = tied_with(own)
+        if not others or own.candidate.replaces or own.candidate.changes:
+            continue
+        without = stage.without(i)
+        this, *found = compared(without, [own.candidate, *(each.evaluated.candidate for each in others)])
+        costs = (_cost(own.candidate, each, without) for each in others)
+        rest = tuple(each._replace(cost=cost) for each, cost in zip(found, costs, strict=True))
+        yield Forms(i, without, this._replace(cost=0.0), rest)
+
+
+def _cost(own: Candidate, sibling: Sibling, without: LinearisedFit) -> float:
+    """Twice the log odds of a cause against a sibling.
+
+    Between two of the instrument the readings alone decide: what is knocked may turn, or only shift.
+    """
+    other = sibling.evaluated.candidate
+    turns = 0
+    if own.effect.ACTS_ON == other.effect.ACTS_ON == "instrument":
+        turns = complexity(other) - complexity(own)
+    return 2.0 * sibling.log_odds - turns * float(np.log(without.scalars))
+
+
+def _instead(stage: Stage, found: Forms) -> Iterator[_Possible]:
+    """What may be in place of a cause of a stage, each of its most likely size, with its probability."""
+    own, others, without = found.own, found.others, found.without
+    costs = np.array([own.cost, *(each.cost for each in others)])
+    odds = np.exp(-0.5 * (costs - costs.min()))
+    instead = lasting(_of_size(own.candidate, own.size))
+    kept = np.delete(np.arange(len(stage.fit.model.parameters)), stage.fit.model.slices[stage.numbers[found.number]])
+    for each, weight in zip(others, (odds[1:] / odds.sum()).tolist(), strict=True):
+        moved = np.zeros(len(stage.fit.model.parameters))
+        moved[kept] = _in_priors(without, each.signal - own.signal)
+        effect = lasting(_of_size(each.candidate, each.size))
+        yield _Possible(weight, effect, -scaled(stage.fit.prior, moved), instead)
 
 
 def _lost_motions(linearised: LinearisedFit, effects: Sequence[Effect]) -> Iterator[_Possible]:
@@ -151,8 +181,11 @@ def _of_size(candidate: Candidate, size: Array) -> Effect:
 
 def _lacking(moment: Moment, effect: Effect) -> Array:
     """Deviations `(n, 3)`, um, of an effect of the machine; of one that changes, less those at the mean."""
-    if effect.ACTS_ON == "instrument":
-        return np.zeros_like(moment.tool)
-    found = moment.deviations_of(effect)
+    found = _of_machine(moment, effect)
     changing = {"time", "temperatures"} & set(effect.needs)
-    return found - moment.at_mean.deviations_of(effect) if changing else found
+    return found - _of_machine(moment.at_mean, effect) if changing else found
+
+
+def _of_machine(moment: Moment, effect: Effect) -> Array:
+    """Deviations `(n, 3)`, um, of an effect of the machine; 0 of one of the instrument."""
+    return np.zeros_like(moment.tool) if effect.ACTS_ON == "instrument" else moment.deviations_of(effect)
