@@ -289,7 +289,7 @@ def _with_uncertainties(
     possible: Array,
     fine: Array,
 ) -> Widened:
-    """The new calibration, its uncertainties enlarged by errors that it lacks: possible ones `(k, m, 3)`, and fine ones."""
+    """The new calibration, its uncertainties enlarged by possible errors `(k, m, 3)`, and by fine ones."""
     selector, after = completed.selector, completed.stage
     if unseen is not None:
         return widened(model, selector.measurement, unseen.squares, fine, possible)

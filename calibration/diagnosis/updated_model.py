@@ -55,7 +55,7 @@ def new_calibration(
 
 
 def lasting(effect: Effect) -> Effect:
-    """The effect as a calibration has it: after its moment a jump is permanent, whenever the clock of later data begins."""
+    """The effect as a calibration has it: after its moment a jump is permanent, whenever later data begin."""
     return msgspec.structs.replace(effect, since_s=None) if isinstance(effect, LocationJump) else effect
 
 

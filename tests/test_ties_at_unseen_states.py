@@ -1,0 +1,61 @@
+"""Causes that the data do not distinguish mean different machines: the uncertainties hold all of them."""
+
+import msgspec
+import numpy as np
+import pytest
+from support.virtual_measurements import ONE, measured, positions
+
+import machines
+from calibration.diagnosis.search.candidates import Candidate, library
+from calibration.diagnosis.search.selection import Search, Selector
+from calibration.diagnosis.search.shapes import proposed_shapes
+from calibration.diagnosis.search.start_model import Base
+from calibration.diagnosis.unseen.undecided_causes import errors_by_ties
+from calibration.diagnosis.verdict import tied_with
+from calibration.diagnosis.widening import moments, widened
+from calibration.observation.full_model import BasisChoice, priors, rigid_model
+from kinematics.effects import StationShift, TargetOffset
+from kinematics.error_model.model import no_errors
+from kinematics.running.progress import silent
+
+DMU50, ROWS = machines.load("dmu50"), 240
+SINCE_S = 15.0 * ROWS / 2
+KNOCK, OFFSET = StationShift("s1", since_s=SINCE_S), TargetOffset("1", (0.0, 0.0, 0.0), since_s=SINCE_S)
+BASES = dict.fromkeys("XYZ", BasisChoice("legendre", 2)) | dict.fromkeys("BC", BasisChoice("fourier", 1))
+
+
+@pytest.fixture(scope="module")
+def stage():
+    """A tracker that was knocked where the rotary axes begin to turn; fitted as a single target that moved."""
+    rng = np.random.default_rng(3)
+    q = positions(DMU50, ROWS, rng)
+    q[: ROWS // 2, DMU50.rotary] = 0.0
+    knock = msgspec.structs.replace(KNOCK, shift_um=(8.0, -6.0, 5.0))
+    data = measured(DMU50, q, ONE, msgspec.structs.replace(no_errors(DMU50), effects=(knock,)), rng)
+    model = rigid_model(data, BASES)
+    base, search = Base(model, priors(model), "refitted"), Search(proposed_shapes.proposals)
+    selector = Selector(data, base, library(data, model)[0], "sheet", silent, search)
+    return selector.against_siblings(selector.stage([(Candidate(OFFSET), np.zeros(3))]))
+
+
+def test_the_uncertainty_holds_the_machine_of_each_tied_cause(stage):
+    (cause,) = stage.accepted
+    assert [each.evaluated.candidate.effect for each in tied_with(cause)] == [KNOCK]
+    model, data = stage.fit.model.part(lambda effect: effect.ACTS_ON != "instrument"), stage.fit.measurement
+    unseen = list(moments(data))
+    design = np.concatenate([moment.design(model) for moment in unseen])
+    # the true machine has no errors
+    error = np.concatenate([moment.deviations(model) for moment in unseen])
+    own = model.propagated(design)
+    all_of_them = widened(model, data, np.zeros(3), possible=errors_by_ties(stage)).model.propagated(design)
+    assert np.mean(np.abs(error) < 2.0 * own) < 0.8
+    assert np.mean(np.abs(error) < 2.0 * all_of_them) > 0.92
+    assert np.mean(all_of_them**2) < 1.5 * np.mean(error**2)
+
+
+def test_a_possible_error_is_an_uncertainty_of_the_parameters_that_imitate_it(stage):
+    model, data = stage.fit.model.part(lambda effect: effect.ACTS_ON != "instrument"), stage.fit.measurement
+    design = np.concatenate([moment.design(model) for moment in moments(data)])
+    error = 5.0 * design @ np.sqrt(np.diagonal(model.covariance))
+    more = widened(model, data, np.zeros(3), possible=error[None]).model.propagated(design) ** 2
+    np.testing.assert_allclose(more - model.propagated(design) ** 2, error**2, atol=0.01 * error.max() ** 2)
