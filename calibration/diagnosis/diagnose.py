@@ -22,6 +22,7 @@ from calibration.diagnosis.residual.whiteness import Test
 from calibration.diagnosis.result import Diagnosis
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY
 from calibration.diagnosis.search.evaluation import Evaluated, evaluate
+from calibration.diagnosis.search.larger_range import within
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage
@@ -270,10 +271,12 @@ def _compared_with_given(
 ) -> _Given:
     """The result beside the calibration of other data as it was given; without one beside the present model."""
     model, factor = new.widened
-    if first.base.present is None or calibration is None:
+    known = first.base.calibration
+    if known is None or calibration is None:
         return _Given(searched.before, searched.tests, evidence.causes, model, factor, None)
     before, causes, after = first.on(first.base.as_it_is).bare, evidence.causes, completed.stage
-    change = machine_change(completed.selector.measurement, after.fit.kept, calibration, model)
+    measurement = completed.selector.measurement
+    change = machine_change(measurement, after.fit.kept & within(calibration, measurement), known, model)
     if new.present is not None:
         model, factor = new.present
     elif searched.dependence is None:

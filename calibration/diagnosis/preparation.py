@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,6 +13,7 @@ from calibration.diagnosis.linear_order import other_order
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual.chance_level import PERIODIC, ByChance
 from calibration.diagnosis.search.candidates import Untested, changes, library
+from calibration.diagnosis.search.larger_range import larger_ranges
 from calibration.diagnosis.search.recent_fits import RecentFits
 from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
@@ -65,6 +67,8 @@ def prepared(
     base = base_of(measurement, calibration, progress)
     if base.choice is not None and (doubt := other_order(measurement, base.choice)):
         findings.append(Finding("chain", doubt, False))
+    if calibration is not None and base.calibration is not None:
+        findings += _larger(calibration, measurement)
     progress("fitting the present model")
     candidates, untested = library(measurement, base.model)
     if base.present is not None:
@@ -125,6 +129,17 @@ def _with_station(measurement: Measurement) -> Measurement:
     if measurement.state.station is not None or not isinstance(measurement.instrument, LaserTracker):
         return measurement
     return replace(measurement, state=replace(measurement.state, station=measurement.groups))
+
+
+def _larger(calibration: ErrorModel, measurement: Measurement) -> Iterator[Finding]:
+    """Axes that these data move beyond the ranges of a calibration."""
+    for name, (known, whole) in larger_ranges(calibration, measurement).items():
+        unit = measurement.machine.axes[measurement.machine.index(name)].unit
+        text = (
+            f"{name} was calibrated from {known[0]:.4g} to {known[1]:.4g} {unit}, the data make it {whole[0]:.4g} to "
+            f"{whole[1]:.4g} {unit}: there its error motions follow from these data alone"
+        )
+        yield Finding("range", text, False)
 
 
 def _from_its_start(measurement: Measurement) -> tuple[Measurement, float]:

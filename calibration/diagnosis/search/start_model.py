@@ -4,7 +4,8 @@
   which they could imitate a missing cause.
 - A calibration of these very data (by its provenance): its structure, fitted again, so that nothing counts twice.
 - A calibration of other data: its parameters with their covariance as prior knowledge, and finer error motions whose
-  bases and sizes are chosen by the evidence of the data (`refinement`).
+  bases and sizes are chosen by the evidence of the data (`refinement`); over larger ranges where the data reach beyond
+  its own (`larger_range`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from scipy.linalg import block_diag
 
 from calibration.diagnosis.search import refinement
 from calibration.diagnosis.search.candidates import Candidate, at_zero, changes, library
+from calibration.diagnosis.search.larger_range import extended, larger_ranges
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.refinement import GENEROUS, Refinement
 from calibration.fit.bases.search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
@@ -75,6 +77,8 @@ class Base:
     refinement: Refinement | None = None
     curves: bool = False
     """True where error motions of axes with few positions become curves (`calibration.fit.curves`)."""
+    calibration: ErrorModel | None = None
+    """The calibration of other data over the ranges of these; None without one."""
 
     @property
     def bases(self) -> object:
@@ -100,7 +104,7 @@ class Base:
         """The base with bases selected again by the evidence, together with the effects found."""
         if self.present is not None:
             again = _refined(self.present, measurement, effects, progress)
-            return self if again.bases == self.bases else again
+            return self if again.bases == self.bases else replace(again, calibration=self.calibration)
         if self.choice is None:
             return self
         return _automatic(measurement, effects, (_finest(measurement, effects), np.inf), progress, self.known)
@@ -241,8 +245,9 @@ def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: 
         )
     if measurement.fingerprint and measurement.fingerprint in calibration.provenance.inputs.values():
         return _refitted(machine_effects, measurement)
-    present = _updated(machine_effects, unknown_approaches(measurement))
-    return _refined(present, measurement, (), progress)
+    larger = extended(machine_effects, measurement.machine, larger_ranges(machine_effects, measurement))
+    present = _updated(larger, unknown_approaches(measurement))
+    return replace(_refined(present, measurement, (), progress), calibration=larger)
 
 
 def _finest(measurement: Measurement, effects: Sequence[Effect]) -> int:
