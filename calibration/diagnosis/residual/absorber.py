@@ -62,15 +62,18 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
     a cause that depends on one of the variables, and is less clear than the function beside it or leaves much beyond
     the noise: it is a mean of the function, or a part of it. A finer error motion of an axis falls where the rest
     depends on this axis and time: it is the mean of an error that changes.
+
+    The function is without the terms that the model can imitate, unless none of the others explains anything.
     """
     # estimated noise of an axis would hold much of the function
     even = stage._replace(linearised=stage.linearised.evenly_noisy)
-    together = log_odds_of_function(even.linearised, dependence)
+    whole = not log_odds_of_function(even.linearised, dependence)
+    together = absorbing(even.linearised, dependence, whole=whole, walk=False).log_odds
     found = []
     for i, each in enumerate(stage.accepted):
         without = even.without(i)
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
-        own, alone = -0.5 * score.delta_bic, log_odds_of_function(without, dependence)
+        own, alone = -0.5 * score.delta_bic, absorbing(without, dependence, whole=whole, walk=False).log_odds
         named = not isinstance(each.candidate.effect, Unnamed)
         imitated = own + together - alone < EVIDENCE and own < MOST * alone
         part = own < together or _share(without, even.linearised) < CLEARLY
