@@ -7,6 +7,7 @@ from itertools import pairwise, product
 import msgspec
 import numpy as np
 import pytest
+from shop_floor.question import ask
 from support.diagnosis_cases import CFRAME, data_with, fitted, selector
 from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions
@@ -27,6 +28,7 @@ from calibration.diagnosis.search.shapes.proposed_shapes import waves
 from calibration.diagnosis.verdict import named
 from calibration.fit.fit import fit
 from calibration.fit.noise import with_noise_of_visits
+from calibration.measurement.file import read_measurement
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.observation.stops_and_lines import visited
 from kinematics.basis import BSpline
@@ -305,3 +307,12 @@ def test_a_jump_beside_a_small_wandering_is_none(monkeypatch):
     monkeypatch.setattr(remainder, "unexplained", lambda _: function)
     assert log_odds_of_function(stage.without(0), function) > -0.5 * stage.accepted[0].score.delta_bic
     assert remainder.wandering(stage) == []
+
+
+@pytest.mark.statistical
+def test_a_jump_is_no_part_of_a_function_that_stands_only_as_a_whole(tmp_path):
+    """A pad that gives way under Y, by a single target: the fit imitates most of each term of the function."""
+    (tmp_path / "data.csv").write_text(ask("one-target", "floor", "cframe", 1, 71001).sheet())
+    found = diagnose(read_measurement(tmp_path / "data.csv", CFRAME))
+    assert found.causes == ()
+    assert set(found.unexplained.variables) == {"Y", "time"}
