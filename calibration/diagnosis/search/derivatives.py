@@ -17,7 +17,7 @@ from kinematics.effects import Effect
 from kinematics.error_model.effect_sums import Design
 from kinematics.transforms import Array
 
-TOGETHER = 64
+TOGETHER = 16
 """Effects whose columns are computed at once."""
 
 
