@@ -118,13 +118,13 @@ class HeldOut:
             found[block.rows], counted[block.rows] = block.held_residual, block.counted
         return found, counted
 
-    def gains(self, candidates: Sequence[Projected], sizes: Sequence[Array]) -> Array:
-        """Reduction of the squares of each block's counted residuals by a candidate in the fit of the other blocks.
+    def gains(self, candidates: Sequence[Projected], sizes: Sequence[Array], numbers: Sequence[int]) -> Array:
+        """Reduction of the squares of the counted residuals of blocks by a candidate in the fit of the other blocks.
 
-        One candidate for each block, with its sizes `(k,)` in the fit of all rows.
+        One candidate for each of these blocks, which are given by number, with its sizes `(k,)` in the fit of all rows.
         """
         whole = {key: self._products(one) for key, one in {id(one): one for one in candidates}.items()}
-        every = zip(candidates, sizes, self.blocks, strict=True)
+        every = zip(candidates, sizes, (self.blocks[number] for number in numbers), strict=True)
         found = [self._gain(one.columns, whole[id(one)], size, block) for one, size, block in every]
         gains, signals = np.array([gain for gain, _ in found]), np.array([signal for _, signal in found])
         acting = signals > SILENT * np.mean(signals)

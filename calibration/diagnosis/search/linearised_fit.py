@@ -374,11 +374,11 @@ class LinearisedFit:
         Outliers count with their weights: a cause that the model lacks makes outliers.
         """
         size, count = self._size_of(candidate), len(self.blocks)
-        return self._by_others.gains([candidate] * count, [size] * count)
+        return self._by_others.gains([candidate] * count, [size] * count, range(count))
 
-    def gains_of_each(self, candidates: Sequence[Projected]) -> Array:
-        """The same, with a candidate for each block."""
-        return self._by_others.gains(candidates, [self._size_of(one) for one in candidates])
+    def gains_of_each(self, candidates: Sequence[Projected], numbers: Sequence[int]) -> Array:
+        """The same of some blocks, given by number, with a candidate for each."""
+        return self._by_others.gains(candidates, [self._size_of(one) for one in candidates], numbers)
 
     def _size_of(self, candidate: Projected) -> Array:
         """Its linear parameters `(k,)` in the fit of all rows."""
