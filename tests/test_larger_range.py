@@ -40,7 +40,8 @@ def test_a_calibration_stays_as_it_is_within_its_ranges_and_is_uncertain_outside
     )
     longer = extended(model, DMU50, {axis: Larger(KNOWN, whole)})
     assert longer.effects[0] == model.effects[0]
-    assert longer.effects[1].basis.interval == whole
+    assert longer.effects[1].basis.interval == pytest.approx(whole)
+    assert np.diff(longer.effects[1].basis.nodes).min() > 10.0
     own = DMU50.axes[DMU50.index(axis)]
 
     def error(model, x):
@@ -58,6 +59,12 @@ def test_a_calibration_stays_as_it_is_within_its_ranges_and_is_uncertain_outside
     now, u_now = error(longer, outside)
     assert u_now.max() > size
     assert np.abs(now - error(model, outside)[0]).max() < 3.0 * u_now.max()
+
+
+def test_a_narrow_part_beyond_a_range_gets_no_nodes():
+    model = msgspec.structs.replace(no_errors(DMU50), effects=(motion("X", Legendre(KNOWN, 4)),))
+    (longer,) = extended(model, DMU50, {"X": Larger(KNOWN, (-1.0, 360.0))}).effects
+    assert longer.basis.interval == (0.0, 360.0)
 
 
 def seen(machine, model, seed, n, share=1.0):

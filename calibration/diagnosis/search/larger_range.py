@@ -29,6 +29,8 @@ STEPS = 400
 """Number of positions over the range, and over the larger one, at which functions are compared."""
 SAME = 0.01
 """Standard deviation within the range of the error motion that takes the place of another, as a share of its size."""
+NARROW = 0.25
+"""Share of the distance of nodes up to which the larger range gets none: the error motion keeps its end value there."""
 WIDE, LEAST_SIZE = 3.0, 1.0
 """Prior of an error motion outside its range, as a multiple of its size within it, and the least size, um or urad."""
 
@@ -115,8 +117,8 @@ def _over(basis: Basis, whole: Interval) -> BSpline:
 
 
 def _nodes(end: float, start: float, distance: float) -> Array:
-    """Ascending positions from `end` up to `start`, without this, at about this distance."""
-    if end >= start:
+    """Ascending positions from `end` up to `start`, without this, at about this distance; none for a narrow part."""
+    if start - end < NARROW * distance:
         return np.zeros(0)
     return np.linspace(end, start, max(round((start - end) / distance), 1) + 1)[:-1]
 
