@@ -9,6 +9,8 @@ import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.search.larger_range import Larger, extended, larger_ranges, within
 from calibration.fit.calibrate import calibrate
+from calibration.reports.diagnosis import diagnosis_report
+from calibration.reports.diagnosis_json import diagnosis_json
 from kinematics.basis import BSpline, Fourier, Legendre
 from kinematics.effects import Backlash, ErrorMotion, LocationError
 from kinematics.error_model.model import no_errors
@@ -67,12 +69,12 @@ def test_a_narrow_part_beyond_a_range_gets_no_nodes():
     assert longer.basis.interval == (0.0, 360.0)
 
 
-def seen(machine, model, seed, n, share=1.0):
-    """Random positions of a machine, in a share of its travel."""
+def seen(machine, model, seed, n, share=1.0, *, first=0.0):
+    """Random positions of a machine, in a share of its travel from another share on."""
     rng = np.random.default_rng(seed)
     q = positions(machine, n, rng)
-    low = machine.travel[0]
-    return measured(machine, low + share * (q - low), THREE, model, rng)
+    low, high = machine.travel
+    return measured(machine, low + first * (high - low) + share * (q - low), THREE, model, rng)
 
 
 def test_the_ranges_of_the_data_are_compared_with_those_of_the_calibration():
@@ -100,3 +102,14 @@ def test_errors_outside_the_ranges_of_a_calibration_are_no_cause(hidden, basis):
     names = [effect.name for effect in found.model.effects]
     assert len(set(names)) == len(names)
     assert not found.machine_change.significant or hidden
+
+
+@pytest.mark.statistical
+def test_with_no_row_in_common_nothing_says_whether_the_machine_has_changed():
+    model = truth(CFRAME, np.random.default_rng(0))
+    given = calibrate(seen(CFRAME, model, 1, 200, 0.4), basis="cubic:4").model
+    found = diagnose(seen(CFRAME, model, 5, 200, 0.3, first=0.7), given)
+    assert found.causes == ()
+    assert found.machine_change is None
+    assert diagnosis_json(found)["machine_change"] is None
+    assert "differ by" not in diagnosis_report(found, "ncomp diagnose").verdict

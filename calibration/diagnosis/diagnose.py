@@ -109,6 +109,8 @@ class _Given(NamedTuple):
     change: MachineChange | None
 
 
+COMPARABLE = 10
+"""Least number of rows in the ranges of the present calibration at which a new one is compared with it."""
 STEPS = 4
 """Steps of a diagnosis: the present model, the causes, the tests of the residual, the conclusions."""
 
@@ -276,10 +278,11 @@ def _compared_with_given(
         return _Given(searched.before, searched.tests, evidence.causes, model, factor, None)
     before, causes, after = first.on(first.base.as_it_is).bare, evidence.causes, completed.stage
     measurement = completed.selector.measurement
-    change = machine_change(measurement, after.fit.kept & within(calibration, measurement), known, model)
+    common = after.fit.kept & within(calibration, measurement)
+    change = machine_change(measurement, common, known, model) if np.count_nonzero(common) >= COMPARABLE else None
     if new.present is not None:
         model, factor = new.present
-    elif searched.dependence is None:
+    elif searched.dependence is None and change is not None:
         causes = with_changed_lines(causes, change, before, after)
     return _Given(before, unexplained_residual.tests(before.linearised), causes, model, factor, change)
 

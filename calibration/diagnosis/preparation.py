@@ -136,8 +136,8 @@ def _larger(calibration: ErrorModel, measurement: Measurement) -> Iterator[Findi
     for name, (known, whole) in larger_ranges(calibration, measurement).items():
         unit = measurement.machine.axes[measurement.machine.index(name)].unit
         text = (
-            f"{name} was calibrated from {known[0]:.4g} to {known[1]:.4g} {unit}, the data make it {whole[0]:.4g} to "
-            f"{whole[1]:.4g} {unit}: there its error motions follow from these data alone"
+            f"{name} was calibrated from {known[0]:.4g} to {known[1]:.4g} {unit}, which these data extend to "
+            f"{whole[0]:.4g} to {whole[1]:.4g} {unit}: its error motions beyond follow from these data alone"
         )
         yield Finding("range", text, False)
 

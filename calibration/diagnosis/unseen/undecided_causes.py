@@ -22,7 +22,7 @@ from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.unseen.beside_function import scaled
 from calibration.diagnosis.updated_model import lasting
 from calibration.diagnosis.verdict import tied_with
-from calibration.diagnosis.widening import Moment, moments
+from calibration.diagnosis.widening import MOMENTS, POSES, Moment, moments
 from kinematics.effects import Backlash, Effect, unit_of
 from kinematics.transforms import Array
 
@@ -78,11 +78,13 @@ def errors_by_ties(stage: Stage) -> Array:
 
 def _errors(linearised: LinearisedFit, causes: Sequence[_Possible]) -> Array:
     """Errors `(k, m, 3)`, um, by causes, each in RMS over its probability, at all states of `moments`."""
+    if not causes:
+        return np.zeros((0, MOMENTS * POSES, 3))
     model, found = linearised.fit.model, []
     for moment in moments(linearised.measurement):
         design = moment.design(model)
         errors = [np.sqrt(cause.weight) * (cause.lacking(moment) + design @ cause.moved) for cause in causes]
-        found.append(np.reshape(errors, (len(causes), len(design), 3)))
+        found.append(errors)
     return np.concatenate(found, axis=1)
 
 
