@@ -7,12 +7,14 @@ from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.machine_change import MachineChange
 from calibration.diagnosis.search.nested_bases import refined
 from calibration.diagnosis.updated_model import merged
 from calibration.evaluation.volumetric import aligned
 from calibration.fit.calibrate import calibrate
 from calibration.reports.diagnosis import diagnosis_report
 from calibration.reports.diagnosis_json import diagnosis_json
+from calibration.reports.machine_change import change_sentences
 from kinematics.effects import Backlash, ErrorMotion, LocationError, Scale
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
@@ -50,6 +52,12 @@ def test_the_same_machine_has_not_changed():
     assert not found.machine_change.significant
     assert diagnosis_json(found)["machine_change"]["rms_um"] < 2.0 * found.machine_change.u_um
     assert "No change of the machine: " in diagnosis_report(found, "ncomp diagnose").verdict
+
+
+def test_no_figure_where_nothing_moves_the_tool_point():
+    """A rotary axis by interferometer, whose axis line goes through the tool point."""
+    (sentence,) = change_sentences(MachineChange(0.0, 0.0, 0.0, (), ()))
+    assert "no figure in um" in sentence
 
 
 @pytest.mark.integration

@@ -12,6 +12,8 @@ from rendering.report import Section, Table, shortened
 
 LISTED = 4
 """Most changed lines in a sentence; the table has all."""
+UNMOVED_UM = 1e-6
+"""Uncertainty of the difference below which no parameter of the models moves the tool point."""
 
 
 def machine_change_json(change: MachineChange | None) -> dict[str, Any] | None:
@@ -42,6 +44,9 @@ def machine_change_json(change: MachineChange | None) -> dict[str, Any] | None:
 def change_sentences(change: MachineChange | None) -> Iterator[str]:
     """The change in a sentence or two; none without a present calibration of other data."""
     if change is None:
+        return
+    if change.u_um < UNMOVED_UM:
+        yield "The axes turn about the tool point alone: a change of the machine has no figure in um."
         return
     size = f"{change.rms_um:.2g} um RMS over the measured volume (at most {change.max_um:.2g} um)"
     if not change.significant:
