@@ -196,8 +196,8 @@ def misread(stage: Stage) -> list[Accepted]:
 def wandering(stage: Stage) -> list[Accepted]:
     """Accepted jumps that only imitate a wandering: a function of time, or a random walk, explains more.
 
-    Also a jump that is no larger than the steps of a random walk beside it, and any course in time that is a part of
-    this walk.
+    Also a jump that explains little more than a function, and leaves a part of it; one that is no larger than the steps
+    of a random walk beside it; and any course in time that is a part of this walk.
     """
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
     for i, each in enumerate(stage.accepted):
@@ -207,17 +207,24 @@ def wandering(stage: Stage) -> list[Accepted]:
             continue
         without = even.without(i)
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
-        # rows that are correlated count in full for the function: for a jump only if it explains far more
-        own = in_full(without, score)
+        # rows that are correlated count in full for the function: for a jump only if it explains far more; beside a
+        # calibration, whose error motions it spares, a jump that is there explains little itself
+        own = max(in_full(without, score), by_evidence(without, each.candidate))
         if with_walk(without).log_odds > FAR_MORE * own or _of_walk(even, i):
             found.append(each)
             continue
         dependence = unexplained(without)
         if dependence is None or TIME not in dependence.variables:
             continue
-        if log_odds_of_function(without, dependence) > max(-0.5 * score.delta_bic, own / FAR_MORE):
+        alone = log_odds_of_function(without, dependence)
+        if alone > max(-0.5 * score.delta_bic, own / FAR_MORE) and (alone > own or not _all_explained(even.linearised)):
             found.append(each)
     return found
+
+
+def _all_explained(linearised: LinearisedFit) -> bool:
+    """True where neither a random walk nor a smooth function is left: what only imitates one leaves a part of it."""
+    return not with_walk(linearised).log_odds and unexplained(linearised) is None
 
 
 def against_walk(stage: Stage, index: int) -> float:
