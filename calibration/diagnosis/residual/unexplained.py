@@ -160,7 +160,10 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
     smooth or was searched for, where the same search finds as much in residuals with random signs.
     """
     chance = Chance(absorbed(stage.linearised, dependence), library)
-    blamed = without_support(stage, dependence)
+    even = stage._replace(linearised=stage.linearised.evenly_noisy)
+    unsupported = without_support(stage, dependence)
+    numbers = [i for i, each in enumerate(stage.accepted) if any(each is other for other in unsupported)]
+    blamed = [stage.accepted[i] for i in numbers if not _stands_beside(even, i, dependence)]
     return blamed + [
         each
         for each in stage.accepted
@@ -196,8 +199,8 @@ def misread(stage: Stage) -> list[Accepted]:
 def wandering(stage: Stage) -> list[Accepted]:
     """Accepted jumps that only imitate a wandering: a function of time, or a random walk, explains more.
 
-    Also a jump that explains little more than a function, and leaves a part of it; one that is no larger than the steps
-    of a random walk beside it; and any course in time that is a part of this walk.
+    Also a jump that is no larger than the steps of a random walk beside it, and any course in time that is a part of
+    this walk. A jump stays with which the function is likelier than alone.
     """
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
     for i, each in enumerate(stage.accepted):
@@ -217,14 +220,23 @@ def wandering(stage: Stage) -> list[Accepted]:
         if dependence is None or TIME not in dependence.variables:
             continue
         alone = log_odds_of_function(without, dependence)
-        if alone > max(-0.5 * score.delta_bic, own / FAR_MORE) and (alone > own or not _all_explained(even.linearised)):
+        if alone > max(-0.5 * score.delta_bic, own / FAR_MORE) and not _stands_beside(even, i, dependence):
             found.append(each)
     return found
 
 
-def _all_explained(linearised: LinearisedFit) -> bool:
-    """True where neither a random walk nor a smooth function is left: what only imitates one leaves a part of it."""
-    return not with_walk(linearised).log_odds and unexplained(linearised) is None
+def _stands_beside(stage: Stage, index: int, dependence: Unexplained) -> bool:
+    """True for a jump with which the whole function is likelier than alone: what only imitates it makes it unlikelier.
+
+    Both by their evidence, however the residuals are correlated. stage: with even noise.
+    """
+    candidate, without = stage.accepted[index].candidate, stage.without(index)
+    if getattr(candidate.effect, "since_s", None) is None:
+        return False
+    alone, beside = (
+        absorbing(rest, dependence, whole=True, walk=False).log_odds for rest in (without, stage.linearised)
+    )
+    return by_evidence(without, candidate) + beside > alone + EVIDENCE
 
 
 def against_walk(stage: Stage, index: int) -> float:
