@@ -7,8 +7,9 @@ import pytest
 from support.diagnosis_cases import data_with, selector
 
 from calibration.diagnosis.residual.cancelling import cancelling
+from calibration.diagnosis.residual.unexplained import stand_together
 from calibration.diagnosis.search.candidates import Candidate
-from kinematics.effects import Backlash, LocationError, LocationJump, ThermalDrift
+from kinematics.effects import Backlash, LocationError, LocationJump, ThermalDrift, Unnamed
 
 DRIFT = Candidate(ThermalDrift("X", rate=0.0))
 JUMP = Candidate(LocationJump("X", "X", 0.0, 700.0))
@@ -48,3 +49,15 @@ def test_parts_of_one_warming_may_cancel(blamed):
 def test_errors_of_one_geometry_may_cancel(blamed):
     lines = (Candidate(LocationError("C", "Y", 0.0)), Candidate(LocationError("B", "Z", 0.0)))
     assert blamed((lines[0], 1.0), (lines[1], -1.0)) == 0
+
+
+@pytest.mark.parametrize("hidden", [True, False])
+def test_causes_that_cancel_each_other_stand_where_they_are_likelier_than_a_function(hidden):
+    """A drift and a jump back that are there, or a wave in time that these two imitate."""
+    causes = ThermalDrift("X", rate=120.0), LocationJump("X", "X", -40.0, 700.0)
+    wave = Unnamed(
+        "X", ("time",), ((0.0, 15.0 * 240),), tuple((k,) for k in range(1, 7)), (3.0, -9.0, 8.0, 6.0, -9.0, 5.0)
+    )
+    made = selector(data_with(*(causes if hidden else (wave,)), n=240))
+    stage = made.stage([(DRIFT, np.array([1.0])), (JUMP, np.array([-1.0]))])
+    assert stand_together(stage, stage.accepted) == hidden

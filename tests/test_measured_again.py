@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
+from shop_floor.question import ask, earlier
 from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
@@ -12,6 +13,7 @@ from calibration.diagnosis.search.nested_bases import refined
 from calibration.diagnosis.updated_model import merged
 from calibration.evaluation.volumetric import aligned
 from calibration.fit.calibrate import calibrate
+from calibration.measurement.file import read_measurement
 from calibration.reports.diagnosis import diagnosis_report
 from calibration.reports.diagnosis_json import diagnosis_json
 from calibration.reports.machine_change import change_sentences
@@ -118,3 +120,18 @@ def test_what_was_added_to_a_calibration_is_one_error_motion_for_each_axis_and_c
     assert np.abs(wanted).max() > 0.02
     assert np.linalg.eigvalsh(np.array(one.covariance)).min() > -1e-6
     assert len(merged(MACHINE, present, len(present.effects)).effects) == len(present.effects)
+
+
+@pytest.mark.statistical
+def test_a_collision_after_the_calibration_is_named(tmp_path):
+    """A smooth function of time and positions explains most of the step; the calibration lets no error motion do so."""
+    gantry = machines.load("gantry")
+
+    def read(question):
+        (tmp_path / "data.csv").write_text(question.sheet())
+        return read_measurement(tmp_path / "data.csv", gantry)
+
+    given = diagnose(read(earlier("gantry", 1, 72001))).model
+    found = diagnose(read(ask("again", "crash", "gantry", 1, 72001)), given)
+    assert [(cause.kind, cause.axis) for cause in found.causes] == [("location-jump", "Z")]
+    assert found.accepted

@@ -175,6 +175,8 @@ def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[F
             found = without
             continue
         blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
+        if blamed and unexplained_residual.stand_together(stage, blamed):
+            blamed = []
         if not blamed:
             more: list[Modulated | Undetermined] = [*modulated(stage), *undetermined(stage)]
             imitated += more

@@ -226,17 +226,30 @@ def wandering(stage: Stage) -> list[Accepted]:
 
 
 def _stands_beside(stage: Stage, index: int, dependence: Unexplained) -> bool:
-    """True for a jump with which the whole function is likelier than alone: what only imitates it makes it unlikelier.
+    """True for a jump with which the whole function is likelier than alone. stage: with even noise."""
+    jumps = getattr(stage.accepted[index].candidate.effect, "since_s", None) is not None
+    return jumps and _likelier_with(stage, [index], dependence)
 
-    Both by their evidence, however the residuals are correlated. stage: with even noise.
+
+def stand_together(stage: Stage, causes: Sequence[Accepted]) -> bool:
+    """True for causes with which the data are likelier than with a smooth function that they leave without them."""
+    even = stage._replace(linearised=stage.linearised.evenly_noisy)
+    numbers = [i for i, each in enumerate(stage.accepted) if any(each is other for other in causes)]
+    dependence = unexplained(even.without(*numbers))
+    return dependence is not None and _likelier_with(even, numbers, dependence)
+
+
+def _likelier_with(stage: Stage, numbers: Sequence[int], dependence: Unexplained) -> bool:
+    """True where accepted causes, given by number, and the whole function are likelier than the function alone.
+
+    All by their evidence, however the residuals are correlated: what only imitates a function is unlikelier beside it.
     """
-    candidate, without = stage.accepted[index].candidate, stage.without(index)
-    if getattr(candidate.effect, "since_s", None) is None:
-        return False
+    without = stage.without(*numbers)
     alone, beside = (
         absorbing(rest, dependence, whole=True, walk=False).log_odds for rest in (without, stage.linearised)
     )
-    return by_evidence(without, candidate) + beside > alone + EVIDENCE
+    own = by_evidence(without, *(stage.accepted[i].candidate for i in numbers))
+    return own + beside > alone + EVIDENCE
 
 
 def against_walk(stage: Stage, index: int) -> float:
