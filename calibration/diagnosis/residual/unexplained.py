@@ -204,7 +204,7 @@ def wandering(stage: Stage) -> list[Accepted]:
     """
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
     for i, each in enumerate(stage.accepted):
-        if getattr(each.candidate.effect, "since_s", None) is None:
+        if not _jumps(each):
             if in_time(each.candidate.effect) and _of_walk(even, i):
                 found.append(each)
             continue
@@ -227,16 +227,24 @@ def wandering(stage: Stage) -> list[Accepted]:
 
 def _stands_beside(stage: Stage, index: int, dependence: Unexplained) -> bool:
     """True for a jump with which the whole function is likelier than alone. stage: with even noise."""
-    jumps = getattr(stage.accepted[index].candidate.effect, "since_s", None) is not None
-    return jumps and _likelier_with(stage, [index], dependence)
+    return _jumps(stage.accepted[index]) and _likelier_with(stage, [index], dependence)
 
 
 def stand_together(stage: Stage, causes: Sequence[Accepted]) -> bool:
-    """True for causes with which the data are likelier than with a smooth function that they leave without them."""
+    """True for causes, a jump among them, with which the data are likelier than with a smooth function in their place.
+
+    Smooth causes together imitate a function that has no name so well that the evidence does not tell them apart.
+    """
+    if not any(map(_jumps, causes)):
+        return False
     even = stage._replace(linearised=stage.linearised.evenly_noisy)
     numbers = [i for i, each in enumerate(stage.accepted) if any(each is other for other in causes)]
     dependence = unexplained(even.without(*numbers))
     return dependence is not None and _likelier_with(even, numbers, dependence)
+
+
+def _jumps(accepted: Accepted) -> bool:
+    return getattr(accepted.candidate.effect, "since_s", None) is not None
 
 
 def _likelier_with(stage: Stage, numbers: Sequence[int], dependence: Unexplained) -> bool:
