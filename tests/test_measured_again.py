@@ -9,7 +9,7 @@ from support.virtual_measurements import THREE, measured, positions, truth
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.machine_change import MachineChange
-from calibration.diagnosis.search.nested_bases import refined
+from calibration.diagnosis.search.present.nested_bases import refined
 from calibration.diagnosis.updated_model import merged
 from calibration.evaluation.volumetric import aligned
 from calibration.fit.calibrate import calibrate

@@ -22,8 +22,8 @@ from calibration.diagnosis.residual.whiteness import Test
 from calibration.diagnosis.result import Diagnosis
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY
 from calibration.diagnosis.search.evaluation import Evaluated, evaluate
-from calibration.diagnosis.search.larger_range import within
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.present.larger_range import within
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.searched_causes import Searched, searched_causes

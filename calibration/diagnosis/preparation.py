@@ -13,7 +13,7 @@ from calibration.diagnosis.linear_order import other_order
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual.chance_level import PERIODIC, ByChance
 from calibration.diagnosis.search.candidates import Untested, changes, library
-from calibration.diagnosis.search.larger_range import larger_ranges
+from calibration.diagnosis.search.present.larger_range import larger_ranges
 from calibration.diagnosis.search.recent_fits import RecentFits
 from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes

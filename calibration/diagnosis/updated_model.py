@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from calibration.diagnosis.search.nested_bases import contained, embedding
+from calibration.diagnosis.search.present.nested_bases import contained, embedding
 from calibration.diagnosis.search.start_model import Base
 from calibration.fit.calibrate import in_datum
 from calibration.fit.datum import to_datum

@@ -18,11 +18,11 @@ import msgspec
 import numpy as np
 from scipy.linalg import block_diag
 
-from calibration.diagnosis.search import refinement
 from calibration.diagnosis.search.candidates import Candidate, at_zero, changes, library
-from calibration.diagnosis.search.larger_range import extended, larger_ranges
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.refinement import GENEROUS, Refinement
+from calibration.diagnosis.search.present import refinement
+from calibration.diagnosis.search.present.larger_range import extended, larger_ranges
+from calibration.diagnosis.search.present.refinement import GENEROUS, Refinement
 from calibration.fit.bases.search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.bases.selection import choose, coarse_choice, finer
 from calibration.fit.curves.between_positions import as_table

@@ -17,7 +17,7 @@ import numpy as np
 
 from calibration.cores import each
 from calibration.diagnosis.search.derivatives import signals
-from calibration.diagnosis.search.nested_bases import refined
+from calibration.diagnosis.search.present.nested_bases import refined
 from calibration.fit.fit import DOUBTFUL_P, Fit
 from calibration.fit.linear import NormalBlocks, Part, of_columns
 from calibration.fit.problem import solution
