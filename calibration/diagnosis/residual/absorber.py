@@ -67,8 +67,10 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
     """
     # estimated noise of an axis would hold much of the function
     even = stage._replace(linearised=stage.linearised.evenly_noisy)
-    whole = not log_odds_of_function(even.linearised, dependence)
-    together = absorbing(even.linearised, dependence, whole=whole, walk=False).log_odds
+    together = log_odds_of_function(even.linearised, dependence)
+    whole = not together
+    if whole:
+        together = absorbing(even.linearised, dependence, whole=True, walk=False).log_odds
     found = []
     for i, each in enumerate(stage.accepted):
         without = even.without(i)

@@ -160,10 +160,9 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
     smooth or was searched for, where the same search finds as much in residuals with random signs.
     """
     chance = Chance(absorbed(stage.linearised, dependence), library)
-    even = stage._replace(linearised=stage.linearised.evenly_noisy)
-    unsupported = without_support(stage, dependence)
-    numbers = [i for i, each in enumerate(stage.accepted) if any(each is other for other in unsupported)]
-    blamed = [stage.accepted[i] for i in numbers if not _stands_beside(even, i, dependence)]
+    unsupported = _numbers(stage, without_support(stage, dependence))
+    even = stage._replace(linearised=stage.linearised.evenly_noisy) if unsupported else stage
+    blamed = [stage.accepted[i] for i in unsupported if not _stands_beside(even, i, dependence)]
     return blamed + [
         each
         for each in stage.accepted
@@ -200,7 +199,7 @@ def wandering(stage: Stage) -> list[Accepted]:
     """Accepted jumps that only imitate a wandering: a function of time, or a random walk, explains more.
 
     Also a jump that is no larger than the steps of a random walk beside it, and any course in time that is a part of
-    this walk. A jump stays with which the function is likelier than alone.
+    this walk. A jump remains if the function and the jump together are likelier than the function alone.
     """
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
     for i, each in enumerate(stage.accepted):
@@ -226,21 +225,26 @@ def wandering(stage: Stage) -> list[Accepted]:
 
 
 def _stands_beside(stage: Stage, index: int, dependence: Unexplained) -> bool:
-    """True for a jump with which the whole function is likelier than alone. stage: with even noise."""
+    """True for a jump if it and the whole function are likelier than the function alone. stage: with even noise."""
     return _jumps(stage.accepted[index]) and _likelier_with(stage, [index], dependence)
 
 
 def stand_together(stage: Stage, causes: Sequence[Accepted]) -> bool:
-    """True for causes, a jump among them, with which the data are likelier than with a smooth function in their place.
+    """True for causes with a jump among them if they are likelier than a smooth function in their place.
 
-    Smooth causes together imitate a function that has no name so well that the evidence does not tell them apart.
+    Several smooth causes imitate an unnamed function so well that the evidence does not distinguish them.
     """
     if not any(map(_jumps, causes)):
         return False
     even = stage._replace(linearised=stage.linearised.evenly_noisy)
-    numbers = [i for i, each in enumerate(stage.accepted) if any(each is other for other in causes)]
+    numbers = _numbers(stage, causes)
     dependence = unexplained(even.without(*numbers))
     return dependence is not None and _likelier_with(even, numbers, dependence)
+
+
+def _numbers(stage: Stage, causes: Sequence[Accepted]) -> list[int]:
+    """Numbers of some of the accepted causes of a stage."""
+    return [i for i, each in enumerate(stage.accepted) if any(each is other for other in causes)]
 
 
 def _jumps(accepted: Accepted) -> bool:
@@ -250,7 +254,8 @@ def _jumps(accepted: Accepted) -> bool:
 def _likelier_with(stage: Stage, numbers: Sequence[int], dependence: Unexplained) -> bool:
     """True where accepted causes, given by number, and the whole function are likelier than the function alone.
 
-    All by their evidence, however the residuals are correlated: what only imitates a function is unlikelier beside it.
+    Each counts by its evidence, without the correlation of the residuals. Beside a mere imitation of it the function
+    loses more evidence than the imitation has.
     """
     without = stage.without(*numbers)
     alone, beside = (

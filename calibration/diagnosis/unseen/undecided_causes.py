@@ -118,7 +118,7 @@ def _ties(stage: Stage) -> Iterator[Forms]:
 def _cost(own: Candidate, sibling: Sibling, without: LinearisedFit) -> float:
     """Twice the log odds of a cause against a sibling.
 
-    Between two of the instrument the readings alone decide: what is knocked may turn, or only shift.
+    Between two effects of the instrument the number of parameters does not count: a knock may turn it, or not.
     """
     other = sibling.evaluated.candidate
     turns = 0
@@ -128,7 +128,7 @@ def _cost(own: Candidate, sibling: Sibling, without: LinearisedFit) -> float:
 
 
 def _instead(stage: Stage, found: Forms) -> Iterator[_Possible]:
-    """What may be in place of a cause of a stage, each of its most likely size, with its probability."""
+    """Possible causes in place of one of a stage, each of its most likely size, with its probability."""
     own, others, without = found.own, found.others, found.without
     costs = np.array([own.cost, *(each.cost for each in others)])
     odds = np.exp(-0.5 * (costs - costs.min()))

@@ -61,6 +61,8 @@ def larger_ranges(calibration: ErrorModel, measurement: Measurement) -> Mapping[
 
 def extended(calibration: ErrorModel, machine: Machine, ranges: Mapping[str, Larger]) -> ErrorModel:
     """The calibration with error motions over larger ranges: the same within their own, with wide priors outside."""
+    if not ranges:
+        return calibration
     effects, values, roots = list(calibration.effects), [], []
     matrix = np.zeros((0, len(calibration.parameters)))
     for i, (effect, part) in enumerate(zip(calibration.effects, calibration.slices, strict=True)):
