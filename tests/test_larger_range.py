@@ -87,6 +87,30 @@ def test_the_ranges_of_the_data_are_compared_with_those_of_the_calibration():
     assert 0.1 < within(calibration, large).mean() < 0.4
 
 
+@pytest.mark.parametrize(
+    ("known", "degrees", "whole"),
+    [
+        ((0.0, 200.0), (0.0, 355.0), (0.0, 360.0)),
+        ((300.0, 420.0), (0.0, 355.0), (300.0, 660.0)),
+        ((300.0, 420.0), (-80.0, 100.0), (280.0, 460.0)),
+        ((-60.0, 60.0), (290.0, 430.0), (-70.0, 70.0)),
+    ],
+)
+def test_an_arc_is_extended_from_its_own_turn(known, degrees, whole):
+    """The same positions of C may be counted from another turn, and an arc may go through zero."""
+    model = msgspec.structs.replace(no_errors(DMU50), effects=(motion("C", Fourier(known, (1.0, 2.0))),))
+    q = np.zeros((73, 5))
+    q[:, DMU50.index("C")] = np.radians(np.linspace(*degrees, 73))
+    (found,) = larger_ranges(model, measured(DMU50, q, THREE, no_errors(DMU50), np.random.default_rng(1))).values()
+    assert found.known == known
+    assert found.whole == pytest.approx(whole, abs=0.1)
+    (longer,) = extended(model, DMU50, {"C": found}).effects
+    assert longer.basis.interval == pytest.approx(whole, abs=0.1)
+    own, x = DMU50.axes[DMU50.index("C")], np.linspace(*known, 50)
+    was, now = (columns_of(own, each.basis, x) @ each.parameters for each in (*model.effects, longer))
+    np.testing.assert_allclose(now, was, atol=0.05 * np.sqrt(np.mean(was**2)))
+
+
 @pytest.mark.statistical
 @pytest.mark.parametrize("hidden", [(), (Backlash("Y", 30.0),)])
 @pytest.mark.parametrize("basis", ["cubic:5", "legendre:4"])

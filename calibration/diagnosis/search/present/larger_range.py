@@ -19,9 +19,9 @@ from calibration.observation.full_model import moving_axes
 from kinematics.basis import Basis, BSpline, Interval
 from kinematics.effects import ErrorMotion
 from kinematics.error_model.model import ErrorModel
-from kinematics.machine import Axis, Machine
+from kinematics.machine import TURN, Axis, Machine
 from kinematics.transforms import Array
-from kinematics.turn import beyond, columns_of, measured_arc
+from kinematics.turn import beyond, columns_of, gap_of, measured_arc
 
 LEAST = 0.02
 """Share of a range by which data must reach beyond it."""
@@ -55,8 +55,15 @@ def larger_ranges(calibration: ErrorModel, measurement: Measurement) -> Mapping[
         if np.max(_outside(axis, known, x)) > LEAST * (known[1] - known[0]):
             both = np.concatenate([np.linspace(*known, STEPS), x])
             ends = float(both.min()), float(both.max())
-            found[name] = Larger(known, measured_arc(both) if axis.turns_fully else ends)
+            found[name] = Larger(known, _arc(known, both) if axis.turns_fully else ends)
     return found
+
+
+def _arc(known: Interval, x: Array) -> Interval:
+    """The arc of the turn that positions `(n,)`, degrees, cover, counted such that it contains the known one."""
+    low, high = measured_arc(x)
+    before = (known[0] - low) % TURN if gap_of((low, high)) else 0.0
+    return known[0] - before, known[0] - before + (high - low)
 
 
 def extended(calibration: ErrorModel, machine: Machine, ranges: Mapping[str, Larger]) -> ErrorModel:
