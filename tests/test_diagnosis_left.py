@@ -109,6 +109,17 @@ def test_a_wave_that_is_there_is_not(seed):
     assert not by_chance(stage)
 
 
+@pytest.mark.parametrize("other, named", [(0.0, True), (6.0, True), (40.0, False)])
+def test_a_wave_stands_only_as_the_larger_part_of_what_exceeds_the_noise(other, named):
+    """Beside a second wave, which the fit lacks."""
+    wave = Cyclic("X", "X", 10.0, (0.0,), (0.0,))
+    rough = Cyclic("X", "Y", 3.7, (other,), (0.0,))
+    _, stage = stage_with(
+        msgspec.structs.replace(wave, sine=(12.0,)), rough, candidate=lambda _: Candidate(wave, shapes=1)
+    )
+    assert remainder.small_parts(stage) == ([] if named else list(stage.accepted))
+
+
 def test_backlash_that_is_there_is_not_by_chance_and_another_is():
     blank = {name: Candidate(Backlash(name, 0.0)) for name in "XYZ"}
     made, stage = stage_with(nameless("Y", 2.0), Backlash("X", 25.0), candidate=lambda _: blank["X"])
@@ -316,3 +327,12 @@ def test_a_jump_is_no_part_of_a_function_that_stands_only_as_a_whole(tmp_path):
     found = diagnose(read_measurement(tmp_path / "data.csv", CFRAME))
     assert found.causes == ()
     assert set(found.unexplained.variables) == {"Y", "time"}
+
+
+@pytest.mark.statistical
+def test_periods_found_in_an_error_that_is_not_periodic_are_none(tmp_path):
+    """A guide that holds and lets go at positions that depend on another axis, as large as the noise."""
+    (tmp_path / "data.csv").write_text(ask("lines", "stick-slip", "gantry", 0, 73001).sheet())
+    found = diagnose(read_measurement(tmp_path / "data.csv", machines.load("gantry")))
+    assert found.causes == ()
+    assert set(found.unexplained.variables) <= {"Y", "Z"}

@@ -189,7 +189,10 @@ def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[F
         if not blamed:
             tests = unexplained_residual.tests(stage.linearised)
             dependence = _dependence(stage, tests) or next(filter(None, _imitated(stage, imitated)), None)
-            blamed = unexplained_residual.impostors(stage, dependence, selector.library) if dependence else []
+            if dependence:
+                blamed = unexplained_residual.impostors(stage, dependence, selector.library)
+            elif combined(tests, LEFT):
+                blamed = unexplained_residual.small_parts(stage)
             if not blamed:
                 return found, tests, dependence or _random_walk(stage, tests, shown=wandered)
         kept: Sequence[tuple[Candidate, np.ndarray]] = [

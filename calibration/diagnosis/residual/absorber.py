@@ -78,7 +78,7 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
         own, alone = -0.5 * score.delta_bic, absorbing(without, dependence, whole=whole, walk=False).log_odds
         named = not isinstance(each.candidate.effect, Unnamed)
         imitated = own + together - alone < EVIDENCE and own < MOST * alone
-        part = own < together or _share(without, even.linearised) < CLEARLY
+        part = own < together or share_of_excess(without, even.linearised) < CLEARLY
         depends = not _variables(each.candidate).isdisjoint(dependence.variables)
         if (named and (imitated or (part and depends))) or _changes(each.candidate, dependence):
             found.append(each)
@@ -90,7 +90,7 @@ def _changes(candidate: Candidate, dependence: Unexplained) -> bool:
     return bool(candidate.replaces) and {TIME, getattr(candidate.effect, "axis", "")} <= set(dependence.variables)
 
 
-def _share(without: LinearisedFit, with_cause: LinearisedFit) -> float:
+def share_of_excess(without: LinearisedFit, with_cause: LinearisedFit) -> float:
     """Share of the squares beyond the specified noise, without a cause, that the cause explains."""
     explained = without.squares - with_cause.squares
     left = with_cause.squares - with_cause.degrees_of_freedom / with_cause.fit.variance_factor

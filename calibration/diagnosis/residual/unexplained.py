@@ -11,10 +11,11 @@ from calibration.diagnosis.residual.absorber import (
     absorbing,
     in_time,
     log_odds_of_function,
+    share_of_excess,
     with_walk,
     without_support,
 )
-from calibration.diagnosis.residual.chance_level import SEARCHES, SMOOTH, Chance, searched
+from calibration.diagnosis.residual.chance_level import PERIODIC, SEARCHES, SMOOTH, Chance, searched
 from calibration.diagnosis.residual.dependence import (
     EVIDENCE,
     LENGTHS,
@@ -52,6 +53,9 @@ FAR_MORE = 1.5
 
 Also the ratio of the log odds of a random walk to those of a jump above which the jump is a part of the walk, and of an
 error of the machine to one of the readings above which it is no error of the readings."""
+
+LARGER_PART = 0.5
+"""Least share of the excess over the noise that periodic shapes explain together, beside an error without a name."""
 
 
 def tests(linearised: LinearisedFit) -> list[Test]:
@@ -170,6 +174,20 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
         and (each.candidate.effect.kind not in SMOOTH or searched(each.candidate) in SEARCHES)
         and chance.finds(each.candidate, each.score.gain)
     ]
+
+
+def small_parts(stage: Stage) -> list[Accepted]:
+    """Accepted waves and sawtooth errors that together explain less of an unknown error than they leave.
+
+    For residuals that are not noise, but no function of the recorded variables. The search finds some period in any
+    error that is neither smooth nor periodic.
+    """
+    shapes = [i for i, each in enumerate(stage.accepted) if searched(each.candidate) in PERIODIC]
+    if not shapes:
+        return []
+    even = stage._replace(linearised=stage.linearised.evenly_noisy)
+    part = share_of_excess(even.without(*shapes), even.linearised)
+    return [stage.accepted[i] for i in shapes] if part < LARGER_PART else []
 
 
 def misread(stage: Stage) -> list[Accepted]:
