@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from shop_floor.question import ask
-from support.diagnosis_cases import CFRAME, data_with, fitted, selector
+from support.diagnosis_cases import CFRAME, data_with, fitted, selector, with_stops
 from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions
 
@@ -30,7 +30,7 @@ from calibration.fit.fit import fit
 from calibration.fit.noise import with_noise_of_visits
 from calibration.measurement.file import read_measurement
 from calibration.observation.full_model import BasisChoice, rigid_model
-from calibration.observation.stops_and_lines import visited
+from calibration.observation.stops_and_lines import stops, visited
 from kinematics.basis import BSpline
 from kinematics.effects import (
     Backlash,
@@ -109,7 +109,7 @@ def test_a_wave_that_is_there_is_not(seed):
     assert not by_chance(stage)
 
 
-@pytest.mark.parametrize("other, named", [(0.0, True), (6.0, True), (40.0, False)])
+@pytest.mark.parametrize(("other", "named"), [(0.0, True), (6.0, True), (40.0, False)])
 def test_a_wave_stands_only_as_the_larger_part_of_what_exceeds_the_noise(other, named):
     """Beside a second wave, which the fit lacks."""
     wave = Cyclic("X", "X", 10.0, (0.0,), (0.0,))
@@ -287,6 +287,20 @@ def test_a_drift_that_is_a_part_of_a_random_walk_is_none(walks):
     along = fitted(data).registration.rotations(data)[:, :, 2] * course[:, None]
     made = selector(replace(data, observed=data.observed + along))
     stage = made.stage([(Candidate(ThermalDrift("Z", rate=0.0)), np.zeros(1))])
+    assert remainder.wandering(stage) == (list(stage.accepted) if walks else [])
+
+
+@pytest.mark.parametrize("walks", [True, False])
+def test_a_drift_stands_beside_axes_that_do_not_repeat_but_not_beside_a_random_walk(walks):
+    """Three rows at each stop show how it is shifted: independent shifts look like the steps of a walk."""
+    data, rng = with_stops(3, {}), np.random.default_rng(6)
+    count = int(stops(data).max()) + 1
+    shifts = rng.normal(scale=0.01, size=(count, 3))
+    course = np.cumsum(shifts, axis=0) if walks else shifts + [0.0, 0.0, 0.02] * np.arange(count)[:, None] / count
+    observed = data.observed + np.einsum("nij,nj->ni", fitted(data).registration.rotations(data), course[stops(data)])
+    noisy = with_noise_of_visits(fitted(replace(data, observed=observed)))
+    assert set(noisy.noise.non_repeatability) == set("XYZ")
+    stage = selector(noisy).stage([(Candidate(ThermalDrift("Z", rate=0.0)), np.zeros(1))])
     assert remainder.wandering(stage) == (list(stage.accepted) if walks else [])
 
 

@@ -177,6 +177,19 @@ def with_walk(linearised: LinearisedFit) -> Absorbing:
     return found
 
 
+def fair_to_walk(linearised: LinearisedFit) -> LinearisedFit:
+    """The linearised fit with the noise beside which a random walk counts.
+
+    Even noise, since estimated non-repeatability of an axis would hold a part of the walk; but the estimated noise
+    where independent shifts of the stops are likelier than any walk: these look like its steps.
+    """
+    even = linearised.evenly_noisy
+    if even is linearised:
+        return linearised
+    of_stops = 0.5 * (even.squares + even.spread - linearised.squares - linearised.spread)
+    return linearised if of_stops > with_walk(even).log_odds else even
+
+
 def steps_of_walk(linearised: LinearisedFit) -> Array:
     """Which steps of a random walk each row has behind it, `(n, k)`: 1 or 0."""
     time, count = linearised.state.need("time", "a random walk"), min(STEPS, len(linearised.rows) // ROWS_PER_STEP)

@@ -9,6 +9,7 @@ import numpy as np
 from calibration.diagnosis.residual.absorber import (
     absorbed,
     absorbing,
+    fair_to_walk,
     in_time,
     log_odds_of_function,
     share_of_excess,
@@ -220,19 +221,18 @@ def wandering(stage: Stage) -> list[Accepted]:
     this walk. A jump remains if the function and the jump together are likelier than the function alone.
     """
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
+    walking = stage._replace(linearised=fair_to_walk(stage.linearised))
     for i, each in enumerate(stage.accepted):
+        if not in_time(each.candidate.effect):
+            continue
+        if (_jumps(each) and _far_less_than_walk(walking, i)) or _of_walk(walking, i):
+            found.append(each)
+            continue
         if not _jumps(each):
-            if in_time(each.candidate.effect) and _of_walk(even, i):
-                found.append(each)
             continue
         without = even.without(i)
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
-        # rows that are correlated count in full for the function: for a jump only if it explains far more; beside a
-        # calibration, whose error motions it spares, a jump that is there explains little itself
-        own = max(in_full(without, score), by_evidence(without, each.candidate))
-        if with_walk(without).log_odds > FAR_MORE * own or _of_walk(even, i):
-            found.append(each)
-            continue
+        own = _in_full_or_by_evidence(without, score, each.candidate)
         dependence = unexplained(without)
         if dependence is None or TIME not in dependence.variables:
             continue
@@ -283,6 +283,22 @@ def _likelier_with(stage: Stage, numbers: Sequence[int], dependence: Unexplained
     return own + beside > alone + EVIDENCE
 
 
+def _far_less_than_walk(stage: Stage, index: int) -> bool:
+    """True for an accepted jump in whose place a random walk of the tool is far likelier."""
+    without, candidate = stage.without(index), stage.accepted[index].candidate
+    score = evaluate(without, [candidate])[0].score
+    return with_walk(without).log_odds > FAR_MORE * _in_full_or_by_evidence(without, score, candidate)
+
+
+def _in_full_or_by_evidence(without: LinearisedFit, score: Score, candidate: Candidate) -> float:
+    """Log odds of a jump on the fit without it, the larger of two.
+
+    Rows that are correlated count in full for a function: for a jump only if it explains far more. Beside a
+    calibration, whose error motions it spares, a jump that is there explains little itself.
+    """
+    return max(in_full(without, score), by_evidence(without, candidate))
+
+
 def against_walk(stage: Stage, index: int) -> float:
     """Log odds of an accepted cause against a random walk of the tool in its place; infinite for no course in time.
 
@@ -291,10 +307,10 @@ def against_walk(stage: Stage, index: int) -> float:
     """
     if not in_time(stage.accepted[index].candidate.effect) or stage.linearised.state.time is None:
         return np.inf
-    even = stage._replace(linearised=stage.linearised.evenly_noisy)
-    without = even.without(index)
+    stage = stage._replace(linearised=fair_to_walk(stage.linearised))
+    without = stage.without(index)
     own = by_evidence(without, stage.accepted[index].candidate)
-    return own + RARE + with_walk(even.linearised).log_odds - with_walk(without).log_odds
+    return own + RARE + with_walk(stage.linearised).log_odds - with_walk(without).log_odds
 
 
 def _of_walk(stage: Stage, index: int) -> bool:

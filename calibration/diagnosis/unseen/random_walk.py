@@ -9,7 +9,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from calibration.diagnosis.residual.absorber import steps_of_walk, with_walk
+from calibration.diagnosis.residual.absorber import fair_to_walk, steps_of_walk, with_walk
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.widening import moments
 from calibration.observation.full_model import ROTARY, moving_axes
@@ -22,13 +22,13 @@ from kinematics.transforms import Array
 def squares_by_walk(linearised: LinearisedFit) -> Array:
     """Mean squares `(3,)` in x, y, z, um^2, of errors at unseen states by the walk that the residuals need, if any.
 
-    Noise of the axes may hold the walk: it is estimated beside even noise. It is as large as it was in the measurement,
-    counted from its start as the model is, with its uncertainty.
+    Noise of the axes may hold the walk: it is estimated beside even noise, unless the stops shift independently. It is
+    as large as it was in the measurement, counted from its start as the model is, with its uncertainty.
     """
     turning = [axis for axis in moving_axes(linearised.measurement) if axis[0] in ROTARY]
     if not turning or linearised.measurement.components != 3 or linearised.state.time is None:
         return np.zeros(3)
-    walked, squares = with_walk(linearised.evenly_noisy), np.zeros(3)
+    walked, squares = with_walk(fair_to_walk(linearised)), np.zeros(3)
     steps = steps_of_walk(linearised)
     first, solved = linearised.design.shape[1], walked.linearised
     shifts = [Unnamed(direction, (TIME,), ((0.0, 1.0),), ((0,),), (0.0,)) for direction, _ in walked.walks]
