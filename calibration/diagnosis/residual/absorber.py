@@ -6,6 +6,7 @@ data with the cause and the function are far likelier than with the function alo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -65,20 +66,21 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
 
     The function is without the terms that the model can imitate, unless none of the others explains anything.
     """
-    # estimated noise of an axis would hold much of the function
-    even = stage._replace(linearised=stage.linearised.evenly_noisy)
-    together = log_odds_of_function(even.linearised, dependence)
+    fair = stage._replace(
+        linearised=with_fair_noise(stage.linearised, lambda each: log_odds_of_function(each, dependence))
+    )
+    together = log_odds_of_function(fair.linearised, dependence)
     whole = not together
     if whole:
-        together = absorbing(even.linearised, dependence, whole=True, walk=False).log_odds
+        together = absorbing(fair.linearised, dependence, whole=True, walk=False).log_odds
     found = []
     for i, each in enumerate(stage.accepted):
-        without = even.without(i)
-        score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
+        without = fair.without(i)
+        score = each.score if fair.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
         own, alone = -0.5 * score.delta_bic, absorbing(without, dependence, whole=whole, walk=False).log_odds
         named = not isinstance(each.candidate.effect, Unnamed)
         imitated = own + together - alone < EVIDENCE and own < MOST * alone
-        part = own < together or share_of_excess(without, even.linearised) < CLEARLY
+        part = own < together or share_of_excess(without, fair.linearised) < CLEARLY
         depends = not _variables(each.candidate).isdisjoint(dependence.variables)
         if (named and (imitated or (part and depends))) or _changes(each.candidate, dependence):
             found.append(each)
@@ -177,17 +179,23 @@ def with_walk(linearised: LinearisedFit) -> Absorbing:
     return found
 
 
-def fair_to_walk(linearised: LinearisedFit) -> LinearisedFit:
-    """The linearised fit with the noise beside which a random walk counts.
+def with_fair_noise(linearised: LinearisedFit, log_odds: Callable[[LinearisedFit], float]) -> LinearisedFit:
+    """The linearised fit with the noise beside which a function counts, given its log odds on a linearised fit.
 
-    Even noise, since estimated non-repeatability of an axis would hold a part of the walk; but the estimated noise
-    where independent shifts of the stops are likelier than any walk: these look like its steps.
+    Even noise, since estimated non-repeatability of an axis would hold a part of the function. But the estimated noise
+    where independent shifts of the stops are likelier than the function: these look like a part of it, and even noise
+    as large hides the causes.
     """
     even = linearised.evenly_noisy
     if even is linearised:
         return linearised
     of_stops = 0.5 * (even.squares + even.spread - linearised.squares - linearised.spread)
-    return linearised if of_stops > with_walk(even).log_odds else even
+    return linearised if of_stops > log_odds(even) else even
+
+
+def log_odds_of_walk(linearised: LinearisedFit) -> float:
+    """Log odds of a random walk of the tool against none."""
+    return with_walk(linearised).log_odds
 
 
 def steps_of_walk(linearised: LinearisedFit) -> Array:

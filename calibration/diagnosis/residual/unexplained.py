@@ -9,10 +9,11 @@ import numpy as np
 from calibration.diagnosis.residual.absorber import (
     absorbed,
     absorbing,
-    fair_to_walk,
     in_time,
     log_odds_of_function,
+    log_odds_of_walk,
     share_of_excess,
+    with_fair_noise,
     with_walk,
     without_support,
 )
@@ -198,16 +199,18 @@ def misread(stage: Stage) -> list[Accepted]:
     functions themselves: these fall only if one is needed beside them too, and is likelier alone than together with
     them.
     """
-    even = stage._replace(linearised=stage.linearised.evenly_noisy)
+    fair = stage._replace(
+        linearised=with_fair_noise(stage.linearised, lambda lin: with_function_of_readings(lin).log_odds)
+    )
     static = [i for i, each in enumerate(stage.accepted) if each.candidate.kind in STATIC]
     for group in ([static] if len(static) > 1 else []) + [[i] for i in static]:
-        without = even.without(*group)
+        without = fair.without(*group)
         free = sum(stage.accepted[i].score.effective_parameters for i in group)
-        own = 0.5 * (without.squares - even.linearised.squares - free * np.log(without.scalars))
+        own = 0.5 * (without.squares - fair.linearised.squares - free * np.log(without.scalars))
         # as the function, causes may spare the error motions more than they explain
         own = max(own, by_evidence(without, *(stage.accepted[i].candidate for i in group)))
         if all(stage.accepted[i].candidate.effect.ACTS_ON == "instrument" for i in group):
-            beside = with_function_of_readings(even.linearised)
+            beside = with_function_of_readings(fair.linearised)
             own += beside.log_odds if beside.function else np.inf
         if with_function_of_readings(without).log_odds > own + EVIDENCE:
             return [stage.accepted[i] for i in group]
@@ -221,7 +224,7 @@ def wandering(stage: Stage) -> list[Accepted]:
     this walk. A jump remains if the function and the jump together are likelier than the function alone.
     """
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
-    walking = stage._replace(linearised=fair_to_walk(stage.linearised))
+    walking = stage._replace(linearised=with_fair_noise(stage.linearised, log_odds_of_walk))
     for i, each in enumerate(stage.accepted):
         if not in_time(each.candidate.effect):
             continue
@@ -307,7 +310,7 @@ def against_walk(stage: Stage, index: int) -> float:
     """
     if not in_time(stage.accepted[index].candidate.effect) or stage.linearised.state.time is None:
         return np.inf
-    stage = stage._replace(linearised=fair_to_walk(stage.linearised))
+    stage = stage._replace(linearised=with_fair_noise(stage.linearised, log_odds_of_walk))
     without = stage.without(index)
     own = by_evidence(without, stage.accepted[index].candidate)
     return own + RARE + with_walk(stage.linearised).log_odds - with_walk(without).log_odds
