@@ -7,7 +7,8 @@ data with the cause and the function are far likelier than with the function alo
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import replace
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -28,8 +29,22 @@ CLEARLY = 0.75
 """Least share of the excess over the noise that a cause explains beside an unexplained function of its variables."""
 STEPS, ROWS_PER_STEP = 150, 3
 """Most steps of a random walk, and least number of rows between them."""
+ROUNDS = 3
+"""Times that a function is fitted beside the noise that it leaves."""
 STEP_UM = 10.0
 """Size of a step in whose units its standard deviation is chosen, um."""
+
+
+class Beside(Protocol):
+    """A linearised fit with a function beside the model, and the log odds of this function against none."""
+
+    @property
+    def linearised(self) -> LinearisedFit:
+        """The linearised fit with the function."""
+
+    @property
+    def log_odds(self) -> float:
+        """Log odds of the function against none."""
 
 
 class Absorbing(NamedTuple):
@@ -67,7 +82,7 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
     The function is without the terms that the model can imitate, unless none of the others explains anything.
     """
     fair = stage._replace(
-        linearised=with_fair_noise(stage.linearised, lambda each: log_odds_of_function(each, dependence))
+        linearised=with_fair_noise(stage.linearised, lambda each: absorbing(each, dependence, whole=True, walk=False))
     )
     together = log_odds_of_function(fair.linearised, dependence)
     whole = not together
@@ -179,23 +194,25 @@ def with_walk(linearised: LinearisedFit) -> Absorbing:
     return found
 
 
-def with_fair_noise(linearised: LinearisedFit, log_odds: Callable[[LinearisedFit], float]) -> LinearisedFit:
-    """The linearised fit with the noise beside which a function counts, given its log odds on a linearised fit.
+def with_fair_noise(linearised: LinearisedFit, function: Callable[[LinearisedFit], Beside]) -> LinearisedFit:
+    """The linearised fit with the noise beside which a function counts; `function` adds it to a linearised fit.
 
     Even noise, since estimated non-repeatability of an axis would hold a part of the function. But the estimated noise
-    where independent shifts of the stops are likelier than the function: these look like a part of it, and even noise
-    as large hides the causes.
+    where it alone is likelier than the function and even noise of the size that the function leaves: the stops shift
+    independently, which looks like a part of the function, and even noise as large as these shifts hides the causes.
     """
-    even = linearised.evenly_noisy
+    even = quieter = linearised.evenly_noisy
     if even is linearised:
         return linearised
     of_stops = 0.5 * (even.squares + even.spread - linearised.squares - linearised.spread)
-    return linearised if of_stops > log_odds(even) else even
-
-
-def log_odds_of_walk(linearised: LinearisedFit) -> float:
-    """Log odds of a random walk of the tool against none."""
-    return with_walk(linearised).log_odds
+    for _ in range(ROUNDS):
+        beside = function(quieter)
+        quiet = 0.5 * (even.squares + even.spread - quieter.squares - quieter.spread)
+        if of_stops <= beside.log_odds + quiet:
+            return even
+        factor = quieter.fit.variance_factor * beside.linearised.squares / beside.linearised.degrees_of_freedom
+        quieter = LinearisedFit.of(replace(quieter.fit, variance_factor=max(factor, 1.0)))
+    return linearised
 
 
 def steps_of_walk(linearised: LinearisedFit) -> Array:

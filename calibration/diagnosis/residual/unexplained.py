@@ -11,7 +11,6 @@ from calibration.diagnosis.residual.absorber import (
     absorbing,
     in_time,
     log_odds_of_function,
-    log_odds_of_walk,
     share_of_excess,
     with_fair_noise,
     with_walk,
@@ -199,9 +198,7 @@ def misread(stage: Stage) -> list[Accepted]:
     functions themselves: these fall only if one is needed beside them too, and is likelier alone than together with
     them.
     """
-    fair = stage._replace(
-        linearised=with_fair_noise(stage.linearised, lambda lin: with_function_of_readings(lin).log_odds)
-    )
+    fair = stage._replace(linearised=with_fair_noise(stage.linearised, with_function_of_readings))
     static = [i for i, each in enumerate(stage.accepted) if each.candidate.kind in STATIC]
     for group in ([static] if len(static) > 1 else []) + [[i] for i in static]:
         without = fair.without(*group)
@@ -224,7 +221,7 @@ def wandering(stage: Stage) -> list[Accepted]:
     this walk. A jump remains if the function and the jump together are likelier than the function alone.
     """
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
-    walking = stage._replace(linearised=with_fair_noise(stage.linearised, log_odds_of_walk))
+    walking = stage._replace(linearised=with_fair_noise(stage.linearised, with_walk))
     for i, each in enumerate(stage.accepted):
         if not in_time(each.candidate.effect):
             continue
@@ -310,7 +307,7 @@ def against_walk(stage: Stage, index: int) -> float:
     """
     if not in_time(stage.accepted[index].candidate.effect) or stage.linearised.state.time is None:
         return np.inf
-    stage = stage._replace(linearised=with_fair_noise(stage.linearised, log_odds_of_walk))
+    stage = stage._replace(linearised=with_fair_noise(stage.linearised, with_walk))
     without = stage.without(index)
     own = by_evidence(without, stage.accepted[index].candidate)
     return own + RARE + with_walk(stage.linearised).log_odds - with_walk(without).log_odds

@@ -9,7 +9,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from calibration.diagnosis.residual.absorber import log_odds_of_walk, steps_of_walk, with_fair_noise, with_walk
+from calibration.diagnosis.residual.absorber import steps_of_walk, with_fair_noise, with_walk
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.widening import moments
 from calibration.observation.full_model import ROTARY, moving_axes
@@ -28,7 +28,7 @@ def squares_by_walk(linearised: LinearisedFit) -> Array:
     turning = [axis for axis in moving_axes(linearised.measurement) if axis[0] in ROTARY]
     if not turning or linearised.measurement.components != 3 or linearised.state.time is None:
         return np.zeros(3)
-    walked, squares = with_walk(with_fair_noise(linearised, log_odds_of_walk)), np.zeros(3)
+    walked, squares = with_walk(with_fair_noise(linearised, with_walk)), np.zeros(3)
     steps = steps_of_walk(linearised)
     first, solved = linearised.design.shape[1], walked.linearised
     shifts = [Unnamed(direction, (TIME,), ((0.0, 1.0),), ((0,),), (0.0,)) for direction, _ in walked.walks]
