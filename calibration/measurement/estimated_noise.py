@@ -48,6 +48,11 @@ class EstimatedNoise:
         return self.scatter > 1.0 and not self.revisited
 
     @property
+    def of_stops(self) -> bool:
+        """True where several rows at a stop, or positions measured again, show that stops are shifted as a whole."""
+        return self.revisited or len(np.unique(self.stop)) < len(self.stop)
+
+    @property
     def scatter(self) -> float:
         """Factor on the instrument's variances, without misfit where visits of the same positions show it."""
         return self.instrument_factor if self.factor_of_visits is None else self.factor_of_visits

@@ -202,8 +202,9 @@ def with_fair_noise(linearised: LinearisedFit, function: Callable[[LinearisedFit
     independently, which looks like a part of the function, and even noise as large as these shifts hides the causes.
     """
     even = quieter = linearised.evenly_noisy
-    if even is linearised:
-        return linearised
+    noise = linearised.measurement.noise
+    if noise is None or not noise.of_stops:
+        return even
     of_stops = 0.5 * (even.squares + even.spread - linearised.squares - linearised.spread)
     for _ in range(ROUNDS):
         beside = function(quieter)
