@@ -350,3 +350,11 @@ def test_periods_found_in_an_error_that_is_not_periodic_are_none(tmp_path):
     found = diagnose(read_measurement(tmp_path / "data.csv", machines.load("gantry")))
     assert found.causes == ()
     assert set(found.unexplained.variables) <= {"Y", "Z"}
+
+
+@pytest.mark.statistical
+def test_causes_beside_axes_that_do_not_repeat_are_no_part_of_a_function(tmp_path):
+    """Stops that shift by 3 um look like a function of time and positions, and in part of the tracker's readings."""
+    (tmp_path / "data.csv").write_text(ask("bad-repeat", "two", "cframe", 1, 72001).sheet())
+    found = diagnose(read_measurement(tmp_path / "data.csv", CFRAME))
+    assert {each.kind for each in found.causes} == {"station-shift", "cross-axis"}
