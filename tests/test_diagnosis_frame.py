@@ -5,8 +5,9 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from support.diagnosis_cases import LEGENDRE, data_with, fitted
+from support.diagnosis_cases import LEGENDRE, data_with, fitted, selector
 
+from calibration.diagnosis.improvement import figures, held_out_rows
 from calibration.diagnosis.search.candidates import at_zero
 from calibration.diagnosis.search.held_out import LIKELY
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
@@ -222,3 +223,15 @@ def test_lines_along_a_signal_have_no_sign():
     wave = np.sin(np.arange(60.0))[:, None] * np.array([[3.0, 4.0]])
     assert np.abs(lines_of(wave)[1:]) == pytest.approx(np.tile([0.6, 0.8], (59, 1)))
     assert np.ptp(lines_of(wave)[1:], axis=0) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_held_out_residuals_of_two_fits_are_of_the_rows_that_both_predict():
+    """Of a long measurement each fit is evaluated on a part of its own."""
+    stage = selector(data_with(n=120)).bare
+    half = stage._replace(linearised=stage.linearised.of_rows(np.arange(60)))
+    kept, both = np.ones(120, bool), held_out_rows(stage) & held_out_rows(half)
+    assert both[:60].any()
+    assert not both[60:].any()
+    held = stage.linearised.cross_validation.residual_um[both]
+    assert figures(stage, kept, both).heldout_rms_um == pytest.approx(np.sqrt(np.mean(held**2)))
+    assert figures(stage, kept, both).rms_um == figures(stage, kept, kept).rms_um

@@ -53,13 +53,20 @@ class Figures(NamedTuple):
     """RMS per scalar in fits of the other blocks; NaN where too few rows can be held out."""
 
 
-def figures(stage: Stage, kept: np.ndarray) -> Figures:
-    """Residuals of a stage at the rows of a mask `(n,)`."""
+def held_out_rows(stage: Stage) -> np.ndarray:
+    """Mask `(n,)` of the rows that a stage predicts by fits of the other blocks: of long measurements only a part."""
+    rows = np.zeros(len(stage.fit.measurement), bool)
+    rows[stage.linearised.rows] = stage.linearised.cross_validation.counted
+    return rows
+
+
+def figures(stage: Stage, kept: np.ndarray, held_out: np.ndarray) -> Figures:
+    """Residuals of a stage at the rows of a mask `(n,)`; of held-out blocks at those of a second one."""
     fit, held, rows = stage.fit, stage.linearised.cross_validation, stage.linearised.rows
     some = replace(fit.measurement, noise=None).rows(np.flatnonzero(kept))
     micro = fit.residual[kept] * some.per_micro
     chi2 = float(np.sum(whitened(whiteners(some), fit.residual[kept]) ** 2))
-    predicted = held.residual_um[held.counted & kept[rows]]
+    predicted = held.residual_um[held.counted & (kept & held_out)[rows]]
     return Figures(
         float(np.sqrt(np.mean(micro**2))),
         float(np.linalg.norm(micro, axis=1).max()),

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.diagnosis.acceptance import Acceptance
 from calibration.diagnosis.conclusion import Conclusion
-from calibration.diagnosis.improvement import Figures, Volume, by_direction, figures
+from calibration.diagnosis.improvement import Figures, Volume, by_direction, figures, held_out_rows
 from calibration.diagnosis.machine_change import MachineChange
 from calibration.diagnosis.next.ranking import ProposedMeasurement
 from calibration.diagnosis.not_visible import NotVisible, smallest_sizes
@@ -126,7 +126,8 @@ class Diagnosis:
     @cached_property
     def figures(self) -> tuple[Figures, Figures]:
         """Residuals before and after, of the same rows."""
-        return figures(self.before, self._same_rows), figures(self.after, self._same_rows)
+        kept, held_out = self._same_rows, held_out_rows(self.before) & held_out_rows(self.after)
+        return figures(self.before, kept, held_out), figures(self.after, kept, held_out)
 
     @property
     def by_direction(self) -> dict[str, dict[str, float]]:
