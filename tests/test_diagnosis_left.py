@@ -37,6 +37,7 @@ from kinematics.effects import (
     CrossAxis,
     Cyclic,
     ErrorMotion,
+    GrowthWithSensor,
     LocationJump,
     StationShift,
     ThermalDrift,
@@ -358,3 +359,11 @@ def test_causes_beside_axes_that_do_not_repeat_are_no_part_of_a_function(tmp_pat
     (tmp_path / "data.csv").write_text(ask("bad-repeat", "two", "cframe", 1, 72001).sheet())
     found = diagnose(read_measurement(tmp_path / "data.csv", CFRAME))
     assert {each.kind for each in found.causes} == {"station-shift", "cross-axis"}
+
+
+def test_a_growth_with_temperature_in_data_without_times_is_no_walk():
+    warm = GrowthWithSensor(axis="X", sensor="scale", coefficient=11.5)
+    data = data_with(warm, n=N, temperatures={"scale": np.linspace(0.0, 6.0, N)})
+    data = replace(data, state=replace(data.state, time=None))
+    stage = selector(data).stage([(Candidate(msgspec.structs.replace(warm, coefficient=0.0)), np.zeros(1))])
+    assert remainder.wandering(stage) == []

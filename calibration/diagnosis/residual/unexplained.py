@@ -198,8 +198,10 @@ def misread(stage: Stage) -> list[Accepted]:
     functions themselves: these fall only if one is needed beside them too, and is likelier alone than together with
     them.
     """
-    fair = stage._replace(linearised=with_fair_noise(stage.linearised, with_function_of_readings))
     static = [i for i, each in enumerate(stage.accepted) if each.candidate.kind in STATIC]
+    if not static:
+        return []
+    fair = stage._replace(linearised=with_fair_noise(stage.linearised, with_function_of_readings))
     for group in ([static] if len(static) > 1 else []) + [[i] for i in static]:
         without = fair.without(*group)
         free = sum(stage.accepted[i].score.effective_parameters for i in group)
@@ -220,11 +222,13 @@ def wandering(stage: Stage) -> list[Accepted]:
     Also a jump that is no larger than the steps of a random walk beside it, and any course in time that is a part of
     this walk. A jump remains if the function and the jump together are likelier than the function alone.
     """
+    timed = [i for i, each in enumerate(stage.accepted) if in_time(each.candidate.effect)]
+    if not timed or stage.linearised.state.time is None:
+        return []
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
     walking = stage._replace(linearised=with_fair_noise(stage.linearised, with_walk))
-    for i, each in enumerate(stage.accepted):
-        if not in_time(each.candidate.effect):
-            continue
+    for i in timed:
+        each = stage.accepted[i]
         if (_jumps(each) and _far_less_than_walk(walking, i)) or _of_walk(walking, i):
             found.append(each)
             continue
