@@ -367,3 +367,12 @@ def test_a_growth_with_temperature_in_data_without_times_is_no_walk():
     data = replace(data, state=replace(data.state, time=None))
     stage = selector(data).stage([(Candidate(msgspec.structs.replace(warm, coefficient=0.0)), np.zeros(1))])
     assert remainder.wandering(stage) == []
+
+
+@pytest.mark.statistical
+def test_a_jump_beside_axes_that_do_not_repeat_is_none_where_it_imitates_a_function(tmp_path):
+    """A pad that gives way under Y, faster and faster, and stops that shift by 3 um."""
+    (tmp_path / "data.csv").write_text(ask("bad-repeat", "floor", "cframe", 0, 75001).sheet())
+    found = diagnose(read_measurement(tmp_path / "data.csv", CFRAME))
+    assert found.causes == ()
+    assert set(found.unexplained.variables) == {"Y", "time"}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -81,9 +82,7 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
 
     The function is without the terms that the model can imitate, unless none of the others explains anything.
     """
-    fair = stage._replace(
-        linearised=with_fair_noise(stage.linearised, lambda each: absorbing(each, dependence, whole=True, walk=False))
-    )
+    fair = fair_to(stage, dependence)
     together = log_odds_of_function(fair.linearised, dependence)
     whole = not together
     if whole:
@@ -100,6 +99,12 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
         if (named and (imitated or (part and depends))) or _changes(each.candidate, dependence):
             found.append(each)
     return found
+
+
+def fair_to(stage: Stage, dependence: Unexplained) -> Stage:
+    """The stage with the noise beside which the whole function counts, by `with_fair_noise`."""
+    function = partial(absorbing, dependence=dependence, whole=True, walk=False)
+    return stage._replace(linearised=with_fair_noise(stage.linearised, function))
 
 
 def _changes(candidate: Candidate, dependence: Unexplained) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from calibration.diagnosis.residual.absorber import (
     absorbed,
     absorbing,
+    fair_to,
     in_time,
     log_odds_of_function,
     share_of_excess,
@@ -168,6 +169,7 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
     unsupported = _numbers(stage, without_support(stage, dependence))
     even = stage._replace(linearised=stage.linearised.evenly_noisy) if unsupported else stage
     blamed = [stage.accepted[i] for i in unsupported if not _stands_beside(even, i, dependence)]
+    blamed += [each for each in _jumps_by_shifts(stage, dependence) if not any(each is other for other in blamed)]
     return blamed + [
         each
         for each in stage.accepted
@@ -175,6 +177,19 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
         and (each.candidate.effect.kind not in SMOOTH or searched(each.candidate) in SEARCHES)
         and chance.finds(each.candidate, each.score.gain)
     ]
+
+
+def _jumps_by_shifts(stage: Stage, dependence: Unexplained) -> list[Accepted]:
+    """Accepted jumps that are not likelier with the whole function than the function alone, beside shifts of the stops.
+
+    Beside such shifts the function, though it is there, has little support of its own.
+    """
+    jumps = [i for i, each in enumerate(stage.accepted) if _jumps(each)]
+    if not jumps or stage.linearised.measurement.noise is None:
+        return []
+    if fair_to(stage, dependence).linearised is not stage.linearised:
+        return []
+    return [stage.accepted[i] for i in jumps if not _likelier_with(stage, [i], dependence)]
 
 
 def small_parts(stage: Stage) -> list[Accepted]:
