@@ -226,7 +226,7 @@ def test_lines_along_a_signal_have_no_sign():
 
 
 def test_held_out_residuals_of_two_fits_are_of_the_rows_that_both_predict():
-    """Of a long measurement each fit is evaluated on a part of its own."""
+    """In a long measurement each fit is evaluated at some of the rows, which differ."""
     stage = selector(data_with(n=120)).bare
     half = stage._replace(linearised=stage.linearised.of_rows(np.arange(60)))
     kept, both = np.ones(120, bool), held_out_rows(stage) & held_out_rows(half)

@@ -72,8 +72,8 @@ def log_odds_of_function(linearised: LinearisedFit, dependence: Unexplained) -> 
     return absorbing(linearised, dependence, walk=False).log_odds
 
 
-def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
-    """Accepted causes without which the function explains the data nearly as well as with them.
+def without_support(stage: Stage, fair: Stage, dependence: Unexplained) -> list[Accepted]:
+    """Accepted causes without which the function explains the data nearly as well as with them; fair: by `fair_to`.
 
     A cause is kept that alone explains most of the squares of the function: the function then imitates the cause. Also
     a cause that depends on one of the variables, and is less clear than the function beside it or leaves much beyond
@@ -82,7 +82,6 @@ def without_support(stage: Stage, dependence: Unexplained) -> list[Accepted]:
 
     The function is without the terms that the model can imitate, unless none of the others explains anything.
     """
-    fair = fair_to(stage, dependence)
     together = log_odds_of_function(fair.linearised, dependence)
     whole = not together
     if whole:
@@ -179,9 +178,11 @@ def _of_tool(linearised: LinearisedFit, dependence: Unexplained) -> Function | N
 def with_walk(linearised: LinearisedFit) -> Absorbing:
     """The linearised fit with a random walk of the tool in time, in the directions that need it, the clearest first.
 
-    Independent steps at moments that are evenly spread over the rows, with one standard deviation.
+    Independent steps at moments that are evenly spread over the rows, with one standard deviation. None without times.
     """
     found, missing = Absorbing(linearised, 0.0), COMPONENTS
+    if linearised.state.time is None:
+        return found
     steps = steps_of_walk(linearised)
     while missing:
         walks = [_walk(found.linearised, component, steps) for component in missing]

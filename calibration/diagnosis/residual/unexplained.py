@@ -166,10 +166,11 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
     smooth or was searched for, where the same search finds as much in residuals with random signs.
     """
     chance = Chance(absorbed(stage.linearised, dependence), library)
-    unsupported = _numbers(stage, without_support(stage, dependence))
+    fair = fair_to(stage, dependence)
+    unsupported = _numbers(stage, without_support(stage, fair, dependence))
     even = stage._replace(linearised=stage.linearised.evenly_noisy) if unsupported else stage
     blamed = [stage.accepted[i] for i in unsupported if not _stands_beside(even, i, dependence)]
-    blamed += [each for each in _jumps_by_shifts(stage, dependence) if not any(each is other for other in blamed)]
+    blamed += [each for each in _jumps_by_shifts(stage, fair, dependence) if not any(each is other for other in blamed)]
     return blamed + [
         each
         for each in stage.accepted
@@ -179,16 +180,14 @@ def impostors(stage: Stage, dependence: Unexplained, library: Sequence[Candidate
     ]
 
 
-def _jumps_by_shifts(stage: Stage, dependence: Unexplained) -> list[Accepted]:
+def _jumps_by_shifts(stage: Stage, fair: Stage, dependence: Unexplained) -> list[Accepted]:
     """Accepted jumps that are not likelier with the whole function than the function alone, beside shifts of the stops.
 
-    Beside such shifts the function, though it is there, has little support of its own.
+    Beside such shifts the function, though it is there, has little support of its own. fair: by `fair_to`.
     """
-    jumps = [i for i, each in enumerate(stage.accepted) if _jumps(each)]
-    if not jumps or stage.linearised.measurement.noise is None:
+    if stage.linearised.measurement.noise is None or fair.linearised is not stage.linearised:
         return []
-    if fair_to(stage, dependence).linearised is not stage.linearised:
-        return []
+    jumps = (i for i, each in enumerate(stage.accepted) if _jumps(each))
     return [stage.accepted[i] for i in jumps if not _likelier_with(stage, [i], dependence)]
 
 
@@ -238,7 +237,7 @@ def wandering(stage: Stage) -> list[Accepted]:
     this walk. A jump remains if the function and the jump together are likelier than the function alone.
     """
     timed = [i for i, each in enumerate(stage.accepted) if in_time(each.candidate.effect)]
-    if not timed or stage.linearised.state.time is None:
+    if not timed:
         return []
     even, found = stage._replace(linearised=stage.linearised.evenly_noisy), []
     walking = stage._replace(linearised=with_fair_noise(stage.linearised, with_walk))
