@@ -30,6 +30,7 @@ from calibration.diagnosis.searched_causes import Searched, searched_causes
 from calibration.diagnosis.separability import separability
 from calibration.diagnosis.unseen.fine_errors import squares_by_fine_errors
 from calibration.diagnosis.unseen.random_walk import squares_by_walk
+from calibration.diagnosis.unseen.swing import beside_swing
 from calibration.diagnosis.unseen.undecided_causes import errors_by_forms, errors_by_ties, errors_by_undecided
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, in_terms_of, named, outliers, with_changed_lines
@@ -204,7 +205,9 @@ def _curved(searched: Searched, completed: _Completed, calibration: ErrorModel |
     held = len(after.accepted) != len(searched.found.stage.accepted)  # by the model, as an unnamed effect
     unseen = None
     if dependence is not None and not held:
-        unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves)
+        swing = beside_swing(completed.selector, after, dependence)
+        solution = None if swing is None else swing.solution
+        unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves, swing=solution)
         if TIME in dependence.variables:
             unseen = unseen.of_at_least(squares_by_walk(after.linearised))
         if unseen.beside is not None:

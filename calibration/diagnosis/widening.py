@@ -117,7 +117,12 @@ class Moment(NamedTuple):
 
 
 def unseen_errors(
-    linearised: LinearisedFit, dependence: Unexplained, present: ErrorModel | None, *, curves: bool
+    linearised: LinearisedFit,
+    dependence: Unexplained,
+    present: ErrorModel | None,
+    *,
+    curves: bool,
+    swing: BesideFunction | None = None,
 ) -> UnseenErrors:
     """Errors of the model of a fit at unseen states, beside an unexplained function, and of the one that it replaces.
 
@@ -126,8 +131,10 @@ def unseen_errors(
 
     present: the calibration that the model replaces; None for the nominal machine. Where an error of the readings is
     nearly as likely as one of the machine, the squares are the larger ones of both. curves: whether error motions are
-    smooth curves, as of `with_curves_between`.
+    smooth curves, as of `with_curves_between`. swing: the solution beside a swing with time, if the function is one.
     """
+    if swing is not None:
+        return _of_model_beside(swing, dependence, present, curves=curves)
     if _moves(dependence) or dependence.of_readings:
         # estimated noise of the axes holds what the function does not
         beside = BesideFunction.of(linearised, dependence)

@@ -11,6 +11,7 @@ from kinematics.basis import Interval, Legendre
 from kinematics.effects.base import COMPONENTS, TOOL, UM, Columns, EffectBase, Parameter
 from kinematics.machine import Machine
 from kinematics.state import TEMPERATURE, TIME, State
+from kinematics.transforms import Array
 
 DEGREE = 24
 """The highest of a polynomial."""
@@ -87,14 +88,16 @@ class Unnamed(EffectBase, frozen=True, tag="unnamed"):
         """See `EffectBase.columns`."""
         degrees = np.array(self.terms)
         values = np.full((len(state), len(self.terms)), UM)
-        for i, (name, basis) in enumerate(zip(self.variables, self._bases(), strict=True)):
-            own = (
-                state.basis_columns(machine, name, basis)
-                if name in self.axes
-                else basis.columns(state.variable(machine, name, self.name))
-            )
-            values *= own[:, degrees[:, i]]
+        for i in range(len(self.variables)):
+            values *= self._functions(machine, state, i)[:, degrees[:, i]]
         yield Columns(TOOL, COMPONENTS.index(self.component), values)
+
+    def _functions(self, machine: Machine, state: State, number: int) -> Array:
+        """The functions `(n, degrees)` of a variable, given by number."""
+        name, basis = self.variables[number], self._bases()[number]
+        if name in self.axes:
+            return state.basis_columns(machine, name, basis)
+        return basis.columns(state.variable(machine, name, self.name))
 
     @property
     def rms_um(self) -> float:

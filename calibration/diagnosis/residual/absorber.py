@@ -61,6 +61,12 @@ class Absorbing(NamedTuple):
     walks: tuple[tuple[Direction, float], ...] = ()
     """Directions of the tool with a random walk, and the standard deviation of its steps, um; in turn as columns."""
 
+    def along(self, effect: Unnamed, in_typical: Array, log_odds: float) -> Absorbing:
+        """The same with a function in one direction more, with priors `(k,)` of its coefficients in typical sizes."""
+        prior = in_typical * [quantity.typical for quantity in effect.parameter_table]
+        linearised, effects = self.linearised.along(effect, prior), (*self.effects, effect)
+        return Absorbing(linearised, self.log_odds + log_odds, effects, np.concatenate([self.prior, prior]), self.walks)
+
 
 def absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> LinearisedFit:
     """The linearised fit with a smooth function of the variables of a dependence, in the directions that it needs."""
@@ -156,14 +162,7 @@ def absorbing(
     missing = COMPONENTS
     while proposed := propose(found.linearised, function, missing, whole=whole):
         best = proposed[0]
-        prior = np.array(best.candidate.prior) * [quantity.typical for quantity in best.effect.parameter_table]
-        found = Absorbing(
-            found.linearised.along(best.effect, prior),
-            found.log_odds + best.log_odds,
-            (*found.effects, best.effect),
-            np.concatenate([found.prior, prior]),
-            found.walks,
-        )
+        found = found.along(best.effect, np.array(best.candidate.prior), best.log_odds)
         missing = tuple(component for component in missing if component != best.effect.component)
     return found
 

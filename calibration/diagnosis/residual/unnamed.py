@@ -147,7 +147,7 @@ def propose(
     found = []
     for component in components:
         most = min(MOST_TERMS, len(linearised.rows) // ROWS_PER_TERM)
-        effect, spread = _effect(linearised, component, function, most)
+        effect, spread = smooth_effect(linearised, component, function, most)
         columns = linearised.columns(effect) * spread
         schur = linearised.projected(columns).schur
         kept = np.arange(len(spread)) if whole else surviving(columns.T @ columns, schur)
@@ -162,7 +162,7 @@ def propose(
 
 def odds_of(linearised: LinearisedFit, component: Direction, function: Function | Unexplained) -> float:
     """Log odds of an error of the tool in one direction, a function of these variables, against none."""
-    effect, spread = _effect(linearised, component, function, MOST_IN_ODDS)
+    effect, spread = smooth_effect(linearised, component, function, MOST_IN_ODDS)
     columns = linearised.columns(effect) * spread
     return evidence(linearised.projected(columns).schur, columns.T @ linearised.residual)[0]
 
@@ -181,7 +181,7 @@ def evidence(schur: Array, along: Array) -> tuple[float, float]:
     return float(odds[best]), float(AMPLITUDES[best])
 
 
-def _effect(
+def smooth_effect(
     linearised: LinearisedFit, component: Direction, function: Function | Unexplained, most: int
 ) -> tuple[Unnamed, Array]:
     """An effect of zero size with at most `most` terms of these lengths, and their standard deviations `(k,)`."""
