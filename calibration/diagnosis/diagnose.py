@@ -30,7 +30,7 @@ from calibration.diagnosis.searched_causes import Searched, searched_causes
 from calibration.diagnosis.separability import separability
 from calibration.diagnosis.unseen.fine_errors import squares_by_fine_errors
 from calibration.diagnosis.unseen.random_walk import squares_by_walk
-from calibration.diagnosis.unseen.swing import beside_swing
+from calibration.diagnosis.unseen.swing import FoundSwing, beside_swing
 from calibration.diagnosis.unseen.undecided_causes import errors_by_forms, errors_by_ties, errors_by_undecided
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, in_terms_of, named, outliers, with_changed_lines
@@ -87,6 +87,8 @@ class _Curved(NamedTuple):
     """Errors at unseen states beside the function; None without a function, or where an unnamed effect holds it."""
     beside: str
     """Variables of the function beside which it was fitted, as a list in words; empty without one."""
+    swing: FoundSwing | None = None
+    """The swing with time that this function is."""
 
 
 class _Calibrated(NamedTuple):
@@ -187,6 +189,7 @@ def _concluded(
         unexplained=dependence,
         widened=given.factor,
         beside_function=new.beside_function,
+        swing=curved.swing,
         unnamed=completed.unnamed,
         evaluated=evidence.evaluated,
         closure=closure(after.linearised),
@@ -211,7 +214,7 @@ def _curved(searched: Searched, completed: _Completed, calibration: ErrorModel |
         if TIME in dependence.variables:
             unseen = unseen.of_at_least(squares_by_walk(after.linearised))
         if unseen.beside is not None:
-            return _Curved(*unseen.beside, unseen, dependence.listed)
+            return _Curved(*unseen.beside, unseen, dependence.listed, None if swing is None else swing.swing)
     fit, between = with_curves_and_waves(after.fit, chosen=True)[:2] if curves else (after.fit, ())
     return _Curved(fit, between, unseen, "")
 

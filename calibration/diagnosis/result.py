@@ -24,6 +24,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.search.start_model import Base
 from calibration.diagnosis.separability import Separability
+from calibration.diagnosis.unseen.swing import FoundSwing
 from calibration.diagnosis.verdict import Named
 from calibration.fit.acceptance import relative_deviations, significant_share
 from calibration.fit.curves.between_positions import BetweenPositions
@@ -72,6 +73,8 @@ class Diagnosis:
     """Factor on the standard uncertainties of the new calibration because of this dependence; 1 without one."""
     beside_function: bool
     """True where the new calibration is that beside a function of its variables, which is no error that it can hold."""
+    swing: FoundSwing | None
+    """The swing with time that this dependence is; None where it is none of one period."""
     unnamed: str
     """Result of the request to add unnamed effects; empty without a request, or with nothing to add."""
     evaluated: tuple[Evaluated, ...]

@@ -40,6 +40,8 @@ IMITATES = 1e-2
 """Share of the largest uncertainty below which a combination of parameters is not taken to imitate an error."""
 MOMENTS, POSES = 5, 100
 """Moments of the measurement, and states at each of them, at which errors are predicted."""
+MOMENTS_OF_SWING = 20
+"""Moments at which a swing is predicted: few might all have the same phase."""
 SEED = 1
 NOTABLE = 1.05
 """Factor of the uncertainties from which they are enlarged."""
@@ -134,7 +136,7 @@ def unseen_errors(
     smooth curves, as of `with_curves_between`. swing: the solution beside a swing with time, if the function is one.
     """
     if swing is not None:
-        return _of_model_beside(swing, dependence, present, curves=curves)
+        return _of_model_beside(swing, dependence, present, curves=curves, count=MOMENTS_OF_SWING)
     if _moves(dependence) or dependence.of_readings:
         # estimated noise of the axes holds what the function does not
         beside = BesideFunction.of(linearised, dependence)
@@ -168,7 +170,7 @@ def _errors_beside(
 
 
 def _of_model_beside(
-    beside: BesideFunction, dependence: Unexplained, present: ErrorModel | None, *, curves: bool
+    beside: BesideFunction, dependence: Unexplained, present: ErrorModel | None, *, curves: bool, count: int = MOMENTS
 ) -> UnseenErrors:
     """The errors of the model beside the function, which no calibration holds: it stays, with a model and without.
 
@@ -177,7 +179,7 @@ def _of_model_beside(
     """
     fit, between = with_curves_between(beside.fit, beside.information) if curves else (beside.fit, ())
     given, parts = _given(present, fit.measurement), []
-    for moment in moments(fit.measurement):
+    for moment in moments(fit.measurement, count):
         error = _lacking(beside, moment) @ beside.coefficients
         before = moment.deviations(fit.model) - moment.deviations(given) + error
         variance = fit.model.propagated(moment.design(fit.model)) ** 2
@@ -228,12 +230,12 @@ def errors_by_choice(found: Fit, finer: Fit) -> Array:
     return np.asarray(np.mean(parts, axis=0))
 
 
-def moments(measurement: Measurement) -> Iterator[Moment]:
-    """Random states within the measured ranges, at several moments of the measurement."""
+def moments(measurement: Measurement, count: int = MOMENTS) -> Iterator[Moment]:
+    """Random states within the measured ranges, at several moments of the measurement, which are `count`."""
     state, tool = usual_states(measurement)
     low, high = state.positions.min(axis=0), state.positions.max(axis=0)
     rng = np.random.default_rng(SEED)
-    for row in np.linspace(0, len(state) - 1, MOMENTS + 2).astype(int)[1:-1].tolist():
+    for row in np.linspace(0, len(state) - 1, count + 2).astype(int)[1:-1].tolist():
         q = rng.uniform(low, high, (POSES, len(low)))
         approach = None if state.approach is None else _approaches(state.approach, rng)
         here = replace(state.rows(np.full(POSES, row)), positions=q, approach=approach)

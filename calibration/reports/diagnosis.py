@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 from shlex import quote
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.result import LEFT, Diagnosis
+from calibration.diagnosis.unseen.swing import FoundSwing
 from calibration.diagnosis.verdict import Named
 from calibration.reports.causes import text as words
 from calibration.reports.causes.figures import cause_figure
@@ -296,7 +298,9 @@ def _unexplained(found: Diagnosis) -> Section:
     left = found.unexplained
     if left is None:
         return Section("Unexplained", f"{found.conclusion.unexplained}{_few_rows(found.widened)}")
-    consequences = f"{_of_readings(left)}{_of_any_period(left)}{_beside(found)}{_widened(found.widened)}"
+    consequences = (
+        f"{_of_readings(left)}{_of_any_period(left)}{_swing(found.swing)}{_beside(found)}{_widened(found.widened)}"
+    )
     text = (
         f"{found.unexplained_um:.2f} um RMS depend on {left.listed} ({probability(left.p_value, 2)}), and no cause "
         f"of the library explains them.{consequences}\n"
@@ -334,6 +338,17 @@ def _of_any_period(left: Unexplained) -> str:
         f" They may be a wave along {axis}, but the positions of {axis} do not determine its period: waves of "
         f"{', '.join(listed)} {'deg' if axis[0] in 'ABC' else 'mm'} explain them equally, and so do independent errors "
         f"at these positions. Between the positions the error is unknown: measure {axis} at irregular, finer spacing."
+    )
+
+
+def _swing(swing: FoundSwing | None) -> str:
+    if swing is None:
+        return ""
+    u = f" +- {2.0 * swing.u:.2g} s (k=2)" if math.isfinite(swing.u) else ""
+    by = f", by different amounts along {' and '.join(swing.variables)}" if swing.variables else ""
+    return (
+        f" They swing with time: {swing.component} of the tool goes to and fro in {swing.period:.5g} s{u}{by}. Look "
+        "for what runs with this period: the control of the hall's air, of a coolant, an oil, a door, another machine."
     )
 
 

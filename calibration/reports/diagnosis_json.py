@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from calibration.diagnosis.improvement import Figures
 from calibration.diagnosis.residual.whiteness import Test
 from calibration.diagnosis.result import Diagnosis
+from calibration.diagnosis.unseen.swing import FoundSwing
 from calibration.diagnosis.verdict import Named
 from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.reports.fit import held_out_json
 from calibration.reports.machine_change import machine_change_json
 from calibration.reports.separability import separability_json
-
-if TYPE_CHECKING:
-    pass
 
 
 def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
@@ -42,6 +40,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         if left is None
         else {"variables": list(left.variables), "p_value": left.p_value, "rms_um": found.unexplained_um},
         "unexplained_periods": [] if left is None else list(left.periods),
+        "swing": _swing_json(found.swing),
         "next_measurement": found.next_measurement,
         "widened": found.widened,
         "one_by_one": [dependence._asdict() for dependence in found.one_by_one],
@@ -92,6 +91,14 @@ def models_compared(found: Diagnosis) -> Iterator[tuple[str, float]]:
         yield "no correction", none.other_rms_um
     if present is not None and found.base.origin == "updated":
         yield "the present calibration as it is", present.other_rms_um
+
+
+def _swing_json(swing: FoundSwing | None) -> dict[str, Any] | None:
+    """u_s: standard uncertainty of the period, s; null where the data do not limit it."""
+    if swing is None:
+        return None
+    u = swing.u if math.isfinite(swing.u) else None
+    return {"direction": swing.component, "variables": list(swing.variables), "period_s": swing.period, "u_s": u}
 
 
 def _cause_json(cause: Named) -> dict[str, Any]:

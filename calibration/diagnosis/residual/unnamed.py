@@ -24,6 +24,7 @@ from calibration.diagnosis.search.evaluation import WORTH, predicts
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage, chosen_of
+from kinematics.basis import Interval
 from kinematics.effects import Unnamed
 from kinematics.effects.unnamed import DEGREE
 from kinematics.state import TEMPERATURE, TIME
@@ -147,7 +148,7 @@ def propose(
     found = []
     for component in components:
         most = min(MOST_TERMS, len(linearised.rows) // ROWS_PER_TERM)
-        effect, spread = smooth_effect(linearised, component, function, most)
+        effect, spread = _effect(linearised, component, function, most)
         columns = linearised.columns(effect) * spread
         schur = linearised.projected(columns).schur
         kept = np.arange(len(spread)) if whole else surviving(columns.T @ columns, schur)
@@ -162,7 +163,7 @@ def propose(
 
 def odds_of(linearised: LinearisedFit, component: Direction, function: Function | Unexplained) -> float:
     """Log odds of an error of the tool in one direction, a function of these variables, against none."""
-    effect, spread = smooth_effect(linearised, component, function, MOST_IN_ODDS)
+    effect, spread = _effect(linearised, component, function, MOST_IN_ODDS)
     columns = linearised.columns(effect) * spread
     return evidence(linearised.projected(columns).schur, columns.T @ linearised.residual)[0]
 
@@ -181,24 +182,32 @@ def evidence(schur: Array, along: Array) -> tuple[float, float]:
     return float(odds[best]), float(AMPLITUDES[best])
 
 
-def smooth_effect(
+def _effect(
     linearised: LinearisedFit, component: Direction, function: Function | Unexplained, most: int
 ) -> tuple[Unnamed, Array]:
     """An effect of zero size with at most `most` terms of these lengths, and their standard deviations `(k,)`."""
-    state, machine = linearised.measurement.state, linearised.measurement.machine
-    columns = [state.variable(machine, name, "unnamed") for name in function.variables]
-    ranges = tuple((float(column.min()), float(column.max())) for column in columns)
     terms, spread = terms_of(function.lengths, most)
     degrees = tuple(map(tuple, terms.tolist()))
+    ranges = ranges_of(linearised, function.variables)
     return Unnamed(component, function.variables, ranges, degrees, (0.0,) * len(terms)), spread
+
+
+def ranges_of(linearised: LinearisedFit, variables: Sequence[str]) -> tuple[Interval, ...]:
+    """Range of each variable in the measurement."""
+    state, machine = linearised.measurement.state, linearised.measurement.machine
+    columns = (state.variable(machine, name, "unnamed") for name in variables)
+    return tuple((float(column.min()), float(column.max())) for column in columns)
 
 
 @lru_cache(maxsize=256)
 def terms_of(lengths: tuple[float, ...], most: int) -> tuple[np.ndarray, Array]:
     """Degrees `(k, variables)` of the terms with most of a function's variance, and their standard deviations `(k,)`.
 
-    lengths: by variable, as fractions of its range; the function has a standard deviation of 1.
+    lengths: by variable, as fractions of its range; the function has a standard deviation of 1. A constant without
+    variables.
     """
+    if not lengths:
+        return read_only(np.zeros((1, 0), int)), read_only(np.ones(1))
     each = [_coefficients(length) for length in lengths]
     norms = reduce(np.multiply.outer, [2 * np.arange(len(own)) + 1 for own in each]).reshape(-1)
     sizes = reduce(np.multiply.outer, each).reshape(-1)

@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from calibration.diagnosis.residual.absorber import Absorbing, absorbing
 from calibration.diagnosis.residual.dependence import EVIDENCE, LENGTHS, Function, Unexplained
@@ -23,7 +22,8 @@ from calibration.diagnosis.residual.unnamed import (
     evidence,
     may_depend_on,
     odds_of,
-    smooth_effect,
+    ranges_of,
+    terms_of,
 )
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.recent_fits import RecentFits
@@ -47,7 +47,7 @@ PASSES = 2
 """Times that each length and the period are searched for."""
 NEAR = 0.01
 """Share of a turn in the measurement over which the evidence shows the uncertainty of the period."""
-FOUND = {"xatol": 1e-3}
+EXACT = 1e-3
 """Turns within the measurement to which the period is searched for."""
 OTHER = 0.45
 """Length with which a further axis is tried."""
@@ -79,15 +79,11 @@ class Swinging(NamedTuple):
 
     def in_direction(self, linearised: LinearisedFit, component: Direction, most: int = TERMS) -> tuple[Swing, Array]:
         """The swing in one direction of the tool at zero, with `most` terms each, and their standard deviations."""
-        at_rest, spread, terms = None, np.ones(1), ((),)
-        if self.function.variables:
-            at_rest, spread = smooth_effect(linearised, component, self.function, most)
-            terms = at_rest.terms
-        ranges = () if at_rest is None else at_rest.ranges
-        both = tuple((*term, wave) for wave in (1, 2) for term in terms)
-        variables, time = (*self.function.variables, TIME), linearised.measurement.state.need("time", "a swing")
-        ranges = (*ranges, (float(time.min()), float(time.max())))
-        return Swing(component, variables, ranges, both, (0.0,) * len(both), self.period), np.tile(spread, 2)
+        degrees, spread = terms_of(self.function.lengths, most)
+        terms = tuple((*term, wave) for wave in (1, 2) for term in degrees.tolist())
+        variables = (*self.function.variables, TIME)
+        ranges = (*ranges_of(linearised, self.function.variables), (0.0, self.period))
+        return Swing(component, variables, ranges, terms, (0.0,) * len(terms), self.period), np.tile(spread, 2)
 
     def evidence(self, linearised: LinearisedFit, component: Direction, most: int = TERMS) -> tuple[float, float]:
         """Log odds of the swing in one direction against none, and its most likely size, as of `unnamed.evidence`."""
@@ -146,24 +142,35 @@ class Swinging(NamedTuple):
 
     def _of_near_period(self, linearised: LinearisedFit) -> Swinging:
         """The same with the likeliest of the periods within a step of its own."""
+        from scipy.optimize import minimize_scalar
+
         duration = _duration(linearised)
 
         def against(turns: float) -> float:
             return -self._replace(period=duration / turns).evidence(linearised, self.component)[0]
 
         turns = duration / self.period
-        found = minimize_scalar(
-            against, bounds=(max(turns - STEP, STEP), turns + STEP), method="bounded", options=FOUND
-        )
+        around = (max(turns - STEP, STEP), turns + STEP)
+        found = minimize_scalar(against, bounds=around, method="bounded", options={"xatol": EXACT})
         return self._replace(period=duration / float(found.x))
+
+
+class FoundSwing(NamedTuple):
+    """A swing as it is reported."""
+
+    component: Direction
+    """Direction of the tool in which it is clearest."""
+    variables: tuple[str, ...]
+    """On which its size depends."""
+    period: float
+    u: float
+    """Standard uncertainty of the period; both s."""
 
 
 class BesideSwing(NamedTuple):
     """A model beside a swing."""
 
-    period: float
-    u: float
-    """Standard uncertainty of the period; both s."""
+    swing: FoundSwing
     solution: BesideFunction
 
 
@@ -183,7 +190,8 @@ def beside_swing(selector: Selector, stage: Stage, dependence: Unexplained) -> B
         if min(abs(solution.noise - 1.0), abs(solution.noise / noise - 1.0)) < SETTLED:
             break
         noise, linearised = solution.noise, _with_noise_beside(selector, stage, solution.values)
-    return BesideSwing(found.period, found.uncertainty(linearised), solution)
+    swing = FoundSwing(found.component, found.function.variables, found.period, found.uncertainty(linearised))
+    return BesideSwing(swing, solution)
 
 
 def _searched(linearised: LinearisedFit, dependence: Unexplained) -> Swinging | None:

@@ -1,0 +1,81 @@
+"""A swing of the tool with time: found with its period, and the model beside it learns nothing of it."""
+
+import msgspec
+import numpy as np
+import pytest
+from shop_floor import exam
+from support.effect_examples import DMU50, full_state
+from support.pages import text_of
+from support.virtual_measurements import THREE, measured, positions, truth
+
+import machines
+from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.unseen.swing import Swing
+from calibration.reports.diagnosis import diagnosis_report
+from calibration.reports.diagnosis_json import diagnosis_json
+from kinematics.effects import Unnamed
+from rendering.page import page as page_of
+
+MACHINE = machines.load("cframe")
+X = (0.0, 400.0)
+
+
+def test_it_is_a_cosine_and_a_sine_of_its_period():
+    state = full_state(DMU50, 60)
+    terms, sizes = ((1, 1), (0, 2)), (4.0, -3.0)
+    swing = Swing("Y", ("X", "time"), ((-200.0, 200.0), (0.0, 500.0)), terms, sizes, 500.0)
+    ((_, _, values),) = swing.contributions(DMU50, state)
+    x, phase = np.clip(state.position(DMU50, "X") / 200.0, -1, 1), 2 * np.pi * state.time / 500.0
+    np.testing.assert_allclose(values, 1e-3 * (4.0 * x * np.cos(phase) - 3.0 * np.sin(phase)), atol=1e-12)
+
+
+def diagnosed(effect, seed=1):
+    rng = np.random.default_rng(seed)
+    model = truth(MACHINE, np.random.default_rng(0), 10.0)
+    moved = msgspec.structs.replace(model, effects=(*model.effects, effect))
+    return diagnose(measured(MACHINE, positions(MACHINE, 200, rng), THREE, moved, rng))
+
+
+@pytest.fixture(scope="module")
+def swung():
+    """Y swings by 40 um, more at one end of X, every 700 s."""
+    return diagnosed(Swing("Y", ("X", "time"), (X, (0.0, 700.0)), ((0, 1), (1, 1)), (20.0, 20.0), 700.0))
+
+
+def test_its_period_is_found_and_said(swung):
+    assert swung.swing.component == "Y"
+    assert "X" in swung.swing.variables
+    assert abs(swung.swing.period - 700.0) < 4.0 * swung.swing.u < 20.0
+    assert swung.beside_function
+    said = diagnosis_json(swung)["swing"]
+    assert (said["direction"], said["period_s"], said["u_s"]) == ("Y", swung.swing.period, swung.swing.u)
+    page = text_of(page_of(diagnosis_report(swung, "ncomp diagnose data.csv")).decode())
+    print(page[page.index("They swing") - 300 :][:900])
+
+
+def test_what_moves_without_a_period_is_no_swing():
+    course = Unnamed("Y", ("X", "time"), (X, (0.0, 3000.0)), ((0, 2), (1, 3)), (60.0, 60.0))
+    found = diagnosed(course)
+    assert found.unexplained is not None
+    assert found.swing is None
+    assert diagnosis_json(found)["swing"] is None
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize(
+    ("design", "machine", "draw", "seed"),
+    [
+        ("lines", "gantry", 0, 72001),
+        ("lines", "cframe", 1, 73001),
+        ("random3", "cframe", 1, 73001),
+        ("one-target", "cframe", 1, 73001),
+        ("diagonals", "dmu50", 1, 72001),
+    ],
+)
+def test_a_calibration_beside_a_swing_is_as_good_as_without_one(design, machine, draw, seed):
+    """Errors at unseen poses but for the swing itself, relative to the same data with nothing hidden."""
+    swing, none = (
+        exam.answer(exam.Key(design, cause, machine, draw, seed), timeout=600) for cause in ("swing", "none")
+    )
+    assert swing["accepted"], swing["reason"]
+    assert swing["unseen_nameable_um"] < 1.35 * none["unseen_um"][1]
