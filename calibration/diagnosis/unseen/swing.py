@@ -222,8 +222,11 @@ def _with_noise_beside(selector: Selector, stage: Stage, values: Array) -> Linea
     """The fit of the same causes to the same observations, with the noise of these less values `(n, d)` of all rows."""
     given = selector.measurement
     less = replace(given, observed=given.observed - values)
-    other = replace(selector, measurement=less, recent=RecentFits(), bare_stages={})
-    linearised = other.cautious(other.stage(chosen_of(stage.accepted))).linearised
+    base = replace(selector.base, known={})
+    other = replace(selector, base=base, measurement=less, recent=RecentFits(), bare_stages={})
+    fitted = other.stage(chosen_of(stage.accepted))
+    again = other.on(other.chosen_again(fitted))
+    linearised = again.cautious(again.stage(chosen_of(stage.accepted))).linearised
     fit = linearised.fit
     measurement = replace(fit.measurement, observed=given.observed)
     return replace(linearised, fit=replace(fit, measurement=measurement, residual=fit.residual + values)).less(-values)
