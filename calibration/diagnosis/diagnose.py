@@ -28,9 +28,9 @@ from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.searched_causes import Searched, searched_causes
 from calibration.diagnosis.separability import separability
+from calibration.diagnosis.unseen.beside_moving import BesideMoving, beside_moving
 from calibration.diagnosis.unseen.fine_errors import squares_by_fine_errors
 from calibration.diagnosis.unseen.random_walk import squares_by_walk
-from calibration.diagnosis.unseen.swing import FoundSwing, beside_swing
 from calibration.diagnosis.unseen.undecided_causes import errors_by_forms, errors_by_ties, errors_by_undecided
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, in_terms_of, named, outliers, with_changed_lines
@@ -87,8 +87,8 @@ class _Curved(NamedTuple):
     """Errors at unseen states beside the function; None without a function, or where an unnamed effect holds it."""
     beside: str
     """Variables of the function beside which it was fitted, as a list in words; empty without one."""
-    swing: FoundSwing | None = None
-    """The swing with time that this function is."""
+    moving: BesideMoving | None = None
+    """The solution beside this function where it moves with time, with the noise that it leaves."""
 
 
 class _Calibrated(NamedTuple):
@@ -189,7 +189,7 @@ def _concluded(
         unexplained=dependence,
         widened=given.factor,
         beside_function=new.beside_function,
-        swing=curved.swing,
+        swing=None if curved.moving is None else curved.moving.swing,
         unnamed=completed.unnamed,
         evaluated=evidence.evaluated,
         closure=closure(after.linearised),
@@ -208,13 +208,13 @@ def _curved(searched: Searched, completed: _Completed, calibration: ErrorModel |
     held = len(after.accepted) != len(searched.found.stage.accepted)  # by the model, as an unnamed effect
     unseen = None
     if dependence is not None and not held:
-        swing = beside_swing(completed.selector, after, dependence)
-        solution = None if swing is None else swing.solution
-        unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves, swing=solution)
+        moving = beside_moving(completed.selector, after, dependence)
+        solution = None if moving is None else moving.solution
+        unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves, moving=solution)
         if TIME in dependence.variables:
             unseen = unseen.of_at_least(squares_by_walk(after.linearised))
         if unseen.beside is not None:
-            return _Curved(*unseen.beside, unseen, dependence.listed, None if swing is None else swing.swing)
+            return _Curved(*unseen.beside, unseen, dependence.listed, moving)
     fit, between = with_curves_and_waves(after.fit, chosen=True)[:2] if curves else (after.fit, ())
     return _Curved(fit, between, unseen, "")
 
@@ -255,6 +255,8 @@ def _calibrated(
     if dependence is None:
         undecided = np.concatenate([undecided, errors_by_undecided(after.linearised, evidence.evaluated)])
         forms, fine = errors_by_forms(after, selector.library), squares_by_fine_errors(after.linearised)
+    elif curved.moving is not None:
+        fine = squares_by_fine_errors(curved.moving.solution.free)
     unseen = curved.unseen
     new = _with_uncertainties(alone, completed, dependence, unseen, np.concatenate([undecided, forms]), fine)
     undecided_um = math.sqrt(float(mean_squares(undecided).sum()))

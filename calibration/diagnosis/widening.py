@@ -40,8 +40,8 @@ IMITATES = 1e-2
 """Share of the largest uncertainty below which a combination of parameters is not taken to imitate an error."""
 MOMENTS, POSES = 5, 100
 """Moments of the measurement, and states at each of them, at which errors are predicted."""
-MOMENTS_OF_SWING = 20
-"""Moments at which a swing is predicted: few might all have the same phase."""
+MANY_MOMENTS = 20
+"""The same for a function that moves with time: of a swing, few might all have the same phase."""
 SEED = 1
 NOTABLE = 1.05
 """Factor of the uncertainties from which they are enlarged."""
@@ -124,7 +124,7 @@ def unseen_errors(
     present: ErrorModel | None,
     *,
     curves: bool,
-    swing: BesideFunction | None = None,
+    moving: BesideFunction | None = None,
 ) -> UnseenErrors:
     """Errors of the model of a fit at unseen states, beside an unexplained function, and of the one that it replaces.
 
@@ -133,10 +133,11 @@ def unseen_errors(
 
     present: the calibration that the model replaces; None for the nominal machine. Where an error of the readings is
     nearly as likely as one of the machine, the squares are the larger ones of both. curves: whether error motions are
-    smooth curves, as of `with_curves_between`. swing: the solution beside a swing with time, if the function is one.
+    smooth curves, as of `with_curves_between`. moving: the solution of `beside_moving`,
+    if there is one.
     """
-    if swing is not None:
-        return _of_model_beside(swing, dependence, present, curves=curves, count=MOMENTS_OF_SWING)
+    if moving is not None:
+        return _of_model_beside(moving, dependence, present, curves=curves, count=MANY_MOMENTS)
     if _moves(dependence) or dependence.of_readings:
         # estimated noise of the axes holds what the function does not
         beside = BesideFunction.of(linearised, dependence)

@@ -78,6 +78,11 @@ class BesideFunction:
         found[plain.rows] = plain.in_lengths(self.solved.design[:, own] @ self.solved.away[own])
         return found
 
+    @property
+    def free(self) -> LinearisedFit:
+        """The fit of observations without the function."""
+        return self.plain.less(self.values)
+
     @cached_property
     def root(self) -> Array:
         """Root `(p + k, q)` of the covariance of the model's parameters and of the coefficients, as above.

@@ -1,15 +1,13 @@
-"""A swing of the tool with time, of one period, such as the control of a hall makes: a model fitted beside it.
+"""A swing of the tool with time, of one period, such as the control of a hall makes.
 
-A smooth function of time leaves open whatever was measured once, at one time. A swing that comes back while the axes
-are elsewhere takes little from the error motions. Beside it the noise is estimated again: the fit without the swing
-takes the swing for noise.
+A smooth function of time leaves open whatever was measured once, at one time. A swing comes back while the axes are
+elsewhere: it takes little from the error motions.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,25 +18,16 @@ from calibration.diagnosis.residual.unnamed import (
     COMPONENTS,
     Direction,
     evidence,
-    may_depend_on,
     odds_of,
     ranges_of,
     terms_of,
 )
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.recent_fits import RecentFits
-from calibration.diagnosis.search.selection import Selector
-from calibration.diagnosis.search.stage import Stage, chosen_of
-from calibration.diagnosis.unseen.beside_function import BesideFunction
 from kinematics.effects import Unnamed
 from kinematics.machine import Machine
 from kinematics.state import TIME, State
 from kinematics.transforms import Array
 
-ROUNDS = 5
-"""Most fits with the noise that the swing leaves."""
-SETTLED = 0.1
-"""Change of the variance of the noise, as a share, up to which it is not estimated again."""
 MOST_TURNS, ROWS_PER_TURN, STEP = 100, 8, 0.25
 """Most turns within the measurement, least rows in each, and the steps in which their number is tried."""
 SCANNED_ROWS, SCANNED_TERMS, TERMS = 1000, 20, 60
@@ -65,6 +54,18 @@ class Swing(Unnamed, frozen=True, tag="swing"):
             return super()._functions(machine, state, number)
         phase = 2.0 * np.pi * state.need("time", self.name) / self.period
         return np.stack([np.ones_like(phase), np.cos(phase), np.sin(phase)], axis=1)
+
+
+class FoundSwing(NamedTuple):
+    """A swing as it is reported."""
+
+    component: Direction
+    """Direction of the tool in which it is clearest."""
+    variables: tuple[str, ...]
+    """On which its size depends."""
+    period: float
+    u: float
+    """Standard uncertainty of the period; both s."""
 
 
 class Swinging(NamedTuple):
@@ -105,6 +106,22 @@ class Swinging(NamedTuple):
             missing = (*missing[:best], *missing[best + 1 :])
         return found
 
+    def with_rest(self, linearised: LinearisedFit, dependence: Unexplained) -> Absorbing:
+        """The same, and a smooth function of the variables of the dependence where the swing leaves one."""
+        swung = self.beside(linearised)
+        rest = absorbing(swung.linearised, dependence, whole=True, walk=False)
+        effects, prior = (*swung.effects, *rest.effects), np.concatenate([swung.prior, rest.prior])
+        return Absorbing(rest.linearised, swung.log_odds + rest.log_odds, effects, prior)
+
+    def found(self, linearised: LinearisedFit) -> FoundSwing:
+        """The swing as it is reported, with the uncertainty of its period by the curvature of the evidence."""
+        duration = _duration(linearised)
+        turns = duration / self.period + NEAR * np.array([-1.0, 0.0, 1.0])
+        odds = [self._replace(period=duration / n).evidence(linearised, self.component)[0] for n in turns.tolist()]
+        curvature = -float(np.diff(odds, 2)[0]) / NEAR**2
+        u = self.period**2 / duration / math.sqrt(curvature) if curvature > 0.0 else math.inf
+        return FoundSwing(self.component, self.function.variables, self.period, u)
+
     def tuned(self, linearised: LinearisedFit) -> Swinging:
         """The same with the likeliest lengths and period near its own, and with further axes where these are clear."""
         best = self
@@ -116,14 +133,6 @@ class Swinging(NamedTuple):
             if axis not in best.function.variables and np.ptp(linearised.positions(axis)) > 0.0:
                 best = best._likelier(linearised, [best._also_of(axis)], EVIDENCE)
         return best
-
-    def uncertainty(self, linearised: LinearisedFit) -> float:
-        """Standard uncertainty of the period, s, by the curvature of the evidence."""
-        duration = _duration(linearised)
-        turns = duration / self.period + NEAR * np.array([-1.0, 0.0, 1.0])
-        odds = [self._replace(period=duration / n).evidence(linearised, self.component)[0] for n in turns.tolist()]
-        curvature = -float(np.diff(odds, 2)[0]) / NEAR**2
-        return self.period**2 / duration / math.sqrt(curvature) if curvature > 0.0 else math.inf
 
     def _likelier(self, linearised: LinearisedFit, others: Sequence[Swinging], least: float = 0.0) -> Swinging:
         """The likeliest of others, if its log odds are larger by more than `least`."""
@@ -155,47 +164,8 @@ class Swinging(NamedTuple):
         return self._replace(period=duration / float(found.x))
 
 
-class FoundSwing(NamedTuple):
-    """A swing as it is reported."""
-
-    component: Direction
-    """Direction of the tool in which it is clearest."""
-    variables: tuple[str, ...]
-    """On which its size depends."""
-    period: float
-    u: float
-    """Standard uncertainty of the period; both s."""
-
-
-class BesideSwing(NamedTuple):
-    """A model beside a swing."""
-
-    swing: FoundSwing
-    solution: BesideFunction
-
-
-def beside_swing(selector: Selector, stage: Stage, dependence: Unexplained) -> BesideSwing | None:
-    """The model of a stage beside a swing, with the noise that this leaves.
-
-    None where a smooth function of the variables of the dependence is nearly as likely, or time is none of these.
-    """
-    possible = [may_depend_on(stage.linearised, name) for name in dependence.variables]
-    found = _searched(stage.linearised, dependence) if TIME in dependence.variables and all(possible) else None
-    if found is None:
-        return None
-    linearised, noise = stage.linearised, math.inf
-    for _ in range(ROUNDS):
-        found = found.tuned(linearised)
-        solution = BesideFunction(linearised, _with_rest(found.beside(linearised), dependence))
-        if min(abs(solution.noise - 1.0), abs(solution.noise / noise - 1.0)) < SETTLED:
-            break
-        noise, linearised = solution.noise, _with_noise_beside(selector, stage, solution.values)
-    swing = FoundSwing(found.component, found.function.variables, found.period, found.uncertainty(linearised))
-    return BesideSwing(swing, solution)
-
-
-def _searched(linearised: LinearisedFit, dependence: Unexplained) -> Swinging | None:
-    """The likeliest swing; None where a smooth function of time is nearly as likely."""
+def searched_swing(linearised: LinearisedFit, dependence: Unexplained) -> Swinging | None:
+    """The likeliest swing; None where a smooth function of the variables is nearly as likely."""
     lengths = dict(zip(dependence.variables, dependence.lengths, strict=True))
     del lengths[TIME]
     function = Function(tuple(lengths), tuple(lengths.values()))
@@ -209,27 +179,6 @@ def _searched(linearised: LinearisedFit, dependence: Unexplained) -> Swinging | 
     found = swings[likeliest].tuned(linearised)
     smooth = absorbing(linearised, dependence, whole=True).log_odds
     return found if found.beside(linearised).log_odds - math.log(len(turns)) > smooth + EVIDENCE else None
-
-
-def _with_rest(swung: Absorbing, dependence: Unexplained) -> Absorbing:
-    """The linearised fit with a swing, and with a smooth function where it leaves one."""
-    rest = absorbing(swung.linearised, dependence, whole=True, walk=False)
-    effects, prior = (*swung.effects, *rest.effects), np.concatenate([swung.prior, rest.prior])
-    return Absorbing(rest.linearised, swung.log_odds + rest.log_odds, effects, prior)
-
-
-def _with_noise_beside(selector: Selector, stage: Stage, values: Array) -> LinearisedFit:
-    """The fit of the same causes to the same observations, with the noise of these less values `(n, d)` of all rows."""
-    given = selector.measurement
-    less = replace(given, observed=given.observed - values)
-    base = replace(selector.base, known={})
-    other = replace(selector, base=base, measurement=less, recent=RecentFits(), bare_stages={})
-    fitted = other.stage(chosen_of(stage.accepted))
-    again = other.on(other.chosen_again(fitted))
-    linearised = again.cautious(again.stage(chosen_of(stage.accepted))).linearised
-    fit = linearised.fit
-    measurement = replace(fit.measurement, observed=given.observed)
-    return replace(linearised, fit=replace(fit, measurement=measurement, residual=fit.residual + values)).less(-values)
 
 
 def _duration(linearised: LinearisedFit) -> float:
