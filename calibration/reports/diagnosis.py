@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 from shlex import quote
@@ -344,11 +343,11 @@ def _of_any_period(left: Unexplained) -> str:
 def _swing(swing: FoundSwing | None) -> str:
     if swing is None:
         return ""
-    u = f" +- {2.0 * swing.u:.2g} s (k=2)" if math.isfinite(swing.u) else ""
     by = f", by different amounts along {' and '.join(swing.variables)}" if swing.variables else ""
+    period = f"{swing.period:.5g} s +- {2.0 * swing.u:.2g} s (k=2)"
     return (
-        f" They swing with time: {swing.component} of the tool goes to and fro in {swing.period:.5g} s{u}{by}. Look "
-        "for what runs with this period: the control of the hall's air, of a coolant, an oil, a door, another machine."
+        f" They swing with time: {swing.component} of the tool goes to and fro in {period}{by}. Look for what has "
+        "this period: the control of the hall's air, of a coolant, an oil, a door, another machine."
     )
 
 

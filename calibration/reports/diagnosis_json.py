@@ -94,11 +94,10 @@ def models_compared(found: Diagnosis) -> Iterator[tuple[str, float]]:
 
 
 def _swing_json(swing: FoundSwing | None) -> dict[str, Any] | None:
-    """u_s: standard uncertainty of the period, s; null where the data do not limit it."""
     if swing is None:
         return None
-    u = swing.u if math.isfinite(swing.u) else None
-    return {"direction": swing.component, "variables": list(swing.variables), "period_s": swing.period, "u_s": u}
+    by = {"direction": swing.component, "variables": list(swing.variables)}
+    return {**by, "period_s": swing.period, "u_s": swing.u}
 
 
 def _cause_json(cause: Named) -> dict[str, Any]:

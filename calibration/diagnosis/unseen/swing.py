@@ -32,10 +32,12 @@ MOST_TURNS, ROWS_PER_TURN, STEP = 100, 8, 0.25
 """Most turns within the measurement, least rows in each, and the steps in which their number is tried."""
 SCANNED_ROWS, SCANNED_TERMS, TERMS = 1000, 20, 60
 """Most rows and terms with which periods are tried, and most terms of the result."""
+WAVES = 4
+"""Most waves of a swing."""
 PASSES = 2
 """Times that each length and the period are searched for."""
-NEAR = 0.01
-"""Share of a turn in the measurement over which the evidence shows the uncertainty of the period."""
+PARTS = 10
+"""Parts of the time of which each is left out in turn, for the uncertainty of the period."""
 EXACT = 1e-3
 """Turns within the measurement to which the period is searched for."""
 OTHER = 0.45
@@ -43,7 +45,7 @@ OTHER = 0.45
 
 
 class Swing(Unnamed, frozen=True, tag="swing"):
-    """The tool point swings with time: in `time` the degrees 1 and 2 are cosine and sine of one period."""
+    """The tool point swings with time: the degrees of `time` are 1, then cosine and sine of a period, its half ..."""
 
     period: float
     """s"""
@@ -53,7 +55,9 @@ class Swing(Unnamed, frozen=True, tag="swing"):
         if self.variables[number] != TIME:
             return super()._functions(machine, state, number)
         phase = 2.0 * np.pi * state.need("time", self.name) / self.period
-        return np.stack([np.ones_like(phase), np.cos(phase), np.sin(phase)], axis=1)
+        waves = range(1, (max(term[number] for term in self.terms) + 1) // 2 + 1)
+        each = [function(wave * phase) for wave in waves for function in (np.cos, np.sin)]
+        return np.stack([np.ones_like(phase), *each], axis=1)
 
 
 class FoundSwing(NamedTuple):
@@ -77,14 +81,21 @@ class Swinging(NamedTuple):
     """Of the amplitudes of cosine and sine, without time."""
     component: Direction
     """Direction of the tool in which it is clearest."""
+    waves: int = 1
+    """Number of its waves: of the period, of half of it, and so on."""
 
     def in_direction(self, linearised: LinearisedFit, component: Direction, most: int = TERMS) -> tuple[Swing, Array]:
-        """The swing in one direction of the tool at zero, with `most` terms each, and their standard deviations."""
+        """The swing in one direction of the tool at zero, and the standard deviations of its terms; `most` by wave.
+
+        The shorter waves are smaller, as those of a sawtooth are.
+        """
         degrees, spread = terms_of(self.function.lengths, most)
-        terms = tuple((*term, wave) for wave in (1, 2) for term in degrees.tolist())
+        numbers = range(1, 2 * self.waves + 1)
+        terms = tuple((*term, number) for number in numbers for term in degrees.tolist())
         variables = (*self.function.variables, TIME)
         ranges = (*ranges_of(linearised, self.function.variables), (0.0, self.period))
-        return Swing(component, variables, ranges, terms, (0.0,) * len(terms), self.period), np.tile(spread, 2)
+        spread = np.concatenate([spread / ((number + 1) // 2) for number in numbers])
+        return Swing(component, variables, ranges, terms, (0.0,) * len(terms), self.period), spread
 
     def evidence(self, linearised: LinearisedFit, component: Direction, most: int = TERMS) -> tuple[float, float]:
         """Log odds of the swing in one direction against none, and its most likely size, as of `unnamed.evidence`."""
@@ -114,21 +125,29 @@ class Swinging(NamedTuple):
         return Absorbing(rest.linearised, swung.log_odds + rest.log_odds, effects, prior)
 
     def found(self, linearised: LinearisedFit) -> FoundSwing:
-        """The swing as it is reported, with the uncertainty of its period by the curvature of the evidence."""
-        duration = _duration(linearised)
-        turns = duration / self.period + NEAR * np.array([-1.0, 0.0, 1.0])
-        odds = [self._replace(period=duration / n).evidence(linearised, self.component)[0] for n in turns.tolist()]
-        curvature = -float(np.diff(odds, 2)[0]) / NEAR**2
-        u = self.period**2 / duration / math.sqrt(curvature) if curvature > 0.0 else math.inf
+        """The swing as it is reported, with the uncertainty of its period by a jackknife of parts of the time.
+
+        Beside a swing that grows, or of another form, the errors of neighbouring rows are alike: the curvature of the
+        evidence would be too large.
+        """
+        parts = np.array_split(np.argsort(linearised.state.need("time", "a swing"), kind="stable"), PARTS)
+        periods = [
+            self._of_near_period(linearised.of_rows(np.setdiff1d(np.arange(len(linearised.rows)), part))).period
+            for part in parts
+        ]
+        u = math.sqrt((PARTS - 1) * float(np.var(periods)))
         return FoundSwing(self.component, self.function.variables, self.period, u)
 
     def tuned(self, linearised: LinearisedFit) -> Swinging:
-        """The same with the likeliest lengths and period near its own, and with further axes where these are clear."""
+        """The same with the likeliest lengths and period near its own, with further waves and axes that are clear."""
         best = self
         for _ in range(PASSES):
             for i in range(len(best.function.lengths)):
                 best = best._likelier(linearised, [best._of_length(i, length) for length in LENGTHS])
             best = best._likelier(linearised, [best._of_near_period(linearised)])
+            if best.waves < WAVES:
+                further = best._replace(waves=best.waves + 1)
+                best = best._likelier(linearised, [further._of_near_period(linearised)], EVIDENCE)
         for axis in linearised.measurement.machine.names:
             if axis not in best.function.variables and np.ptp(linearised.positions(axis)) > 0.0:
                 best = best._likelier(linearised, [best._also_of(axis)], EVIDENCE)
