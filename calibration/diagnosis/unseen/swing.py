@@ -30,8 +30,8 @@ from kinematics.transforms import Array
 
 MOST_TURNS, ROWS_PER_TURN, STEP = 100, 8, 0.25
 """Most turns within the measurement, least rows in each, and the steps in which their number is tried."""
-SCANNED_ROWS, SCANNED_TERMS, TERMS = 1000, 20, 60
-"""Most rows and terms with which periods are tried, and most terms of the result."""
+ROWS, SCANNED_TERMS, TERMS = 1000, 20, 60
+"""Most rows with which swings are compared, most terms with which periods are tried, and most terms of the result."""
 WAVES = 4
 """Most waves of a swing."""
 PASSES = 2
@@ -130,6 +130,7 @@ class Swinging(NamedTuple):
         Beside a swing that grows, or of another form, the errors of neighbouring rows are alike: the curvature of the
         evidence would be too large.
         """
+        linearised = linearised.thinned(ROWS)
         parts = np.array_split(np.argsort(linearised.state.need("time", "a swing"), kind="stable"), PARTS)
         periods = [
             self._of_near_period(linearised.of_rows(np.setdiff1d(np.arange(len(linearised.rows)), part))).period
@@ -140,7 +141,7 @@ class Swinging(NamedTuple):
 
     def tuned(self, linearised: LinearisedFit) -> Swinging:
         """The same with the likeliest lengths and period near its own, with further waves and axes that are clear."""
-        best = self
+        best, linearised = self, linearised.thinned(ROWS)
         for _ in range(PASSES):
             for i in range(len(best.function.lengths)):
                 best = best._likelier(linearised, [best._of_length(i, length) for length in LENGTHS])
@@ -189,7 +190,7 @@ def searched_swing(linearised: LinearisedFit, dependence: Unexplained) -> Swingi
     del lengths[TIME]
     function = Function(tuple(lengths), tuple(lengths.values()))
     component = max(COMPONENTS, key=lambda component: odds_of(linearised, component, dependence))
-    few, duration = linearised.thinned(SCANNED_ROWS), _duration(linearised)
+    few, duration = linearised.thinned(ROWS), _duration(linearised)
     turns = np.arange(1.0, min(MOST_TURNS, len(linearised.rows) // ROWS_PER_TURN), STEP)
     if not len(turns):
         return None
