@@ -19,7 +19,7 @@ from calibration.diagnosis.residual.absorber import absorbed
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unnamed import add_unnamed
 from calibration.diagnosis.residual.whiteness import Test
-from calibration.diagnosis.result import Diagnosis
+from calibration.diagnosis.result import Diagnosis, noise_um
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY
 from calibration.diagnosis.search.evaluation import Evaluated, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
@@ -169,6 +169,8 @@ def _concluded(
     evidence = _evidence(start, searched, completed, sized)
     new = _calibrated(searched, completed, evidence, curved, calibration, force=force)
     given = _compared_with_given(first, searched, completed, evidence, new, calibration)
+    moving = curved.moving
+    noisy, swing = (after.linearised, None) if moving is None else (moving.solution.plain, moving.swing)
     return Diagnosis(
         measurement=measurement,
         base=completed.selector.base,
@@ -189,12 +191,14 @@ def _concluded(
         unexplained=dependence,
         widened=given.factor,
         beside_function=new.beside_function,
-        swing=None if curved.moving is None else curved.moving.swing,
+        noise_um=noise_um(noisy),
+        estimated_noise=noisy.measurement.noise,
+        swing=swing,
         unnamed=completed.unnamed,
         evaluated=evidence.evaluated,
         closure=closure(after.linearised),
         volume=volume(given.before, after),
-        proposed_measurements=tuple(proposed_measurements(searched.found.stage, given.causes, dependence)),
+        proposed_measurements=tuple(proposed_measurements(searched.found.stage, given.causes, dependence, swing)),
         acceptance=new.acceptance,
         design=tuple(separability(searched.before.linearised, first.library)),
         between_positions=curved.between,

@@ -29,6 +29,7 @@ from calibration.diagnosis.verdict import Named
 from calibration.fit.acceptance import relative_deviations, significant_share
 from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.identifiability import Identifiability
+from calibration.measurement.estimated_noise import EstimatedNoise
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.checks import Finding
 from kinematics.effects import Effect, Unnamed
@@ -73,6 +74,13 @@ class Diagnosis:
     """Factor on the standard uncertainties of the new calibration because of this dependence; 1 without one."""
     beside_function: bool
     """True where the new calibration is that beside a function of its variables, which is no error that it can hold."""
+    noise_um: float
+    """RMS, um per scalar (rotary axes: urad), that residuals of pure noise would have, as of `noise_um`."""
+    estimated_noise: EstimatedNoise | None
+    """Noise as the residuals show it; None where they agree with its specification.
+
+    Beside a swing or a course in time that no cause explains it is the noise that these leave.
+    """
     swing: FoundSwing | None
     """The swing with time that this dependence is; None where it is none of one period."""
     unnamed: str
@@ -181,13 +189,9 @@ class Diagnosis:
             fit.measurement.noise is not None and fit.measurement.noise.undecided,
         )
 
-    @property
-    def noise_um(self) -> float:
-        """RMS, um per scalar (rotary axes: urad), that residuals of pure noise would have."""
-        return _noise_um(self.after.linearised)
 
-
-def _noise_um(linearised: LinearisedFit) -> float:
+def noise_um(linearised: LinearisedFit) -> float:
+    """RMS, um per scalar (rotary axes: urad), that residuals of pure noise would have."""
     spread = (
         np.linalg.inv(linearised.white)[linearised.good]
         * linearised.measurement.per_micro[linearised.rows][linearised.good, None]

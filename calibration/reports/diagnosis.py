@@ -175,9 +175,8 @@ def _facts(found: Diagnosis) -> Iterator[tuple[str, str]]:
         "noise",
         "by the instrument specification; no position was measured again" if repeats is None else repeats.text,
     )
-    noise = found.after.fit.measurement.noise
-    if noise is not None:
-        yield "estimated", noise.text
+    if found.estimated_noise is not None:
+        yield "estimated", found.estimated_noise.text
     significant = [f"{test.name} {probability(test.p_value)}" for test in found.tests if test.p_value < 1e-3]
     yield from between_positions(found.between_positions)
     yield "residual", "; ".join([f"chi2/dof {rounded(fit.chi2_reduced, 3)}", *shortened(significant, LISTED, "tests")])

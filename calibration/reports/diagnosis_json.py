@@ -25,7 +25,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "before": figures_json(found.figures[0]),
         "after": figures_json(found.figures[1]),
         "noise_um": found.noise_um,
-        "estimated_noise": None if fit.measurement.noise is None else fit.measurement.noise.json(),
+        "estimated_noise": None if found.estimated_noise is None else found.estimated_noise.json(),
         "n_observations": fit.observations,
         "n_parameters": len(fit.model.parameters),
         "rank": fit.solved.rank - fit.solved.registered,

@@ -26,6 +26,7 @@ from calibration.diagnosis.residual.unexplained import shared_rms
 from calibration.diagnosis.search.candidates import contract_kind
 from calibration.diagnosis.search.evaluation import SEEN, WORTH
 from calibration.diagnosis.search.stage import Stage
+from calibration.diagnosis.unseen.swing import FoundSwing
 from calibration.diagnosis.verdict import CLEAR, Named, tied_with
 from calibration.fit.fit import Fit
 from kinematics.effects import Effect
@@ -40,6 +41,13 @@ OTHER_PLACE = (
     "dependence on {} is then separated from errors of the machine."
 )
 """Measurement that an unexplained error of the tracker's readings needs."""
+PERIODS = 3
+"""Periods over which a swing is to be recorded."""
+AT_REST = (
+    "Let the machine rest for {:.0f} min, and record {} of the tool, the temperatures of the hall, the coolant and the "
+    "column, and what switches on and off: the cause has a period of {:.4g} s. Stop it, and measure again."
+)
+"""Measurement that a swing needs."""
 WEIGHTS = {"unexplained": 1.0, "tied": 1.0, "weak": 0.5}
 Kind = Literal["unexplained", "tied", "weak"]
 
@@ -125,15 +133,20 @@ class Question:
 
 
 def proposed_measurements(
-    stage: Stage, causes: Sequence[Named], dependence: Unexplained | None
+    stage: Stage, causes: Sequence[Named], dependence: Unexplained | None, swing: FoundSwing | None = None
 ) -> Iterator[ProposedMeasurement]:
     """Designs that answer a question, the best first; then the questions that none of them answers.
 
     dependence: the one that no cause explains; its open questions come first. Then the question whether residuals that
-    are larger than specified are noise.
+    are larger than specified are noise. swing: the swing that the dependence is, if it is one.
     """
     if dependence is not None and dependence.of_readings:
         yield ProposedMeasurement("remedy", 0.0, 0.0, OTHER_PLACE.format(dependence.listed))
+        dependence = None
+    if swing is not None:
+        minutes = PERIODS * swing.period / 60.0
+        text = AT_REST.format(minutes, swing.component, swing.period)
+        yield ProposedMeasurement("remedy", 0.0, 0.0, text)
         dependence = None
     noise = stage.fit.measurement.noise
     if dependence is None and noise is not None and noise.undecided:
