@@ -80,6 +80,7 @@ def test_what_is_said_of_it_agrees(swung, steady):
     """Beside the swing nothing is left that would be noise of an axis; that it goes with time is known."""
     assert swung.estimated_noise is None
     assert swung.noise_um < 1.1 * steady.noise_um
+    assert swung.conclusion.dependence.endswith(f" and swing with a period of {swung.swing.period:.4g} s")
     assert swung.next_measurement.startswith("Let the machine rest for 35 min, and record Y of the tool")
 
 

@@ -129,6 +129,11 @@ class Diagnosis:
             return 0.0
         return unexplained_residual.shared_rms(self.named.linearised, self.unexplained)
 
+    def _depends_on(self, left: Unexplained) -> str:
+        """`9.1 um depend on X, time (p = 0.005)`, and the period of a swing."""
+        swings = "" if self.swing is None else f" and swing with a period of {self.swing.period:.4g} s"
+        return f"{self.unexplained_um:.2f} um depend on {left.listed} ({probability(left.p_value, 2)}){swings}"
+
     @cached_property
     def one_by_one(self) -> list[Dependence]:
         """Dependence of the residuals on each variable alone; empty where `unexplained` is None."""
@@ -176,9 +181,7 @@ class Diagnosis:
             tuple(cause.verdict for cause in self.causes),
             tuple(combined(self.tests_after, LEFT)),
             bool(self.tests_after),
-            ""
-            if left is None
-            else f"{self.unexplained_um:.2f} um depend on {left.listed} ({probability(left.p_value, 2)})",
+            "" if left is None else self._depends_on(left),
             self.with_unnamed,
             self.acceptance.objection,
             fit.failed,
