@@ -213,8 +213,7 @@ def _curved(searched: Searched, completed: _Completed, calibration: ErrorModel |
     unseen = None
     if dependence is not None and not held:
         moving = beside_moving(completed.selector, after, dependence)
-        solution = None if moving is None else moving.solution
-        unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves, moving=solution)
+        unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves, moving=moving)
         if TIME in dependence.variables:
             unseen = unseen.of_at_least(squares_by_walk(after.linearised))
         if unseen.beside is not None:

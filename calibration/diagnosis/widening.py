@@ -20,6 +20,7 @@ from calibration.diagnosis.residual.unexplained import nearly_of_readings, share
 from calibration.diagnosis.residual.unnamed import may_depend_on
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.unseen.beside_function import BesideFunction
+from calibration.diagnosis.unseen.beside_moving import BesideMoving
 from calibration.fit.acceptance import usual_states, without_clamp
 from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
 from calibration.fit.fit import Fit
@@ -40,8 +41,8 @@ IMITATES = 1e-2
 """Share of the largest uncertainty below which a combination of parameters is not taken to imitate an error."""
 MOMENTS, POSES = 5, 100
 """Moments of the measurement, and states at each of them, at which errors are predicted."""
-MANY_MOMENTS = 20
-"""The same for a function that moves with time: of a swing, few might all have the same phase."""
+MOMENTS_OF_SWING = 20
+"""The same for a swing, of which few might all have the same phase."""
 SEED = 1
 NOTABLE = 1.05
 """Factor of the uncertainties from which they are enlarged."""
@@ -124,7 +125,7 @@ def unseen_errors(
     present: ErrorModel | None,
     *,
     curves: bool,
-    moving: BesideFunction | None = None,
+    moving: BesideMoving | None = None,
 ) -> UnseenErrors:
     """Errors of the model of a fit at unseen states, beside an unexplained function, and of the one that it replaces.
 
@@ -133,11 +134,11 @@ def unseen_errors(
 
     present: the calibration that the model replaces; None for the nominal machine. Where an error of the readings is
     nearly as likely as one of the machine, the squares are the larger ones of both. curves: whether error motions are
-    smooth curves, as of `with_curves_between`. moving: the solution of `beside_moving`,
-    if there is one.
+    smooth curves, as of `with_curves_between`. moving: as of `beside_moving`, if there is one.
     """
     if moving is not None:
-        return _of_model_beside(moving, dependence, present, curves=curves, count=MANY_MOMENTS)
+        swings = moving.swing is not None
+        return _of_model_beside(moving.solution, dependence, present, curves=curves, swings=swings)
     if _moves(dependence) or dependence.of_readings:
         # estimated noise of the axes holds what the function does not
         beside = BesideFunction.of(linearised, dependence)
@@ -171,21 +172,27 @@ def _errors_beside(
 
 
 def _of_model_beside(
-    beside: BesideFunction, dependence: Unexplained, present: ErrorModel | None, *, curves: bool, count: int = MOMENTS
+    beside: BesideFunction,
+    dependence: Unexplained,
+    present: ErrorModel | None,
+    *,
+    curves: bool,
+    swings: bool = False,
 ) -> UnseenErrors:
     """The errors of the model beside the function, which no calibration holds: it stays, with a model and without.
 
     Beside estimated non-repeatability, which contains it too, an error of the tool is too small: the residuals show its
-    size.
+    size. A swing comes back to its largest size: the errors are those of that moment.
     """
     fit, between = with_curves_between(beside.fit, beside.information) if curves else (beside.fit, ())
     given, parts = _given(present, fit.measurement), []
-    for moment in moments(fit.measurement, count):
+    for moment in moments(fit.measurement, MOMENTS_OF_SWING if swings else MOMENTS):
         error = _lacking(beside, moment) @ beside.coefficients
         before = moment.deviations(fit.model) - moment.deviations(given) + error
         variance = fit.model.propagated(moment.design(fit.model)) ** 2
         parts.append(np.mean([error**2 + variance, error**2, before**2], axis=1))
-    squares, after, without = np.mean(parts, axis=0)
+    largest = int(np.argmax([each[1].sum() for each in parts]))
+    squares, after, without = parts[largest] if swings else np.mean(parts, axis=0)
     with_um, uncertain_um = (math.sqrt(each.sum()) for each in (after, squares - after))
     noise, shared = beside.plain.measurement.noise, shared_squares(beside.plain, dependence)
     of_tool = not dependence.of_readings and len(shared) == 3
