@@ -47,5 +47,5 @@ def test_a_wave_whose_phase_depends_on_another_axis_is_an_error_of_both(tmp_path
 @pytest.mark.parametrize(("uncertain", "accepted"), [(10.0, True), (60.0, False)])
 def test_an_improvement_must_exceed_the_uncertainty_of_an_unknown_error(uncertain, accepted):
     squares, without = np.array([40.0**2 + uncertain**2, 0.0, 0.0]), np.array([56.0**2, 0.0, 0.0])
-    errors = UnseenErrors(squares, without, 40.0, uncertain, recurs=True)
+    errors = UnseenErrors(squares, without, 40.0, 56.0, uncertain, recurs=True)
     assert (against_learned(errors) == "") == accepted

@@ -57,6 +57,8 @@ class UnseenErrors(NamedTuple):
     """Mean squares `(3,)` in x, y, z, um^2, of the errors of the calibration that the model replaces."""
     with_um: float
     """RMS length, um, of the expected errors of the model."""
+    without_um: float
+    """RMS length, um, of those of the calibration that the model replaces."""
     uncertain_um: float
     """RMS length, um, of the uncertainty of these errors."""
     recurs: bool
@@ -65,11 +67,6 @@ class UnseenErrors(NamedTuple):
     """The fit beside the function, with its curves, which the calibration takes; None where a model holds the error."""
     function: Array | None = None
     """The function beside which the calibration is fitted, as `BesideFunction.values`; None where a model holds it."""
-
-    @property
-    def without_um(self) -> float:
-        """RMS length, um, of the expected errors of the calibration that the model replaces."""
-        return math.sqrt(float(self.squares_without.sum()))
 
     def of_at_least(self, squares: Array) -> UnseenErrors:
         """The same with at least these mean squares `(3,)`, um^2, of an error that neither calibration holds."""
@@ -168,7 +165,7 @@ def _errors_beside(
         squares = np.maximum(squares, shared)
     uncertain = math.sqrt(max(float(np.sum(squares - after)), 0.0))
     recurs = not _moves(dependence) and not dependence.of_readings
-    return UnseenErrors(squares, without, math.sqrt(after.sum()), uncertain, recurs)
+    return UnseenErrors(squares, without, math.sqrt(after.sum()), math.sqrt(without.sum()), uncertain, recurs)
 
 
 def _of_model_beside(
@@ -182,7 +179,7 @@ def _of_model_beside(
     """The errors of the model beside the function, which no calibration holds: it stays, with a model and without.
 
     Beside estimated non-repeatability, which contains it too, an error of the tool is too small: the residuals show its
-    size. A swing comes back to its largest size: the errors are those of that moment.
+    size. A swing comes back to its largest size: the squares are those of that moment.
     """
     fit, between = with_curves_between(beside.fit, beside.information) if curves else (beside.fit, ())
     given, parts = _given(present, fit.measurement), []
@@ -191,14 +188,16 @@ def _of_model_beside(
         before = moment.deviations(fit.model) - moment.deviations(given) + error
         variance = fit.model.propagated(moment.design(fit.model)) ** 2
         parts.append(np.mean([error**2 + variance, error**2, before**2], axis=1))
-    largest = int(np.argmax([each[1].sum() for each in parts]))
-    squares, after, without = parts[largest] if swings else np.mean(parts, axis=0)
-    with_um, uncertain_um = (math.sqrt(each.sum()) for each in (after, squares - after))
+    squares, after, without = np.mean(parts, axis=0)
+    with_um, without_um, uncertain_um = (math.sqrt(each.sum()) for each in (after, without, squares - after))
+    if swings:
+        squares, _, without = np.max(parts, axis=0)
     noise, shared = beside.plain.measurement.noise, shared_squares(beside.plain, dependence)
     of_tool = not dependence.of_readings and len(shared) == 3
     if noise is not None and noise.non_repeatability and of_tool:
         squares = np.maximum(squares, shared)
-    return UnseenErrors(squares, without, with_um, uncertain_um, False, (fit, between), beside.values)
+    held = (fit, between), beside.values
+    return UnseenErrors(squares, without, with_um, without_um, uncertain_um, False, *held)
 
 
 def _given(present: ErrorModel | None, measurement: Measurement) -> ErrorModel:
