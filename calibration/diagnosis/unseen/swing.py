@@ -28,8 +28,11 @@ from kinematics.machine import Machine
 from kinematics.state import TIME, State
 from kinematics.transforms import Array
 
-MOST_TURNS, ROWS_PER_TURN, STEP = 100, 8, 0.25
-"""Most turns within the measurement, least rows in each, and the steps in which their number is tried."""
+LEAST_TURNS, MOST_TURNS, ROWS_PER_TURN, STEP = 1.25, 100, 8, 0.25
+"""Least and most turns within the measurement, least rows in each, and the steps in which their number is tried.
+
+Of fewer turns nothing comes back: any course in time is a part of a wave that is long enough.
+"""
 ROWS, SCANNED_TERMS, TERMS = 1000, 20, 60
 """Most rows with which swings are compared, most terms with which periods are tried, and most terms of the result."""
 WAVES = 4
@@ -132,10 +135,9 @@ class Swinging(NamedTuple):
         """
         linearised = linearised.thinned(ROWS)
         parts = np.array_split(np.argsort(linearised.state.need("time", "a swing"), kind="stable"), PARTS)
-        periods = [
-            self._of_near_period(linearised.of_rows(np.setdiff1d(np.arange(len(linearised.rows)), part))).period
-            for part in parts
-        ]
+        rows = np.arange(len(linearised.rows))
+        others = [linearised.of_rows(np.setdiff1d(rows, part)) for part in parts]
+        periods = [self._of_near_period(each, least=STEP).period for each in others]
         u = math.sqrt((PARTS - 1) * float(np.var(periods)))
         return FoundSwing(self.component, self.function.variables, self.period, u)
 
@@ -169,8 +171,8 @@ class Swinging(NamedTuple):
     def _also_of(self, axis: str) -> Swinging:
         return self._replace(function=Function((*self.function.variables, axis), (*self.function.lengths, OTHER)))
 
-    def _of_near_period(self, linearised: LinearisedFit) -> Swinging:
-        """The same with the likeliest of the periods within a step of its own."""
+    def _of_near_period(self, linearised: LinearisedFit, least: float = LEAST_TURNS) -> Swinging:
+        """The same with the likeliest of the periods within a step of its own, of so many turns at least."""
         from scipy.optimize import minimize_scalar
 
         duration = _duration(linearised)
@@ -179,9 +181,13 @@ class Swinging(NamedTuple):
             return -self._replace(period=duration / turns).evidence(linearised, self.component)[0]
 
         turns = duration / self.period
-        around = (max(turns - STEP, STEP), turns + STEP)
+        around = (max(turns - STEP, least), turns + STEP)
         found = minimize_scalar(against, bounds=around, method="bounded", options={"xatol": EXACT})
         return self._replace(period=duration / float(found.x))
+
+    def too_long(self, linearised: LinearisedFit) -> bool:
+        """True where its period is the longest that is tried: a longer one may be likelier."""
+        return _duration(linearised) / self.period < LEAST_TURNS + 2.0 * EXACT
 
 
 def searched_swing(linearised: LinearisedFit, dependence: Unexplained) -> Swinging | None:
@@ -189,16 +195,18 @@ def searched_swing(linearised: LinearisedFit, dependence: Unexplained) -> Swingi
     lengths = dict(zip(dependence.variables, dependence.lengths, strict=True))
     del lengths[TIME]
     function = Function(tuple(lengths), tuple(lengths.values()))
-    component = max(COMPONENTS, key=lambda component: odds_of(linearised, component, dependence))
+    smooth, component = max((odds_of(linearised, component, dependence), component) for component in COMPONENTS)
     few, duration = linearised.thinned(ROWS), _duration(linearised)
-    turns = np.arange(1.0, min(MOST_TURNS, len(linearised.rows) // ROWS_PER_TURN), STEP)
+    turns = np.arange(LEAST_TURNS, min(MOST_TURNS, len(linearised.rows) // ROWS_PER_TURN), STEP)
     if not len(turns):
         return None
     swings = [Swinging(duration / float(n), function, component) for n in turns]
     likeliest = int(np.argmax([swing.evidence(few, component, SCANNED_TERMS)[0] for swing in swings]))
     found = swings[likeliest].tuned(linearised)
-    smooth = absorbing(linearised, dependence, whole=True).log_odds
-    return found if found.beside(linearised).log_odds - math.log(len(turns)) > smooth + EVIDENCE else None
+    worth = found.beside(linearised).log_odds - math.log(len(turns)) - EVIDENCE
+    if found.too_long(linearised) or worth <= smooth:
+        return None
+    return found if worth > absorbing(linearised, dependence, whole=True).log_odds else None
 
 
 def _duration(linearised: LinearisedFit) -> float:
