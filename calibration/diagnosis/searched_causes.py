@@ -29,6 +29,7 @@ from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.search.stage import Accepted, Stage, unconfirmed
 from calibration.diagnosis.search.sudden_changes import sudden_changes
+from calibration.diagnosis.unseen.beside_moving import without_evidence
 from kinematics.running.progress import Progress
 
 GATE = 0.2
@@ -191,6 +192,7 @@ def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[F
             dependence = _dependence(stage, tests) or next(filter(None, _imitated(stage, imitated)), None)
             if dependence:
                 blamed = unexplained_residual.impostors(stage, dependence, selector.library)
+                blamed = blamed or without_evidence(selector, stage, dependence)
             elif combined(tests, LEFT):
                 blamed = unexplained_residual.small_parts(stage)
             if not blamed:

@@ -134,7 +134,7 @@ def unseen_errors(
     smooth curves, as of `with_curves_between`. moving: as of `beside_moving`, if there is one.
     """
     if moving is not None:
-        swings = moving.swing is not None
+        swings = moving.swinging is not None
         return _of_model_beside(moving.solution, dependence, present, curves=curves, swings=swings)
     if _moves(dependence) or dependence.of_readings:
         # estimated noise of the axes holds what the function does not

@@ -8,18 +8,20 @@ time and positions has parts that are finer than its terms: there the noise of t
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from calibration.diagnosis.residual.absorber import absorbing
+from calibration.diagnosis.residual.absorber import Absorbing, absorbing
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unnamed import may_depend_on
+from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.recent_fits import RecentFits
 from calibration.diagnosis.search.selection import Selector
-from calibration.diagnosis.search.stage import Stage, chosen_of
+from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
 from calibration.diagnosis.unseen.beside_function import BesideFunction
-from calibration.diagnosis.unseen.swing import FoundSwing, searched_swing
+from calibration.diagnosis.unseen.swing import FoundSwing, Swinging, searched_swing
 from kinematics.state import TIME
 from kinematics.transforms import Array
 
@@ -33,44 +35,67 @@ class BesideMoving(NamedTuple):
     """A model beside a function that moves with time."""
 
     solution: BesideFunction
-    swing: FoundSwing | None
+    swinging: Swinging | None
     """The swing that the function is; None for a course."""
+
+    @property
+    def swing(self) -> FoundSwing | None:
+        """The swing as it is reported."""
+        return None if self.swinging is None else self.swinging.found(self.solution.plain)
 
 
 def beside_moving(selector: Selector, stage: Stage, dependence: Unexplained) -> BesideMoving | None:
     """The model of a stage beside a swing, or beside a course in time alone; None where there is neither."""
-    linearised, noise = stage.linearised, math.inf
+    noise, linearised = math.inf, stage.linearised
     if TIME not in dependence.variables or not all(may_depend_on(linearised, name) for name in dependence.variables):
         return None
     swing = searched_swing(linearised, dependence)
     if swing is None and dependence.variables != (TIME,):
         return None
     for _ in range(ROUNDS):
-        if swing is None:
-            function = absorbing(linearised, dependence, whole=True)
-        else:
-            swing = swing.tuned(linearised)
-            function = swing.with_rest(linearised, dependence)
-        solution = BesideFunction(linearised, function)
+        swing = None if swing is None else swing.tuned(stage.linearised)
+        solution = BesideFunction(stage.linearised, _beside(stage.linearised, dependence, swing))
         if min(abs(solution.noise - 1.0), abs(solution.noise / noise - 1.0)) < SETTLED:
             break
-        noise, linearised = solution.noise, _with_noise_beside(selector, stage, solution.values)
-    if solution.function.log_odds <= 0.0:
-        return None
-    return BesideMoving(solution, None if swing is None else swing.found(linearised))
+        noise, stage = solution.noise, _with_noise_beside(selector, stage.accepted, solution.values)
+    return BesideMoving(solution, swing) if solution.function.log_odds > 0.0 else None
 
 
-def _with_noise_beside(selector: Selector, stage: Stage, values: Array) -> LinearisedFit:
-    """The fit of the causes of a stage to all observations, linearised, as observations less values show it best.
+def without_evidence(selector: Selector, stage: Stage, dependence: Unexplained) -> list[Accepted]:
+    """Accepted causes of a stage without evidence beside a swing: they are a part of it. None without a swing.
+
+    Beside a course in time nearly every cause would have little support.
+    """
+    moving = beside_moving(selector, stage, dependence) if stage.accepted else None
+    if moving is None or moving.swinging is None:
+        return []
+    found = []
+    for each in stage.accepted:
+        others = [other for other in stage.accepted if other is not each]
+        without = _with_noise_beside(selector, others, moving.solution.values)
+        beside = _beside(without.linearised, dependence, moving.swinging).linearised
+        if evaluate(beside, [each.candidate])[0].score.delta_bic > 0.0:
+            found.append(each)
+    return found
+
+
+def _beside(linearised: LinearisedFit, dependence: Unexplained, swing: Swinging | None) -> Absorbing:
+    if swing is None:
+        return absorbing(linearised, dependence, whole=True)
+    return swing.with_rest(linearised, dependence)
+
+
+def _with_noise_beside(selector: Selector, accepted: Sequence[Accepted], values: Array) -> Stage:
+    """The fit of some causes to all observations, as observations less values show it best.
 
     Its noise, its weights and its bases are those of a fit to the observations less values `(n, d)`, mm and rad.
     """
     given = selector.measurement
     base, less = replace(selector.base, known={}), replace(given, observed=given.observed - values)
     other = replace(selector, base=base, measurement=less, recent=RecentFits(), bare_stages={})
-    chosen = chosen_of(stage.accepted)
+    chosen = chosen_of(accepted)
     again = other.on(other.chosen_again(other.stage(chosen)))
-    linearised = again.cautious(again.stage(chosen)).linearised
-    fit = linearised.fit
-    measurement = replace(fit.measurement, observed=given.observed)
-    return replace(linearised, fit=replace(fit, measurement=measurement, residual=fit.residual + values)).less(-values)
+    found = again.cautious(again.stage(chosen))
+    measurement = replace(found.fit.measurement, observed=given.observed)
+    fit = replace(found.fit, measurement=measurement, residual=found.fit.residual + values)
+    return found._replace(fit=fit, linearised=replace(found.linearised, fit=fit).less(-values))
