@@ -115,3 +115,10 @@ def test_a_calibration_beside_a_swing_is_as_good_as_without_one(design, machine,
     )
     assert swing["accepted"], swing["reason"]
     assert swing["unseen_nameable_um"] < 1.35 * none["unseen_um"][1]
+
+
+@pytest.mark.statistical
+def test_a_part_of_a_swing_is_no_cause():
+    """Without the noise that the swing leaves, settling of X explains a part of it."""
+    found = exam.answer(exam.Key("lines", "swing", "gantry", 0, 77001), timeout=600)
+    assert (found["named"], found["false"]) == (1, [])
