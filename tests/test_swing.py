@@ -71,9 +71,8 @@ def test_its_period_is_found_and_said(swung):
     said = diagnosis_json(swung)["swing"]
     assert (said["direction"], said["period_s"], said["u_s"]) == ("Y", swung.swing.period, swung.swing.u)
     page = text_of(page_of(diagnosis_report(swung, "ncomp diagnose data.csv")).decode())
-    assert f"Y of the tool goes to and fro in {swung.swing.period:.5g} s +- " in page.replace(
-        "\N{PLUS-MINUS SIGN}", "+-"
-    )
+    said = f"Y of the tool swings with a period of {swung.swing.period:.5g} s +- "
+    assert said in page.replace("\N{PLUS-MINUS SIGN}", "+-")
 
 
 def test_what_is_said_of_it_agrees(swung, steady):

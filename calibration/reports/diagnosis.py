@@ -345,8 +345,8 @@ def _swing(swing: FoundSwing | None) -> str:
     by = f", by different amounts along {' and '.join(swing.variables)}" if swing.variables else ""
     period = f"{swing.period:.5g} s +- {2.0 * swing.u:.2g} s (k=2)"
     return (
-        f" They swing with time: {swing.component} of the tool goes to and fro in {period}{by}. Look for what has "
-        "this period: the control of the hall's air, of a coolant, an oil, a door, another machine."
+        f" The error is periodic in time: {swing.component} of the tool swings with a period of {period}{by}. Look for "
+        "a cause with this period: the control of the hall's air, of a coolant or an oil, a door, another machine."
     )
 
 

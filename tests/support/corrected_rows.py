@@ -40,12 +40,7 @@ def exact_rows(motions):
 def kept_before_turning(nominal, commanded):
     """Rows left as in the input because the feed move of rotary axes alone behind them would become worse.
 
-    The end of an arc may be moved along its radius, so that the difference of its radii does not grow.
+    The end of an arc may be moved so that the difference of its radii does not grow.
     """
-    moved, permitted = commanded.target - nominal.target, np.full(len(nominal), 1e-4)
-    for row, arc in nominal.arcs.items():
-        plane = list(arc.plane[:2])
-        along = nominal.target[row, plane] - arc.centre
-        moved[row, plane] -= (moved[row, plane] @ along) / (along @ along) * along
-        permitted[row] = 2e-3
-    return np.append(turns(nominal)[1:], False) & (permitted > np.abs(moved).T).all(axis=0)
+    permitted = np.where([row in nominal.arcs for row in range(len(nominal))], 2e-3, 1e-4)
+    return np.append(turns(nominal)[1:], False) & (permitted > np.abs(commanded.target - nominal.target).T).all(axis=0)

@@ -45,7 +45,7 @@ PERIODS = 3
 """Periods over which a swing is to be recorded."""
 AT_REST = (
     "Let the machine rest for {:.0f} min, and record {} of the tool, the temperatures of the hall, the coolant and the "
-    "column, and what switches on and off: the cause has a period of {:.4g} s. Stop it, and measure again."
+    "column, and all switching: the cause has a period of {:.4g} s. Stop it, and measure again."
 )
 """Measurement that a swing needs."""
 WEIGHTS = {"unexplained": 1.0, "tied": 1.0, "weak": 0.5}

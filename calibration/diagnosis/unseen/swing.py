@@ -1,6 +1,6 @@
 """A swing of the tool with time, of one period, such as the control of a hall makes.
 
-A smooth function of time leaves open whatever was measured once, at one time. A swing comes back while the axes are
+A smooth function of time imitates each error that was measured once, at one time. A swing comes back while the axes are
 elsewhere: it takes little from the error motions.
 """
 
@@ -69,7 +69,7 @@ class FoundSwing(NamedTuple):
     component: Direction
     """Direction of the tool in which it is clearest."""
     variables: tuple[str, ...]
-    """On which its size depends."""
+    """Variables that change its size."""
     period: float
     u: float
     """Standard uncertainty of the period; both s."""
@@ -81,7 +81,7 @@ class Swinging(NamedTuple):
     period: float
     """s"""
     function: Function
-    """Of the amplitudes of cosine and sine, without time."""
+    """Variables of the amplitudes of cosine and sine, and their lengths; without time."""
     component: Direction
     """Direction of the tool in which it is clearest."""
     waves: int = 1
