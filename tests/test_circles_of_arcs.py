@@ -5,7 +5,9 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from postproc.motion.circles import SHORT_ARC, moved_centre
+from postproc.motion.circles import CLOSE, OUT_OF_ROUND, SHORT_ARC, moved_centre, point_at
+from postproc.motion.moves import Arc
+from postproc.write.arcs import NominalArc
 
 ANGLES = st.floats(-math.pi, math.pi)
 RADII = st.sampled_from([1e-4, 0.0254, 1.0, 100.0, 1e4])
@@ -23,3 +25,40 @@ def test_the_shift_of_a_centre_is_bounded(begun, turned, radii, shifts):
     centre = moved_centre((start, end), (0.0, 0.0), turned, shifts)
     largest = max(math.hypot(*shift) for shift in shifts)
     assert math.hypot(*centre) <= largest * (3.0 + 4.0 / SHORT_ARC) + min(math.hypot(*start), math.hypot(*end)) * 1.001
+
+
+@st.composite
+def shifted_arcs(draw, sweeps, largest, together):
+    """An arc about the origin, and its new ends: shifted by at most `largest` radii, from each other by `together`."""
+    radius, turned, sense = draw(st.floats(0.5, 100.0)), draw(st.floats(*sweeps)), draw(st.sampled_from([-1, 1]))
+    start = point_at((radius, 0.0), (0.0, 0.0), draw(ANGLES))
+    end = point_at(start, (0.0, 0.0), sense * turned)
+    share = st.floats(-1.0, 1.0).map(lambda part: part * largest * radius)
+    common, *apart = (draw(st.tuples(share, share)) for _ in range(4))
+    shifts = [(common[0] + together * x, common[1] + together * y) for x, y in apart]
+    arc = Arc((0, 1, 2), sense, (0.0, 0.0), full=False, form="incremental", words=(None, None))
+    new = [(at[0] + by[0], at[1] + by[1]) for at, by in ((start, shifts[0]), (end, shifts[2]))]
+    return NominalArc(arc, (start, end), sense * turned, shifts[1]), new[0], new[1]
+
+
+def difference(circle, start, end):
+    """Difference of the radii at both ends of the corrected arc, mm."""
+    centre = circle.centre(start, end)
+    return abs(math.dist(start, centre) - math.dist(end, centre))
+
+
+@given(shifted_arcs((1.5, 4.5), 0.03, 1.0))
+def test_ends_of_an_arc_that_are_shifted_differently_stay_on_one_circle(arc):
+    """Also by a share of the radius that has no first order: an end that was not corrected, before a rotary axis."""
+    circle, start, end = arc
+    assert difference(circle, start, end) <= 2 * CLOSE + 1e-3 * math.dist(start, circle.arc.centre)
+    assert circle.round_off(start, end) is None or difference(circle, start, end) > OUT_OF_ROUND / 2
+
+
+@given(shifted_arcs((5.8, 6.28), 0.01, 0.02))
+def test_a_nearly_full_circle_is_rounded_off_about_the_centre_that_is_written(arc):
+    circle, start, end = arc
+    moved = circle.round_off(start, end)
+    if moved is not None:
+        end = (end[0] + moved[0], end[1] + moved[1])
+    assert difference(circle, start, end) < 0.6 * OUT_OF_ROUND

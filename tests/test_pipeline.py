@@ -164,6 +164,7 @@ def test_no_move_goes_elsewhere_whatever_the_offsets_really_are(name, seed, tcp,
 @settings(max_examples=150)
 @given(seed=seeds, tcp=st.booleans())
 @example(seed=198025, tcp=True)  # an arc before a feed move of rotary axes alone
+@example(seed=1384413, tcp=False)  # an arc like it, with its start shifted by 4 % of its radius
 def test_many_random_programs(name, seed, tcp):
     test_random_programs.holds(name, seed, tcp, 80)
     test_no_move_goes_elsewhere_whatever_the_offsets_really_are.hypothesis.inner_test(name, seed, tcp, False)

@@ -29,9 +29,11 @@ from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.search.stage import Accepted, Stage, unconfirmed
 from calibration.diagnosis.search.sudden_changes import sudden_changes
-from calibration.diagnosis.unseen.beside_moving import without_evidence
-from kinematics.running.progress import Progress
+from calibration.diagnosis.unseen.beside_moving import without_evidence, without_swing
+from kinematics.running.progress import Progress, silent
 
+ROUNDS = 3
+"""Most times that causes are searched for in the observations less a swing."""
 GATE = 0.2
 """Chance that causes are searched for although the residuals are pure noise."""
 AGAIN = 3
@@ -51,6 +53,14 @@ class Found(NamedTuple):
     evaluated: tuple[Evaluated, ...]
 
 
+class _Result(NamedTuple):
+    """State of the search without impostors, the tests of its residuals, and the dependence that no cause explains."""
+
+    found: Found
+    tests: list[Test]
+    dependence: Unexplained | None
+
+
 class Searched(NamedTuple):
     """Result of the search for causes; the whiteness tests are those before and after it."""
 
@@ -65,20 +75,54 @@ class Searched(NamedTuple):
 def searched_causes(first: Selector, bare: Stage, progress: Progress) -> Searched:
     """The causes of the residuals of the present model, of which `bare` is the fit."""
     tests = unexplained_residual.tests(bare.linearised)
-    found = without = Found(first, bare, ())
+    result = _with_causes_beside_swing(_result(first, progress))
+    return Searched(first.cautious(bare), tests, *result)
+
+
+def _result(first: Selector, progress: Progress = silent) -> _Result:
+    """The causes of the residuals of a base alone, without impostors, in their likeliest forms."""
+    bare = first.bare
+    found = Found(first, bare, ())
     # the noise of an axis hides whatever acts along it, a larger noise of the instrument any cause
     doubtful = _noisier(bare) or len(bare.fit.outliers) or first.base.fine(first.measurement)
     # noise is also left where finer bases have taken the place of a cause
     hidden = (search(first, bare)[1] is not bare for search in (imitated, imitated_wave))
-    if doubtful or combined(tests, GATE) or any(hidden):
+    if doubtful or combined(unexplained_residual.tests(bare.linearised), GATE) or any(hidden):
         found = _causes(first)
     progress("testing the residual")
-    before = first.cautious(bare)
-    found, tests_after, dependence = _without_impostors(found, without, before)
+    found, tests, dependence = _without_impostors(found, Found(first, bare, ()), first.cautious(bare))
     stage = found.stage if dependence else with_likelier_forms(found.selector, found.stage)
     if stage is not found.stage:
-        found, tests_after = found._replace(stage=stage), unexplained_residual.tests(stage.linearised)
-    return Searched(before, tests, found, tests_after, dependence)
+        found, tests = found._replace(stage=stage), unexplained_residual.tests(stage.linearised)
+    return _Result(found, tests, dependence)
+
+
+def _with_causes_beside_swing(result: _Result) -> _Result:
+    """The result with further causes that the observations less a swing show, if there is one.
+
+    The smooth function of time that shows the swing imitates them: they fell before the swing was known. The swing is
+    found again beside them, until both agree.
+    """
+    found, dependence = result.found, result.dependence
+    stage = found.stage
+    for _ in range(ROUNDS if dependence else 0):
+        assert dependence is not None
+        quiet = without_swing(found.selector, stage, dependence)
+        if quiet is None:
+            return result
+        less = _result(quiet.selector).found
+        if len(less.stage.accepted) <= len(found.stage.accepted):
+            return result
+        if _names(less.stage) == _names(stage):
+            found = found._replace(stage=stage, evaluated=less.evaluated)
+            return _Result(found, unexplained_residual.tests(stage.linearised), dependence)
+        stage = quiet.with_causes(less.stage.accepted)
+        dependence = unexplained_residual.of_same_variables(stage.linearised, quiet.dependence)
+    return result
+
+
+def _names(stage: Stage) -> list[str]:
+    return [each.candidate.effect.name for each in stage.accepted]
 
 
 def _causes(selector: Selector) -> Found:

@@ -51,14 +51,14 @@ def centre_from_radius(start: Point, end: Point, radius: float, sense: int) -> P
 
 
 def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts: tuple[Point, Point, Point]) -> Point:
-    """The centre of a circle on which start, middle and end of an arc lie after their shifts, to first order.
+    """The centre of a circle on which start, middle and end of an arc lie after their shifts.
 
     `turned` is the sweep of the arc, rad; its middle is at `middle_share`. Across its chord the centre is shifted such
     that the middle is corrected; on short arcs less, because the shift would be large without an improvement. Along
     its chord it is shifted by the mean of the shifts if the two radii then differ no more than before, up to CLOSE;
-    otherwise such that their difference is unchanged. On nearly full circles, whose ends are close together, that
-    shift would be large too, and the radii may differ; also where it would exceed the radius, because the ends lie in
-    nearly one direction from the centre.
+    otherwise such that their difference is unchanged, in a second step if the first leaves more than CLOSE. On nearly
+    full circles, whose ends are close together, that shift would be large too, and the radii may differ; also where it
+    would exceed the radius, because the ends lie in nearly one direction from the centre.
     """
     start, end = ends
     first, last = math.dist(start, centre), math.dist(end, centre)
@@ -77,7 +77,12 @@ def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts
     if abs(turned) > math.pi:
         square = max(square, 1.0)
     along = excess / square if CLOSE < abs(excess) < math.sqrt(square) * min(first, last) else 0.0
-    return centre[0] + mean[0] + across * w[0] - along * n[0], centre[1] + mean[1] + across * w[1] - along * n[1]
+    x, y = centre[0] + mean[0] + across * w[0] - along * n[0], centre[1] + mean[1] + across * w[1] - along * n[1]
+    (a, _, b), largest = shifts, max(math.hypot(*shift) for shift in shifts)
+    left = math.dist((start[0] + a[0], start[1] + a[1]), (x, y)) - math.dist((end[0] + b[0], end[1] + b[1]), (x, y))
+    left -= first - last
+    again = left / square if CLOSE < abs(left) < math.sqrt(square) * largest else 0.0
+    return x + again * n[0], y + again * n[1]
 
 
 def middle_share(turned: float) -> float:

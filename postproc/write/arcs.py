@@ -37,6 +37,8 @@ HALF = 1e-6
 """Difference from half a turn, rad, below which an arc is a half circle: both signs of the radius then give it."""
 DOT = 0.01
 """Radius of an arc, mm, below which its direction does not matter."""
+ROUNDING_STEPS = 50
+"""Largest number of steps in which the end of an arc is moved radially."""
 ABOUT_POLES = frozenset(("pole", "polar", "tangent"))
 """Forms of arcs whose centre is a pole or is written as a pole."""
 
@@ -197,17 +199,26 @@ class NominalArc(NamedTuple):
         return moved_centre(self.ends, self.arc.centre, self.turned, (start_shift, self.middle_shift, end_shift))
 
     def round_off(self, start: Point, end: Point) -> Point | None:
-        """Shift of a new end, mm, for the function of this name; None for an end that stays."""
+        """Shift of a new end, mm, for the function of this name; None for an end that stays.
+
+        In steps, because the centre moves with the end; no further than the first difference and a half.
+        """
         before, after = self.ends
-        centre = self.centre(start, end)
-        radius = math.dist(end, centre)
-        fault = math.dist(start, centre) - radius - math.dist(before, self.arc.centre)
-        fault += math.dist(after, self.arc.centre)
-        excess = abs(fault) - OUT_OF_ROUND / 2
-        if excess <= 0.0:
-            return None
-        share = math.copysign(excess, fault) / radius
-        return share * (end[0] - centre[0]), share * (end[1] - centre[1])
+        programmed = math.dist(before, self.arc.centre) - math.dist(after, self.arc.centre)
+        moved, furthest = end, 0.0
+        for _ in range(ROUNDING_STEPS):
+            centre = self.centre(start, moved)
+            radius = math.dist(moved, centre)
+            fault = math.dist(start, centre) - radius - programmed
+            excess, furthest = abs(fault) - OUT_OF_ROUND / 2, furthest or 1.5 * abs(fault)
+            if excess <= SAME or radius < SAME:
+                break
+            share = math.copysign(excess, fault) / radius
+            following = moved[0] + share * (moved[0] - centre[0]), moved[1] + share * (moved[1] - centre[1])
+            if math.dist(following, end) > furthest:
+                break
+            moved = following
+        return None if moved == end else (moved[0] - end[0], moved[1] - end[1])
 
 
 def radius_of(circle: NominalArc, ends: tuple[Point, Point], centre: Point, programmed: float, unit: float) -> float:

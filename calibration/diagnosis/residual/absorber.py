@@ -154,7 +154,7 @@ def absorbing(
     if dependence is not None and dependence.of_readings:
         misreading = with_function_of_readings(linearised)
         return Absorbing(misreading.linearised, misreading.log_odds)
-    function = None if dependence is None else _of_tool(linearised, dependence)
+    function = None if dependence is None else function_of_tool(linearised, dependence)
     if function is None:
         return found
     if walk and TIME in function.variables:
@@ -167,7 +167,7 @@ def absorbing(
     return found
 
 
-def _of_tool(linearised: LinearisedFit, dependence: Unexplained) -> Function | None:
+def function_of_tool(linearised: LinearisedFit, dependence: Unexplained) -> Function | None:
     """The function of those variables of a dependence that an error of the tool can depend on; None without any."""
     lengths = zip(dependence.variables, dependence.lengths, strict=True)
     possible = {name: length for name, length in lengths if may_depend_on(linearised, name)}

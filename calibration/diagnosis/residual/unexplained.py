@@ -117,6 +117,13 @@ def unexplained(linearised: LinearisedFit) -> Unexplained | None:
     return of_variables(read, angles, seen, found.p_value, np.random.default_rng(SEED)) if likelier else found
 
 
+def of_same_variables(linearised: LinearisedFit, dependence: Unexplained) -> Unexplained:
+    """A dependence in the residuals of another linearised fit."""
+    white, given = of_machine(linearised, linearised.residual), variables(linearised.measurement, linearised.rows)
+    lengths = dict(zip(dependence.variables, dependence.lengths, strict=True))
+    return of_variables(white, given, lengths, dependence.p_value, np.random.default_rng(SEED))
+
+
 def random_walk(linearised: LinearisedFit, *, shown: bool = False) -> Unexplained | None:
     """A dependence on time without a smooth form: the residuals of a linearised fit are a random walk; else None.
 

@@ -72,8 +72,12 @@ class BesideFunction:
 
         0 at rows that the linearised fit lacks.
         """
-        plain = self.plain
-        own = slice(plain.design.shape[1], None)
+        return self.values_of(None)
+
+    def values_of(self, first: int | None) -> Array:
+        """The same for the first of its coefficients, all for None."""
+        plain, begin = self.plain, self.plain.design.shape[1]
+        own = slice(begin, None if first is None else begin + first)
         found = np.zeros_like(plain.fit.residual)
         found[plain.rows] = plain.in_lengths(self.solved.design[:, own] @ self.solved.away[own])
         return found

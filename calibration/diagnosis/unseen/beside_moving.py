@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from calibration.diagnosis.residual.absorber import Absorbing, absorbing
+from calibration.diagnosis.residual.absorber import Absorbing, absorbing, function_of_tool
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unnamed import may_depend_on
 from calibration.diagnosis.search.evaluation import evaluate
@@ -21,7 +21,7 @@ from calibration.diagnosis.search.recent_fits import RecentFits
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
 from calibration.diagnosis.unseen.beside_function import BesideFunction
-from calibration.diagnosis.unseen.swing import FoundSwing, Swinging, searched_swing
+from calibration.diagnosis.unseen.swing import FoundSwing, Swing, Swinging, searched_swing
 from kinematics.state import TIME
 from kinematics.transforms import Array
 
@@ -44,6 +44,26 @@ class BesideMoving(NamedTuple):
         return None if self.swinging is None else self.swinging.found(self.solution.plain)
 
 
+class LessSwing(NamedTuple):
+    """Observations less a swing that is in them."""
+
+    given: Selector
+    """With all observations."""
+    dependence: Unexplained
+    """The smooth function of time that shows the swing."""
+    swing: Array
+    """At all rows `(n, d)`, mm and rad."""
+
+    @property
+    def selector(self) -> Selector:
+        """The selector for the observations less the swing."""
+        return _less(self.given, self.swing)
+
+    def with_causes(self, accepted: Sequence[Accepted]) -> Stage:
+        """The fit of causes to all observations, with the noise and the bases that those less the swing show."""
+        return _with_noise_beside(self.given, accepted, self.swing)
+
+
 def beside_moving(selector: Selector, stage: Stage, dependence: Unexplained) -> BesideMoving | None:
     """The model of a stage beside a swing, or beside a course in time alone; None where there is neither."""
     noise, linearised = math.inf, stage.linearised
@@ -59,6 +79,20 @@ def beside_moving(selector: Selector, stage: Stage, dependence: Unexplained) -> 
             break
         noise, stage = solution.noise, _with_noise_beside(selector, stage.accepted, solution.values)
     return BesideMoving(solution, swing) if solution.function.log_odds > 0.0 else None
+
+
+def without_swing(selector: Selector, stage: Stage, dependence: Unexplained) -> LessSwing | None:
+    """The observations of a selector less the swing that a stage leaves; None where there is none."""
+    function = function_of_tool(stage.linearised, dependence)
+    if function is None:
+        return None
+    of_tool = dependence._replace(variables=function.variables, lengths=function.lengths)
+    moving = beside_moving(selector, stage, of_tool)
+    if moving is None or moving.swinging is None:
+        return None
+    effects = moving.solution.function.effects
+    swing = moving.solution.values_of(sum(len(each.terms) for each in effects if isinstance(each, Swing)))
+    return LessSwing(selector, of_tool, swing)
 
 
 def without_evidence(selector: Selector, stage: Stage, dependence: Unexplained) -> list[Accepted]:
@@ -90,12 +124,17 @@ def _with_noise_beside(selector: Selector, accepted: Sequence[Accepted], values:
 
     Its noise, its weights and its bases are those of a fit to the observations less values `(n, d)`, mm and rad.
     """
-    given = selector.measurement
-    base, less = replace(selector.base, known={}), replace(given, observed=given.observed - values)
-    other = replace(selector, base=base, measurement=less, recent=RecentFits(), bare_stages={})
+    other = _less(selector, values)
     chosen = chosen_of(accepted)
     again = other.on(other.chosen_again(other.stage(chosen)))
     found = again.cautious(again.stage(chosen))
-    measurement = replace(found.fit.measurement, observed=given.observed)
+    measurement = replace(found.fit.measurement, observed=selector.measurement.observed)
     fit = replace(found.fit, measurement=measurement, residual=found.fit.residual + values)
     return found._replace(fit=fit, linearised=replace(found.linearised, fit=fit).less(-values))
+
+
+def _less(selector: Selector, values: Array) -> Selector:
+    """The selector for the observations less values `(n, d)`, mm and rad."""
+    given = selector.measurement
+    base, less = replace(selector.base, known={}), replace(given, observed=given.observed - values)
+    return replace(selector, base=base, measurement=less, recent=RecentFits(), bare_stages={})

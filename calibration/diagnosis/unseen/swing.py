@@ -203,10 +203,12 @@ def searched_swing(linearised: LinearisedFit, dependence: Unexplained) -> Swingi
     swings = [Swinging(duration / float(n), function, component) for n in turns]
     likeliest = int(np.argmax([swing.evidence(few, component, SCANNED_TERMS)[0] for swing in swings]))
     found = swings[likeliest].tuned(linearised)
-    worth = found.beside(linearised).log_odds - math.log(len(turns)) - EVIDENCE
-    if found.too_long(linearised) or worth <= smooth:
+    least = math.log(len(turns)) + EVIDENCE
+    swung = found.beside(linearised)
+    rest = absorbing(swung.linearised, dependence, whole=True)
+    if found.too_long(linearised) or swung.log_odds - least <= smooth:
         return None
-    return found if worth > absorbing(linearised, dependence, whole=True).log_odds else None
+    return found if swung.log_odds + rest.log_odds - least > absorbing(linearised, dependence, whole=True).log_odds else None
 
 
 def _duration(linearised: LinearisedFit) -> float:
