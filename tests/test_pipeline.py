@@ -165,6 +165,7 @@ def test_no_move_goes_elsewhere_whatever_the_offsets_really_are(name, seed, tcp,
 @given(seed=seeds, tcp=st.booleans())
 @example(seed=198025, tcp=True)  # an arc before a feed move of rotary axes alone
 @example(seed=1384413, tcp=False)  # an arc like it, with its start shifted by 4 % of its radius
+@example(seed=2051571744, tcp=True)  # an arc like it, of a radius smaller than its correction
 def test_many_random_programs(name, seed, tcp):
     test_random_programs.holds(name, seed, tcp, 80)
     test_no_move_goes_elsewhere_whatever_the_offsets_really_are.hypothesis.inner_test(name, seed, tcp, False)
@@ -471,6 +472,22 @@ BENT = "".join(
     for t, c in ((i * step, 40.0 * i * step) for step in (0.0001, 0.0025, 0.05, 0.6) for i in range(60))
 )
 TURNS = "G1 C90. F500\nC180.\nX5. C200.\nG0 X30. Y30.\nG1 X31. B20.\n"
+
+
+@pytest.mark.parametrize(
+    ("begin", "radius", "note"),
+    [("X9.", "R3.", "not corrected"), ("X12.631 Y-28.547", "R0.031", "its correction makes")],
+)
+def test_an_arc_before_a_turn_ends_without_its_correction_if_it_can(begin, radius, note):
+    """An arc as small as its correction would be another one, or none, between a corrected start and such an end."""
+    machine = load("dmu50")
+    text = f"G21 G17 G90 G54\nG0 X9. Y-30. Z17.\n{begin}\nG3 X12.658 Y-28.559 {radius} F500\nG1 C23.47 B18.466\n"
+    corrected, report = correct(text, machine, random_model(machine, 2051571744), travel_check=False, **WHOLE)
+    assert any(each.startswith(note) and "line 4" in each for each in report.notes)
+    nominal, commanded = (read(each, machine).target[2] for each in (text, without_mark(corrected)))
+    moved = np.abs(commanded - nominal).max() > 1e-3
+    assert moved == (note != "not corrected")
+
 
 
 @pytest.mark.parametrize("head", ["", "G43.4 H1\n"], ids=["axes", "tcp"])

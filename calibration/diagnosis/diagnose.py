@@ -213,7 +213,9 @@ def _curved(searched: Searched, completed: _Completed, calibration: ErrorModel |
     held = len(after.accepted) != len(searched.found.stage.accepted)  # by the model, as an unnamed effect
     unseen = None
     if dependence is not None and not held:
-        moving = beside_moving(completed.selector, after, dependence)
+        moving = searched.moving
+        if after is not searched.found.stage:
+            moving = beside_moving(completed.selector, after, dependence)
         unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves, moving=moving)
         if TIME in dependence.variables:
             unseen = unseen.of_at_least(squares_by_walk(after.linearised))

@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.diagnosis.forms import with_likelier_forms
 from calibration.diagnosis.residual import unexplained as unexplained_residual
-from calibration.diagnosis.residual.absorber import absorbed
+from calibration.diagnosis.residual.absorber import absorbed, function_of_tool
 from calibration.diagnosis.residual.cancelling import cancelling
 from calibration.diagnosis.residual.chance_level import ByChance
 from calibration.diagnosis.residual.dependence import Unexplained
@@ -29,7 +29,7 @@ from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.search.stage import Accepted, Stage, unconfirmed
 from calibration.diagnosis.search.sudden_changes import sudden_changes
-from calibration.diagnosis.unseen.beside_moving import without_evidence, without_swing
+from calibration.diagnosis.unseen.beside_moving import BesideMoving, beside_moving, without_evidence, without_swing
 from kinematics.running.progress import Progress, silent
 
 ROUNDS = 3
@@ -54,11 +54,23 @@ class Found(NamedTuple):
 
 
 class _Result(NamedTuple):
-    """State of the search without impostors, the tests of its residuals, and the dependence that no cause explains."""
+    """State of the search without impostors."""
 
     found: Found
     tests: list[Test]
+    """Of its residuals."""
     dependence: Unexplained | None
+    """The dependence that no cause explains."""
+    moving: BesideMoving | None = None
+    """The model beside it, as far as it is an error of the tool that moves with time."""
+
+    @property
+    def of_tool(self) -> Unexplained | None:
+        """The dependence on those variables only that an error of the tool can depend on."""
+        function = self.dependence and function_of_tool(self.found.stage.linearised, self.dependence)
+        if not function or not self.dependence:
+            return None
+        return self.dependence._replace(variables=function.variables, lengths=function.lengths)
 
 
 class Searched(NamedTuple):
@@ -70,6 +82,8 @@ class Searched(NamedTuple):
     found: Found
     tests_after: list[Test]
     dependence: Unexplained | None
+    moving: BesideMoving | None
+    """The model beside this dependence, as far as it is an error of the tool that moves with time."""
 
 
 def searched_causes(first: Selector, bare: Stage, progress: Progress) -> Searched:
@@ -103,21 +117,25 @@ def _with_causes_beside_swing(result: _Result) -> _Result:
     The smooth function of time that shows the swing imitates them: they fell before the swing was known. The swing is
     found again beside them, until both agree.
     """
-    found, dependence = result.found, result.dependence
-    stage = found.stage
-    for _ in range(ROUNDS if dependence else 0):
-        assert dependence is not None
-        quiet = without_swing(found.selector, stage, dependence)
-        if quiet is None:
-            return result
+    selector, stage, dependence = result.found.selector, result.found.stage, result.of_tool
+    if dependence is None or result.dependence is None:
+        return result
+    moving = beside_moving(selector, stage, dependence)
+    if dependence.variables == result.dependence.variables:
+        result = result._replace(moving=moving)
+    for _ in range(ROUNDS):
+        quiet = moving and without_swing(selector, stage, dependence, moving)
+        if not quiet:
+            break
         less = _result(quiet.selector).found
-        if len(less.stage.accepted) <= len(found.stage.accepted):
-            return result
+        if len(less.stage.accepted) <= len(result.found.stage.accepted):
+            break
         if _names(less.stage) == _names(stage):
-            found = found._replace(stage=stage, evaluated=less.evaluated)
-            return _Result(found, unexplained_residual.tests(stage.linearised), dependence)
+            found = result.found._replace(stage=stage, evaluated=less.evaluated)
+            return _Result(found, unexplained_residual.tests(stage.linearised), dependence, moving)
         stage = quiet.with_causes(less.stage.accepted)
-        dependence = unexplained_residual.of_same_variables(stage.linearised, quiet.dependence)
+        dependence = unexplained_residual.of_same_variables(stage.linearised, dependence)
+        moving = beside_moving(selector, stage, dependence)
     return result
 
 

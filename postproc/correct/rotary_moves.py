@@ -1,11 +1,12 @@
 """Feed moves of rotary axes only: the linear axes keep their positions and the correction of the position before.
 
 During the move this correction may become wrong, up to twice the error. If such a move would be worse than in the
-input, the position before it is not corrected either.
+input, the position before it is not corrected either, unless it is the end of an arc that is too small for that.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,11 +18,17 @@ from postproc.compensation.conditions import Conditions
 from postproc.compensation.correction import Correction, pose_errors
 from postproc.compensation.datum import datum_shifts
 from postproc.motion.motions import Motions
+from postproc.motion.segments import arc_ends
 from postproc.text.notes import Notes
 
 WITHIN, AT_END = (0.25, 0.5, 0.75), (1.0,)
 """Shares of the move whose largest errors are compared."""
+SMALL = 0.1
+"""Correction of the end of an arc, as a share of its radius and of its chord, above which the end keeps it.
+
+The start is corrected: about the same centre there would be no circle through both."""
 NOTE = "not corrected: its correction would make the next feed move of rotary axes only worse"
+STILL_CORRECTED = "its correction makes the next feed move of rotary axes only worse: the arc is too small to end without it"
 
 
 def uncorrected_before_rotary_moves(
@@ -49,14 +56,27 @@ def uncorrected_before_rotary_moves(
     kept[:, motions.machine.rotary] = 0.0
     harmed = _worse(motions, rows, kept, model, conditions, approach)
     left = np.unique(before[rows[harmed]])
-    for line in motions.line[left].tolist():
-        notes.add(NOTE, line)
+    small = np.array([_too_small(motions, row, correction) for row in left.tolist()], bool)
+    for line, needs_it in zip(motions.line[left].tolist(), small.tolist(), strict=True):
+        notes.add(STILL_CORRECTED if needs_it else NOTE, line)
+    left = left[~small]
     nominal = np.isin(before, left)[:, None]
     return replace(
         correction,
         corrected=np.where(nominal, correction.nominal, correction.corrected),
         target=np.where(nominal, motions.target, correction.target),
     )
+
+
+def _too_small(motions: Motions, row: int, correction: Correction) -> bool:
+    """True for an arc that would be no circle with a corrected start and its end as programmed."""
+    arc = motions.arcs.get(row)
+    if arc is None or arc.full:
+        return False
+    plane = list(arc.plane[:2])
+    start, end = arc_ends(motions, row)
+    shift = (correction.target - motions.target)[row, plane]
+    return bool(np.hypot(*shift) > SMALL * min(math.dist(start, end), math.dist(start, arc.centre)))
 
 
 def _worse(

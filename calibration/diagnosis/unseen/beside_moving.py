@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from calibration.diagnosis.residual.absorber import Absorbing, absorbing, function_of_tool
+from calibration.diagnosis.residual.absorber import Absorbing, absorbing
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unnamed import may_depend_on
 from calibration.diagnosis.search.evaluation import evaluate
@@ -44,13 +44,18 @@ class BesideMoving(NamedTuple):
         return None if self.swinging is None else self.swinging.found(self.solution.plain)
 
 
+    def in_its_direction(self, dependence: Unexplained) -> BesideFunction:
+        """The solution with a swing in its clearest direction only, and a smooth function for the others."""
+        assert self.swinging is not None
+        plain = self.solution.plain
+        return BesideFunction(plain, self.swinging.with_rest(plain, dependence, (self.swinging.component,)))
+
+
 class LessSwing(NamedTuple):
     """Observations less a swing that is in them."""
 
     given: Selector
     """With all observations."""
-    dependence: Unexplained
-    """The smooth function of time that shows the swing."""
     swing: Array
     """At all rows `(n, d)`, mm and rad."""
 
@@ -81,18 +86,14 @@ def beside_moving(selector: Selector, stage: Stage, dependence: Unexplained) -> 
     return BesideMoving(solution, swing) if solution.function.log_odds > 0.0 else None
 
 
-def without_swing(selector: Selector, stage: Stage, dependence: Unexplained) -> LessSwing | None:
-    """The observations of a selector less the swing that a stage leaves; None where there is none."""
-    function = function_of_tool(stage.linearised, dependence)
-    if function is None:
+def without_swing(selector: Selector, stage: Stage, dependence: Unexplained, moving: BesideMoving) -> LessSwing | None:
+    """The observations of a selector less the swing beside which a stage was fitted; None without one."""
+    if moving.swinging is None:
         return None
-    of_tool = dependence._replace(variables=function.variables, lengths=function.lengths)
-    moving = beside_moving(selector, stage, of_tool)
-    if moving is None or moving.swinging is None:
-        return None
-    effects = moving.solution.function.effects
-    swing = moving.solution.values_of(sum(len(each.terms) for each in effects if isinstance(each, Swing)))
-    return LessSwing(selector, of_tool, swing)
+    # without causes, a further direction of the swing may be a part of one
+    solution = moving.solution if stage.accepted else moving.in_its_direction(dependence)
+    effects = solution.function.effects
+    return LessSwing(selector, solution.values_of(sum(len(each.terms) for each in effects if isinstance(each, Swing))))
 
 
 def without_evidence(selector: Selector, stage: Stage, dependence: Unexplained) -> list[Accepted]:

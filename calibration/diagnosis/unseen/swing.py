@@ -106,9 +106,9 @@ class Swinging(NamedTuple):
         columns = linearised.columns(effect) * spread
         return evidence(linearised.projected(columns).schur, columns.T @ linearised.residual)
 
-    def beside(self, linearised: LinearisedFit) -> Absorbing:
-        """The linearised fit with the swing in the directions of the tool that need it, the clearest first."""
-        found, missing = Absorbing(linearised, 0.0), COMPONENTS
+    def beside(self, linearised: LinearisedFit, directions: tuple[Direction, ...] = COMPONENTS) -> Absorbing:
+        """The linearised fit with the swing in those directions of the tool that need it, the clearest first."""
+        found, missing = Absorbing(linearised, 0.0), directions
         while missing:
             by_direction = [self.evidence(found.linearised, component) for component in missing]
             best = int(np.argmax([log_odds for log_odds, _ in by_direction]))
@@ -120,9 +120,11 @@ class Swinging(NamedTuple):
             missing = (*missing[:best], *missing[best + 1 :])
         return found
 
-    def with_rest(self, linearised: LinearisedFit, dependence: Unexplained) -> Absorbing:
+    def with_rest(
+        self, linearised: LinearisedFit, dependence: Unexplained, directions: tuple[Direction, ...] = COMPONENTS
+    ) -> Absorbing:
         """The same, and a smooth function of the variables of the dependence where the swing leaves one."""
-        swung = self.beside(linearised)
+        swung = self.beside(linearised, directions)
         rest = absorbing(swung.linearised, dependence, whole=True, walk=False)
         effects, prior = (*swung.effects, *rest.effects), np.concatenate([swung.prior, rest.prior])
         return Absorbing(rest.linearised, swung.log_odds + rest.log_odds, effects, prior)
