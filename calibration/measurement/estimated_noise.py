@@ -8,16 +8,21 @@ independent of each other (`Decorrelation`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from kinematics.effects.base import unit_of
 from kinematics.transforms import Array
 
 NEGLIGIBLE = 0.1
 """Factor on the specified noise below which its value is not shown."""
+USUAL = 8.0
+"""Standard deviation from stop to stop, um or urad, above which an error that recurs is likelier (Type B): an axis that
+works repeats to a few um."""
 LEAST = 1e-6
 """Least share of a row's variance that is its own, and not its stop's."""
 
@@ -45,7 +50,25 @@ class EstimatedNoise:
     @property
     def undecided(self) -> bool:
         """True where residuals are larger than specified, and nothing shows whether they are noise."""
-        return self.scatter > 1.0 and not self.revisited
+        return not self.revisited and (self.scatter > 1.0 or bool(self.non_repeatability))
+
+    @property
+    def larger(self) -> str:
+        """The noise that is larger than specified, as a clause."""
+        parts = ["the instrument scatters more than specified"] if self.scatter > 1.0 else []
+        if self.non_repeatability:
+            axes = list(self.non_repeatability)
+            parts.append(f"{', '.join(axes)} {'does' if len(axes) == 1 else 'do'} not repeat")
+        return " and ".join(parts)
+
+    @property
+    def recurring(self) -> Mapping[str, float]:
+        """Expected standard deviation of each axis, mm or rad, of errors that recur with the position.
+
+        Where nothing shows whether shifts from stop to stop recur: the larger they are, the likelier.
+        """
+        unknown = {} if self.revisited else self.non_repeatability
+        return {axis: off / math.hypot(1.0, USUAL * unit_of(axis)[1] / off) for axis, off in unknown.items()}
 
     @property
     def of_stops(self) -> bool:
@@ -72,7 +95,7 @@ class EstimatedNoise:
         scatter = self.scatter
         if scatter != 1.0:
             times = f"{scatter**0.5:.2g}" if scatter**0.5 > NEGLIGIBLE else f"less than {NEGLIGIBLE:g}"
-            if not self.undecided:
+            if scatter < 1.0 or self.revisited:
                 parts.append(f"The instrument scatters {times} times as much as specified.")
             else:
                 parts.append(
@@ -81,7 +104,13 @@ class EstimatedNoise:
                 )
         if self.non_repeatability:
             sizes = [f"{axis} repeats to {_with_unit(axis, size)}" for axis, size in self.non_repeatability.items()]
-            parts.append(f"{', '.join(sizes)} (standard deviation from stop to stop). No table cures that.")
+            unless = (
+                "."
+                if self.revisited
+                else ", unless the model lacks errors of this size that recur with the position: too few positions were "
+                "measured again to decide that."
+            )
+            parts.append(f"{', '.join(sizes)} (standard deviation from stop to stop). No table cures that{unless}")
         if self.misfit:
             sizes = [f"{axis} of {_with_unit(axis, size)}" for axis, size in self.misfit.items()]
             parts.append(

@@ -150,7 +150,7 @@ def proposed_measurements(
         dependence = None
     noise = stage.fit.measurement.noise
     if dependence is None and noise is not None and noise.undecided:
-        yield from _measured_again(stage.fit)
+        yield from _measured_again(stage.fit, noise.larger)
     effects, questions = _questions(stage, causes, dependence)
     if not questions:
         return
@@ -184,11 +184,11 @@ def proposed_measurements(
     yield from (text for kind, text in without if kind != "unexplained")
 
 
-def _measured_again(fit: Fit) -> Iterator[ProposedMeasurement]:
-    """The same positions once more, which show the noise; nothing for instruments without follow-up designs."""
+def _measured_again(fit: Fit, noise: str) -> Iterator[ProposedMeasurement]:
+    """The same positions once more, which show a larger noise; nothing for instruments without follow-up designs."""
     for again in itertools.islice(follow_up_designs(fit), 1):
         does = f"{again.does[0].upper()}{again.does[1:]} ({again.minutes:.0f} min)"
-        text = f"{does}: this shows whether the instrument scatters more than specified, or the model lacks errors."
+        text = f"{does}: this shows whether {noise}, or the model lacks errors."
         yield ProposedMeasurement(again.name, again.minutes, 0.0, text)
 
 

@@ -10,6 +10,7 @@ differentiable; Rasmussen and Williams 2006, section 4.2).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -23,7 +24,7 @@ from calibration.observation.full_model import moving_axes
 from calibration.observation.stops_and_lines import stops
 from kinematics.basis import BSpline
 from kinematics.effects import UM, Cyclic
-from kinematics.effects.base import own_component, own_motion
+from kinematics.effects.base import own_component, own_motion, unit_of
 from kinematics.error_model.covariance import root_of
 from kinematics.forward import forward
 from kinematics.transforms import Array
@@ -227,17 +228,19 @@ def fine_variances(linearised: LinearisedFit) -> dict[str, float]:
 def squares_by_fine_errors(linearised: LinearisedFit) -> Array:
     """Mean squares `(3,)`, um^2, of the errors of a model at unseen states by fine errors along the axes.
 
-    Those at the unseen positions, and those of the measured ones that the model has learned.
+    Those at the unseen positions, and those of the measured ones that the model has learned. Where no position was
+    measured again, those that the shifts from stop to stop may be: as noise, they are in the covariance of the model.
     """
-    response, squares = _Response.of(linearised), np.zeros(3)
-    if response is None:
-        return squares
-    variances = response.variances()
-    learned = response.learned * np.sqrt(variances[response.groups])
-    for count, moment in enumerate(moments(linearised.measurement), start=1):
-        errors = np.sum((moment.design(linearised.fit.model) @ learned) ** 2, axis=2)
-        along = zip(response.axes, variances.tolist(), strict=True)
-        errors += sum(variance * _direction(moment, axis) ** 2 for axis, variance in along)
+    response, noise, squares = _Response.of(linearised), linearised.measurement.noise, np.zeros(3)
+    variances = np.zeros(0) if response is None else response.variances()
+    along = {} if response is None else dict(zip(response.axes, variances.tolist(), strict=True))
+    for axis, off in ({} if noise is None else noise.recurring).items():
+        along[axis] = max(along.get(axis, 0.0), (off / unit_of(axis)[1]) ** 2)
+    for count, moment in enumerate(moments(linearised.measurement) if along else (), start=1):
+        errors = np.sum([variance * _direction(moment, axis) ** 2 for axis, variance in along.items()], axis=0)
+        if response is not None:
+            learned = response.learned * np.sqrt(variances[response.groups])
+            errors = errors + np.sum((moment.design(linearised.fit.model) @ learned) ** 2, axis=2)
         squares += (errors.mean(axis=0) - squares) / count
     return squares
 
@@ -296,9 +299,9 @@ def _in_priors(prior: Array, values: Array) -> Array:
 
 
 def _direction(moment: Moment, axis: str) -> Array:
-    """Displacement `(n, 3)` of the tool by a unit error along an axis, in the frame of the workpiece."""
-    i = moment.machine.index(axis)
+    """Displacement `(n, 3)` of the tool by an error of 1 um or urad along an axis, um, in the frame of the workpiece."""
+    i, step = moment.machine.index(axis), unit_of(axis)[1] / UM
     moved = moment.state.positions.copy()
-    moved[:, i] += 1.0
+    moved[:, i] += math.degrees(step) if axis[0] in "ABC" else step
     start, end = (forward(moment.machine, q).apply(moment.tool) for q in (moment.state.positions, moved))
     return np.asarray(end - start)
