@@ -21,8 +21,10 @@ from kinematics.transforms import Array
 NEGLIGIBLE = 0.1
 """Factor on the specified noise below which its value is not shown."""
 USUAL = 8.0
-"""Standard deviation from stop to stop, um or urad, above which an error that recurs is likelier (Type B): an axis that
-works repeats to a few um."""
+"""Standard deviation from stop to stop, um or urad, above which an error that recurs is likelier (Type B).
+
+An axis that works repeats to a few um. The odds go with the fourth power of the size: 1 to 50 at 3 um, 20 to 1 at 17.
+"""
 LEAST = 1e-6
 """Least share of a row's variance that is its own, and not its stop's."""
 
@@ -68,7 +70,7 @@ class EstimatedNoise:
         Where nothing shows whether shifts from stop to stop recur: the larger they are, the likelier.
         """
         unknown = {} if self.revisited else self.non_repeatability
-        return {axis: off / math.hypot(1.0, USUAL * unit_of(axis)[1] / off) for axis, off in unknown.items()}
+        return {axis: off / math.hypot(1.0, (USUAL * unit_of(axis)[1] / off) ** 2) for axis, off in unknown.items()}
 
     @property
     def of_stops(self) -> bool:
