@@ -15,7 +15,7 @@ from calibration.fit.acceptance import without_clamp
 from calibration.reports.diagnosis import diagnosis_report
 from calibration.reports.diagnosis_json import diagnosis_json
 from kinematics.deviation import exact_deviation
-from kinematics.effects import Unnamed
+from kinematics.effects import Backlash, Unnamed
 from kinematics.forward import forward
 from kinematics.state import State
 from rendering.page import page as page_of
@@ -86,6 +86,27 @@ def test_what_is_said_of_it_agrees(swung, steady):
 def test_the_calibration_beside_it_is_nearly_as_good_as_without_it(swung, steady):
     assert steady.unexplained is None
     assert unseen_um(swung.model) < 1.3 * unseen_um(steady.model)
+
+
+SLOW = Swing("Y", ("X", "time"), (X, (0.0, 1100.0)), ((0, 1), (1, 1)), (20.0, 20.0), 1100.0)
+
+
+@pytest.mark.parametrize(
+    "causes",
+    [
+        (Backlash("Z", 8.0),),
+        pytest.param((Backlash("Y", 6.0), Backlash("X", 9.0)), marks=pytest.mark.statistical),
+    ],
+)
+def test_a_cause_beside_a_swing_is_named_with_its_size(causes):
+    """A smooth function of time imitates both; the swing alone leaves the cause."""
+    found = diagnosed(*causes, SLOW)
+    assert abs(found.swing.period - 1100.0) < 4.0 * found.swing.u
+    assert {each.effect.name for each in found.causes} == {each.name for each in causes}
+    assert found.after.held_out_um < found.before.held_out_um
+    widths = {each.name: each.width for each in causes}
+    for each in found.causes:
+        assert abs(each.effect.width - widths[each.effect.name]) < 3.0 * each.effect.u[0]
 
 
 def test_what_moves_without_a_period_is_no_swing():

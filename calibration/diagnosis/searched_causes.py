@@ -27,7 +27,7 @@ from calibration.diagnosis.search.imitated_causes import imitated
 from calibration.diagnosis.search.selection import Search, Selection, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
-from calibration.diagnosis.search.stage import Accepted, Stage, unconfirmed
+from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of, unconfirmed
 from calibration.diagnosis.search.sudden_changes import sudden_changes
 from calibration.diagnosis.unseen.beside_moving import BesideMoving, beside_moving, without_evidence, without_swing
 from kinematics.running.progress import Progress, silent
@@ -124,16 +124,16 @@ def _with_causes_beside_swing(result: _Result) -> _Result:
     if dependence.variables == result.dependence.variables:
         result = result._replace(moving=moving)
     for _ in range(ROUNDS):
-        quiet = moving and without_swing(selector, stage, dependence, moving)
-        if not quiet:
+        quiet = without_swing(selector, stage, dependence, moving)
+        if quiet is None:
             break
-        less = _result(quiet.selector).found
+        less = _result(quiet).found
         if len(less.stage.accepted) <= len(result.found.stage.accepted):
             break
         if _names(less.stage) == _names(stage):
-            found = result.found._replace(stage=stage, evaluated=less.evaluated)
+            found = result.found._replace(stage=stage.judged_by(less.stage), evaluated=less.evaluated)
             return _Result(found, unexplained_residual.tests(stage.linearised), dependence, moving)
-        stage = quiet.with_causes(less.stage.accepted)
+        stage = selector.stage(chosen_of(less.stage.accepted))
         dependence = unexplained_residual.of_same_variables(stage.linearised, dependence)
         moving = beside_moving(selector, stage, dependence)
     return result

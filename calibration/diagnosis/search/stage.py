@@ -95,6 +95,12 @@ class Stage(NamedTuple):
         """RMS of the cross-validation residuals, um per scalar (rotary axes: urad)."""
         return self.linearised.cross_validation.rms_um
 
+    def judged_by(self, other: Stage) -> Stage:
+        """The stage with the evidence for its causes from another one with the same causes."""
+        both = zip(self.accepted, other.accepted, strict=True)
+        kept = [replace(other_own, candidate=own.candidate, size=own.size) for own, other_own in both]
+        return self._replace(accepted=tuple(kept))
+
     def needs(self, own: Accepted, explained: float = 0.0) -> bool:
         """True where the BIC grows by more than `IRREPLACEABLE` without a cause of which others explain a share."""
         missing = own.score.gain * max(1.0 - explained, 0.0)

@@ -51,24 +51,6 @@ class BesideMoving(NamedTuple):
         return BesideFunction(plain, self.swinging.with_rest(plain, dependence, (self.swinging.component,)))
 
 
-class LessSwing(NamedTuple):
-    """Observations less a swing that is in them."""
-
-    given: Selector
-    """With all observations."""
-    swing: Array
-    """At all rows `(n, d)`, mm and rad."""
-
-    @property
-    def selector(self) -> Selector:
-        """The selector for the observations less the swing."""
-        return _less(self.given, self.swing)
-
-    def with_causes(self, accepted: Sequence[Accepted]) -> Stage:
-        """The fit of causes to all observations, with the noise and the bases that those less the swing show."""
-        return _with_noise_beside(self.given, accepted, self.swing)
-
-
 def beside_moving(selector: Selector, stage: Stage, dependence: Unexplained) -> BesideMoving | None:
     """The model of a stage beside a swing, or beside a course in time alone; None where there is neither."""
     noise, linearised = math.inf, stage.linearised
@@ -86,14 +68,16 @@ def beside_moving(selector: Selector, stage: Stage, dependence: Unexplained) -> 
     return BesideMoving(solution, swing) if solution.function.log_odds > 0.0 else None
 
 
-def without_swing(selector: Selector, stage: Stage, dependence: Unexplained, moving: BesideMoving) -> LessSwing | None:
-    """The observations of a selector less the swing beside which a stage was fitted; None without one."""
-    if moving.swinging is None:
+def without_swing(
+    selector: Selector, stage: Stage, dependence: Unexplained, moving: BesideMoving | None
+) -> Selector | None:
+    """The selector for the observations less the swing beside which a stage was fitted; None without one."""
+    if moving is None or moving.swinging is None:
         return None
     # without causes, a further direction of the swing may be a part of one
     solution = moving.solution if stage.accepted else moving.in_its_direction(dependence)
     effects = solution.function.effects
-    return LessSwing(selector, solution.values_of(sum(len(each.terms) for each in effects if isinstance(each, Swing))))
+    return _less(selector, solution.values_of(sum(len(each.terms) for each in effects if isinstance(each, Swing))))
 
 
 def without_evidence(selector: Selector, stage: Stage, dependence: Unexplained) -> list[Accepted]:
