@@ -109,6 +109,35 @@ def test_a_cause_beside_a_swing_is_named_with_its_size(causes):
         assert abs(each.effect.width - widths[each.effect.name]) < 3.0 * each.effect.u[0]
 
 
+@pytest.mark.parametrize(
+    ("period", "terms"),
+    [
+        (250.0, ((0, 1), (1, 1))),
+        pytest.param(120.0, ((0, 1), (1, 1)), marks=pytest.mark.statistical),
+        pytest.param(400.0, ((0, 2),), marks=pytest.mark.statistical),
+    ],
+)
+def test_a_swing_that_no_smooth_function_follows_is_found(period, terms):
+    """It would be taken for non-repeatability of Y, which it is not."""
+    found = diagnosed(Swing("Y", ("X", "time"), (X, (0.0, period)), terms, (20.0,) * len(terms), period))
+    assert abs(found.swing.period - period) < 4.0 * found.swing.u < 0.01 * period
+    assert (found.causes, found.estimated_noise) == ((), None)
+
+
+def test_an_error_of_positions_that_come_at_equal_times_is_no_swing():
+    """Along lines of equal duration a wave of the axis is one of the time too."""
+    x = np.tile(np.concatenate([np.linspace(0.0, 400.0, 11), np.linspace(400.0, 0.0, 11)]), 12)
+    y, z = np.repeat(np.linspace(0.0, 300.0, 12), 22), np.repeat(np.linspace(50.0, 250.0, 4), 66)
+    q = np.stack([{"X": x, "Y": y, "Z": z}[axis.name] for axis in MACHINE.axes], axis=1)
+    rng = np.random.default_rng(5)
+    data = measured(MACHINE, q, THREE, TRUE, rng)
+    wave = np.cos(2.0 * np.pi * x / 400.0 * 3.0) * (y / 150.0 - 1.0)
+    moved = msgspec.structs.replace(TRUE, effects=TRUE.effects)
+    shifted = replace(data, observed=data.observed + 0.02 * wave[:, None] * [0.0, 1.0, 0.0])
+    assert moved == TRUE
+    assert diagnose(shifted).swing is None
+
+
 def test_what_moves_without_a_period_is_no_swing():
     course = Unnamed("Y", ("X", "time"), (X, (0.0, 3000.0)), ((0, 2), (1, 3)), (60.0, 60.0))
     found = diagnosed(course)

@@ -30,6 +30,7 @@ from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of, unconfirmed
 from calibration.diagnosis.search.sudden_changes import sudden_changes
 from calibration.diagnosis.unseen.beside_moving import BesideMoving, beside_moving, without_evidence, without_swing
+from calibration.diagnosis.unseen.fast_swing import fast_swing
 from kinematics.running.progress import Progress, silent
 
 ROUNDS = 3
@@ -205,7 +206,10 @@ def _dependence(stage: Stage, tests: Sequence[Test]) -> Unexplained | None:
 
     tests: of these residuals. Non-repeatability may hide a dependence.
     """
-    return unexplained_residual.unexplained(stage.linearised) if _doubtful(stage, tests) else None
+    if not _doubtful(stage, tests):
+        return None
+    smooth = unexplained_residual.unexplained(stage.linearised)
+    return fast_swing(stage.linearised, smooth) or smooth
 
 
 def _random_walk(stage: Stage, tests: Sequence[Test], *, shown: bool = False) -> Unexplained | None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.residual.absorber import Absorbing, absorbing
+from calibration.diagnosis.residual.absorber import Absorbing, absorbing, with_fair_noise
 from calibration.diagnosis.residual.dependence import EVIDENCE, LENGTHS, Function, Unexplained
 from calibration.diagnosis.residual.unnamed import (
     COMPONENTS,
@@ -177,7 +177,7 @@ class Swinging(NamedTuple):
         """The same with the likeliest of the periods within a step of its own, of so many turns at least."""
         from scipy.optimize import minimize_scalar
 
-        duration = _duration(linearised)
+        duration = duration_of(linearised)
 
         def against(turns: float) -> float:
             return -self._replace(period=duration / turns).evidence(linearised, self.component)[0]
@@ -189,16 +189,27 @@ class Swinging(NamedTuple):
 
     def too_long(self, linearised: LinearisedFit) -> bool:
         """True where its period is the longest that is tried: a longer one may be likelier."""
-        return _duration(linearised) / self.period < LEAST_TURNS + 2.0 * EXACT
+        return duration_of(linearised) / self.period < LEAST_TURNS + 2.0 * EXACT
 
 
 def searched_swing(linearised: LinearisedFit, dependence: Unexplained) -> Swinging | None:
-    """The likeliest swing; None where a smooth function of the variables is nearly as likely."""
+    """The likeliest swing; None where a smooth function of the variables is nearly as likely.
+
+    Also beside even noise: estimated non-repeatability of an axis may hold the swing.
+    """
+    found, even = _searched(linearised, dependence), linearised.evenly_noisy
+    if found is not None or even is linearised:
+        return found
+    found = _searched(even, dependence)
+    return found if found and with_fair_noise(linearised, found.beside) is not linearised else None
+
+
+def _searched(linearised: LinearisedFit, dependence: Unexplained) -> Swinging | None:
     lengths = dict(zip(dependence.variables, dependence.lengths, strict=True))
     del lengths[TIME]
     function = Function(tuple(lengths), tuple(lengths.values()))
     smooth, component = max((odds_of(linearised, component, dependence), component) for component in COMPONENTS)
-    few, duration = linearised.thinned(ROWS), _duration(linearised)
+    few, duration = linearised.thinned(ROWS), duration_of(linearised)
     turns = np.arange(LEAST_TURNS, min(MOST_TURNS, len(linearised.rows) // ROWS_PER_TURN), STEP)
     if not len(turns):
         return None
@@ -213,5 +224,6 @@ def searched_swing(linearised: LinearisedFit, dependence: Unexplained) -> Swingi
     return found if swung.log_odds + rest.log_odds - least > absorbing(linearised, dependence, whole=True).log_odds else None
 
 
-def _duration(linearised: LinearisedFit) -> float:
+def duration_of(linearised: LinearisedFit) -> float:
+    """Duration of the measurement, s."""
     return float(np.ptp(linearised.state.need("time", "a swing")))
