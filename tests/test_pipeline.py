@@ -489,7 +489,6 @@ def test_an_arc_before_a_turn_ends_without_its_correction_if_it_can(begin, radiu
     assert moved == (note != "not corrected")
 
 
-
 @pytest.mark.parametrize("head", ["", "G43.4 H1\n"], ids=["axes", "tcp"])
 def test_errors_between_ends_follow_from_those_at_the_ends(head):
     """Where the bound of the second difference is small; to within that, and with the same text."""

@@ -141,7 +141,8 @@ def _with_causes_beside_swing(result: _Result) -> _Result:
 
 
 def _names(stage: Stage) -> list[str]:
-    return [each.candidate.effect.name for each in stage.accepted]
+    """Names of the accepted causes of a stage, in order."""
+    return sorted(each.candidate.effect.name for each in stage.accepted)
 
 
 def _causes(selector: Selector) -> Found:

@@ -28,7 +28,7 @@ SMALL = 0.1
 
 The start is corrected: about the same centre there would be no circle through both."""
 NOTE = "not corrected: its correction would make the next feed move of rotary axes only worse"
-STILL_CORRECTED = "its correction makes the next feed move of rotary axes only worse: the arc is too small to end without it"
+STILL_CORRECTED = "its correction makes the next feed move of rotary axes only worse: the arc is too small to lack it"
 
 
 def uncorrected_before_rotary_moves(

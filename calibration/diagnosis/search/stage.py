@@ -97,9 +97,10 @@ class Stage(NamedTuple):
 
     def judged_by(self, other: Stage) -> Stage:
         """The stage with the evidence for its causes from another one with the same causes."""
-        both = zip(self.accepted, other.accepted, strict=True)
-        kept = [replace(other_own, candidate=own.candidate, size=own.size) for own, other_own in both]
-        return self._replace(accepted=tuple(kept))
+        by_name = {each.candidate.effect.name: each for each in other.accepted}
+        judged = [(own, by_name[own.candidate.effect.name]) for own in self.accepted]
+        kept = tuple(replace(by, candidate=own.candidate, size=own.size) for own, by in judged)
+        return self._replace(accepted=kept)
 
     def needs(self, own: Accepted, explained: float = 0.0) -> bool:
         """True where the BIC grows by more than `IRREPLACEABLE` without a cause of which others explain a share."""

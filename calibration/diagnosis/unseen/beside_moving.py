@@ -43,7 +43,6 @@ class BesideMoving(NamedTuple):
         """The swing as it is reported."""
         return None if self.swinging is None else self.swinging.found(self.solution.plain)
 
-
     def in_its_direction(self, dependence: Unexplained) -> BesideFunction:
         """The solution with a swing in its clearest direction only, and a smooth function for the others."""
         assert self.swinging is not None

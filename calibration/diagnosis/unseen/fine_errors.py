@@ -10,7 +10,6 @@ differentiable; Rasmussen and Williams 2006, section 4.2).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -299,9 +298,8 @@ def _in_priors(prior: Array, values: Array) -> Array:
 
 
 def _direction(moment: Moment, axis: str) -> Array:
-    """Displacement `(n, 3)` of the tool by an error of 1 um or urad along an axis, um, in the frame of the workpiece."""
-    i, step = moment.machine.index(axis), unit_of(axis)[1] / UM
+    """Displacement `(n, 3)`, um, of the tool by 1 um or urad along an axis, in the frame of the workpiece."""
     moved = moment.state.positions.copy()
-    moved[:, i] += math.degrees(step) if axis[0] in "ABC" else step
+    moved[:, moment.machine.index(axis)] += unit_of(axis)[1]
     start, end = (forward(moment.machine, q).apply(moment.tool) for q in (moment.state.positions, moved))
-    return np.asarray(end - start)
+    return np.asarray(end - start) / UM

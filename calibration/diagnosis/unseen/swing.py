@@ -216,12 +216,13 @@ def _searched(linearised: LinearisedFit, dependence: Unexplained) -> Swinging | 
     swings = [Swinging(duration / float(n), function, component) for n in turns]
     likeliest = int(np.argmax([swing.evidence(few, component, SCANNED_TERMS)[0] for swing in swings]))
     found = swings[likeliest].tuned(linearised)
-    least = math.log(len(turns)) + EVIDENCE
-    swung = found.beside(linearised)
-    rest = absorbing(swung.linearised, dependence, whole=True)
+    least, swung = math.log(len(turns)) + EVIDENCE, found.beside(linearised)
     if found.too_long(linearised) or swung.log_odds - least <= smooth:
         return None
-    return found if swung.log_odds + rest.log_odds - least > absorbing(linearised, dependence, whole=True).log_odds else None
+    # causes beside the swing are for the smooth function in either case
+    rest = absorbing(swung.linearised, dependence, whole=True)
+    alone = absorbing(linearised, dependence, whole=True)
+    return found if swung.log_odds + rest.log_odds - least > alone.log_odds else None
 
 
 def duration_of(linearised: LinearisedFit) -> float:
