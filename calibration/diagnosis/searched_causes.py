@@ -29,7 +29,13 @@ from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of, unconfirmed
 from calibration.diagnosis.search.sudden_changes import sudden_changes
-from calibration.diagnosis.unseen.beside_moving import BesideMoving, beside_moving, without_evidence, without_swing
+from calibration.diagnosis.unseen.beside_moving import (
+    BesideMoving,
+    beside_moving,
+    parts_of_swing,
+    without_evidence,
+    without_swing,
+)
 from calibration.diagnosis.unseen.fast_swing import fast_swing
 from kinematics.running.progress import Progress, silent
 
@@ -126,12 +132,17 @@ def _with_causes_beside_swing(result: _Result) -> _Result:
         result = result._replace(moving=moving)
     for _ in range(ROUNDS):
         quiet = without_swing(selector, stage, dependence, moving)
-        if quiet is None:
+        if quiet is None or moving is None:
             break
         less = _result(quiet).found
-        if len(less.stage.accepted) <= len(result.found.stage.accepted):
-            break
         if _names(less.stage) == _names(stage):
+            parts = parts_of_swing(selector, stage, moving)
+            if parts:
+                stage = selector.stage(chosen_of([each for each in stage.accepted if not _among(each, parts)]))
+                dependence = unexplained_residual.of_same_variables(stage.linearised, dependence)
+                moving = beside_moving(selector, stage, dependence)
+            if moving is None or len(stage.accepted) <= len(result.found.stage.accepted):
+                break
             found = result.found._replace(stage=stage.judged_by(less.stage), evaluated=less.evaluated)
             return _Result(found, unexplained_residual.tests(stage.linearised), dependence, moving)
         stage = selector.stage(chosen_of(less.stage.accepted))

@@ -8,20 +8,21 @@ time and positions has parts that are finer than its terms: there the noise of t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 from calibration.diagnosis.residual.absorber import Absorbing, absorbing
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unnamed import may_depend_on
-from calibration.diagnosis.search.evaluation import evaluate
+from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.recent_fits import RecentFits
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
 from calibration.diagnosis.unseen.beside_function import BesideFunction
 from calibration.diagnosis.unseen.swing import FoundSwing, Swing, Swinging, searched_swing
+from calibration.diagnosis.verdict import CLEAR
 from kinematics.state import TIME
 from kinematics.transforms import Array
 
@@ -87,12 +88,33 @@ def without_evidence(selector: Selector, stage: Stage, dependence: Unexplained) 
     moving = beside_moving(selector, stage, dependence) if stage.accepted else None
     if moving is None or moving.swinging is None:
         return []
+    swinging, values = moving.swinging, moving.solution.values
+    return _unneeded(selector, stage, values, lambda without: _beside(without, dependence, swinging), 0.0)
+
+
+def parts_of_swing(selector: Selector, stage: Stage, moving: BesideMoving) -> list[Accepted]:
+    """Accepted causes of a stage without clear evidence beside its swing alone, fitted together with each.
+
+    The form of a swing is unknown: what it leaves may look like a small cause.
+    """
+    if moving.swinging is None:
+        return []
+    return _unneeded(selector, stage, moving.solution.values, moving.swinging.beside, CLEAR * WORTH)
+
+
+def _unneeded(
+    selector: Selector, stage: Stage, values: Array, beside: Callable[[LinearisedFit], Absorbing], most: float
+) -> list[Accepted]:
+    """Accepted causes with a delta-BIC above `most` beside a function.
+
+    With the noise of observations less its values `(n, d)`.
+    """
     found = []
     for each in stage.accepted:
         others = [other for other in stage.accepted if other is not each]
-        without = _with_noise_beside(selector, others, moving.solution.values)
-        beside = _beside(without.linearised, dependence, moving.swinging).linearised
-        if evaluate(beside, [each.candidate])[0].score.delta_bic > 0.0:
+        without = _with_noise_beside(selector, others, values)
+        score = evaluate(beside(without.linearised).linearised, [each.candidate])[0].score
+        if score.delta_bic > most:
             found.append(each)
     return found
 

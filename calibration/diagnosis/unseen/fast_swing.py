@@ -20,6 +20,7 @@ from calibration.diagnosis.unseen.beside_function import BesideFunction
 from calibration.diagnosis.unseen.swing import MOST_TURNS, ROWS, ROWS_PER_TURN, STEP, Swinging, duration_of
 from calibration.observation.full_model import moving_axes
 from calibration.observation.normal_equations import whitened
+from calibration.observation.stops_and_lines import stops
 from kinematics.effects import UM
 from kinematics.state import TIME
 from kinematics.transforms import Array
@@ -46,7 +47,7 @@ def fast_swing(linearised: LinearisedFit, smooth: Unexplained | None) -> Unexpla
     (component, count), p_value = _likeliest(few, turns)
     if p_value > 1.0 / (1.0 + PERMUTATIONS) or _of_path(few, turns, count):
         return None
-    swing = Swinging(duration_of(few) / count, Function((), ()), component).tuned(few).tuned(few)
+    swing = Swinging(duration_of(few) / count, Function((), ()), component).with_axes(few).with_axes(few)
     least = math.log(len(COMPONENTS) * len(turns)) + EVIDENCE
     fair = with_fair_noise(linearised, swing.beside)
     others = [with_walk(fair).log_odds]
@@ -68,10 +69,12 @@ def fast_swing(linearised: LinearisedFit, smooth: Unexplained | None) -> Unexpla
 
 
 def _likeliest(linearised: LinearisedFit, turns: Array) -> tuple[tuple[Direction, float], float]:
-    """Direction and number of turns of the swing that explains most, and the chance of one in permuted residuals."""
+    """Direction and number of turns of the swing that explains most, and the chance of one where stops are permuted."""
     rng, n = np.random.default_rng(SEED), len(linearised.rows)
-    rows = linearised.residual.reshape(n, -1)
-    tables = np.stack([rows, *(rng.permutation(rows) for _ in range(PERMUTATIONS))], axis=2).reshape(rows.size, -1)
+    rows, stop = linearised.residual.reshape(n, -1), stops(linearised.measurement)[linearised.rows]
+    by_stop = np.split(np.arange(n), np.flatnonzero(np.diff(stop)) + 1)
+    orders = (np.concatenate([by_stop[k] for k in rng.permutation(len(by_stop))]) for _ in range(PERMUTATIONS))
+    tables = np.stack([rows, *(rows[order] for order in orders)], axis=2).reshape(rows.size, -1)
     phase = 2.0 * np.pi * linearised.state.need("time", "a swing") / duration_of(linearised)
     powers = np.array(
         [[_explained(columns, phase * count, tables) for count in turns] for columns in _amplitudes(linearised)]

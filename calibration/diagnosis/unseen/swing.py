@@ -153,9 +153,18 @@ class Swinging(NamedTuple):
             if best.waves < WAVES:
                 further = best._replace(waves=best.waves + 1)
                 best = best._likelier(linearised, [further._of_near_period(linearised)], EVIDENCE)
+        return best._with_axes(linearised, OTHER)
+
+    def with_axes(self, linearised: LinearisedFit) -> Swinging:
+        """The same with the likeliest period near its own, and axes along which its size clearly changes evenly."""
+        best = self._likelier(linearised, [self._of_near_period(linearised)])
+        return best._with_axes(linearised, max(LENGTHS))
+
+    def _with_axes(self, linearised: LinearisedFit, length: float) -> Swinging:
+        best = self
         for axis in linearised.measurement.machine.names:
             if axis not in best.function.variables and np.ptp(linearised.positions(axis)) > 0.0:
-                best = best._likelier(linearised, [best._also_of(axis)], EVIDENCE)
+                best = best._likelier(linearised, [best._also_of(axis, length)], EVIDENCE)
         return best
 
     def _likelier(self, linearised: LinearisedFit, others: Sequence[Swinging], least: float = 0.0) -> Swinging:
@@ -170,8 +179,8 @@ class Swinging(NamedTuple):
             function=self.function._replace(lengths=(*lengths[:number], length, *lengths[number + 1 :]))
         )
 
-    def _also_of(self, axis: str) -> Swinging:
-        return self._replace(function=Function((*self.function.variables, axis), (*self.function.lengths, OTHER)))
+    def _also_of(self, axis: str, length: float) -> Swinging:
+        return self._replace(function=Function((*self.function.variables, axis), (*self.function.lengths, length)))
 
     def _of_near_period(self, linearised: LinearisedFit, least: float = LEAST_TURNS) -> Swinging:
         """The same with the likeliest of the periods within a step of its own, of so many turns at least."""
