@@ -39,8 +39,6 @@ from calibration.diagnosis.unseen.beside_moving import (
 from calibration.diagnosis.unseen.fast_swing import fast_swing
 from kinematics.running.progress import Progress, silent
 
-ROUNDS = 3
-"""Most times that causes are searched for in the observations less a swing."""
 GATE = 0.2
 """Chance that causes are searched for although the residuals are pure noise."""
 AGAIN = 3
@@ -122,7 +120,7 @@ def _with_causes_beside_swing(result: _Result) -> _Result:
     """The result with further causes that the observations less a swing show, if there is one.
 
     The smooth function of time that shows the swing imitates them: they fell before the swing was known. The swing is
-    found again beside them, until both agree.
+    found again beside them, and a part of it falls.
     """
     selector, stage, dependence = result.found.selector, result.found.stage, result.of_tool
     if dependence is None or result.dependence is None:
@@ -130,30 +128,21 @@ def _with_causes_beside_swing(result: _Result) -> _Result:
     moving = beside_moving(selector, stage, dependence)
     if dependence.variables == result.dependence.variables:
         result = result._replace(moving=moving)
-    for _ in range(ROUNDS):
-        quiet = without_swing(selector, stage, dependence, moving)
-        if quiet is None or moving is None:
-            break
-        less = _result(quiet).found
-        if _names(less.stage) == _names(stage):
-            parts = parts_of_swing(selector, stage, moving)
-            if parts:
-                stage = selector.stage(chosen_of([each for each in stage.accepted if not _among(each, parts)]))
-                dependence = unexplained_residual.of_same_variables(stage.linearised, dependence)
-                moving = beside_moving(selector, stage, dependence)
-            if moving is None or len(stage.accepted) <= len(result.found.stage.accepted):
-                break
-            found = result.found._replace(stage=stage.judged_by(less.stage), evaluated=less.evaluated)
-            return _Result(found, unexplained_residual.tests(stage.linearised), dependence, moving)
-        stage = selector.stage(chosen_of(less.stage.accepted))
+    quiet = without_swing(selector, stage, dependence, moving)
+    if quiet is None:
+        return result
+    less = _result(quiet).found
+    accepted = less.stage.accepted
+    while len(accepted) > len(result.found.stage.accepted):
+        stage = selector.stage(chosen_of(accepted))
         dependence = unexplained_residual.of_same_variables(stage.linearised, dependence)
         moving = beside_moving(selector, stage, dependence)
+        parts = [] if moving is None else parts_of_swing(selector, stage, moving)
+        if moving is not None and not parts:
+            found = result.found._replace(stage=stage.judged_by(less.stage), evaluated=less.evaluated)
+            return _Result(found, unexplained_residual.tests(stage.linearised), dependence, moving)
+        accepted = tuple(each for each in stage.accepted if parts and not _among(each, parts))
     return result
-
-
-def _names(stage: Stage) -> list[str]:
-    """Names of the accepted causes of a stage, in order."""
-    return sorted(each.candidate.effect.name for each in stage.accepted)
 
 
 def _causes(selector: Selector) -> Found:
