@@ -43,6 +43,16 @@ def test_an_axis_that_does_not_repeat_is_found_by_name_and_size(rows_of_a_stop):
     assert "X repeats to" in found.text
 
 
+@pytest.mark.parametrize(("size", "share"), [(0.003, 0.03), (0.025, 0.98)])
+def test_without_visits_larger_shifts_of_stops_are_likelier_to_recur(size, share):
+    again = replace(with_estimated_noise(fitted(with_stops(3, {0: 0.025}))).noise, non_repeatability={"X": size})
+    found = replace(again, revisited=False)
+    assert found.undecided
+    assert "unless the model lacks errors of this size that recur with the position" in found.text
+    assert (found.recurring["X"] / size) ** 2 == pytest.approx(share, abs=0.015)
+    assert (again.undecided, again.recurring, "unless" in again.text) == (False, {}, False)
+
+
 def test_all_axes_that_do_not_repeat_are_found_where_three_rows_share_a_stop():
     """Errors of stops that are several times the noise of the instrument."""
     found = with_estimated_noise(fitted(with_stops(3, dict.fromkeys(range(3), 0.05)))).noise

@@ -1,5 +1,7 @@
 """Errors finer than any basis: found where visits of one position share them, and expected at unseen positions."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ from support.virtual_measurements import THREE, measured, positions
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.unseen.fine_errors import fine_variances, squares_by_fine_errors
 from calibration.diagnosis.widening import moments
+from calibration.measurement.estimated_noise import EstimatedNoise
+from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Cyclic
 from kinematics.error_model.model import no_errors
 
@@ -78,6 +82,14 @@ def test_the_expected_squares_are_those_at_unseen_poses():
 def test_without_visits_of_one_position_nothing_is_known():
     rng = np.random.default_rng(4)
     assert fine_variances(bare(*waves(X=6.0), q=positions(CFRAME, 150, rng))) == {}
+
+
+def test_shifts_of_stops_that_no_visit_repeats_may_be_errors_of_the_axis():
+    linearised = bare(q=positions(CFRAME, 150, np.random.default_rng(4)))
+    fitted = linearised.fit
+    noise = EstimatedNoise(1.0, {"X": 0.025}, stops(fitted.measurement), np.zeros((150, 3, 0)), revisited=False)
+    expected = replace(linearised, fit=replace(fitted, measurement=replace(fitted.measurement, noise=noise)))
+    assert squares_by_fine_errors(expected) == pytest.approx([25.0**2, 0.0, 0.0], rel=0.03, abs=1e-6)
 
 
 def test_waves_that_are_named_along_an_axis_are_expected_along_the_others():

@@ -94,7 +94,7 @@ class Searched(NamedTuple):
 def searched_causes(first: Selector, bare: Stage, progress: Progress) -> Searched:
     """The causes of the residuals of the present model, of which `bare` is the fit."""
     tests = unexplained_residual.tests(bare.linearised)
-    result = _with_causes_beside_swing(_result(first, progress))
+    result = _with_causes_beside_swing(_result(first, progress), progress)
     return Searched(first.cautious(bare), tests, *result)
 
 
@@ -116,7 +116,7 @@ def _result(first: Selector, progress: Progress = silent) -> _Result:
     return _Result(found, tests, dependence)
 
 
-def _with_causes_beside_swing(result: _Result) -> _Result:
+def _with_causes_beside_swing(result: _Result, progress: Progress) -> _Result:
     """The result with further causes that the observations less a swing show, if there is one.
 
     The smooth function of time that shows the swing imitates them: they fell before the swing was known. The swing is
@@ -131,6 +131,7 @@ def _with_causes_beside_swing(result: _Result) -> _Result:
     quiet = without_swing(selector, stage, dependence, moving)
     if quiet is None:
         return result
+    progress("searching for causes beside a swing")
     less = _result(quiet).found
     accepted = less.stage.accepted
     while len(accepted) > len(result.found.stage.accepted):

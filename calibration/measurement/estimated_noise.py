@@ -25,9 +25,9 @@ USUAL = 8.0
 
 An axis that works repeats to a few um. The odds go with the fourth power of the size: 1 to 50 at 3 um, 20 to 1 at 17.
 """
-_RECURS = (
-    "the model lacks errors of this size that recur with the position: too few positions were measured again to decide "
-    "that."
+UNLESS = (
+    ", unless the model lacks errors of this size that recur with the position: too few positions were measured again "
+    "to decide that"
 )
 LEAST = 1e-6
 """Least share of a row's variance that is its own, and not its stop's."""
@@ -110,8 +110,8 @@ class EstimatedNoise:
                 )
         if self.non_repeatability:
             sizes = [f"{axis} repeats to {_with_unit(axis, size)}" for axis, size in self.non_repeatability.items()]
-            unless = "." if self.revisited else f", unless {_RECURS}"
-            parts.append(f"{', '.join(sizes)} (standard deviation from stop to stop). No table cures that{unless}")
+            unless = "" if self.revisited else UNLESS
+            parts.append(f"{', '.join(sizes)} (standard deviation from stop to stop). No table cures that{unless}.")
         if self.misfit:
             sizes = [f"{axis} of {_with_unit(axis, size)}" for axis, size in self.misfit.items()]
             parts.append(

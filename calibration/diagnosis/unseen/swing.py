@@ -214,6 +214,7 @@ def searched_swing(linearised: LinearisedFit, dependence: Unexplained) -> Swingi
 
 
 def _searched(linearised: LinearisedFit, dependence: Unexplained) -> Swinging | None:
+    """As `searched_swing`, beside the noise of the linearised fit."""
     lengths = dict(zip(dependence.variables, dependence.lengths, strict=True))
     del lengths[TIME]
     function = Function(tuple(lengths), tuple(lengths.values()))
