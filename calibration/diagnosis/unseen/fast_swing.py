@@ -27,7 +27,8 @@ from kinematics.transforms import Array
 
 LEAST_TURNS = 4.0
 """Least turns within the measurement: a smooth function of time shows fewer."""
-RIDGE = 1e-9
+RIDGE, LEAST = 1e-9, 1e-30
+"""Added to the squares of columns, as a share of them and at least: readings may not show a direction at all."""
 PATH, APART = 0.3, 0.6
 """Share of the squares of an axis' positions from which a wave is its path, and turns from its multiples that part an
 error of the time from one of positions."""
@@ -36,9 +37,11 @@ error of the time from one of positions."""
 def fast_swing(linearised: LinearisedFit, smooth: Unexplained | None) -> Unexplained | None:
     """A fast swing in the residuals of a linearised fit, as a dependence on time and axes; None without one.
 
+    None for readings along one axis, which moves with time: they may show a wave of its positions.
+
     smooth: the smooth function that explains the residuals, if there is one.
     """
-    if linearised.state.time is None:
+    if linearised.state.time is None or linearised.measurement.axis is not None:
         return None
     few = linearised.evenly_noisy.thinned(ROWS)
     turns = np.arange(LEAST_TURNS, min(MOST_TURNS, len(few.rows) // ROWS_PER_TURN), STEP)
@@ -91,7 +94,7 @@ def _of_path(linearised: LinearisedFit, turns: Array, count: float) -> bool:
     for axis in moving_axes(linearised.measurement):
         x = linearised.positions(axis)
         table = (x - x.mean())[:, None]
-        shares = np.array([_explained(one, phase * each, table)[0] for each in turns]) / np.sum(table**2)
+        shares = np.array([_explained(one, phase * each, table)[0] for each in turns]) / max(np.sum(table**2), LEAST)
         path = float(turns[int(np.argmax(shares))])
         if shares.max() > PATH and abs(count - max(round(count / path), 1) * path) < APART:
             return True
@@ -115,5 +118,5 @@ def _explained(columns: Array, phase: Array, tables: Array) -> Array:
     both = np.concatenate([columns * wave(phase)[:, None, None] for wave in (np.cos, np.sin)], axis=2)
     design = both.reshape(len(tables), -1)
     along, square = design.T @ tables, design.T @ design
-    square[np.diag_indices(len(square))] += RIDGE * np.trace(square)
+    square[np.diag_indices(len(square))] += RIDGE * np.trace(square) + LEAST
     return np.asarray(np.sum(along * np.linalg.solve(square, along), axis=0))
