@@ -164,9 +164,9 @@ def _concluded(
     first, after, dependence = start.selector, completed.stage, searched.dependence
     measurement = completed.selector.measurement
     curved = _curved(searched, completed, calibration)
-    # the solution beside a function is one of the linearised fit, far from it where a smooth function is large
-    smooth = curved.beside and (curved.moving is None or curved.moving.swinging is None)
-    sized = after.fit.model if smooth else curved.fit.model
+    # the solution beside a function is one of the linearised fit, far from it where the function is large; but a swing
+    # that is large would also distort the sizes of causes that are seen only without it
+    sized = after.fit.model if curved.beside and not searched.beside_swing else curved.fit.model
     evidence = _evidence(start, searched, completed, sized)
     new = _calibrated(searched, completed, evidence, curved, calibration, force=force)
     given = _compared_with_given(first, searched, completed, evidence, new, calibration)

@@ -68,6 +68,8 @@ class _Result(NamedTuple):
     """The dependence that no cause explains."""
     moving: BesideMoving | None = None
     """The model beside it, as far as it is an error of the tool that moves with time."""
+    beside_swing: bool = False
+    """True for causes that were found in the observations less this swing."""
 
     @property
     def of_tool(self) -> Unexplained | None:
@@ -89,6 +91,8 @@ class Searched(NamedTuple):
     dependence: Unexplained | None
     moving: BesideMoving | None
     """The model beside this dependence, as far as it is an error of the tool that moves with time."""
+    beside_swing: bool
+    """True for causes that were found in the observations less this swing."""
 
 
 def searched_causes(first: Selector, bare: Stage, progress: Progress) -> Searched:
@@ -141,7 +145,7 @@ def _with_causes_beside_swing(result: _Result, progress: Progress) -> _Result:
         parts = [] if moving is None else parts_of_swing(selector, stage, moving)
         if moving is not None and not parts:
             found = result.found._replace(stage=stage.judged_by(less.stage), evaluated=less.evaluated)
-            return _Result(found, unexplained_residual.tests(stage.linearised), dependence, moving)
+            return _Result(found, unexplained_residual.tests(stage.linearised), dependence, moving, beside_swing=True)
         accepted = tuple(each for each in stage.accepted if parts and not _among(each, parts))
     return result
 
