@@ -98,7 +98,7 @@ SLOW = Swing("Y", ("X", "time"), (X, (0.0, 1100.0)), ((0, 1), (1, 1)), (20.0, 20
     "causes",
     [
         (Backlash("Z", 8.0),),
-        pytest.param((Backlash("Y", 6.0), Backlash("X", 9.0)), marks=pytest.mark.statistical),
+        pytest.param((Backlash("Y", 10.0), Backlash("X", 15.0)), marks=pytest.mark.statistical),
     ],
 )
 def test_a_cause_beside_a_swing_is_named_with_its_size(causes):

@@ -229,10 +229,10 @@ def _searched(linearised: LinearisedFit, dependence: Unexplained) -> Swinging | 
     least, swung = math.log(len(turns)) + EVIDENCE, found.beside(linearised)
     if found.too_long(linearised) or swung.log_odds - least <= smooth:
         return None
-    # causes beside the swing are for the smooth function in either case
-    rest = absorbing(swung.linearised, dependence, whole=True)
-    alone = absorbing(linearised, dependence, whole=True)
-    return found if swung.log_odds + rest.log_odds - least > alone.log_odds else None
+    # causes beside the swing are for the smooth function in either case; a wave may be a part of a random walk
+    rest = absorbing(swung.linearised, dependence, whole=True).log_odds if lengths else 0.0
+    alone = absorbing(linearised, dependence, whole=True).log_odds
+    return found if swung.log_odds + rest - least > alone else None
 
 
 def duration_of(linearised: LinearisedFit) -> float:
