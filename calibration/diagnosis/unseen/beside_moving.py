@@ -95,7 +95,7 @@ def without_evidence(selector: Selector, stage: Stage, dependence: Unexplained) 
 def parts_of_swing(selector: Selector, stage: Stage, moving: BesideMoving) -> list[Accepted]:
     """Accepted causes of a stage without clear evidence beside its swing alone, fitted together with each.
 
-    The form of a swing is unknown: what it leaves may look like a small cause.
+    The form of a swing is unknown, and its remainder may look like a small cause.
     """
     if moving.swinging is None:
         return []
