@@ -127,16 +127,27 @@ def test_a_swing_that_no_smooth_function_follows_is_found(period, terms):
     assert (found.causes, found.estimated_noise) == ((), None)
 
 
-def test_an_error_of_positions_that_come_at_equal_times_is_no_swing():
-    """Along lines of equal duration a wave of the axis is one of the time too."""
+def grid():
+    """Lines of equal duration along X."""
     x = np.tile(np.concatenate([np.linspace(0.0, 400.0, 26), np.linspace(400.0, 0.0, 26)]), 12)
-    y, z = np.repeat(np.linspace(0.0, 300.0, 12), 52), np.repeat(np.linspace(50.0, 250.0, 4), 156)
+    return x, np.repeat(np.linspace(0.0, 300.0, 12), 52), np.repeat(np.linspace(50.0, 250.0, 4), 156)
+
+
+def out_and_back():
+    """Once along X, with random positions of the others."""
+    rng = np.random.default_rng(6)
+    x = np.concatenate([np.linspace(0.0, 400.0, 100), np.linspace(400.0, 0.0, 100)])
+    return x, rng.uniform(0.0, 300.0, 200), rng.uniform(50.0, 250.0, 200)
+
+
+@pytest.mark.parametrize("path", [grid, out_and_back])
+def test_an_error_of_positions_that_come_at_equal_times_is_no_swing(path):
+    """A wave of the axis is one of the time too."""
+    x, y, z = path()
     q = np.stack([{"X": x, "Y": y, "Z": z}[axis.name] for axis in MACHINE.axes], axis=1)
-    rng = np.random.default_rng(5)
-    data = measured(MACHINE, q, THREE, TRUE, rng)
+    data = measured(MACHINE, q, THREE, TRUE, np.random.default_rng(5))
     wave = np.cos(2.0 * np.pi * x / 400.0 * 3.0) * (y / 150.0 - 1.0)
-    shifted = replace(data, observed=data.observed + 0.02 * wave[:, None] * [0.0, 1.0, 0.0])
-    found = diagnose(shifted)
+    found = diagnose(replace(data, observed=data.observed + 0.02 * wave[:, None] * [0.0, 1.0, 0.0]))
     assert found.swing is None
     assert fast_swing(found.before.linearised, None) is None
 

@@ -58,28 +58,6 @@ class Found(NamedTuple):
     evaluated: tuple[Evaluated, ...]
 
 
-class _Result(NamedTuple):
-    """State of the search without impostors."""
-
-    found: Found
-    tests: list[Test]
-    """Of its residuals."""
-    dependence: Unexplained | None
-    """The dependence that no cause explains."""
-    moving: BesideMoving | None = None
-    """The model beside it, as far as it is an error of the tool that moves with time."""
-    beside_swing: bool = False
-    """True for causes that were found in the observations less this swing."""
-
-    @property
-    def of_tool(self) -> Unexplained | None:
-        """The dependence on those variables only that an error of the tool can depend on."""
-        function = self.dependence and function_of_tool(self.found.stage.linearised, self.dependence)
-        if not function or not self.dependence:
-            return None
-        return self.dependence._replace(variables=function.variables, lengths=function.lengths)
-
-
 class Searched(NamedTuple):
     """Result of the search for causes; the whiteness tests are those before and after it."""
 
@@ -89,65 +67,70 @@ class Searched(NamedTuple):
     found: Found
     tests_after: list[Test]
     dependence: Unexplained | None
-    moving: BesideMoving | None
-    """The model beside this dependence, as far as it is an error of the tool that moves with time."""
-    beside_swing: bool
+    """The dependence that no cause explains."""
+    moving: BesideMoving | None = None
+    """The model beside it, as far as it is an error of the tool that moves with time."""
+    beside_swing: bool = False
     """True for causes that were found in the observations less this swing."""
 
 
 def searched_causes(first: Selector, bare: Stage, progress: Progress) -> Searched:
     """The causes of the residuals of the present model, of which `bare` is the fit."""
+    return _with_causes_beside_swing(_searched(first, bare, progress), progress)
+
+
+def _searched(first: Selector, bare: Stage, progress: Progress) -> Searched:
+    """The causes that the observations of a selector show as they are."""
     tests = unexplained_residual.tests(bare.linearised)
-    result = _with_causes_beside_swing(_result(first, progress), progress)
-    return Searched(first.cautious(bare), tests, *result)
-
-
-def _result(first: Selector, progress: Progress = silent) -> _Result:
-    """The causes of the residuals of a base alone, without impostors, in their likeliest forms."""
-    bare = first.bare
-    found = Found(first, bare, ())
+    found = without = Found(first, bare, ())
     # the noise of an axis hides whatever acts along it, a larger noise of the instrument any cause
     doubtful = _noisier(bare) or len(bare.fit.outliers) or first.base.fine(first.measurement)
     # noise is also left where finer bases have taken the place of a cause
     hidden = (search(first, bare)[1] is not bare for search in (imitated, imitated_wave))
-    if doubtful or combined(unexplained_residual.tests(bare.linearised), GATE) or any(hidden):
+    if doubtful or combined(tests, GATE) or any(hidden):
         found = _causes(first)
     progress("testing the residual")
-    found, tests, dependence = _without_impostors(found, Found(first, bare, ()), first.cautious(bare))
+    before = first.cautious(bare)
+    found, tests_after, dependence = _without_impostors(found, without, before)
     stage = found.stage if dependence else with_likelier_forms(found.selector, found.stage)
     if stage is not found.stage:
-        found, tests = found._replace(stage=stage), unexplained_residual.tests(stage.linearised)
-    return _Result(found, tests, dependence)
+        found, tests_after = found._replace(stage=stage), unexplained_residual.tests(stage.linearised)
+    return Searched(before, tests, found, tests_after, dependence)
 
 
-def _with_causes_beside_swing(result: _Result, progress: Progress) -> _Result:
+def _with_causes_beside_swing(searched: Searched, progress: Progress) -> Searched:
     """The result with further causes that the observations less a swing show, if there is one.
 
     The smooth function of time that shows the swing imitates them: they fell before the swing was known. The swing is
     found again beside them, and a part of it falls.
     """
-    selector, stage, dependence = result.found.selector, result.found.stage, result.of_tool
-    if dependence is None or result.dependence is None:
-        return result
-    moving = beside_moving(selector, stage, dependence)
-    if dependence.variables == result.dependence.variables:
-        result = result._replace(moving=moving)
-    quiet = without_swing(selector, stage, dependence, moving)
+    (selector, stage, _), dependence = searched.found, searched.dependence
+    function = function_of_tool(stage.linearised, dependence) if dependence else None
+    if dependence is None or function is None:
+        return searched
+    of_tool = dependence._replace(variables=function.variables, lengths=function.lengths)
+    moving = beside_moving(selector, stage, of_tool)
+    if of_tool.variables == dependence.variables:
+        searched = searched._replace(moving=moving)
+    quiet = without_swing(selector, stage, of_tool, moving)
     if quiet is None:
-        return result
+        return searched
     progress("searching for causes beside a swing")
-    less = _result(quiet).found
-    accepted = less.stage.accepted
-    while len(accepted) > len(result.found.stage.accepted):
-        stage = selector.stage(chosen_of(accepted))
-        dependence = unexplained_residual.of_same_variables(stage.linearised, dependence)
-        moving = beside_moving(selector, stage, dependence)
-        parts = [] if moving is None else parts_of_swing(selector, stage, moving)
-        if moving is not None and not parts:
-            found = result.found._replace(stage=stage.judged_by(less.stage), evaluated=less.evaluated)
-            return _Result(found, unexplained_residual.tests(stage.linearised), dependence, moving, beside_swing=True)
-        accepted = tuple(each for each in stage.accepted if parts and not _among(each, parts))
-    return result
+    less = _searched(quiet, quiet.bare, silent).found
+    causes = less.stage.accepted
+    while len(causes) > len(searched.found.stage.accepted):
+        stage = selector.stage(chosen_of(causes))
+        of_tool = unexplained_residual.of_same_variables(stage.linearised, of_tool)
+        moving = beside_moving(selector, stage, of_tool)
+        if moving is None:
+            break
+        parts = parts_of_swing(selector, stage, moving)
+        if not parts:
+            found = Found(selector, stage.judged_by(causes), less.evaluated)
+            tests = unexplained_residual.tests(stage.linearised)
+            return Searched(searched.before, searched.tests, found, tests, of_tool, moving, beside_swing=True)
+        causes = tuple(each for own, each in zip(stage.accepted, causes, strict=True) if not _among(own, parts))
+    return searched
 
 
 def _causes(selector: Selector) -> Found:

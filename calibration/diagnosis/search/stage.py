@@ -95,12 +95,12 @@ class Stage(NamedTuple):
         """RMS of the cross-validation residuals, um per scalar (rotary axes: urad)."""
         return self.linearised.cross_validation.rms_um
 
-    def judged_by(self, other: Stage) -> Stage:
-        """The stage with the evidence for its causes from another one with the same causes."""
-        by_name = {each.candidate.effect.name: each for each in other.accepted}
-        judged = [(own, by_name[own.candidate.effect.name]) for own in self.accepted]
-        kept = tuple(replace(by, candidate=own.candidate, size=own.size) for own, by in judged)
-        return self._replace(accepted=kept)
+    def judged_by(self, others: Sequence[Accepted]) -> Stage:
+        """The stage with the evidence for its causes from another fit of the same causes, in the same order."""
+        both = zip(self.accepted, others, strict=True)
+        return self._replace(
+            accepted=tuple(replace(other, candidate=own.candidate, size=own.size) for own, other in both)
+        )
 
     def needs(self, own: Accepted, explained: float = 0.0) -> bool:
         """True where the BIC grows by more than `IRREPLACEABLE` without a cause of which others explain a share."""

@@ -32,6 +32,8 @@ RIDGE, LEAST = 1e-9, 1e-30
 PATH, APART = 0.3, 0.6
 """Share of the squares of an axis' positions from which a wave is its path, and turns from its multiples that part an
 error of the time from one of positions."""
+MOVES = 0.25
+"""Share of the rows before which an axis has moved, from which it follows its path without rests."""
 
 
 def fast_swing(linearised: LinearisedFit, smooth: Unexplained | None) -> Unexplained | None:
@@ -93,9 +95,11 @@ def _of_path(linearised: LinearisedFit, turns: Array, count: float) -> bool:
     phase, one = 2.0 * np.pi * (time - time.min()) / duration_of(linearised), np.ones((len(time), 1, 1))
     for axis in moving_axes(linearised.measurement):
         x = linearised.positions(axis)
+        # an axis that rests at most stops is no wave of the time, however slowly it goes on
+        tried = np.arange(1.0, turns[-1] + STEP, STEP) if np.mean(np.diff(x) != 0.0) > MOVES else turns
         table = (x - x.mean())[:, None]
-        shares = np.array([_explained(one, phase * each, table)[0] for each in turns]) / max(np.sum(table**2), LEAST)
-        path = float(turns[int(np.argmax(shares))])
+        shares = np.array([_explained(one, phase * each, table)[0] for each in tried]) / max(np.sum(table**2), LEAST)
+        path = float(tried[int(np.argmax(shares))])
         if shares.max() > PATH and abs(count - max(round(count / path), 1) * path) < APART:
             return True
     return False
