@@ -7,7 +7,7 @@ from support.diagnosis_cases import data_with, selector
 from calibration.diagnosis.forms import with_likelier_forms
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.unseen.undecided_causes import errors_by_forms
-from calibration.diagnosis.widening import mean_squares
+from calibration.diagnosis.unseen.unseen_states import mean_squares
 from kinematics.effects import ThermalDrift
 
 RATE = Candidate(ThermalDrift("Z", rate=0.0))

@@ -12,11 +12,12 @@ from support.virtual_measurements import THREE, measured, positions, truth
 from calibration.diagnosis.acceptance import against_learned
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.residual.dependence import Unexplained
-from calibration.diagnosis.widening import moments, unseen_errors, widened
+from calibration.diagnosis.unseen.unseen_states import moments
+from calibration.diagnosis.widening import unseen_errors, widened
 from calibration.fit.acceptance import without_clamp
 from calibration.fit.prediction import relative
 from kinematics.deviation import exact_deviation
-from kinematics.effects import Unnamed
+from kinematics.effects import Cyclic, Unnamed
 from kinematics.error_model.model import no_errors
 from kinematics.forward import forward
 from kinematics.state import State
@@ -66,6 +67,19 @@ def test_widened_predictions_reach_their_errors():
     before = np.mean(model.propagated(design) ** 2, axis=0)
     after = np.mean(widened(model, data, 9.0 * before).model.propagated(design) ** 2, axis=0)
     np.testing.assert_allclose(after, 9.0 * before, rtol=0.05)
+
+
+@pytest.mark.parametrize("moves", [True, False])
+def test_uncertainties_hold_errors_of_positions_that_a_smooth_function_leaves(moves):
+    """A wave finer than any basis, which each visit repeats."""
+    names, terms = (("X", "time"), (TRAVELS[0], (0.0, 3150.0))) if moves else (("X", "Y"), TRAVELS[:2])
+    function, wave = Unnamed("Z", names, terms, ((1, 1),), (60.0,)), Cyclic("X", "X", 40.0, (20.0,), (0.0,))
+    rng, model = np.random.default_rng(4), msgspec.structs.replace(no_errors(CFRAME), effects=(function, wave))
+    visited = rng.permutation(np.repeat(positions(CFRAME, 70, rng), 3, axis=0))
+    linearised = selector(measured(CFRAME, visited, THREE, model, rng)).stage([]).linearised
+    dependence = Unexplained(names, (0.7, 0.4), 0.005, 1.0, np.zeros((len(visited), 3)))
+    errors = unseen_errors(linearised, dependence, None, curves=False)
+    assert np.sqrt(errors.squares[0]) == pytest.approx(20.0 / np.sqrt(2.0), rel=0.3)
 
 
 @pytest.mark.parametrize("walks", [True, False])

@@ -10,7 +10,7 @@ from support.virtual_measurements import THREE, measured, positions
 
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.unseen.fine_errors import fine_variances, squares_by_fine_errors
-from calibration.diagnosis.widening import moments
+from calibration.diagnosis.unseen.unseen_states import moments
 from calibration.measurement.estimated_noise import EstimatedNoise
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Cyclic

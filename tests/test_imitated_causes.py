@@ -23,7 +23,7 @@ from calibration.diagnosis.search.shapes.change_points import breaks
 from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.searched_causes import Found
 from calibration.diagnosis.unseen.undecided_causes import errors_by_undecided
-from calibration.diagnosis.widening import mean_squares, moments, rms_correction
+from calibration.diagnosis.unseen.unseen_states import mean_squares, moments, rms_correction
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Backlash, Cyclic, LocationJump, StationShift, TargetOffset
 from kinematics.error_model.model import no_errors

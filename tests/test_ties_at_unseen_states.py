@@ -11,8 +11,9 @@ from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.start_model import Base
 from calibration.diagnosis.unseen.undecided_causes import errors_by_ties
+from calibration.diagnosis.unseen.unseen_states import moments
 from calibration.diagnosis.verdict import tied_with
-from calibration.diagnosis.widening import moments, widened
+from calibration.diagnosis.widening import widened
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
 from kinematics.effects import StationShift, TargetOffset
 from kinematics.error_model.model import no_errors

@@ -8,7 +8,7 @@ from support.diagnosis_cases import CFRAME, data_with, selector
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.unseen.undecided_causes import errors_by_undecided
-from calibration.diagnosis.widening import mean_squares, moments
+from calibration.diagnosis.unseen.unseen_states import mean_squares, moments
 from kinematics.effects import Backlash, ThermalDrift, TrackerDrift
 from kinematics.error_model.model import no_errors
 

@@ -8,7 +8,7 @@ from support.virtual_measurements import THREE, measured, positions
 import machines
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.unseen.random_walk import squares_by_walk
-from calibration.diagnosis.widening import moments
+from calibration.diagnosis.unseen.unseen_states import moments
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model
 from kinematics.effects import Unnamed

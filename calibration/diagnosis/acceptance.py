@@ -16,7 +16,8 @@ import msgspec
 import numpy as np
 
 from calibration.diagnosis.search.stage import Stage
-from calibration.diagnosis.widening import UnseenErrors, rms_correction
+from calibration.diagnosis.unseen.unseen_states import rms_correction
+from calibration.diagnosis.widening import UnseenErrors
 from calibration.fit.acceptance import Judged, disagreement, freed, nominal_residuals, not_better, reason_against
 from calibration.fit.cross_validation import CrossValidation, predicted_by_others, summed_up, uncorrected
 from calibration.fit.curves.between_positions import with_curves_between

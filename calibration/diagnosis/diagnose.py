@@ -32,9 +32,10 @@ from calibration.diagnosis.unseen.beside_moving import BesideMoving, beside_movi
 from calibration.diagnosis.unseen.fine_errors import squares_by_fine_errors
 from calibration.diagnosis.unseen.random_walk import squares_by_walk
 from calibration.diagnosis.unseen.undecided_causes import errors_by_forms, errors_by_ties, errors_by_undecided
+from calibration.diagnosis.unseen.unseen_states import mean_squares
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, in_terms_of, named, outliers, with_changed_lines
-from calibration.diagnosis.widening import UnseenErrors, Widened, errors_by_choice, mean_squares, unseen_errors, widened
+from calibration.diagnosis.widening import UnseenErrors, Widened, errors_by_choice, unseen_errors, widened
 from calibration.fit.acceptance import disagreement
 from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.fit import Fit

@@ -8,7 +8,6 @@ follow from a fit with a smooth function of these variables beside the model.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,29 +20,23 @@ from calibration.diagnosis.residual.unnamed import may_depend_on
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.unseen.beside_function import BesideFunction
 from calibration.diagnosis.unseen.beside_moving import BesideMoving
-from calibration.fit.acceptance import usual_states, without_clamp
+from calibration.diagnosis.unseen.unseen_states import MOMENTS, Moment, mean_squares, moments, squares_along
 from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
 from calibration.fit.fit import Fit
-from calibration.fit.prediction import MM, deviation_design
+from calibration.fit.noise import with_noise_of_visits
 from calibration.measurement.measurement import Measurement
-from kinematics.deviation import exact_deviation
-from kinematics.effects import Effect
+from kinematics.effects.base import unit_of
 from kinematics.error_model.covariance import root_of
 from kinematics.error_model.model import ErrorModel, no_errors
-from kinematics.forward import forward
-from kinematics.machine import Machine
-from kinematics.state import TEMPERATURE, TIME, State
+from kinematics.state import TEMPERATURE, TIME
 from kinematics.transforms import Array
 
 SEEN = 1e-3
 """Share of the largest uncertainty below which a direction does not show a combination of parameters."""
 IMITATES = 1e-2
 """Share of the largest uncertainty below which a combination of parameters is not taken to imitate an error."""
-MOMENTS, POSES = 5, 100
-"""Moments of the measurement, and states at each of them, at which errors are predicted."""
 MOMENTS_OF_SWING = 20
-"""The same for a swing, of which few might all have the same phase."""
-SEED = 1
+"""Moments of the measurement at which errors are predicted beside a swing: few might all have the same phase."""
 NOTABLE = 1.05
 """Factor of the uncertainties from which they are enlarged."""
 
@@ -68,6 +61,10 @@ class UnseenErrors(NamedTuple):
     function: Array | None = None
     """The function beside which the calibration is fitted, as `BesideFunction.values`; None where a model holds it."""
 
+    def besides(self, squares: Array) -> UnseenErrors:
+        """The same with these mean squares `(3,)`, um^2, of an error besides, that neither calibration holds."""
+        return self._replace(squares=self.squares + squares, squares_without=self.squares_without + squares)
+
     def of_at_least(self, squares: Array) -> UnseenErrors:
         """The same with at least these mean squares `(3,)`, um^2, of an error that neither calibration holds."""
         without = np.maximum(self.squares_without, squares)
@@ -80,40 +77,6 @@ class Widened(NamedTuple):
     model: ErrorModel
     factor: float
     """Uncertainties of predicted deviations in RMS, as a multiple of those that follow from the noise."""
-
-
-class Moment(NamedTuple):
-    """Unseen states at one moment."""
-
-    machine: Machine
-    state: State
-    tool: Array
-    """Tool vectors `(n, 3)`, mm."""
-    less: Array
-    """Matrix `(3n, 3n)` that removes a common shift and rotation from displacements."""
-    mean: State
-    """The same states at the mean time and temperatures of the measurement."""
-
-    def deviations(self, model: ErrorModel) -> Array:
-        """Deviations `(n, 3)` by a model, um."""
-        errors = model.errors(self.machine, self.state)
-        return self._apart(exact_deviation(self.machine, self.state.positions, errors, self.tool).position)
-
-    def design(self, model: ErrorModel) -> Array:
-        """Derivatives `(n, 3, p)` of the deviations by the parameters, um."""
-        return self._apart(deviation_design(model, self.machine, self.state, self.tool))
-
-    @property
-    def at_mean(self) -> Moment:
-        """The same positions at the mean time and temperatures."""
-        return self._replace(state=self.mean)
-
-    def deviations_of(self, effect: Effect) -> Array:
-        """Deviations `(n, 3)` by a single effect, um."""
-        return self.deviations(msgspec.structs.replace(no_errors(self.machine), effects=(effect,)))
-
-    def _apart(self, values: Array) -> Array:
-        return MM * np.asarray(self.less @ values.reshape(len(self.less), -1)).reshape(values.shape)
 
 
 def unseen_errors(
@@ -165,7 +128,8 @@ def _errors_beside(
         squares = np.maximum(squares, shared)
     uncertain = math.sqrt(max(float(np.sum(squares - after)), 0.0))
     recurs = not _moves(dependence) and not dependence.of_readings
-    return UnseenErrors(squares, without, math.sqrt(after.sum()), math.sqrt(without.sum()), uncertain, recurs)
+    found = UnseenErrors(squares, without, math.sqrt(after.sum()), math.sqrt(without.sum()), uncertain, recurs)
+    return found.besides(_left_by(beside, dependence))
 
 
 def _of_model_beside(
@@ -197,7 +161,21 @@ def _of_model_beside(
     if noise is not None and noise.non_repeatability and of_tool:
         squares = np.maximum(squares, shared)
     held = (fit, between), beside.values
-    return UnseenErrors(squares, without, with_um, without_um, uncertain_um, False, *held)
+    found = UnseenErrors(squares, without, with_um, without_um, uncertain_um, False, *held)
+    return found.besides(_left_by(beside, dependence))
+
+
+def _left_by(beside: BesideFunction, dependence: Unexplained) -> Array:
+    """Mean squares `(3,)`, um^2, at unseen states of the errors of the axes that a smooth function leaves.
+
+    Visits of one position share them, or nothing shows whether they do.
+    """
+    fit = beside.plain.fit
+    noise = with_noise_of_visits(replace(fit, residual=fit.residual - beside.values)).noise
+    if noise is None or dependence.of_readings:
+        return np.zeros(3)
+    left = {**noise.recurring, **noise.misfit}
+    return squares_along(fit.measurement, {axis: (off / unit_of(axis)[1]) ** 2 for axis, off in left.items()})
 
 
 def _given(present: ErrorModel | None, measurement: Measurement) -> ErrorModel:
@@ -235,41 +213,6 @@ def errors_by_choice(found: Fit, finer: Fit) -> Array:
         apart = moment.deviations(found.model) - moment.deviations(finer.model)
         parts.append(np.mean(apart**2 + finer.model.propagated(moment.design(finer.model)) ** 2, axis=0))
     return np.asarray(np.mean(parts, axis=0))
-
-
-def moments(measurement: Measurement, count: int = MOMENTS) -> Iterator[Moment]:
-    """Random states within the measured ranges, at several moments of the measurement, which are `count`."""
-    state, tool = usual_states(measurement)
-    low, high = state.positions.min(axis=0), state.positions.max(axis=0)
-    rng = np.random.default_rng(SEED)
-    for row in np.linspace(0, len(state) - 1, count + 2).astype(int)[1:-1].tolist():
-        q = rng.uniform(low, high, (POSES, len(low)))
-        approach = None if state.approach is None else _approaches(state.approach, rng)
-        here = replace(state.rows(np.full(POSES, row)), positions=q, approach=approach)
-        tools, machine = np.tile(tool[row], (POSES, 1)), measurement.machine
-        mean = replace(
-            here,
-            time=None if state.time is None else np.full(POSES, state.time.mean()),
-            temperatures={name: np.full(POSES, kelvin.mean()) for name, kelvin in state.temperatures.items()},
-        )
-        yield Moment(machine, here, tools, without_clamp(forward(machine, q).apply(tools)), mean)
-
-
-def _approaches(approach: Array, rng: np.random.Generator) -> Array:
-    """Random directions `(POSES, axes)` of approach, as often as measured; before its first move an axis has none."""
-    known = [column[column != 0.0] if column.any() else column for column in approach.T]
-    return np.stack([rng.choice(column, POSES) for column in known], axis=1)
-
-
-def rms_correction(model: ErrorModel, measurement: Measurement) -> float:
-    """RMS length, um, of the deviations that a model predicts at unseen states, a common shift and rotation apart."""
-    squares = [np.sum(moment.deviations(model) ** 2) / POSES for moment in moments(measurement)]
-    return float(np.sqrt(np.mean(squares)))
-
-
-def mean_squares(errors: Array) -> Array:
-    """Mean squares `(3,)`, um^2, of the sum of independent errors `(k, m, 3)`, um, at unseen states."""
-    return np.asarray(np.sum(np.mean(errors**2, axis=1), axis=0))
 
 
 def widened(

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.widening import Moment, moments
+from calibration.diagnosis.unseen.unseen_states import moments, squares_along
 from calibration.fit.curves.between_positions import FEW
 from calibration.fit.fit import Fit
 from calibration.observation.full_model import moving_axes
@@ -25,7 +25,6 @@ from kinematics.basis import BSpline
 from kinematics.effects import UM, Cyclic
 from kinematics.effects.base import own_component, own_motion, unit_of
 from kinematics.error_model.covariance import root_of
-from kinematics.forward import forward
 from kinematics.transforms import Array
 
 DIGITS = 3
@@ -230,18 +229,17 @@ def squares_by_fine_errors(linearised: LinearisedFit) -> Array:
     Those at the unseen positions, and those of the measured ones that the model has learned. Where no position was
     measured again, those that the shifts from stop to stop may be: as noise, they are in the covariance of the model.
     """
-    response, noise, squares = _Response.of(linearised), linearised.measurement.noise, np.zeros(3)
+    response, noise, measurement = _Response.of(linearised), linearised.measurement.noise, linearised.measurement
     variances = np.zeros(0) if response is None else response.variances()
     along = {} if response is None else dict(zip(response.axes, variances.tolist(), strict=True))
     for axis, off in ({} if noise is None else noise.recurring).items():
         along[axis] = max(along.get(axis, 0.0), (off / unit_of(axis)[1]) ** 2)
-    for count, moment in enumerate(moments(linearised.measurement) if along else (), start=1):
-        errors = np.sum([variance * _direction(moment, axis) ** 2 for axis, variance in along.items()], axis=0)
-        if response is not None:
-            learned = response.learned * np.sqrt(variances[response.groups])
-            errors = errors + np.sum((moment.design(linearised.fit.model) @ learned) ** 2, axis=2)
-        squares += (errors.mean(axis=0) - squares) / count
-    return squares
+    squares = squares_along(measurement, along)
+    if response is None:
+        return squares
+    learned = response.learned * np.sqrt(variances[response.groups])
+    taken = (moment.design(linearised.fit.model) @ learned for moment in moments(measurement))
+    return np.asarray(squares + np.mean([np.mean(np.sum(each**2, axis=2), axis=0) for each in taken], axis=0))
 
 
 def _visited(linearised: LinearisedFit) -> list[_Visited]:
@@ -295,11 +293,3 @@ def _in_priors(prior: Array, values: Array) -> Array:
     if prior.ndim == 2:
         return np.asarray(np.linalg.solve(prior, values))
     return np.asarray(values / np.where(np.isfinite(prior), prior, 1.0)[:, None])
-
-
-def _direction(moment: Moment, axis: str) -> Array:
-    """Displacement `(n, 3)`, um, of the tool by 1 um or urad along an axis, in the frame of the workpiece."""
-    moved = moment.state.positions.copy()
-    moved[:, moment.machine.index(axis)] += unit_of(axis)[1]
-    start, end = (forward(moment.machine, q).apply(moment.tool) for q in (moment.state.positions, moved))
-    return np.asarray(end - start) / UM

@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.diagnosis.residual.absorber import steps_of_walk, with_fair_noise, with_walk
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.widening import moments
+from calibration.diagnosis.unseen.unseen_states import moments
 from calibration.observation.full_model import ROTARY, moving_axes
 from kinematics.effects import Unnamed
 from kinematics.error_model.model import no_errors

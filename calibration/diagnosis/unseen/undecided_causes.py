@@ -20,9 +20,9 @@ from calibration.diagnosis.search.evaluation import Evaluated, Sibling, complexi
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.unseen.beside_function import scaled
+from calibration.diagnosis.unseen.unseen_states import MOMENTS, POSES, Moment, moments
 from calibration.diagnosis.updated_model import lasting
 from calibration.diagnosis.verdict import tied_with
-from calibration.diagnosis.widening import MOMENTS, POSES, Moment, moments
 from kinematics.effects import Backlash, Effect, unit_of
 from kinematics.transforms import Array
 
