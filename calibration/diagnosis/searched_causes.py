@@ -37,6 +37,7 @@ from calibration.diagnosis.unseen.beside_moving import (
     without_swing,
 )
 from calibration.diagnosis.unseen.fast_swing import fast_swing
+from kinematics.effects import Effect
 from kinematics.running.progress import Progress, silent
 
 GATE = 0.2
@@ -171,11 +172,18 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
     selection, stage = selected(known)
     for _ in range(AGAIN):
         base = selector.chosen_again(stage)
-        if base is selector.base and len(stage.accepted) == len(selection.stages[-1].accepted):
+        # what the siblings of a selection drop, it would add again
+        back = _effects(stage.accepted) == _effects(known)
+        settled = back or len(stage.accepted) == len(selection.stages[-1].accepted)
+        if base is selector.base and settled:
             break
-        selector = selector.on(base)
-        selection, stage = selected(stage.accepted)
+        selector, known = selector.on(base), stage.accepted
+        selection, stage = selected(known)
     return Found(selector, stage, selection.last_round)
+
+
+def _effects(accepted: Sequence[Accepted]) -> list[Effect]:
+    return [each.candidate.effect for each in accepted]
 
 
 def _noisier(stage: Stage) -> bool:

@@ -93,7 +93,8 @@ def finest(sensitivity: Sensitivity, waves: Waves, tried: np.ndarray, unit: floa
     for _ in range(4):
         turn = wave(waves.x, np.array([step]))
         around = np.stack([own * turn.conj(), own, own * turn])
-        found = np.stack([gains_of(around[0]), gains, gains_of(around[2])])
+        lower, higher = np.split(gains_of(np.concatenate([around[0], around[2]], axis=1)), 2)
+        found = np.stack([lower, gains, higher])
         chosen = np.argmax(found, axis=0)
         frequencies = frequencies + step * (chosen - 1)
         gains = np.take_along_axis(found, chosen[None], axis=0)[0]
