@@ -6,11 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import msgspec
-import numpy as np
 
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.causes import jumps
-from calibration.diagnosis.search.evaluation import SEEN, WORTH, Evaluated, complexity, evaluate
+from calibration.diagnosis.search.evaluation import SEEN, WORTH, Evaluated, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import squares_of_all
 from calibration.diagnosis.search.selection import Selector
@@ -65,15 +64,9 @@ def knocked(selector: Selector, stage: Stage) -> Stage:
             continue
         (tried,) = evaluate(without, [candidate])
         trial = selector.stage([*chosen_of(others), (tried.candidate, tried.score.size)])
-        if _by_choices(trial) < _by_choices(stage) + WORTH:
+        if trial.cost_of_choices < stage.cost_of_choices + WORTH:
             return trial
     return stage
-
-
-def _by_choices(stage: Stage) -> float:
-    """BIC of a stage by the free choices of its causes: a vector of the instrument is one."""
-    choices = sum(complexity(each.candidate) for each in stage.accepted)
-    return stage.linearised.squares + stage.linearised.spread + choices * float(np.log(stage.linearised.scalars))
 
 
 def drifting(selector: Selector, stage: Stage, index: int) -> Iterator[Sequence[Accepted]]:

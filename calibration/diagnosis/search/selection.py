@@ -230,7 +230,7 @@ class Selector:
         chosen = chosen_of(stage.accepted)
         chosen[index] = (sibling.evaluated.candidate, sibling.evaluated.score.size)
         rarer = sibling.evaluated.candidate.rarity - own.candidate.rarity
-        return sibling._replace(log_odds=(self.stage(chosen).cost - stage.cost) / 2 + rarer)
+        return sibling._replace(log_odds=(self.stage(chosen).cost_of_choices - stage.cost_of_choices) / 2 + rarer)
 
     def refined(self, stage: Stage) -> Stage:
         """The stage with another form of a cause (time constants, course, fixed point) that explains more."""

@@ -10,7 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.diagnosis.search.candidates import RARE, Candidate
-from calibration.diagnosis.search.evaluation import SIGNS, SURE_OF_RARE, WORTH, Sibling, predicts, standard_error
+from calibration.diagnosis.search.evaluation import (
+    SIGNS,
+    SURE_OF_RARE,
+    WORTH,
+    Sibling,
+    complexity,
+    predicts,
+    standard_error,
+)
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Score
 from calibration.diagnosis.search.start_model import Base
@@ -80,7 +88,14 @@ class Stage(NamedTuple):
     @property
     def cost(self) -> float:
         """BIC, up to a constant of the data: squares, log determinant of the noise, cost of the causes' parameters."""
-        parameters = sum(each.score.effective_parameters for each in self.accepted)
+        return self._cost_of(sum(each.score.effective_parameters for each in self.accepted))
+
+    @property
+    def cost_of_choices(self) -> float:
+        """The same by the free choices of the causes: a vector of the instrument is one."""
+        return self._cost_of(sum(complexity(each.candidate) for each in self.accepted))
+
+    def _cost_of(self, parameters: float) -> float:
         fitted = self.linearised.squares + self.linearised.spread
         return fitted + parameters * float(np.log(self.linearised.scalars))
 
