@@ -17,6 +17,7 @@ from calibration.measurement.file import read_measurement
 from calibration.reports.diagnosis import diagnosis_report
 from calibration.reports.diagnosis_json import diagnosis_json
 from calibration.reports.machine_change import change_sentences
+from kinematics.basis import Legendre
 from kinematics.effects import Backlash, ErrorMotion, LocationError, Scale
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import tool_point
@@ -60,6 +61,16 @@ def test_no_figure_where_nothing_moves_the_tool_point():
     """A rotary axis by interferometer, whose axis line goes through the tool point."""
     (sentence,) = change_sentences(MachineChange(0.0, 0.0, 0.0, (), ()))
     assert "no figure in um" in sentence
+
+
+@pytest.mark.integration
+def test_targets_that_were_mounted_again_are_no_cause():
+    """They have turned on the tool, and no target has moved among the others: the errors are known as well."""
+    travel = MACHINE.axes[MACHINE.index("Z")].travel
+    same, turned = again(()), again([ErrorMotion(about, "Z", Legendre(travel, 0), (250.0,)) for about in "AB"])
+    assert not turned.causes
+    assert turned.accepted
+    assert turned.figures[1].heldout_rms_um < 1.05 * same.figures[1].heldout_rms_um
 
 
 @pytest.mark.integration

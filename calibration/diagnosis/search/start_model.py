@@ -32,6 +32,7 @@ from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import TARGETS, is_log, moving_axes, priors, with_effects
 from calibration.observation.outliers import Variance
+from kinematics.basis import Legendre
 from kinematics.effects import (
     Backlash,
     Cyclic,
@@ -43,6 +44,7 @@ from kinematics.effects import (
     UnknownApproach,
 )
 from kinematics.error_model.model import ErrorModel
+from kinematics.machine import split_chain
 from kinematics.running.progress import Progress
 from kinematics.user_error import UserError
 
@@ -56,6 +58,8 @@ CHANGED = 10.0
 """Logarithmic evidence, twice, for a change of a scale or of a location error since the calibration (Kass, Raftery)."""
 EXACT = 1e-3
 """Least standard uncertainty of a calibrated parameter, um or urad."""
+TOGETHER = 1e-3
+"""Root of the sum of squares, mm, of distances of targets up to which they are one, or on a line."""
 MARGIN = 1
 """Sizes by which bases of rotary axes are finer in the uncertainty of their choice."""
 Origin = Literal["automatic", "refitted", "updated"]
@@ -337,10 +341,28 @@ def _updated(calibration: ErrorModel, unknown: Sequence[Effect]) -> Base:
     return Base(model, block_diag(root, np.diag(priors(model)[len(root) :])), "updated")
 
 
+def _turns_of_targets(calibration: ErrorModel, measurement: Measurement) -> list[ErrorMotion]:
+    """Turns of the targets on the tool since the calibration, at zero; none where less than two of them show these.
+
+    They were mounted again, or the line of the axis has turned by which the datum is set. Two targets do not show a
+    turn about the line through them.
+    """
+    carried = [name for name, side in split_chain(calibration.machine.chain) if side == "tool"]
+    apart = measurement.tool - measurement.tool.mean(axis=0)
+    _, sizes, lines = np.linalg.svd(apart, full_matrices=False)
+    if not carried or sizes[0] < TOGETHER:
+        return []
+    unseen = "ABC"[int(np.abs(lines[0]).argmax())] if sizes[1] < TOGETHER else ""
+    motions = [each for each in calibration.effects if isinstance(each, ErrorMotion) and each.axis == carried[-1]]
+    seen = [each for each in motions if each.component in "ABC" and each.component != unseen]
+    return [ErrorMotion(each.component, each.axis, Legendre(each.basis.interval, 0), (0.0,), u=(0.0,)) for each in seen]
+
+
 def _refined(present: Base, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
     """The base with error motions added, as the evidence chooses them beside the effects found and common causes.
 
-    Scales and location errors that have changed beyond chance are free, so that the calibration does not hold them.
+    Scales and location errors that have changed beyond chance are free, so that the calibration does not hold them, and
+    turns of the targets.
     """
     progress("choosing the refinement of the calibration")
     common = [*changes(present.model), *library(measurement, present.model)[0]]
@@ -348,7 +370,8 @@ def _refined(present: Base, measurement: Measurement, effects: Sequence[Effect],
     free = [each.effect for each in common if each.simple and each.effect.name not in known]
     axes = dict.fromkeys(effect.axis for effect in present.model.effects if isinstance(effect, ErrorMotion))
     generous = _with_added(present, measurement, dict.fromkeys(axes, GENEROUS))
-    besides = [*effects, *free]
+    turns = _turns_of_targets(present.model, measurement)
+    besides = [*effects, *turns, *free]
     first = _with_free(generous, besides).cautious_fit(measurement, (), "estimate")
     chosen = refinement.chosen(first, present.model, present.prior, [at_zero(effect) for effect in besides])
     base = _with_added(present, measurement, chosen)
@@ -356,11 +379,11 @@ def _refined(present: Base, measurement: Measurement, effects: Sequence[Effect],
     limit = np.log(found.observations) + CHANGED
     lines = [
         at_zero(effect)
-        for effect in found.model.effects[len(base.model.effects) + len(effects) :]
+        for effect in found.model.effects[len(base.model.effects) + len(effects) + len(turns) :]
         if isinstance(effect, (LocationError, Scale))
         and effect.parameters[0] ** 2 > limit * effect.uncertainties[0] ** 2
     ]
-    return _with_free(base, lines)
+    return _with_free(base, [*turns, *lines])
 
 
 def _with_free(base: Base, effects: Sequence[Effect]) -> Base:
