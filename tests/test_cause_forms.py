@@ -8,7 +8,7 @@ from calibration.diagnosis.forms import with_likelier_forms
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.unseen.undecided_causes import errors_by_forms
 from calibration.diagnosis.unseen.unseen_states import mean_squares
-from kinematics.effects import ThermalDrift
+from kinematics.effects import AngleHarmonic, ThermalDrift
 
 RATE = Candidate(ThermalDrift("Z", rate=0.0))
 
@@ -36,6 +36,15 @@ def test_a_drift_that_settles_is_none_of_constant_rate():
 def test_a_drift_of_constant_rate_stays():
     own, stage = named(ThermalDrift("Z", rate=120.0), 120.0)
     assert with_likelier_forms(own, stage) is stage
+
+
+def test_one_wave_of_a_circle_is_not_two():
+    """Over the range of the elevation both look alike."""
+    first, second = (Candidate(AngleHarmonic("elevation", n, sine_urad=0.0, cosine_urad=0.0)) for n in (1, 2))
+    own = selector(data_with(AngleHarmonic("elevation", 1, sine_urad=60.0, cosine_urad=-60.0), n=300))
+    for named in (first, second):
+        stage = with_likelier_forms(own, own.stage([(named, np.array([3.0, 3.0]))]))
+        assert [each.candidate.effect.harmonic for each in stage.accepted] == [1]
 
 
 def test_the_uncertainty_holds_forms_that_the_data_leave_open():

@@ -14,6 +14,7 @@ from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage, chosen_of
+from kinematics.effects import AngleHarmonic
 from kinematics.transforms import Array
 
 
@@ -42,10 +43,14 @@ class Forms(NamedTuple):
 
 
 def forms(stage: Stage, library: Sequence[Candidate]) -> Iterator[Forms]:
-    """The forms of each cause of the machine that has several; of a change of the calibration there is one."""
+    """The forms of each cause of the machine that has several; of a change of the calibration there is one.
+
+    Also of a wave of a circle: over a part of the turn all of them look alike.
+    """
     for i, own in enumerate(stage.accepted):
         known = own.candidate
-        if known.replaces or known.changes or known.effect.ACTS_ON == "instrument":
+        of_circle = isinstance(known.effect, AngleHarmonic)
+        if known.replaces or known.changes or (known.effect.ACTS_ON == "instrument" and not of_circle):
             continue
         others = [each for each in library if each.cause == known.cause and _kind(each) != _kind(known)]
         if not others:
@@ -81,6 +86,6 @@ def with_likelier_forms(selector: Selector, stage: Stage) -> Stage:
     return stage
 
 
-def _kind(candidate: Candidate) -> tuple[type, int]:
-    """What the forms of one cause differ in; their shapes are fitted."""
-    return type(candidate.effect), len(candidate.effect.parameters)
+def _kind(candidate: Candidate) -> tuple[type, int, int | None]:
+    """The type, number of parameters and harmonic by which the forms of one cause differ; their shapes are fitted."""
+    return type(candidate.effect), len(candidate.effect.parameters), getattr(candidate.effect, "harmonic", None)
