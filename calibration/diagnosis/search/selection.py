@@ -229,8 +229,11 @@ class Selector:
             return sibling
         chosen = chosen_of(stage.accepted)
         chosen[index] = (sibling.evaluated.candidate, sibling.evaluated.score.size)
-        rarer = sibling.evaluated.candidate.rarity - own.candidate.rarity
-        return sibling._replace(log_odds=(self.stage(chosen).cost_of_choices - stage.cost_of_choices) / 2 + rarer)
+        other, trial = sibling.evaluated.candidate, self.stage(chosen)
+        # an error of the machine lies along an axis, but a knock may turn the instrument, or not
+        misread = own.candidate.effect.ACTS_ON == other.effect.ACTS_ON == "instrument"
+        dearer = trial.cost_of_choices - stage.cost_of_choices if misread else trial.cost - stage.cost
+        return sibling._replace(log_odds=dearer / 2 + other.rarity - own.candidate.rarity)
 
     def refined(self, stage: Stage) -> Stage:
         """The stage with another form of a cause (time constants, course, fixed point) that explains more."""
