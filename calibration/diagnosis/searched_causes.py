@@ -37,6 +37,7 @@ from calibration.diagnosis.unseen.beside_moving import (
     without_swing,
 )
 from calibration.diagnosis.unseen.fast_swing import fast_swing
+from calibration.diagnosis.verdict import verdict_of
 from kinematics.effects import Effect
 from kinematics.running.progress import Progress, silent
 
@@ -226,16 +227,17 @@ def _doubtful(stage: Stage, tests: Sequence[Test]) -> bool:
 def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[Found, list[Test], Unexplained | None]:
     """The result without impostors, the tests of its residuals, and the dependence that no cause explains.
 
-    Impostors are causes that were accepted only because they imitate this dependence, alone or together. Where no cause
-    remains, the bases of the search stay only if they predict held-out rows as well as those of the result `without`
-    the search, whose fit with the uncertainty of errors that the model lacks is `cautious`.
+    Impostors are causes that were accepted only because they imitate this dependence, alone or together. Where no
+    clear cause remains, causes and bases of the search stay only if they predict held-out rows as well as the result
+    `without` the search, whose fit with the uncertainty of errors that the model lacks is `cautious`.
     """
     imitated: list[Modulated | Undetermined] = []
     wandered = False
     while True:
         stage, selector = found.stage, found.selector
-        searched = not stage.accepted and selector is not without.selector
-        if searched and selector.cautious(stage).predicts_worse_than(cautious, 1.0):
+        searched = bool(stage.accepted) or selector is not without.selector
+        unclear = all(verdict_of(each) == "weak" for each in stage.accepted)
+        if searched and unclear and selector.cautious(stage).predicts_worse_than(cautious, 1.0):
             found = without
             continue
         blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
