@@ -233,11 +233,13 @@ def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[F
     """
     imitated: list[Modulated | Undetermined] = []
     wandered = False
+
+    def worse(stage: Stage) -> bool:
+        return found.selector.cautious(stage).predicts_worse_than(cautious, 1.0)
+
     while True:
         stage, selector = found.stage, found.selector
-        searched = bool(stage.accepted) or selector is not without.selector
-        unclear = all(verdict_of(each) == "weak" for each in stage.accepted)
-        if searched and unclear and selector.cautious(stage).predicts_worse_than(cautious, 1.0):
+        if not stage.accepted and selector is not without.selector and worse(stage):
             found = without
             continue
         blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
@@ -260,6 +262,9 @@ def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[F
                 blamed = blamed or without_evidence(selector, stage, dependence)
             elif combined(tests, LEFT):
                 blamed = unexplained_residual.small_parts(stage)
+            weak = bool(stage.accepted) and all(verdict_of(each) == "weak" for each in stage.accepted)
+            if not blamed and weak and worse(stage):
+                blamed = [*stage.accepted]
             if not blamed:
                 return found, tests, dependence or _random_walk(stage, tests, shown=wandered)
         kept: Sequence[tuple[Candidate, np.ndarray]] = [
