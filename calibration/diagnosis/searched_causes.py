@@ -173,7 +173,7 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
     selection, stage = selected(known)
     for _ in range(AGAIN):
         base = selector.chosen_again(stage)
-        # what the siblings of a selection drop, it would add again
+        # a selection would add again the causes that its siblings have replaced
         back = _effects(stage.accepted) == _effects(known)
         settled = back or len(stage.accepted) == len(selection.stages[-1].accepted)
         if base is selector.base and settled:
