@@ -31,9 +31,9 @@ def with_effects(model, *effects):
     return msgspec.structs.replace(model, effects=(*model.effects, *effects), covariance=None)
 
 
-def seen(model, seed, n):
+def seen(model, seed, n, machine=MACHINE):
     rng = np.random.default_rng(seed)
-    return measured(MACHINE, positions(MACHINE, n, rng), THREE, model, rng)
+    return measured(machine, positions(machine, n, rng), THREE, model, rng)
 
 
 def machine_with(*effects):
@@ -71,6 +71,18 @@ def test_targets_that_were_mounted_again_are_no_cause():
     assert not turned.causes
     assert turned.accepted
     assert turned.figures[1].heldout_rms_um < 1.05 * same.figures[1].heldout_rms_um
+
+
+@pytest.mark.statistical
+def test_a_tilt_of_the_rotary_axis_that_carries_the_targets_has_its_size():
+    """It turns the targets: no turn of these takes its place."""
+    machine = machines.load("head_table")
+    errors, tilt = truth(machine, np.random.default_rng(0), 20.0), LocationError("A", "B", 80.0)
+    present = calibrate(seen(errors, 1, 300, machine), basis="b-spline:4").model
+    found = diagnose(seen(with_effects(errors, tilt), 5, 200, machine), present)
+    assert [(cause.kind, cause.axis) for cause in found.causes] == [("location", "B")]
+    (line,) = found.machine_change.changed
+    assert (line.name, line.parameters[0]) == ("E_A0B", pytest.approx(80.0, abs=3.0 * line.uncertainties[0]))
 
 
 @pytest.mark.integration

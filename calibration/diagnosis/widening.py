@@ -170,9 +170,11 @@ def _left_by(beside: BesideFunction, dependence: Unexplained) -> Array:
 
     Visits of one position share them, or nothing shows whether they do.
     """
+    if dependence.of_readings:
+        return np.zeros(3)
     fit = beside.plain.fit
     noise = with_noise_of_visits(replace(fit, residual=fit.residual - beside.values)).noise
-    if noise is None or dependence.of_readings:
+    if noise is None:
         return np.zeros(3)
     left = {**noise.recurring, **noise.misfit}
     return squares_along(fit.measurement, {axis: (off / unit_of(axis)[1]) ** 2 for axis, off in left.items()})

@@ -345,12 +345,12 @@ def _turns_of_targets(calibration: ErrorModel, measurement: Measurement) -> list
     """Turns of the targets on the tool since the calibration, at zero; none where less than two of them show these.
 
     They were mounted again, or the line of the axis has turned by which the datum is set. Two targets do not show a
-    turn about the line through them.
+    turn about the line through them; those on a rotary axis turn as by a location error of it.
     """
     carried = [name for name, side in split_chain(calibration.machine.chain) if side == "tool"]
     apart = measurement.tool - measurement.tool.mean(axis=0)
     _, sizes, lines = np.linalg.svd(apart, full_matrices=False)
-    if not carried or sizes[0] < TOGETHER:
+    if not carried or carried[-1][0] in "ABC" or sizes[0] < TOGETHER:
         return []
     unseen = "ABC"[int(np.abs(lines[0]).argmax())] if sizes[1] < TOGETHER else ""
     motions = [each for each in calibration.effects if isinstance(each, ErrorMotion) and each.axis == carried[-1]]
