@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from clients.linuxcnc_sim import Config, SimulatorError, Table
+from clients.linuxcnc_sim import Config, OwnFault, SimulatorError, Table
 
 import machines
 from kinematics.forward import forward, tool_point
@@ -201,3 +201,9 @@ def test_backlash_in_a_program_with_reversals(linuxcnc_sim):
 def test_failures_say_why(linuxcnc_sim, config, program, said):
     with pytest.raises(SimulatorError, match=said):
         linuxcnc_sim.run(config, program, timeout=3.0)
+
+
+def test_a_fault_of_its_own_is_told_from_a_refusal(linuxcnc_sim):
+    """The former ends a run that would go well when repeated."""
+    kinds = [type(linuxcnc_sim._error([message], "")) for message in (*linuxcnc_sim.OWN_FAULTS, "Unknown g code")]
+    assert kinds == [OwnFault, OwnFault, SimulatorError]

@@ -50,7 +50,11 @@ NOBODY = 65534  # LinuxCNC's real-time part refuses to run as root
 GRACE = 20.0  # s for LinuxCNC to start and stop, on top of the time for its work
 ISOLATED = ("unshare", "--mount", "--ipc", "--pid", "--net", "--fork", "--mount-proc", "--kill-child")
 ATTEMPTS = 3
-"""At a simulation whose process LinuxCNC let crash."""
+"""At a simulation in which LinuxCNC had a fault of its own."""
+OWN_FAULTS = (
+    "Segmentation fault",  # of its Python module, while it starts or stops
+    "Queue is not empty after probing",  # a block is read before the move has begun: LinuxCNC issue 3650
+)
 SHARED_LOCK = Path("/tmp/linuxcnc.lock")  # LinuxCNC's own
 CHATTER = re.compile(  # what it prints in every run
     r"$|task: |Note: Using POSIX|Running with fallback_uid|Machine configuration file|Starting LinuxCNC|Shutting down|"
@@ -112,8 +116,8 @@ class SimulatorError(Exception):
     """LinuxCNC did not do what was asked; the text is what it said."""
 
 
-class Crashed(SimulatorError):
-    """One of LinuxCNC's own processes did."""
+class OwnFault(SimulatorError):
+    """A fault that LinuxCNC has now and then, whatever it is asked."""
 
 
 def available() -> bool:
@@ -137,9 +141,9 @@ def run(config: Config, program: str, *, feed_override: float = 1.0, timeout: fl
 
 
 def _simulate(config: Config, timeout: float, job: dict[str, Any], files: Mapping[str, str] | None = None) -> Samples:
-    """What LinuxCNC did. Its own Python module crashes now and then while it starts or stops: such a run is repeated."""
+    """What LinuxCNC did. A run in which it had a fault of its own is repeated."""
     for _ in range(ATTEMPTS - 1):
-        with contextlib.suppress(Crashed):
+        with contextlib.suppress(OwnFault):
             return _simulate_once(config, timeout, dict(job), files)
     return _simulate_once(config, timeout, dict(job), files)
 
@@ -321,9 +325,14 @@ def _execute(folder: Path, timeout: float) -> None:
     except FileNotFoundError:
         messages = ["ended before its work was done" if ended else f"did not end within {timeout:.0f} s"]
     if messages:
-        lines = (line.strip() for line in said.splitlines() if not CHATTER.match(line))
-        kind = Crashed if "Segmentation fault" in said else SimulatorError
-        raise kind("LinuxCNC: " + "\n  ".join(dict.fromkeys([*messages, *lines])))
+        raise _error(messages, said)
+
+
+def _error(messages: Sequence[str], said: str) -> SimulatorError:
+    """Messages of the run and what LinuxCNC printed, as an error."""
+    lines = (line.strip() for line in said.splitlines() if not CHATTER.match(line))
+    text = "LinuxCNC: " + "\n  ".join(dict.fromkeys([*messages, *lines]))
+    return OwnFault(text) if any(fault in text for fault in OWN_FAULTS) else SimulatorError(text)
 
 
 def _call(command: Sequence[str], environment: Mapping[str, str], folder: Path, timeout: float) -> tuple[str, bool]:
