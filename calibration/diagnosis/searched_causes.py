@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.diagnosis.forms import with_likelier_forms
 from calibration.diagnosis.residual import unexplained as unexplained_residual
-from calibration.diagnosis.residual.absorber import absorbed, function_of_tool
+from calibration.diagnosis.residual.absorber import MOST, absorbed, function_of_tool, share_of_excess
 from calibration.diagnosis.residual.cancelling import cancelling
 from calibration.diagnosis.residual.chance_level import ByChance
 from calibration.diagnosis.residual.dependence import Unexplained
@@ -148,9 +148,11 @@ def _causes(selector: Selector) -> Found:
     beside, more = imitated_wave(found.selector, found.stage)
     if more is not found.stage:
         found = _with_bases(beside, more.accepted)
-    common = commoner(found.selector, found.stage)
-    if common is not found.stage:
-        found = _with_bases(found.selector, common.accepted)
+    # causes that leave most of the excess imitate an unknown one, and so would those in place of them
+    if share_of_excess(found.selector.without_causes(found.stage), found.stage.linearised) > MOST:
+        common = commoner(found.selector, found.stage)
+        if common is not found.stage:
+            found = _with_bases(found.selector, common.accepted)
     tests = unexplained_residual.tests(found.stage.linearised)
     dependence = _dependence(found.stage, tests) or _random_walk(found.stage, tests)
     absorb = partial(absorbed, dependence=dependence)

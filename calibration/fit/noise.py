@@ -93,7 +93,7 @@ def _estimated(found: Fit) -> tuple[EstimatedNoise, EstimatedNoise] | None:
         estimate = _estimate(every.rows(good), start)
         if estimate is None:
             return None
-        start = np.append(estimate.factor, np.maximum(estimate.of_axes, NOTHING))
+        start = np.append(estimate.factor, estimate.of_axes)
         before, good = good, every.agreeing(estimate)
         if np.array_equal(before, good):
             break
@@ -127,23 +127,29 @@ class _Estimate(NamedTuple):
 def _estimate(components: _Components, start: Array) -> _Estimate | None:
     """The variances that the rows show; None where they are those of the specification.
 
-    start: variances `(1 + axes,)` at which the iteration begins.
+    start: variances `(1 + axes,)` at which the iteration begins. Those that are zero stay so unless the likelihood
+    beside the others grows with them by more than chance.
     """
     moments = components.moments(np.append(1.0, np.zeros(len(components.axes))))
     clear = (moments.observed - moments.expected) / np.maximum(moments.uncertainty, 1e-300)
     if abs(clear[0]) < CERTAIN and clear[1:].max() < CERTAIN:
         return None
-    variances, active = start, np.ones(len(start), bool)
+    variances, active = start, start > 0.0
+    resting = ~active
     while True:
-        variances, information = _likeliest(components, variances, active)
+        variances, moments = _likeliest(components, variances, active)
         error = np.zeros(len(variances))
         # two axes of a part measured in two coordinates are as uncertain as its instrument
-        values, vectors = np.linalg.eigh(information[np.ix_(active, active)])
+        values, vectors = np.linalg.eigh(moments.information[np.ix_(active, active)])
         error[active] = np.sqrt(vectors**2 @ (1.0 / np.maximum(values, RIDGE * values[-1])))
         clear = np.divide(variances, error, out=np.full(len(error), np.inf), where=active & (error > 0.0))
         clear[0] = np.inf
         if clear.min() >= CERTAIN:
-            break
+            growing = resting & (moments.growth(active) >= CERTAIN)
+            if not growing.any():
+                break
+            resting, active, variances = resting & ~growing, active | growing, np.where(growing, NOTHING, variances)
+            continue
         # two axes may explain the same: without one of them the other is clear
         dropped = active & (clear <= max(clear.min(), NEVER))
         active, variances = active & ~dropped, np.where(dropped, 0.0, variances)
@@ -151,8 +157,8 @@ def _estimate(components: _Components, start: Array) -> _Estimate | None:
     return None if factor == 1.0 and not variances[1:].any() else _Estimate(factor, variances[1:])
 
 
-def _likeliest(components: _Components, variances: Array, active: np.ndarray) -> tuple[Array, Array]:
-    """The likeliest variances `(1 + axes,)`, of the active ones, and their information, by Fisher's scoring.
+def _likeliest(components: _Components, variances: Array, active: np.ndarray) -> tuple[Array, _Moments]:
+    """The likeliest variances `(1 + axes,)`, of the active ones, and the moments there, by Fisher's scoring.
 
     A variance whose step turns back takes the secant's: scoring would overshoot in turn.
     """
@@ -176,7 +182,7 @@ def _likeliest(components: _Components, variances: Array, active: np.ndarray) ->
         taken = variances - before
         if np.abs(step).max() < CONVERGED:
             break
-    return variances, moments.information
+    return variances, moments
 
 
 def _arms(found: Fit, measurement: Measurement, axes: Sequence[str]) -> Array:
@@ -232,6 +238,18 @@ class _Moments(NamedTuple):
     def uncertainty(self) -> Array:
         """Standard deviation of the observed ones by chance."""
         return np.asarray(2.0 * np.sqrt(np.diag(self.information)))
+
+    def growth(self, active: np.ndarray) -> Array:
+        """Slope `(1 + axes,)` of the likelihood along each variance, in standard deviations beside the active ones.
+
+        Rao's score: at a variance of zero it is at least the estimate in units of its standard deviation.
+        """
+        shared = self.information[active]
+        own = self.information[np.ix_(active, active)]
+        known = np.sum(shared * (np.linalg.pinv(own, SHARED, hermitian=True) @ shared), axis=0)
+        left = np.diag(self.information) - known
+        slope = 0.5 * (self.observed - self.expected)
+        return np.divide(slope, np.sqrt(np.maximum(left, 0.0)), out=np.zeros(len(slope)), where=left > 0.0)
 
 
 @dataclass(frozen=True)

@@ -79,8 +79,7 @@ class Chance:
 
     def _shapes(self, search: Callable[[LinearisedFit], Iterable[Candidate]]) -> Iterator[float]:
         rng, some = np.random.default_rng(SEED), self.linearised.thinned(scans.SCANNED)
-        for _ in range(DRAWS):
-            shuffled = some.shuffled(rng)
+        for shuffled in some.draws(rng, DRAWS):
             found = list(search(shuffled))
             responses = shuffled.responses([each.effect for each in found])
             scores = (shuffled.score(one, each.shapes) for one, each in zip(responses, found, strict=True))
@@ -91,8 +90,7 @@ class Chance:
         others = [each for each in self.library if each.effect.kind not in SMOOTH and searched(each) not in SEARCHES]
         tried = [candidate, *others]
         responses = linearised.responses([each.effect for each in tried])
-        for _ in range(DRAWS):
-            shuffled = linearised.shuffled(rng)
+        for shuffled in linearised.draws(rng, DRAWS):
             yield max(shuffled.score(one, each.shapes).gain for one, each in zip(responses, tried, strict=True))
 
 

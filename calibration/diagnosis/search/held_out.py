@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -38,6 +38,15 @@ class HeldBlock(NamedTuple):
     """False where the other rows do not determine the set-up or the target."""
     zeros: Array
     """Whitened columns `(m, p)` of the zeros of an interferometer's runs that the other rows lack."""
+
+
+class _Others(NamedTuple):
+    """The parts of a `HeldBlock` that do not depend on the residual."""
+
+    rows: np.ndarray
+    posterior: Posterior
+    counted: np.ndarray
+    zeros: Array
 
 
 class HeldResiduals(NamedTuple):
@@ -87,18 +96,32 @@ class HeldOut:
     runs: int
     """Number of the first columns of the design that are zeros of runs of an interferometer."""
 
+    def with_residual(self, residual: Array) -> HeldOut:
+        """The same rows with another residual; the fits of the others do not depend on it."""
+        other = replace(self, residual=residual)
+        vars(other)["_others"] = self._others
+        return other
+
     @cached_property
-    def blocks(self) -> list[HeldBlock]:
-        """The blocks, each with the fit of all the others."""
+    def _others(self) -> list[_Others]:
+        """For each block the fit of all others."""
         found = []
         for label in np.unique(self.labels[self.labels >= 0]):
             inside = self.labels == label
             mine = np.repeat(inside, self.measurement.components)
-            design, residual = self.design[mine], self.residual[mine]
+            design = self.design[mine]
             posterior = Posterior(self.information - design.T @ design, self.limited + RIDGE)
-            moved = posterior.solve(design.T @ residual)
             counted = np.repeat(registered(self.measurement, ~inside)[inside], self.measurement.components)
-            zeros = self._own_zeros(mine)
+            found.append(_Others(mine, posterior, counted, self._own_zeros(mine)))
+        return found
+
+    @cached_property
+    def blocks(self) -> list[HeldBlock]:
+        """The blocks, each with the fit of all the others."""
+        found = []
+        for mine, posterior, counted, zeros in self._others:
+            design, residual = self.design[mine], self.residual[mine]
+            moved = posterior.solve(design.T @ residual)
             held_residual = less_columns((residual + design @ moved)[:, None], zeros)[:, 0]
             found.append(HeldBlock(mine, posterior, moved, held_residual, counted, zeros))
         return found

@@ -8,10 +8,11 @@ can imitate.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -32,10 +33,12 @@ from kinematics.effects import Effect
 from kinematics.state import State
 from kinematics.transforms import Array
 
+Made = TypeVar("Made")
 RIDGE = 1e-9
 """Ridge on the diagonal of H; columns of the registration have unit length."""
 OF_THE_DESIGN = (
     *("information", "posterior", "spanned", "degrees_of_freedom", "state", "units", "spread", "held_out", "_gram"),
+    "_made",
 )
 """Cached properties that do not depend on the residual."""
 OF_THE_ROWS = ("state", "units", "spread", "held_out")
@@ -193,6 +196,27 @@ class LinearisedFit:
         """Numbers `(n,)` of the units of its rows that keep their structure in surrogates, as `lines_or_positions`."""
         return lines_or_positions(self.measurement.rows(self.rows))
 
+    @cached_property
+    def _made(self) -> dict[Hashable, Any]:
+        """Results of `once`, by their names."""
+        return {}
+
+    def once(self, name: Hashable, made: Callable[[], Made]) -> Made:
+        """A result that does not depend on the residual: in draws of `shuffled` made once for all of them."""
+        if "_made" not in vars(self):
+            return made()
+        if name not in self._made:
+            self._made[name] = made()
+        found: Made = self._made[name]
+        return found
+
+    def draws(self, rng: np.random.Generator, count: int) -> Iterator[LinearisedFit]:
+        """So many of `shuffled`, which share what does not depend on the residual."""
+        common = self._with_residual(self.residual, self.away)
+        vars(common)["_made"] = {}
+        for _ in range(count):
+            yield common.shuffled(rng)
+
     def shuffled(self, rng: np.random.Generator) -> LinearisedFit:
         """The linearised fit of residuals of the same size, the sign of each unit of rows drawn at random."""
         signs = rng.choice([-1.0, 1.0], int(self.units.max()) + 1)[self.units]
@@ -249,6 +273,11 @@ class LinearisedFit:
     def spanned(self) -> Array:
         """J L'^-1 `(N, q)`, with L L' = H: columns along which the model and the registration absorb signals."""
         return self.posterior.spanned(self.design)
+
+    @property
+    def has_spanned(self) -> bool:
+        """True where `spanned` is known already."""
+        return "spanned" in vars(self)
 
     @cached_property
     def degrees_of_freedom(self) -> float:
@@ -358,6 +387,9 @@ class LinearisedFit:
     @cached_property
     def _by_others(self) -> HeldOut:
         """Its rows in the blocks of `held_out`."""
+        return self.once("held out", self._held_out_rows).with_residual(self.residual)
+
+    def _held_out_rows(self) -> HeldOut:
         runs = len(self.fit.registration.names) if self.measurement.axis is not None else 0
         some, labels = self.measurement.rows(self.rows), self.held_out[0][self.rows]
         return HeldOut(some, labels, self.design, self.residual, self.information, self.limited, runs)

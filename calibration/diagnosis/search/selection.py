@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, takewhile
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -69,6 +70,13 @@ class Selection:
     """All candidates on the linearised fit of the result, the best first."""
 
 
+class _Tried(NamedTuple):
+    """Candidates that were tried on a linearised fit, the best first."""
+
+    linearised: LinearisedFit
+    evaluated: list[Evaluated]
+
+
 @dataclass(frozen=True)
 class Search:
     """Candidates that are tried beside the library, and the doubts about them."""
@@ -117,13 +125,14 @@ class Selector:
         """Selection of the causes that the data support, beginning with those known already."""
         stages = [self.pruned(self.stage(chosen_of(known))) if known else self.bare]
         refused: set[tuple[str, ...]] = set()
+        tried: list[_Tried] = []
         turn = 0
         while True:
             now, turn = stages[-1], turn + 1
-            step = f"trying causes, round {turn}; found: {_listed(now.accepted)}"
-            evaluated, found = self._found(now.linearised, now.accepted, refused, step)
+            tried = tried or self._tried(now, f"trying causes, round {turn}; found: {_listed(now.accepted)}")
+            found = self._found(tried, now.accepted, refused)
             if not found:
-                last_round = (each._replace(projected=each.projected.summary) for each in evaluated)
+                last_round = (each._replace(projected=each.projected.summary) for each in tried[0].evaluated)
                 return Selection(tuple(stages), tuple(last_round))
             refused.update(_key(each.candidate) for each in found)
             trials = []
@@ -134,11 +143,12 @@ class Selector:
             other = self.refined(now)
             if other is not now and other.cost < trial.cost:
                 refused.difference_update(_key(each.candidate) for each in found)
-                stages[-1] = other
+                stages[-1], tried = other, []
                 continue
             if trial.accepted[-1].score.delta_bic < WORTH and not trial.predicts_worse_than(now):
                 stages[1:] = [stage.at_rest for stage in stages[1:]]
                 stages.append(self.joined(self.pruned(trial)))
+                tried = []
 
     def stage(self, chosen: Sequence[tuple[Candidate, Array]]) -> Stage:
         """The full fit with these causes, each evaluated on the linearised fit without it."""
@@ -183,30 +193,43 @@ class Selector:
 
     def against_siblings(self, stage: Stage) -> Stage:
         """Every cause compared with its siblings, and replaced by one that explains more."""
-        for swaps_left in reversed(range(PASSES + 1)):
-            accepted: list[Accepted] = []
-            better: list[tuple[Candidate, Array]] | None = None
-            for i, own in enumerate(stage.accepted):
-                without, besides = stage.without(i), [*stage.accepted[:i], *stage.accepted[i + 1 :]]
-                others = self.evaluated(without, besides, f"siblings of {own.candidate.effect.name}")
-                accepted.append(
-                    replace(own, siblings=self._compared(stage, i, siblings(without, own.candidate, others)))
-                )
-                ahead = [each for each in others if each.score.delta_bic < own.score.delta_bic + BETTER]
-                first, likelier = self._best(without, ahead), next(iter(accepted[-1].siblings), None)
-                if first is None and likelier and likelier.log_odds < 0.0:
-                    first = None if self.search.by_chance(without, likelier.evaluated) else likelier.evaluated
-                if better is None and first:
-                    better = chosen_of(stage.accepted)
-                    better[i] = (first.candidate, first.score.size)
-            if better is None or not swaps_left:
-                break
-            trial = self.pruned(self.stage(better))
+        swaps_left = PASSES
+        while (other := self.plainer(self.leaner(self.pruned(stage)))) is not stage:
+            stage = other
+        accepted: list[Accepted] = []
+        while len(accepted) < len(stage.accepted):
+            i = len(accepted)
+            own, besides = stage.accepted[i], [*stage.accepted[:i], *stage.accepted[i + 1 :]]
+            without = stage.without(i)
+            others = self.evaluated(without, besides, f"siblings of {own.candidate.effect.name}")
+            compared = self._compared(stage, i, siblings(without, own.candidate, others))
+            accepted.append(replace(own, siblings=compared))
+            likelier = self._likelier(without, own, others, compared) if swaps_left else None
+            if likelier is None:
+                continue
+            chosen = chosen_of(stage.accepted)
+            chosen[i] = (likelier.candidate, likelier.score.size)
+            trial = self.pruned(self.stage(chosen))
             if trial.cost + 2.0 * trial.rarity >= stage.cost + 2.0 * stage.rarity:
-                break
-            stage = trial
+                swaps_left = 0
+                continue
+            swaps_left -= 1
+            stage, accepted = trial, []
         kept = self.plainer(self.leaner(self.pruned(stage)))
         return stage._replace(accepted=tuple(accepted)) if kept is stage else self.against_siblings(kept)
+
+    def _likelier(
+        self, without: LinearisedFit, own: Accepted, others: Sequence[Evaluated], compared: Sequence[Sibling]
+    ) -> Evaluated | None:
+        """The candidate in place of a cause that explains more, on the linearised fit without it; None without any.
+
+        others: all candidates there; compared: the siblings among them, the likeliest first.
+        """
+        ahead = [each for each in others if each.score.delta_bic < own.score.delta_bic + BETTER]
+        first, likeliest = self._best(without, ahead), next(iter(compared), None)
+        if first is None and likeliest and likeliest.log_odds < 0.0:
+            return None if self.search.by_chance(without, likeliest.evaluated) else likeliest.evaluated
+        return first
 
     def _compared(self, stage: Stage, index: int, found: Sequence[Sibling]) -> tuple[Sibling, ...]:
         """Siblings of an accepted cause, the likeliest first; another direction of a present drift is likelier."""
@@ -327,24 +350,29 @@ class Selector:
                 return self.joined(trial)
         return stage
 
+    def _tried(self, stage: Stage, step: str) -> list[_Tried]:
+        """All candidates beside a stage, with its noise and with even noise, if that is another one."""
+        noises = {id(each): each for each in (stage.linearised, stage.linearised.evenly_noisy)}.values()
+        found = []
+        for number, noisy in enumerate(noises):
+            absorbing = self.search.absorbed(noisy)
+            evaluated = self.evaluated(absorbing, stage.accepted, f"{step}, even noise" if number else step)
+            found.append(_Tried(absorbing, evaluated))
+        return found
+
     def _found(
-        self, linearised: LinearisedFit, accepted: Sequence[Accepted], refused: Set[tuple[str, ...]], step: str
-    ) -> tuple[list[Evaluated], list[Evaluated]]:
-        """All candidates, the best first; and of those not refused the likeliest cause, none without one.
+        self, tried: Sequence[_Tried], accepted: Sequence[Accepted], refused: Set[tuple[str, ...]]
+    ) -> list[Evaluated]:
+        """Of the candidates tried the likeliest cause that is not refused; empty without one.
 
         Two where another one is likelier if noise is even: the noise of an axis hides a cause that acts along it.
         """
         found: list[Evaluated] = []
-        first: list[Evaluated] = []
-        for number, noisy in enumerate({id(each): each for each in (linearised, linearised.evenly_noisy)}.values()):
-            absorbing = self.search.absorbed(noisy)
-            evaluated = self.evaluated(absorbing, accepted, f"{step}, even noise" if number else step)
-            first = first or evaluated
-            allowed = [each for each in evaluated if _key(each.candidate) not in refused]
-            best = self._best(absorbing, allowed) if len(accepted) < MOST else None
+        for absorbing, evaluated in tried if len(accepted) < MOST else ():
+            best = self._best(absorbing, [each for each in evaluated if _key(each.candidate) not in refused])
             if best and all(best.candidate.cause != each.candidate.cause for each in found):
                 found.append(best)
-        return first, found
+        return found
 
     def evaluated(self, linearised: LinearisedFit, accepted: Sequence[Accepted], step: str = "") -> list[Evaluated]:
         """Candidates for causes besides those accepted, the best first; step: shown with the share of those tried."""
@@ -358,12 +386,13 @@ class Selector:
 
     def _best(self, linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Evaluated | None:
         """The likeliest candidate that may be named; of several nearly as likely the commonest and simplest."""
-        some = (each for each in passing(linearised, evaluated) if not self.search.by_chance(linearised, each))
-        first = next(some, None)
+        possible = passing(linearised, evaluated)
+        first = next((each for each in possible if not self.search.by_chance(linearised, each)), None)
         if first is None:
             return None
         limit = first.score.delta_bic + max(-WORTH, NEARLY * abs(first.score.delta_bic))
-        close = [first, *(each for each in some if each.score.delta_bic < limit)]
+        nearly = takewhile(lambda each: each.score.delta_bic < limit, possible)
+        close = [first, *(each for each in nearly if not self.search.by_chance(linearised, each))]
         return min(close, key=lambda each: (each.candidate.rarity, complexity(each.candidate)))
 
     def pruned(self, stage: Stage) -> Stage:

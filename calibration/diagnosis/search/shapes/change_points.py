@@ -147,8 +147,8 @@ def _change_points(linearised: LinearisedFit, effect: Effect, along: Array) -> t
     # sums over all rows from each point on
     slopes = _from_each(np.einsum("ndk,nd->nk", here, residual[order]), starts)
     squares = _from_each(np.einsum("ndk,ndl->nkl", here, here), starts)
-    through = _from_each(np.einsum("ndq,ndk->nqk", spanned[order], here), starts)
-    schur = squares - np.swapaxes(through, 1, 2) @ through + np.eye(here.shape[2]) / GENEROUS**2
+    through = _from_each(np.swapaxes(here, 1, 2) @ spanned[order], starts)
+    schur = squares - through @ np.swapaxes(through, 1, 2) + np.eye(here.shape[2]) / GENEROUS**2
     return points, np.einsum("nk,nk->n", slopes, np.linalg.solve(schur, slopes[:, :, None])[:, :, 0])
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from calibration.cores import each
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.score import Projected
 from calibration.diagnosis.search.shapes.change_points import about_fixed_point, breaks, turning_points
 from calibration.diagnosis.search.shapes.sawtooth import likeliest, refined, teeth
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
@@ -257,15 +258,21 @@ def _finer_than(linearised: LinearisedFit, motion: ErrorMotion) -> list[Candidat
     sizes = [size for size in FINE if motion.basis.size < size <= most]
     variants = [Candidate(_finer(motion, size), 0, float(len(sizes)), motion.name) for size in sizes]
     sensitivity = Sensitivity.of(linearised, motion.axis, motion.component)
-    worth = [sensitivity.score(sensitivity.sizes(variant.effect)).delta_bic for variant in variants]
+    own = linearised.once(("sizes", motion.name), lambda: [sensitivity.sizes(each.effect) for each in variants])
+    worth = [sensitivity.score(one).delta_bic for one in own]
     order = [i for i in np.argsort(worth).tolist() if worth[i] < 0.0]
     gains = {}
     for i in order:
-        gains[i] = float(linearised.held_out_gains(linearised.projected(linearised.columns(variants[i].effect))).mean())
+        projected = linearised.once((motion.name, sizes[i]), partial(_projected, linearised, variants[i].effect))
+        gains[i] = float(linearised.held_out_gains(projected).mean())
         if gains[i] > 0.0:
             return [variants[i]]
     best = max(gains, key=lambda i: gains[i], default=0)
     return variants[best : best + 1]
+
+
+def _projected(linearised: LinearisedFit, effect: ErrorMotion) -> Projected:
+    return linearised.projected(linearised.columns(effect))
 
 
 def fixed_points(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> Iterator[Candidate]:

@@ -22,13 +22,12 @@ UNSEEN = 1e-12
 
 
 @dataclass(frozen=True)
-class Sensitivity:
-    """Signal of an error of 1, mm or rad, at every position of an axis in a linearised fit.
+class Response:
+    """Signal of an error of 1, mm or rad, at every position of an axis, by the design of a linearised fit alone.
 
     Of rows at one position only their sums count: most designs have far fewer positions than rows.
     """
 
-    linearised: LinearisedFit
     arm: Array
     """Whitened derivatives `(n, d)` of the observations."""
     x: Array
@@ -37,62 +36,85 @@ class Sensitivity:
     """First row `(m,)` at each position."""
     number: np.ndarray
     """Number `(n,)` of the position of each row."""
+    through: Array
+    """`Projected.through` `(q, m)` of a unit error at each position."""
+
+    @classmethod
+    def of(cls, linearised: LinearisedFit, axis: str, component: Component) -> Response:
+        """Response to an error of an axis in a direction of its error frame."""
+        column = 6 * linearised.measurement.machine.index(axis) + COMPONENTS.index(component)
+        arm = linearised.decorrelation.apply(linearised.transform[:, :, column])
+        x, first, number = np.unique(linearised.positions(axis), return_index=True, return_inverse=True)
+        number = number.reshape(-1)
+        known = linearised.has_spanned
+        columns = linearised.spanned if known else linearised.design
+        along = (arm[:, None] @ columns.reshape(*arm.shape, -1))[:, 0]
+        rows = np.argsort(number, kind="stable")
+        sums = np.add.reduceat(along[rows], np.searchsorted(number[rows], np.arange(len(x)))).T
+        return cls(arm, x, first, number, sums if known else linearised.posterior.whitened(sums))
+
+    @cached_property
+    def squares(self) -> Array:
+        """Squares `(m,)` of the signal."""
+        return self.sums(self.arm**2)
+
+    @cached_property
+    def absorbed(self) -> Array:
+        """Rows `(k, m)` with the same products among each other as `through`; few where these are worth finding."""
+        q, m = self.through.shape
+        return self.through if q < 2 * m else np.asarray(linalg.qr(self.through, mode="r", check_finite=False)[0][:m])
+
+    def sums(self, values: Array) -> Array:
+        """Sums `(m,)` over the rows of each position, of values `(n, d)`."""
+        return np.bincount(self.number, np.sum(values, axis=1), len(self.x)).astype(float)
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Signal of an error of 1, mm or rad, at every position of an axis in a linearised fit."""
+
+    linearised: LinearisedFit
+    response: Response
 
     @classmethod
     def of(cls, linearised: LinearisedFit, axis: str, component: Component) -> Sensitivity:
         """Sensitivity to an error of an axis in a direction of its error frame."""
-        column = 6 * linearised.measurement.machine.index(axis) + COMPONENTS.index(component)
-        arm = linearised.decorrelation.apply(linearised.transform[:, :, column])
-        x, first, number = np.unique(linearised.positions(axis), return_index=True, return_inverse=True)
-        return cls(linearised, arm, x, first, number.reshape(-1))
+        return cls(linearised, linearised.once((axis, component), lambda: Response.of(linearised, axis, component)))
+
+    @property
+    def x(self) -> Array:
+        """Positions `(m,)`, ascending, mm or degrees."""
+        return self.response.x
+
+    @property
+    def squares(self) -> Array:
+        """Squares `(m,)` of the sensitivity."""
+        return self.response.squares
 
     @cached_property
     def along(self) -> Array:
         """Residual `(m,)` along the sensitivity."""
-        return self._sums(self.arm * self.linearised.residual.reshape(self.arm.shape))
-
-    @cached_property
-    def squares(self) -> Array:
-        """Squares `(m,)` of the sensitivity."""
-        return self._sums(self.arm**2)
-
-    def _sums(self, values: Array) -> Array:
-        """Sums `(m,)` over the rows of each position, of values `(n, d)`."""
-        return np.bincount(self.number, np.sum(values, axis=1), len(self.x)).astype(float)
-
-    @cached_property
-    def _through(self) -> Array:
-        """`Projected.through` `(q, m)` of a unit error at each position."""
-        n, d = self.arm.shape
-        along = (self.arm[:, None] @ self.linearised.spanned.reshape(n, d, -1))[:, 0]
-        rows = np.argsort(self.number, kind="stable")
-        return np.asarray(np.add.reduceat(along[rows], np.searchsorted(self.number[rows], np.arange(len(self.x)))).T)
-
-    @cached_property
-    def _absorbed(self) -> Array:
-        """Rows `(k, m)` with the same products among each other as `_through`; few where these are worth finding."""
-        q, m = self._through.shape
-        return self._through if q < 2 * m else np.asarray(linalg.qr(self._through, mode="r", check_finite=False)[0][:m])
+        return self.response.sums(self.response.arm * self.linearised.residual.reshape(self.response.arm.shape))
 
     def signal(self, sizes: Array) -> Array:
         """White signal `(N,)` of errors of given sizes `(m,)`."""
-        return (self.arm * sizes[self.number, None]).reshape(-1)
+        return (self.response.arm * sizes[self.response.number, None]).reshape(-1)
 
     def schur(self, sizes: Array) -> Array:
         """Schur complement `(k, k)` of errors of given sizes `(m, k)`; see `Projected.schur`."""
-        through = self._absorbed @ sizes
+        through = self.response.absorbed @ sizes
         return np.asarray((sizes * self.squares[:, None]).T @ sizes - through.T @ through)
 
     def gains(self, sizes: Array) -> Array:
         """Reduction of the sum of squares by each of some errors `(m, k)`, alone and with its best amplitude."""
-        through = self._absorbed @ sizes
+        through = self.response.absorbed @ sizes
         whole = self.squares @ sizes**2
         schur = whole - np.sum(through**2, axis=0)
         return np.where(schur > RIDGE * whole, (self.along @ sizes) ** 2 / np.maximum(schur, 1e-300), 0.0)
 
     def wave_gains(self, sines: Array, cosines: Array) -> Array:
         """`gains` of waves, each with the best amplitudes of its sine and cosine `(m, k)`."""
-        through_sine, through_cosine = self._absorbed @ sines, self._absorbed @ cosines
+        through_sine, through_cosine = self.response.absorbed @ sines, self.response.absorbed @ cosines
         sine = self.squares @ sines**2 - np.sum(through_sine**2, axis=0)
         cosine = self.squares @ cosines**2 - np.sum(through_cosine**2, axis=0)
         both = self.squares @ (sines * cosines) - np.sum(through_sine * through_cosine, axis=0)
@@ -104,13 +126,13 @@ class Sensitivity:
 
     def sizes(self, effect: Effect) -> Array:
         """Sizes `(m, k)` of an effect of this axis and direction alone, by its linear parameters, in typical sizes."""
-        (only,) = effect.columns(self.linearised.measurement.machine, self.linearised.state.rows(self.first))
+        (only,) = effect.columns(self.linearised.measurement.machine, self.linearised.state.rows(self.response.first))
         linear = np.array(effect.linear)
         typical = np.array(effect.typical)[linear]
         return np.asarray(only.values[:, linear] * np.where(np.isfinite(typical), typical, 1.0))
 
     def score(self, sizes: Array, shapes: int = 0) -> Score:
         """Score of an error of given sizes; see `LinearisedFit.score`."""
-        through = self._through @ sizes
+        through = self.response.through @ sizes
         schur = (sizes * self.squares[:, None]).T @ sizes - through.T @ through
         return self.linearised.rated(schur, sizes.T @ self.along, through, shapes)
