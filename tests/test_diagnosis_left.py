@@ -24,7 +24,8 @@ from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.change_points import breaks
-from calibration.diagnosis.search.shapes.proposed_shapes import waves
+from calibration.diagnosis.search.shapes.proposed_shapes import finer, waves
+from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
 from calibration.diagnosis.verdict import named
 from calibration.fit.fit import fit
 from calibration.fit.noise import with_noise_of_visits
@@ -137,6 +138,22 @@ def test_signs_at_random_keep_sizes_and_leave_the_fit_at_rest():
     gradient = shuffled[0].design.T @ shuffled[0].residual - shuffled[0].limited * shuffled[0].away
     assert np.abs(gradient).max() < 1e-6
     assert any(abs(a.residual @ b.residual) < 0.2 * a.squares for a, b in pairwise(shuffled))
+
+
+def test_draws_share_what_does_not_depend_on_the_residual():
+    """Their results are those of each alone, which shares nothing."""
+    linearised = selector(data_with(n=N)).stage([]).linearised
+    rng = np.random.default_rng(0)
+    alone = [linearised.shuffled(rng) for _ in range(2)]
+    draws = list(linearised.draws(np.random.default_rng(0), 2))
+    assert draws[0].blocks[0].posterior is draws[1].blocks[0].posterior
+    assert Sensitivity.of(draws[0], "X", "Y").response is Sensitivity.of(draws[1], "X", "Y").response
+    for own, draw in zip(alone, draws, strict=True):
+        assert draw.residual == pytest.approx(own.residual)
+        one, other = (each.held_out_gains(each.candidate(Backlash("X", 0.0))) for each in (own, draw))
+        assert other == pytest.approx(one)
+        one, other = ([(c.effect, c.trials) for c in finer(each)] for each in (own, draw))
+        assert other == one
 
 
 @cache

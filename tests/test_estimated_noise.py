@@ -61,6 +61,19 @@ def test_all_axes_that_do_not_repeat_are_found_where_three_rows_share_a_stop():
     assert list(found.non_repeatability.values()) == pytest.approx([0.05] * 3, rel=0.25)
 
 
+@pytest.mark.parametrize("start", [(1.0, 0.0, 0.0, 0.0), (1.0, 0.1, 0.0, 0.0), (4.0, 0.0, 0.0, 0.1)])
+def test_variances_that_rest_at_zero_grow_where_the_residuals_show_them(start):
+    found = fitted(with_stops(3, {0: 0.05, 1: 0.03}))
+    components = noise._Components.of(found, replace(found.measurement, noise=None), ("X", "Y", "Z"))
+    every = noise._estimate(components, np.array([1.0, 0.1, 0.1, 0.1]))
+    resting = noise._estimate(components, np.array(start))
+    assert every is not None
+    assert resting is not None
+    assert np.flatnonzero(every.of_axes).tolist() == [0, 1]
+    assert resting.factor == every.factor
+    assert resting.of_axes == pytest.approx(every.of_axes, rel=0.01)
+
+
 def test_variances_whose_steps_turn_back_converge(tmp_path, monkeypatch):
     """Scoring alone oscillates about the variance of an axis that is dropped in the end."""
     path = tmp_path / "data.csv"

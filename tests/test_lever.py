@@ -1,5 +1,7 @@
 """Errors judged position by position, against whole columns; tails and cores against their definitions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -35,6 +37,14 @@ def test_a_lever_says_what_whole_columns_say(linearised, effect):
     assert here.gain == pytest.approx(there.gain, rel=1e-6)
     assert here.delta_bic == pytest.approx(there.delta_bic, rel=1e-6)
     np.testing.assert_allclose(here.size, there.size, rtol=1e-5, atol=1e-9)
+
+
+def test_a_lever_needs_no_spanned_columns(linearised):
+    anew = replace(linearised)
+    assert linearised.spanned.size
+    known, found = (Sensitivity.of(each, "X", "Z").response.through for each in (linearised, anew))
+    assert not anew.has_spanned
+    np.testing.assert_allclose(found, known, atol=1e-9 * np.abs(known).max())
 
 
 def test_gains_of_waves_are_what_the_best_sum_of_sine_and_cosine_gains(linearised):

@@ -249,7 +249,7 @@ class _Moments(NamedTuple):
         known = np.sum(shared * (np.linalg.pinv(own, SHARED, hermitian=True) @ shared), axis=0)
         left = np.diag(self.information) - known
         slope = 0.5 * (self.observed - self.expected)
-        return np.divide(slope, np.sqrt(np.maximum(left, 0.0)), out=np.zeros(len(slope)), where=left > 0.0)
+        return np.asarray(np.divide(slope, np.sqrt(np.maximum(left, 0.0)), out=np.zeros(len(slope)), where=left > 0.0))
 
 
 @dataclass(frozen=True)
