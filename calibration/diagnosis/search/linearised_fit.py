@@ -34,11 +34,13 @@ from kinematics.state import State
 from kinematics.transforms import Array
 
 Made = TypeVar("Made")
+SHARED = "_shared"
+"""Results of `once` of the fits of `draws`, by their names."""
 RIDGE = 1e-9
 """Ridge on the diagonal of H; columns of the registration have unit length."""
 OF_THE_DESIGN = (
     *("information", "posterior", "spanned", "degrees_of_freedom", "state", "units", "spread", "held_out", "_gram"),
-    "_made",
+    SHARED,
 )
 """Cached properties that do not depend on the residual."""
 OF_THE_ROWS = ("state", "units", "spread", "held_out")
@@ -196,24 +198,20 @@ class LinearisedFit:
         """Numbers `(n,)` of the units of its rows that keep their structure in surrogates, as `lines_or_positions`."""
         return lines_or_positions(self.measurement.rows(self.rows))
 
-    @cached_property
-    def _made(self) -> dict[Hashable, Any]:
-        """Results of `once`, by their names."""
-        return {}
-
     def once(self, name: Hashable, made: Callable[[], Made]) -> Made:
-        """A result that does not depend on the residual: in draws of `shuffled` made once for all of them."""
-        if "_made" not in vars(self):
+        """A result that does not depend on the residual: of `draws` made once for all of them."""
+        known: dict[Hashable, Any] | None = vars(self).get(SHARED)
+        if known is None:
             return made()
-        if name not in self._made:
-            self._made[name] = made()
-        found: Made = self._made[name]
+        if name not in known:
+            known[name] = made()
+        found: Made = known[name]
         return found
 
     def draws(self, rng: np.random.Generator, count: int) -> Iterator[LinearisedFit]:
         """So many of `shuffled`, which share what does not depend on the residual."""
         common = self._with_residual(self.residual, self.away)
-        vars(common)["_made"] = {}
+        vars(common)[SHARED] = {}
         for _ in range(count):
             yield common.shuffled(rng)
 
