@@ -288,7 +288,7 @@ def test_the_noise_of_an_axis_does_not_hide_a_cause_along_it():
     """What an estimated non-repeatability of Z contains is tried with even noise as well."""
     data = data_with(ThermalDrift("Z", rate=60.0))
     made = alone([Candidate(ThermalDrift("Z", rate=0.0)), *SOME], data)
-    found = made._found(made.bare.linearised, (), set(), "")[1]
+    found = made._found(made._tried(made.bare, ""), (), set())
     assert [each.candidate.axis for each in found] == ["Z"]
     assert made.bare.linearised.evenly_noisy.measurement.noise is None
 
