@@ -149,7 +149,7 @@ def _causes(selector: Selector) -> Found:
     if more is not found.stage:
         found = _with_bases(beside, more.accepted)
     # causes that leave most of the excess imitate an unknown one, and so would those in place of them
-    if share_of_excess(found.selector.without_causes(found.stage), found.stage.linearised) > MOST:
+    if found.stage.accepted and _explains_most(found):
         common = commoner(found.selector, found.stage)
         if common is not found.stage:
             found = _with_bases(found.selector, common.accepted)
@@ -158,6 +158,11 @@ def _causes(selector: Selector) -> Found:
     absorb = partial(absorbed, dependence=dependence)
     shapes = Search(proposed_shapes.proposals, absorb, ByChance(selector.library))
     return _with_bases(replace(found.selector, search=shapes), found.stage.accepted)
+
+
+def _explains_most(found: Found) -> bool:
+    """True where the causes explain most of what exceeds the noise."""
+    return share_of_excess(found.selector.without_causes(found.stage), found.stage.linearised) > MOST
 
 
 def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
