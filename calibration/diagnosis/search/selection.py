@@ -196,7 +196,7 @@ class Selector:
         swaps_left = PASSES
         while (other := self.plainer(self.leaner(self.pruned(stage)))) is not stage:
             stage = other
-        accepted: list[Accepted] = []
+        first, accepted = stage, list[Accepted]()
         while len(accepted) < len(stage.accepted):
             i = len(accepted)
             own, besides = stage.accepted[i], [*stage.accepted[:i], *stage.accepted[i + 1 :]]
@@ -215,7 +215,7 @@ class Selector:
                 continue
             swaps_left -= 1
             stage, accepted = trial, []
-        kept = self.plainer(self.leaner(self.pruned(stage)))
+        kept = stage if stage is first else self.plainer(self.leaner(self.pruned(stage)))
         return stage._replace(accepted=tuple(accepted)) if kept is stage else self.against_siblings(kept)
 
     def _likelier(
@@ -363,7 +363,7 @@ class Selector:
     def _found(
         self, tried: Sequence[_Tried], accepted: Sequence[Accepted], refused: Set[tuple[str, ...]]
     ) -> list[Evaluated]:
-        """Of the candidates tried the likeliest cause that is not refused; empty without one.
+        """The likeliest cause among the candidates tried, without those refused; empty without one.
 
         Two where another one is likelier if noise is even: the noise of an axis hides a cause that acts along it.
         """
