@@ -65,8 +65,8 @@ def test_all_axes_that_do_not_repeat_are_found_where_three_rows_share_a_stop():
 def test_variances_that_rest_at_zero_grow_where_the_residuals_show_them(start):
     found = fitted(with_stops(3, {0: 0.05, 1: 0.03}))
     components = noise._Components.of(found, replace(found.measurement, noise=None), ("X", "Y", "Z"))
-    every = noise._estimate(components, np.array([1.0, 0.1, 0.1, 0.1]))
-    resting = noise._estimate(components, np.array(start))
+    every = noise._estimate(components, np.array([1.0, 0.1, 0.1, 0.1])).estimate
+    resting = noise._estimate(components, np.array(start)).estimate
     assert every is not None
     assert resting is not None
     assert np.flatnonzero(every.of_axes).tolist() == [0, 1]

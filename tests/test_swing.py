@@ -12,6 +12,7 @@ from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.search import evaluated_rows
 from calibration.diagnosis.unseen.fast_swing import fast_swing
 from calibration.diagnosis.unseen.swing import Swing
 from calibration.fit.acceptance import without_clamp
@@ -185,3 +186,12 @@ def test_a_part_of_a_swing_is_no_cause():
     """Without the noise that the swing leaves, settling of X explains a part of it."""
     found = exam.answer(exam.Key("lines", "swing", "gantry", 0, 77001), timeout=600)
     assert (found["named"], found["false"]) == (1, [])
+
+
+def test_of_many_rows_it_is_found_by_some_of_them(monkeypatch):
+    """With another noise the model may have fewer parameters, and more rows are evaluated."""
+    monkeypatch.setattr(evaluated_rows, "LEAST_ROWS", 100)
+    monkeypatch.setattr(evaluated_rows, "ENTRIES", 40_000)
+    found = diagnosed(SLOW)
+    assert len(found.after.linearised.rows) < len(found.measurement)
+    assert abs(found.swing.period - SLOW.period) < 4.0 * found.swing.u

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from calibration.diagnosis.residual.dependence import Unexplained
-from calibration.diagnosis.residual.unexplained import nearly_of_readings, shared_squares
+from calibration.diagnosis.residual.unexplained import nearly_of_readings, of_same_variables, shared_squares
 from calibration.diagnosis.residual.unnamed import may_depend_on
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.unseen.beside_function import BesideFunction
@@ -97,8 +97,10 @@ def unseen_errors(
     smooth curves, as of `with_curves_between`. moving: as of `beside_moving`, if there is one.
     """
     if moving is not None:
+        # the fit beside the function has another noise, and may be evaluated at other rows
+        there = of_same_variables(moving.solution.plain, dependence)
         swings = moving.swinging is not None
-        return _of_model_beside(moving.solution, dependence, present, curves=curves, swings=swings)
+        return _of_model_beside(moving.solution, there, present, curves=curves, swings=swings)
     if _moves(dependence) or dependence.of_readings:
         # estimated noise of the axes holds what the function does not
         beside = BesideFunction.of(linearised, dependence)

@@ -281,27 +281,34 @@ def _iterate(problem: Problem, point: Point, variance: Variance, stop: np.ndarra
     """
     components = problem.measurement.components
     factor, effective_parameters, least = 1.0, 0.0, 1.0
-    renewed = RENEWED if not all(flag for effect in problem.model.effects for flag in effect.linear) else 1
-    derivatives, halvings = None, 0
+    shaped = not all(flag for effect in problem.model.effects for flag in effect.linear)
+    derivatives, share, last = None, 1.0, None
     for step in range(STEPS):
-        # along old derivatives, a step that had to be halved ends short again and again
-        if anew := step < renewed or halvings > 0:
+        if shaped or derivatives is None:
             derivatives = problem.derivatives(point)
-        distances = problem.distances(point)
-        weights = huber_weights(
-            distances, components, robust_factor(distances, components, effective_parameters, least, stop)
-        )
+
+        def weights_of(distances: Array, taken: float = effective_parameters, least: float = least) -> Array:
+            return huber_weights(distances, components, robust_factor(distances, components, taken, least, stop))
+
         # amplitudes first: a period or time constant is undetermined without one
         held = shapes_held and not step
-        decorrelation = problem.decorrelation(weights)
-        solved = (problem.shapes_fixed() if held else problem).solve(point, weights, factor, derivatives, decorrelation)
-        aim = solved.step * (AHEAD if step % 2 else 1.0)
+        found = (problem.shapes_fixed() if held else problem).solve_reweighted(point, weights_of, factor, derivatives)
+        solved, weights, _ = found
+        aim = solved.step
+        if shaped and not held:
+            along = problem.shapes_along(aim, point)
+            if last is not None and last @ last > 0.0:
+                curvature = (1.0 - float(along @ last) / float(last @ last)) / share
+                share = min(max(1.0 / curvature, 0.1), 1.9) if curvature > 0.0 else 1.0
+            aim = problem.shapes_moved(point, found, share)
+            last = along
         before, effective_parameters = point, solved.effective_parameters
-        point, halvings = problem.descended(point, aim, weights, factor, decorrelation)
+        point, halvings = problem.descended(point, aim, weights, factor, problem.decorrelation(weights))
+        share *= 0.5**halvings
         if variance == "estimate":
-            least = _least(solved, len(distances) * components, variance)
+            least = _least(solved, len(stop) * components, variance)
             factor = robust_factor(problem.distances(point), components, effective_parameters, least, stop)
-        if step and (solved.length < CONVERGED or (anew and point is before)):
+        if step and (solved.length < CONVERGED or point is before):
             break
     return _Solution(point, factor, solved)
 

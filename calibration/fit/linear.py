@@ -54,9 +54,12 @@ class Posterior:
         """R = L'^-1 `(p, p)`, upper triangular: R R' is the covariance H^-1."""
         return np.asarray(np.tril(linalg.lapack.dtrtri(self.factor[0], lower=1)[0]).T)
 
-    def spanned(self, design: Array) -> Array:
-        """J R `(N, p)` of a design J `(N, p)`, R as `root`: columns along which the parameters absorb signals."""
-        return np.asarray(linalg.blas.dtrmm(1.0, self.root, design.T, trans_a=1).T)
+    def spanned(self, design: Array, *, in_place: bool = False) -> Array:
+        """J R `(N, p)` of a design J `(N, p)`, R as `root`: columns along which the parameters absorb signals.
+
+        in_place: the design may be overwritten.
+        """
+        return np.asarray(linalg.blas.dtrmm(1.0, self.root, design.T, trans_a=1, overwrite_b=in_place).T)
 
     @property
     def effective_parameters(self) -> float:

@@ -38,8 +38,9 @@ ROWS = 5000
 ROUNDS = 4
 """Most rounds in which rows that disagree under the last estimate are left out of the next."""
 STEPS = 25
-CONVERGED = 0.03
-"""Step in standard errors of the variances below which the iteration ends."""
+ROUGH, CONVERGED = 0.3, 0.03
+"""Step in standard errors of the variances below which the iteration ends: for one that is clearly not clear, and of
+the result."""
 NEVER = 0.1
 """Standard errors below which a variance does not become clear without another one."""
 FARTHEST = 100.0
@@ -88,16 +89,15 @@ def _estimated(found: Fit) -> tuple[EstimatedNoise, EstimatedNoise] | None:
     if measurement.components == 1 or measurement.across is not None or not axes:
         return None
     every = _Components.of(found, measurement, axes)
-    good, estimate, start = every.agreeing(None), None, np.append(1.0, np.full(len(axes), START))
+    good, start = every.agreeing(None), np.append(1.0, np.full(len(axes), START))
     for _ in range(ROUNDS):
-        estimate = _estimate(every.rows(good), start)
-        if estimate is None:
+        likeliest = None if _as_specified(every.rows(good)) else _estimate(every.rows(good), start)
+        if likeliest is None or likeliest.estimate is None:
             return None
-        start = np.append(estimate.factor, estimate.of_axes)
+        start, estimate = likeliest.variances, likeliest.estimate
         before, good = good, every.agreeing(estimate)
         if np.array_equal(before, good):
             break
-    assert estimate is not None
     visits = every.rows(good).repeated(estimate)
     units = TYPICAL * np.array([unit_of(axis)[1] for axis in axes])
     arms = _arms(found, measurement, axes)
@@ -124,48 +124,87 @@ class _Estimate(NamedTuple):
     """`(axes,)`, in units of that of `TYPICAL`."""
 
 
-def _estimate(components: _Components, start: Array) -> _Estimate | None:
-    """The variances that the rows show; None where they are those of the specification.
+def _estimate(components: _Components, start: Array) -> _Found:
+    """The variances that the rows show.
 
     start: variances `(1 + axes,)` at which the iteration begins. Those that are zero stay so unless the likelihood
     beside the others grows with them by more than chance.
     """
-    moments = components.moments(np.append(1.0, np.zeros(len(components.axes))))
-    clear = (moments.observed - moments.expected) / np.maximum(moments.uncertainty, 1e-300)
-    if abs(clear[0]) < CERTAIN and clear[1:].max() < CERTAIN:
-        return None
-    variances, active = start, start > 0.0
-    resting = ~active
+    found = _clear(components, start, start > 0.0)
+    assert found is not None
+    resting = start <= 0.0
+    while (growing := resting & (found.moments.growth(found.active) >= CERTAIN)).any():
+        resting &= ~growing
+        first = np.where(growing, found.moments.first(found.active), found.variances)
+        found = _clear(components, first, found.active | growing, growing) or found
+    return found
+
+
+class _Found(NamedTuple):
+    """The likeliest variances, and their uncertainty."""
+
+    variances: Array
+    """`(1 + axes,)`: instrument, and axes; zero for one that is not clear."""
+    active: np.ndarray
+    """True `(1 + axes,)` for those that are clear, and for the instrument."""
+    moments: _Moments
+    error: Array
+    """Standard errors `(1 + axes,)`."""
+
+    @property
+    def estimate(self) -> _Estimate | None:
+        """The estimate; None where it agrees with the specification."""
+        factor = float(self.variances[0]) if abs(self.variances[0] - 1.0) > CERTAIN * self.error[0] else 1.0
+        return None if factor == 1.0 and not self.variances[1:].any() else _Estimate(factor, self.variances[1:])
+
+
+def _clear(
+    components: _Components, variances: Array, active: np.ndarray, wanted: np.ndarray | None = None
+) -> _Found | None:
+    """The likeliest variances of the active ones, without those that are not clear; None as soon as none is `wanted`.
+
+    variances `(1 + axes,)`: at which the iteration begins.
+    """
+    within = ROUGH
     while True:
-        variances, moments = _likeliest(components, variances, active)
+        variances, moments = _likeliest(components, variances, active, within)
         error = np.zeros(len(variances))
         # two axes of a part measured in two coordinates are as uncertain as its instrument
         values, vectors = np.linalg.eigh(moments.information[np.ix_(active, active)])
         error[active] = np.sqrt(vectors**2 @ (1.0 / np.maximum(values, RIDGE * values[-1])))
         clear = np.divide(variances, error, out=np.full(len(error), np.inf), where=active & (error > 0.0))
         clear[0] = np.inf
-        if clear.min() >= CERTAIN:
-            growing = resting & (moments.growth(active) >= CERTAIN)
-            if not growing.any():
-                break
-            resting, active, variances = resting & ~growing, active | growing, np.where(growing, NOTHING, variances)
-            continue
-        # two axes may explain the same: without one of them the other is clear
-        dropped = active & (clear <= max(clear.min(), NEVER))
-        active, variances = active & ~dropped, np.where(dropped, 0.0, variances)
-    factor = float(variances[0]) if abs(variances[0] - 1.0) > CERTAIN * error[0] else 1.0
-    return None if factor == 1.0 and not variances[1:].any() else _Estimate(factor, variances[1:])
+        if clear.min() < CERTAIN - 2.0 * (within - CONVERGED):
+            # two axes may explain the same: without one of them the other is clear
+            dropped = active & (clear <= max(clear.min(), NEVER))
+            active, within, variances = active & ~dropped, ROUGH, np.where(dropped, 0.0, variances)
+            if wanted is not None and not (active & wanted).any():
+                return None
+        elif within > CONVERGED:
+            within = CONVERGED
+        else:
+            return _Found(variances, active, moments, error)
 
 
-def _likeliest(components: _Components, variances: Array, active: np.ndarray) -> tuple[Array, _Moments]:
+def _as_specified(components: _Components) -> bool:
+    """True where no variance differs clearly from the specification."""
+    moments = components.moments(np.append(1.0, np.zeros(len(components.axes))))
+    clear = (moments.observed - moments.expected) / np.maximum(moments.uncertainty, 1e-300)
+    return bool(abs(clear[0]) < CERTAIN and clear[1:].max() < CERTAIN)
+
+
+def _likeliest(
+    components: _Components, variances: Array, active: np.ndarray, within: float
+) -> tuple[Array, _Moments]:
     """The likeliest variances `(1 + axes,)`, of the active ones, and the moments there, by Fisher's scoring.
 
-    A variance whose step turns back takes the secant's: scoring would overshoot in turn.
+    within: length of the last step, in standard errors of the variances. A variance whose step turns back takes the
+    secant's: scoring would overshoot in turn.
     """
     steps, taken = np.zeros(len(variances)), np.zeros(len(variances))
     for _ in range(STEPS):
         moments = components.moments(variances)
-        slope = 0.5 * (moments.observed - moments.expected)
+        slope = moments.slope
         shown = np.diag(moments.information) > 0.0  # not so for a table's axis, by targets on the tool from the bed
         free = np.flatnonzero(active & shown & ((variances > NOTHING) | (slope > 0.0)))
         if not len(free):
@@ -180,7 +219,7 @@ def _likeliest(components: _Components, variances: Array, active: np.ndarray) ->
         moved, before, variances = variances[free] + share * steps[free], variances, variances.copy()
         variances[free] = np.clip(moved, np.maximum(variances[free] / FARTHEST, NOTHING), variances[free] * FARTHEST)
         taken = variances - before
-        if np.abs(step).max() < CONVERGED:
+        if np.abs(step).max() < within:
             break
     return variances, moments
 
@@ -244,12 +283,24 @@ class _Moments(NamedTuple):
 
         Rao's score: at a variance of zero it is at least the estimate in units of its standard deviation.
         """
-        shared = self.information[active]
-        own = self.information[np.ix_(active, active)]
+        left = self._beside(active)
+        return np.divide(self.slope, np.sqrt(np.maximum(left, 0.0)), out=np.zeros(len(left)), where=left > 0.0)
+
+    def first(self, active: np.ndarray) -> Array:
+        """First estimate `(1 + axes,)` of each variance beside the active ones, from a variance of zero."""
+        left = self._beside(active)
+        return np.divide(self.slope, left, out=np.zeros(len(left)), where=left > 0.0)
+
+    @property
+    def slope(self) -> Array:
+        """Slope `(1 + axes,)` of the log likelihood along each variance."""
+        return np.asarray(0.5 * (self.observed - self.expected))
+
+    def _beside(self, active: np.ndarray) -> Array:
+        """Information `(1 + axes,)` on each variance with the active ones unknown."""
+        shared, own = self.information[active], self.information[np.ix_(active, active)]
         known = np.sum(shared * (np.linalg.pinv(own, SHARED, hermitian=True) @ shared), axis=0)
-        left = np.diag(self.information) - known
-        slope = 0.5 * (self.observed - self.expected)
-        return np.asarray(np.divide(slope, np.sqrt(np.maximum(left, 0.0)), out=np.zeros(len(slope)), where=left > 0.0))
+        return np.asarray(np.diag(self.information) - known)
 
 
 @dataclass(frozen=True)
@@ -371,14 +422,14 @@ class _Components:
         whole = decorrelation.apply(whitened(white, self.residual)).reshape(-1)
         posterior = Posterior(design.T @ design, self.limited)
         whole = whole - design @ posterior.solve(design.T @ whole - self.limited * self.away)
-        spanned, residual = posterior.spanned(design).reshape(n, d, -1), whole.reshape(n, d)
+        spanned, residual = posterior.spanned(design, in_place=True).reshape(n, d, -1), whole.reshape(n, d)
         arms, roots = decorrelation.apply(white @ self.arms), white @ np.linalg.cholesky(self.specified)
         k = len(variances)
         observed, expected, information = np.zeros(k), np.zeros(k), np.zeros((k, k))
         shared = {some.rows.shape[1]: some.matrices for some in decorrelation.stops}
         for rows in self.stops_alike:
             count, m = rows.shape
-            absorbing = spanned[rows].reshape(count, m * d, q)
+            absorbing = (spanned if rows.size == n else spanned[rows]).reshape(count, m * d, q)
             free = np.eye(m * d) - absorbing @ np.swapaxes(absorbing, 1, 2)
             # the errors of the instrument are independent in the rows of a stop, those of an axis are the same
             own = np.zeros((count, m, d, m, d))

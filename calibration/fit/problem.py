@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,13 @@ FIXED = 1e-9
 """Prior standard deviation of a parameter that is held."""
 KEPT = 8_000_000
 """Most numbers of derivatives that are kept from step to step."""
+REWEIGHTINGS = 3
+"""Most changes of the weights for one step."""
+SETTLED = 1e-3
+"""Largest change of a weight that is left aside."""
+AHEAD = 1.9
+"""Over-relaxation of every other step: with Huber weights a Gauss-Newton step is too short. Below 2 the objective
+cannot rise by it."""
 HALVINGS = 12
 """Largest number of halvings of a step that raises the objective."""
 ROUNDING = 1e-9
@@ -91,6 +99,16 @@ class Solved(NamedTuple):
         return int(np.count_nonzero(values > UNSEEN * max(float(values.max(initial=0.0)), 1.0))) + self.registered
 
 
+class Reweighted(NamedTuple):
+    """A solution with the weights of the rows after its step."""
+
+    solved: Solved
+    weights: Array
+    """`(n,)`"""
+    normal: NormalEquations
+    """With these weights."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """Measurement, model and priors."""
@@ -114,7 +132,7 @@ class Problem:
 
     def shapes_fixed(self) -> Problem:
         """The problem with its periods and time constants held."""
-        linear = [flag for effect in self.model.effects for flag in effect.linear]
+        linear = self._linear
         if self.prior.ndim == 1:
             return replace(self, prior=np.where(linear, self.prior, FIXED))
         return replace(self, prior=self.prior * np.outer(linear, linear) + np.diag(np.where(linear, 0.0, FIXED)))
@@ -167,9 +185,9 @@ class Problem:
         shortened = ((self.moved(point, 0.5**k * step), k) for k in range(HALVINGS))
         return next((found for found in shortened if objective(found[0]) <= limit), (point, HALVINGS))
 
-    def derivatives(self, point: Point) -> Derivatives | None:
-        """Derivatives of the observations at a point, not whitened; None where they are too many to be kept."""
-        return derivatives(self.measurement, self.at(point.parameters), point.registration, KEPT)
+    def derivatives(self, point: Point) -> Derivatives:
+        """Derivatives of the observations at a point, not whitened."""
+        return derivatives(self.measurement, self.at(point.parameters), point.registration)
 
     def solve(
         self,
@@ -184,17 +202,81 @@ class Problem:
         derivatives: those of a point near by, as `Problem.derivatives`; at the point itself when None. decorrelation:
         the one of the weights.
         """
+        return self.solution(self._normal(point, weights, factor, derivatives, decorrelation), point)
+
+    def solve_reweighted(
+        self, point: Point, weights_of: Callable[[Array], Array], factor: float, derivatives: Derivatives
+    ) -> Reweighted:
+        """The step at a point with the weights that the rows have after it, to first order.
+
+        weights_of: weights of rows by their squared distances `(n,)`; the others as in `solve`.
+        """
+        weights = weights_of(self.distances(point))
+        normal = self._normal(point, weights, factor, derivatives)
+        solved = self.solution(normal, point)
+        aim = np.zeros(len(solved.step))
+        for k in range(REWEIGHTINGS):
+            aim = aim + (solved.step - aim) * (AHEAD if k % 2 else 1.0)
+            residual = point.residual - derivatives.times(aim)
+            after = weights_of(np.sum(self.whitened(residual) ** 2, axis=1))
+            rows = self._with_their_stops(np.abs(after - weights) > SETTLED)
+            if not len(rows):
+                break
+            some, there = self.rows(rows), replace(point, residual=point.residual[rows])
+            of_rows = partial(some._of_rows, there, factor=factor, derivatives=derivatives.rows(rows))
+            normal.replace(of_rows(weights[rows]), of_rows(after[rows]))
+            weights[rows] = after[rows]
+            solved = self.solution(normal, point)
+        return Reweighted(solved, weights, normal)
+
+    def shapes_moved(self, point: Point, found: Reweighted, share: float) -> Array:
+        """The step `(size,)` that moves periods and time constants by a share, and all else as well as possible then."""
+        fixed = self.shapes_fixed()
+        away = fixed.away(np.where(self._linear, point.parameters, self.model.parameters))
+        held = solution(found.normal, point.registration, fixed.prior, away).step
+        return np.asarray(held + share * (found.solved.step - held))
+
+    def shapes_along(self, step: Array, point: Point) -> Array:
+        """The part of a step of periods and time constants, in units of the priors."""
+        along = self.away(point.parameters + step[point.registered:]) - self.away(point.parameters)
+        return np.asarray(along[~self._linear])
+
+    def _normal(
+        self,
+        point: Point,
+        weights: Array,
+        factor: float,
+        derivatives: Derivatives | None,
+        decorrelation: Decorrelation | None = None,
+    ) -> NormalEquations:
+        """The normal equations of all rows and of what is stated of the registration; arguments as in `solve`."""
+        normal = self._of_rows(point, weights, factor, derivatives, decorrelation)
+        normal.add_stated(self.measurement, point.registration)
+        return normal
+
+    def _of_rows(
+        self,
+        point: Point,
+        weights: Array,
+        factor: float,
+        derivatives: Derivatives | None,
+        decorrelation: Decorrelation | None = None,
+    ) -> NormalEquations:
+        """The same of all rows only."""
         root = np.sqrt(weights / factor)
         decorrelation = decorrelation or self.decorrelation(weights)
         residual = decorrelation.apply(self.whitened(point.residual) * root[:, None])
         white = self.white * root[:, None, None]
         if derivatives is None:
             model = self.at(point.parameters)
-            normal = assemble(self.measurement, model, point.registration, white, residual, decorrelation)
-        else:
-            normal = derivatives.whitened(white, decorrelation).normal(residual)
-        normal.add_stated(self.measurement, point.registration)
-        return self.solution(normal, point)
+            return assemble(self.measurement, model, point.registration, white, residual, decorrelation)
+        return derivatives.whitened(white, decorrelation).normal(residual)
+
+    def _with_their_stops(self, rows: np.ndarray) -> np.ndarray:
+        """Indices of the rows marked `(n,)`, and of those whose noise is shared with theirs."""
+        noise = self.measurement.noise
+        shared = rows if noise is None else np.isin(noise.stop, noise.stop[rows])
+        return np.flatnonzero(shared)
 
     def covariance(self, solved: Solved, widened: float = 1.0) -> Array:
         """Covariance `(p, p)` of the parameters, in their units, with the data's variances times `widened`."""
@@ -218,6 +300,11 @@ class Problem:
     def _inside(self, parameters: Array, step: Array) -> Array:
         moved, bounds = parameters + step, self._bounds
         return np.where(moved <= bounds, (parameters + np.where(np.isfinite(bounds), bounds, 0.0)) / 2, moved)
+
+    @cached_property
+    def _linear(self) -> np.ndarray:
+        """True `(p,)` for parameters on which the observations depend linearly."""
+        return np.array([flag for effect in self.model.effects for flag in effect.linear], bool)
 
     @cached_property
     def _bounds(self) -> Array:

@@ -48,6 +48,11 @@ class NormalEquations:
         for place, part in zip(own, parts, strict=True):
             self.right[place] += part.along(residual)
 
+    def replace(self, before: NormalEquations, after: NormalEquations) -> None:
+        """Replace the equations of some rows by others of them."""
+        self.matrix += after.matrix - before.matrix
+        self.right += after.right - before.right
+
     def in_order(self, order: np.ndarray) -> NormalEquations:
         """The equations in the order of the unknowns; `order` `(size,)` is that of each column of these."""
         back = np.argsort(order)
@@ -78,6 +83,12 @@ class Derivatives(NamedTuple):
     def whitened(self, white: Array, decorrelation: Decorrelation) -> Derivatives:
         """The derivatives whitened by `white` `(n, d, d)` and decorrelated."""
         return self._replace(parts=[part.whitened(white, decorrelation) for part in self.parts])
+
+    def times(self, unknowns: Array) -> Array:
+        """J u `(n, d)` of unknowns `(q,)`."""
+        ends = np.cumsum([part.width for part in self.parts])[:-1]
+        each = np.split(unknowns[self.order], ends)
+        return np.asarray(sum(part.times(own) for part, own in zip(self.parts, each, strict=True)))
 
     def along(self, residual: Array) -> Array:
         """J'r `(q,)` of whitened derivatives J and a residual `(n, d)`."""
@@ -137,7 +148,7 @@ def assemble(
 
 
 def derivatives(
-    measurement: Measurement, model: ErrorModel, registration: Registration, most: float
+    measurement: Measurement, model: ErrorModel, registration: Registration, most: float = np.inf
 ) -> Derivatives | None:
     """Derivatives of the observations of all rows, not whitened; None where more than `most` numbers describe them."""
     scalars = len(measurement) * measurement.components

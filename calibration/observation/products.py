@@ -70,6 +70,10 @@ class Functions(NamedTuple):
         """The functions in some of the rows."""
         return self._replace(first=self.first[rows], values=self.values[rows])
 
+    def sums(self, coefficients: Array) -> Array:
+        """Sums `(n, m)` of the functions with coefficients `(m, size)`."""
+        return np.asarray(np.sum(coefficients[:, self._columns] * self.values, axis=2).T)
+
     def summed(self, other: Functions, table: Array) -> Array:
         """Sums `(size, size of the other, k)` over the rows of products with functions of the other and `(n, k)`."""
         n, width = len(self.values), self.values.shape[1] * other.values.shape[1]
@@ -125,6 +129,14 @@ class Products:
     def rows(self, rows: slice | np.ndarray) -> Products:
         """The columns in some of the rows."""
         return Products(self.arms[rows], None if self.functions is None else self.functions.rows(rows))
+
+    def times(self, parameters: Array) -> Array:
+        """J p `(n, d)`: the columns J times parameters `(m * size,)`."""
+        n, d, m = self.arms.shape
+        if self.functions is None:
+            return np.asarray((self.arms.reshape(n * d, m) @ parameters).reshape(n, d))
+        sums = self.functions.sums(parameters.reshape(m, self.functions.size))
+        return np.asarray((self.arms @ sums[:, :, None])[:, :, 0])
 
     def along(self, residual: Array) -> Array:
         """J'r `(m * size,)`: products of the columns J with a residual `(n, d)`."""

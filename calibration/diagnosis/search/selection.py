@@ -8,7 +8,7 @@ dropped. At the end each cause is compared with its siblings, and replaced by on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence, Set
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations, takewhile
@@ -56,6 +56,8 @@ MANY = 8
 """Blocks from which the fit of the others has nearly all data, so that it evaluates bases as the whole does."""
 FEW = 4.0
 """Observations per effective parameter up to which they leave the choice of bases open."""
+GROWN = 5.0
+"""Factor by which the gain of a cause grows at most if the noise of an axis that hides it is estimated with it."""
 PASSES = 2
 """Most rounds in which a sibling replaces a cause."""
 
@@ -361,15 +363,21 @@ class Selector:
         return found
 
     def _found(
-        self, tried: Sequence[_Tried], accepted: Sequence[Accepted], refused: Set[tuple[str, ...]]
+        self, tried: Sequence[_Tried], accepted: Sequence[Accepted], refused: set[tuple[str, ...]]
     ) -> list[Evaluated]:
         """The likeliest cause among the candidates tried, without those refused; empty without one.
 
-        Two where another one is likelier if noise is even: the noise of an axis hides a cause that acts along it.
+        Two where another one is likelier if noise is even: the noise of an axis hides a cause that acts along it. It is
+        refused where it would remain unlikely if this noise were far smaller with the cause.
         """
         found: list[Evaluated] = []
+        own = {each.candidate.cause: each.score for each in reversed(tried[0].evaluated)}
         for absorbing, evaluated in tried if len(accepted) < MOST else ():
-            best = self._best(absorbing, [each for each in evaluated if _key(each.candidate) not in refused])
+            while best := self._best(absorbing, [each for each in evaluated if _key(each.candidate) not in refused]):
+                score = own.get(best.candidate.cause, best.score)
+                if score.delta_bic <= WORTH + (GROWN - 1.0) * score.gain:
+                    break
+                refused.add(_key(best.candidate))
             if best and all(best.candidate.cause != each.candidate.cause for each in found):
                 found.append(best)
         return found
