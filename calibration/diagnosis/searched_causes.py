@@ -38,7 +38,6 @@ from calibration.diagnosis.unseen.beside_moving import (
 )
 from calibration.diagnosis.unseen.fast_swing import fast_swing
 from calibration.diagnosis.verdict import verdict_of
-from kinematics.effects import Effect
 from kinematics.running.progress import Progress, silent
 
 GATE = 0.2
@@ -171,7 +170,7 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
 
     def selected(known: Sequence[Accepted]) -> tuple[Selection, Stage]:
         """The causes beside those known, and the stage compared with siblings; once for the same base and causes."""
-        key = repr((selector.base.bases, [(each.candidate.effect, each.size.tolist()) for each in known]))
+        key = repr((selector.base.bases, _forms(known)))
         if key not in done:
             selection = selector.select(known)
             done[key] = selection, selector.against_siblings(selection.stages[-1])
@@ -181,7 +180,7 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
     for _ in range(AGAIN):
         base = selector.chosen_again(stage)
         # a selection would add again the causes that its siblings have replaced
-        back = _effects(stage.accepted) == _effects(known)
+        back = _forms(stage.accepted) == _forms(known)
         settled = back or len(stage.accepted) == len(selection.stages[-1].accepted)
         if base is selector.base and settled:
             break
@@ -190,8 +189,9 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
     return Found(selector, stage, selection.last_round)
 
 
-def _effects(accepted: Sequence[Accepted]) -> list[Effect]:
-    return [each.candidate.effect for each in accepted]
+def _forms(accepted: Sequence[Accepted]) -> list[tuple[object, ...]]:
+    """Forms of causes, and the moments of those that begin at one: a fit refines their other shapes."""
+    return [(*each.candidate.form, getattr(each.candidate.effect, "since_s", None)) for each in accepted]
 
 
 def _noisier(stage: Stage) -> bool:

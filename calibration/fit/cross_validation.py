@@ -212,7 +212,7 @@ class LeavingOut:
     @cached_property
     def _design(self) -> Derivatives | None:
         """Whitened derivatives; None where they are too many to be kept."""
-        derivatives = self.problem.derivatives(self.point)
+        derivatives = self.problem.few_derivatives(self.point)
         return None if derivatives is None else derivatives.whitened(self.problem.white, self._decorrelation)
 
     @cached_property

@@ -50,12 +50,8 @@ STEPS_OF_OUTLIERS = 10
 """Largest number of steps with all rows, each with the outliers that the last one showed."""
 CONVERGED = 1e-3
 """Length of a step, in standard uncertainties, below which the iteration ends."""
-RENEWED = 3
-"""Steps in which derivatives are calculated anew where they depend on the parameters; then the last ones serve, except
-after a step that was halved."""
-AHEAD = 1.9
-"""Over-relaxation of every other step: with Huber weights a Gauss-Newton step is too short. Below 2 the objective
-cannot rise by it."""
+LONGEST = 8.0
+"""Largest multiple, and smallest share, of a Gauss-Newton step that is tried."""
 DOUBTFUL_P = 1e-3
 """p of chi2 below which the uncertainties of the instrument specification are widened to the residuals (Birge)."""
 
@@ -281,8 +277,8 @@ def _iterate(problem: Problem, point: Point, variance: Variance, stop: np.ndarra
     """
     components = problem.measurement.components
     factor, effective_parameters, least = 1.0, 0.0, 1.0
-    shaped = not all(flag for effect in problem.model.effects for flag in effect.linear)
-    derivatives, share, last = None, 1.0, None
+    shaped = not problem.linear.all()
+    derivatives, last, taken = None, np.zeros(0), np.zeros(0)
     for step in range(STEPS):
         if shaped or derivatives is None:
             derivatives = problem.derivatives(point)
@@ -293,24 +289,34 @@ def _iterate(problem: Problem, point: Point, variance: Variance, stop: np.ndarra
         # amplitudes first: a period or time constant is undetermined without one
         held = shapes_held and not step
         found = (problem.shapes_fixed() if held else problem).solve_reweighted(point, weights_of, factor, derivatives)
-        solved, weights, _ = found
-        aim = solved.step
+        aim = found.solved.step
         if shaped and not held:
-            along = problem.shapes_along(aim, point)
-            if last is not None and last @ last > 0.0:
-                curvature = (1.0 - float(along @ last) / float(last @ last)) / share
-                share = min(max(1.0 / curvature, 0.1), 1.9) if curvature > 0.0 else 1.0
-            aim = problem.shapes_moved(point, found, share)
-            last = along
-        before, effective_parameters = point, solved.effective_parameters
-        point, halvings = problem.descended(point, aim, weights, factor, problem.decorrelation(weights))
-        share *= 0.5**halvings
+            own = problem.shapes_of(aim, point)
+            taken = own * _shares(own, last, taken)
+            aim, last = problem.step_with_shapes(taken, point, found.normal), own
+        before, effective_parameters = point, found.solved.effective_parameters
+        decorrelation = problem.decorrelation(found.weights)
+        point, halvings = problem.descended(point, aim, found.weights, factor, decorrelation)
+        taken = taken * 0.5**halvings
         if variance == "estimate":
-            least = _least(solved, len(stop) * components, variance)
+            least = _least(found.solved, len(stop) * components, variance)
             factor = robust_factor(problem.distances(point), components, effective_parameters, least, stop)
-        if step and (solved.length < CONVERGED or point is before):
+        if step and (found.solved.length < CONVERGED or point is before):
             break
-    return _Solution(point, factor, solved)
+    return _Solution(point, factor, found.solved)
+
+
+def _shares(own: Array, last: Array, taken: Array) -> Array:
+    """Shares `(k,)` of the Gauss-Newton steps of shapes that lead to their zero by the secant.
+
+    last, taken: the steps before, and the moves that were made then; empty for none. Where residuals are large, a
+    Gauss-Newton step is too long or far too short.
+    """
+    if not len(last):
+        return np.ones(len(own))
+    change = last - own
+    secant = np.divide(taken, change, out=np.full(len(own), np.inf), where=change != 0.0)
+    return np.where(secant > 0.0, np.clip(secant, 1.0 / LONGEST, LONGEST), LONGEST)
 
 
 def _least(solved: Solved, scalars: int, variance: Variance) -> float:

@@ -193,9 +193,7 @@ def _as_specified(components: _Components) -> bool:
     return bool(abs(clear[0]) < CERTAIN and clear[1:].max() < CERTAIN)
 
 
-def _likeliest(
-    components: _Components, variances: Array, active: np.ndarray, within: float
-) -> tuple[Array, _Moments]:
+def _likeliest(components: _Components, variances: Array, active: np.ndarray, within: float) -> tuple[Array, _Moments]:
     """The likeliest variances `(1 + axes,)`, of the active ones, and the moments there, by Fisher's scoring.
 
     within: length of the last step, in standard errors of the variances. A variance whose step turns back takes the

@@ -34,7 +34,7 @@ UNSEEN = 1e-10
 FIXED = 1e-9
 """Prior standard deviation of a parameter that is held."""
 KEPT = 8_000_000
-"""Most numbers of derivatives that are kept from step to step."""
+"""Most numbers of derivatives of all rows that are kept."""
 REWEIGHTINGS = 3
 """Most changes of the weights for one step."""
 SETTLED = 1e-3
@@ -132,7 +132,7 @@ class Problem:
 
     def shapes_fixed(self) -> Problem:
         """The problem with its periods and time constants held."""
-        linear = self._linear
+        linear = self.linear
         if self.prior.ndim == 1:
             return replace(self, prior=np.where(linear, self.prior, FIXED))
         return replace(self, prior=self.prior * np.outer(linear, linear) + np.diag(np.where(linear, 0.0, FIXED)))
@@ -187,7 +187,13 @@ class Problem:
 
     def derivatives(self, point: Point) -> Derivatives:
         """Derivatives of the observations at a point, not whitened."""
-        return derivatives(self.measurement, self.at(point.parameters), point.registration)
+        found = derivatives(self.measurement, self.at(point.parameters), point.registration)
+        assert found is not None
+        return found
+
+    def few_derivatives(self, point: Point) -> Derivatives | None:
+        """The same; None where they are too many to be kept."""
+        return derivatives(self.measurement, self.at(point.parameters), point.registration, KEPT)
 
     def solve(
         self,
@@ -229,17 +235,16 @@ class Problem:
             solved = self.solution(normal, point)
         return Reweighted(solved, weights, normal)
 
-    def shapes_moved(self, point: Point, found: Reweighted, share: float) -> Array:
-        """The step `(size,)` that moves periods and time constants by a share, and all else as well as possible then."""
-        fixed = self.shapes_fixed()
-        away = fixed.away(np.where(self._linear, point.parameters, self.model.parameters))
-        held = solution(found.normal, point.registration, fixed.prior, away).step
-        return np.asarray(held + share * (found.solved.step - held))
+    def shapes_of(self, step: Array, point: Point) -> Array:
+        """The part of a step that moves periods and time constants, in their units."""
+        return np.asarray(step[point.registered :][~self.linear])
 
-    def shapes_along(self, step: Array, point: Point) -> Array:
-        """The part of a step of periods and time constants, in units of the priors."""
-        along = self.away(point.parameters + step[point.registered:]) - self.away(point.parameters)
-        return np.asarray(along[~self._linear])
+    def step_with_shapes(self, shapes: Array, point: Point, normal: NormalEquations) -> Array:
+        """The step `(size,)` that moves periods and time constants as given, and all else as well as possible then."""
+        fixed = self.shapes_fixed()
+        away = fixed.away(np.where(self.linear, point.parameters, self.model.parameters))
+        away[~self.linear] = -shapes / FIXED
+        return solution(normal, point.registration, fixed.prior, away).step
 
     def _normal(
         self,
@@ -302,7 +307,7 @@ class Problem:
         return np.where(moved <= bounds, (parameters + np.where(np.isfinite(bounds), bounds, 0.0)) / 2, moved)
 
     @cached_property
-    def _linear(self) -> np.ndarray:
+    def linear(self) -> np.ndarray:
         """True `(p,)` for parameters on which the observations depend linearly."""
         return np.array([flag for effect in self.model.effects for flag in effect.linear], bool)
 

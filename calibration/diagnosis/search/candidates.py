@@ -129,6 +129,11 @@ class Candidate:
         moment = None if getattr(self.effect, "since_s", None) is None else "since"
         return self.kind, self.axis, "".join(str(field) for field in (*fields, moment) if field is not None) or None
 
+    @property
+    def form(self) -> tuple[str, ...]:
+        """Key that candidates of one cause and as many parameters share, whatever their periods and time constants."""
+        return (*map(str, self.cause), str(len(self.effect.parameters)))
+
 
 @dataclass(frozen=True)
 class Untested:

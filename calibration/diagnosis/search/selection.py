@@ -136,7 +136,7 @@ class Selector:
             if not found:
                 last_round = (each._replace(projected=each.projected.summary) for each in tried[0].evaluated)
                 return Selection(tuple(stages), tuple(last_round))
-            refused.update(_key(each.candidate) for each in found)
+            refused.update(each.candidate.form for each in found)
             trials = []
             for each in found:
                 self.progress(f"fitting {each.candidate.effect.name} along; found: {_listed(now.accepted)}")
@@ -144,7 +144,7 @@ class Selector:
             trial = min(trials, key=lambda trial: trial.cost + 2.0 * trial.rarity)
             other = self.refined(now)
             if other is not now and other.cost < trial.cost:
-                refused.difference_update(_key(each.candidate) for each in found)
+                refused.difference_update(each.candidate.form for each in found)
                 stages[-1], tried = other, []
                 continue
             if trial.accepted[-1].score.delta_bic < WORTH and not trial.predicts_worse_than(now):
@@ -264,7 +264,7 @@ class Selector:
         """The stage with another form of a cause (time constants, course, fixed point) that explains more."""
         for i, own in enumerate(stage.accepted):
             without = stage.without(i)
-            others = [c for c in self.library if c.cause == own.candidate.cause and _key(c) != _key(own.candidate)]
+            others = [c for c in self.library if c.cause == own.candidate.cause and c.form != own.candidate.form]
             others += about_another_point(without, own.candidate)
             if not others:
                 continue
@@ -373,11 +373,11 @@ class Selector:
         found: list[Evaluated] = []
         own = {each.candidate.cause: each.score for each in reversed(tried[0].evaluated)}
         for absorbing, evaluated in tried if len(accepted) < MOST else ():
-            while best := self._best(absorbing, [each for each in evaluated if _key(each.candidate) not in refused]):
+            while best := self._best(absorbing, [each for each in evaluated if each.candidate.form not in refused]):
                 score = own.get(best.candidate.cause, best.score)
                 if score.delta_bic <= WORTH + (GROWN - 1.0) * score.gain:
                     break
-                refused.add(_key(best.candidate))
+                refused.add(best.candidate.form)
             if best and all(best.candidate.cause != each.candidate.cause for each in found):
                 found.append(best)
         return found
@@ -424,7 +424,3 @@ def _at_once(candidate: Candidate, accepted: Sequence[Accepted]) -> Candidate:
 
 def _listed(accepted: Sequence[Accepted]) -> str:
     return ", ".join(each.candidate.effect.name for each in accepted) or "none yet"
-
-
-def _key(candidate: Candidate) -> tuple[str, ...]:
-    return (*map(str, candidate.cause), str(len(candidate.effect.parameters)))
