@@ -64,12 +64,15 @@ class WithNoise(NamedTuple):
     of_visits: Measurement
     """Without misfit: where positions recur, the noise is at most the scatter of their visits. For the search for
     errors that the model lacks; `EstimatedNoise.misfit` names the remaining axes."""
+    variances: Array | None = None
+    """Likeliest variances `(1 + axes,)` of the instrument and the moving axes; None where they are as specified."""
 
     @classmethod
-    def of(cls, found: Fit) -> WithNoise:
-        """The measurement of a fit with its noise."""
-        whole, of_visits = _estimated(found) or (None, None)
-        return cls(found, replace(found.measurement, noise=whole), replace(found.measurement, noise=of_visits))
+    def of(cls, found: Fit, near: WithNoise | None = None) -> WithNoise:
+        """The measurement of a fit with its noise; near: of a similar fit to the same rows, where the estimate begins."""
+        whole, of_visits, variances = _estimated(found, None if near is None else near.variances) or (None, None, None)
+        measurement = found.measurement
+        return cls(found, replace(measurement, noise=whole), replace(measurement, noise=of_visits), variances)
 
 
 def with_estimated_noise(found: Fit) -> Measurement:
@@ -82,14 +85,20 @@ def with_noise_of_visits(found: Fit) -> Measurement:
     return WithNoise.of(found).of_visits
 
 
-def _estimated(found: Fit) -> tuple[EstimatedNoise, EstimatedNoise] | None:
-    """The noise that the residuals show, with misfit and without; None where they agree with the specification."""
+def _estimated(found: Fit, near: Array | None) -> tuple[EstimatedNoise, EstimatedNoise, Array] | None:
+    """The noise that the residuals show, with misfit and without, and its variances; None for that of the specification.
+
+    near: variances `(1 + axes,)` at which the estimate begins.
+    """
     measurement = replace(found.measurement, noise=None)
     axes = list(moving_axes(measurement))
     if measurement.components == 1 or measurement.across is not None or not axes:
         return None
     every = _Components.of(found, measurement, axes)
-    good, start = every.agreeing(None), np.append(1.0, np.full(len(axes), START))
+    if near is None:
+        good, start = every.agreeing(None), np.append(1.0, np.full(len(axes), START))
+    else:
+        good, start = every.agreeing(_Estimate(float(near[0]), near[1:])), np.maximum(near, NOTHING)
     for _ in range(ROUNDS):
         likeliest = None if _as_specified(every.rows(good)) else _estimate(every.rows(good), start)
         if likeliest is None or likeliest.estimate is None:
@@ -112,7 +121,7 @@ def _estimated(found: Fit) -> tuple[EstimatedNoise, EstimatedNoise] | None:
         shown, repeating = visits.factor, sizes(visits.of_axes)
         return EstimatedNoise(of.factor, repeating, stops(measurement), own, misfit, shown, every.rows(good).revisited)
 
-    return noise(estimate), noise(visits)
+    return noise(estimate), noise(visits), start
 
 
 class _Estimate(NamedTuple):

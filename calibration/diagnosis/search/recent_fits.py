@@ -46,7 +46,8 @@ class RecentFits:
         made = base.cautious_fit if cautious else base.fit
 
         def first() -> WithNoise:
-            return _kept(self.first, key, lambda: base.first_fit(measurement, chosen, variance))
+            last = next(reversed(self.first.values()), None)
+            return _kept(self.first, key, lambda: base.first_fit(measurement, chosen, variance, last))
 
         known = self.cautious if cautious else self.fits
         return _kept(known, key, lambda: made(measurement, chosen, variance, first()))

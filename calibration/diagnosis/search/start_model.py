@@ -157,10 +157,17 @@ class Base:
         return _of_choice(measurement, coarse_choice(measurement), self.known)
 
     def first_fit(
-        self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
+        self,
+        measurement: Measurement,
+        accepted: Sequence[tuple[Candidate, np.ndarray]],
+        variance: Variance,
+        near: WithNoise | None = None,
     ) -> WithNoise:
-        """The fit of the base and of accepted candidates, each with its linear sizes in units of the typical ones."""
-        return WithNoise.of(self.fit_as_noisy(measurement, accepted, variance))
+        """The fit of the base and of accepted candidates, each with its linear sizes in units of the typical ones.
+
+        near: a similar fit, with whose noise the estimate begins.
+        """
+        return WithNoise.of(self.fit_as_noisy(measurement, accepted, variance), near)
 
     def fit(
         self,
@@ -174,8 +181,8 @@ class Base:
         The noise is estimated where the residuals contradict the specification; it holds the variance factor then.
         Errors that the model lacks are no noise.
         """
-        first, _, noisy = known or self.first_fit(measurement, accepted, variance)
-        return first if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet", first)
+        first = known or self.first_fit(measurement, accepted, variance)
+        return self._as_noisy_as(first, first.of_visits, accepted)
 
     def cautious_fit(
         self,
@@ -185,8 +192,14 @@ class Base:
         known: WithNoise | None = None,
     ) -> Fit:
         """The same, its uncertainty enlarged by errors that the model lacks."""
-        first, noisy, _ = known or self.first_fit(measurement, accepted, variance)
-        return first if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet", first)
+        first = known or self.first_fit(measurement, accepted, variance)
+        return self._as_noisy_as(first, first.whole, accepted)
+
+    def _as_noisy_as(
+        self, first: WithNoise, noisy: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]]
+    ) -> Fit:
+        """The fit with the noise of a measurement; the first fit where this is as specified."""
+        return first.fit if noisy.noise is None else self.fit_as_noisy(noisy, accepted, "sheet", first.fit)
 
     def fit_as_noisy(
         self,
