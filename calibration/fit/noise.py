@@ -69,7 +69,7 @@ class WithNoise(NamedTuple):
 
     @classmethod
     def of(cls, found: Fit, near: WithNoise | None = None) -> WithNoise:
-        """The measurement of a fit with its noise; near: of a similar fit to the same rows, where the estimate begins."""
+        """The measurement of a fit with its noise; near: that of a similar fit, at which the estimate begins."""
         whole, of_visits, variances = _estimated(found, None if near is None else near.variances) or (None, None, None)
         measurement = found.measurement
         return cls(found, replace(measurement, noise=whole), replace(measurement, noise=of_visits), variances)
@@ -86,7 +86,7 @@ def with_noise_of_visits(found: Fit) -> Measurement:
 
 
 def _estimated(found: Fit, near: Array | None) -> tuple[EstimatedNoise, EstimatedNoise, Array] | None:
-    """The noise that the residuals show, with misfit and without, and its variances; None for that of the specification.
+    """The noise that the residuals show, with misfit and without, and its variances; None where it is as specified.
 
     near: variances `(1 + axes,)` at which the estimate begins.
     """
