@@ -170,3 +170,14 @@ def test_a_noisy_instrument_is_told_from_a_poor_model_by_positions_measured_agai
     assert found.revisited is again
     assert ("The instrument scatters" in found.text) is again
     assert ("the model lacks errors" in found.text) is not again
+
+
+@pytest.mark.parametrize("other", [{}, {0: 0.003}, {1: 0.05}, {0: 0.05, 1: 0.05, 2: 0.05}])
+def test_an_estimate_that_begins_at_that_of_another_fit_is_the_same(other):
+    """Also at one with other axes: those come back, or fall."""
+    found = fitted(with_stops(3, {0: 0.05, 1: 0.03}))
+    alone, near = noise.WithNoise.of(found), noise.WithNoise.of(fitted(with_stops(3, other)))
+    beside = noise.WithNoise.of(found, near)
+    assert (near.variances is None) == (max(other.values(), default=0.0) < 0.01)
+    assert beside.whole.noise.instrument_factor == alone.whole.noise.instrument_factor
+    assert beside.whole.noise.non_repeatability == pytest.approx(alone.whole.noise.non_repeatability, rel=0.01)

@@ -14,10 +14,11 @@ from calibration.fit.bases.selection import choose
 from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import cross_validate
 from calibration.fit.datum import gauge, null_space, to_datum
-from calibration.fit.fit import fit
+from calibration.fit.fit import _shares, fit
 from calibration.fit.identifiability import identifiability
 from calibration.fit.linear import effective_parameters
 from calibration.fit.location_errors import split_locations, transformed
+from calibration.fit.problem import Problem
 from calibration.measurement.instruments import Interferometer, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.measurement.registration import PLANAR, Registration
@@ -380,3 +381,52 @@ def test_effective_parameters_beside_information_that_is_large_beyond_rounding()
     known = np.diag([1e18, 3.0, 0.0])
     assert effective_parameters(known) == pytest.approx(1.75)
     assert effective_parameters(np.diag([1e22, -1e5, -1e5])) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("times", [0.15, 0.5, 1.9, 2.5, 7.0])
+def test_steps_of_shapes_that_are_too_long_or_too_short_end_by_the_secant(times):
+    """Gauss-Newton alone would diverge from 2 times on, and creep far below 1."""
+    left, last, taken = np.array([3.0, -1.0]), np.zeros(0), np.zeros(0)
+    for _ in range(3):
+        own = -times * left
+        taken, last = own * _shares(own, last, taken), own
+        left = left + taken
+    np.testing.assert_allclose(left, 0.0, atol=1e-9)
+
+
+def test_a_step_with_its_own_shapes_is_the_step():
+    """With none, the step that holds them."""
+    rng = np.random.default_rng(4)
+    model = truth(MONTAVON, rng)
+    drifting = msgspec.structs.replace(
+        model, effects=(*model.effects, ThermalDrift("X", amplitudes=(30.0,), time_constants_s=(900.0,)))
+    )
+    data = measured(MONTAVON, positions(MONTAVON, 120, rng), THREE, drifting, rng)
+    problem = Problem.of(data, drifting, priors(drifting))
+    point = problem.point(1.1 * np.array(drifting.parameters), equations.start(data, np.ones(len(data), bool)))
+    found = problem.solve_reweighted(point, np.ones_like, 1.0, problem.derivatives(point))
+    own = problem.shapes_of(found.solved.step, point)
+    assert len(own) == 1
+    scale = np.abs(found.solved.step).max()
+    np.testing.assert_allclose(problem.step_with_shapes(own, point, found.normal), found.solved.step, atol=1e-6 * scale)
+    held = problem.step_with_shapes(0.0 * own, point, found.normal)
+    assert abs(problem.shapes_of(held, point)[0]) < 1e-6 * abs(own[0])
+
+
+def test_reweighted_steps_have_the_weights_that_follow_them():
+    model, data = montavon(THREE)
+    off = data.observed.copy()
+    off[::17] += 0.5
+    data = replace(data, observed=off)
+    problem = Problem.of(data, model, priors(model))
+    point = problem.point(np.array(model.parameters), equations.start(data, np.ones(len(data), bool)))
+    derivatives = problem.derivatives(point)
+
+    def weights_of(distances):
+        return 1.0 / np.maximum(distances / 8.0, 1.0) ** 0.5
+
+    found = problem.solve_reweighted(point, weights_of, 1.0, derivatives)
+    direct = problem.solve(point, found.weights, 1.0, derivatives)
+    np.testing.assert_allclose(found.solved.step, direct.step, atol=1e-9 * np.abs(direct.step).max())
+    after = replace(point, residual=point.residual - derivatives.times(direct.step))
+    assert np.abs(weights_of(problem.distances(after)) - found.weights).max() < 0.2

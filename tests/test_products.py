@@ -60,6 +60,8 @@ def test_blocks_are_those_of_the_columns(of_both, d, m):
         parts.append(Products(rng.normal(size=(len(table), d, arms)), functions))
     parts.append(Products(rng.normal(size=(len(table), d, 2))))
     for a in parts:
+        parameters = rng.normal(size=a.width)
+        np.testing.assert_allclose(a.times(parameters), a.columns @ parameters, rtol=0, atol=1e-11)
         for b in parts:
             columns = [part.columns.reshape(len(table) * d, part.width) for part in (a, b)]
             expected = columns[0].T @ columns[1]

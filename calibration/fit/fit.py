@@ -9,7 +9,7 @@ instead, whose finite uncertainties of such parameters have no meaning.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -282,10 +282,9 @@ def _iterate(problem: Problem, point: Point, variance: Variance, stop: np.ndarra
     for step in range(STEPS):
         if shaped or derivatives is None:
             derivatives = problem.derivatives(point)
-
-        def weights_of(distances: Array, taken: float = effective_parameters, least: float = least) -> Array:
-            return huber_weights(distances, components, robust_factor(distances, components, taken, least, stop))
-
+        weights_of = partial(
+            _huber, components=components, effective_parameters=effective_parameters, least=least, stop=stop
+        )
         # amplitudes first: a period or time constant is undetermined without one
         held = shapes_held and not step
         found = (problem.shapes_fixed() if held else problem).solve_reweighted(point, weights_of, factor, derivatives)
@@ -304,6 +303,11 @@ def _iterate(problem: Problem, point: Point, variance: Variance, stop: np.ndarra
         if step and (found.solved.length < CONVERGED or point is before):
             break
     return _Solution(point, factor, found.solved)
+
+
+def _huber(distances: Array, components: int, effective_parameters: float, least: float, stop: np.ndarray) -> Array:
+    """Huber's weights `(n,)` of rows by their squared distances; the rest as `robust_factor` takes it."""
+    return huber_weights(distances, components, robust_factor(distances, components, effective_parameters, least, stop))
 
 
 def _shares(own: Array, last: Array, taken: Array) -> Array:
