@@ -261,7 +261,8 @@ def wandering(stage: Stage) -> list[Accepted]:
         dependence = unexplained(without)
         if dependence is None or TIME not in dependence.variables:
             continue
-        alone = log_odds_of_function(without, dependence)
+        # the model may imitate all terms of a function that begins late, and still not the course itself
+        alone = log_odds_of_function(without, dependence) or _of_whole_function(without, dependence)
         if alone > max(-0.5 * score.delta_bic, own / FAR_MORE) and not _stands_beside(even, i, dependence):
             found.append(each)
     return found
@@ -301,11 +302,14 @@ def _likelier_with(stage: Stage, numbers: Sequence[int], dependence: Unexplained
     loses more evidence than the imitation has.
     """
     without = stage.without(*numbers)
-    alone, beside = (
-        absorbing(rest, dependence, whole=True, walk=False).log_odds for rest in (without, stage.linearised)
-    )
+    alone, beside = (_of_whole_function(rest, dependence) for rest in (without, stage.linearised))
     own = by_evidence(without, *(stage.accepted[i].candidate for i in numbers))
     return own + beside > alone + EVIDENCE
+
+
+def _of_whole_function(linearised: LinearisedFit, dependence: Unexplained) -> float:
+    """Log odds of the whole function against none, also of its terms that the model can imitate."""
+    return absorbing(linearised, dependence, whole=True, walk=False).log_odds
 
 
 def _far_less_than_walk(stage: Stage, index: int) -> bool:
