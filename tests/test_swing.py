@@ -189,9 +189,17 @@ def test_a_part_of_a_swing_is_no_cause():
 
 
 def test_of_many_rows_it_is_found_by_some_of_them(monkeypatch):
-    """With another noise the model may have fewer parameters, and more rows are evaluated."""
+    """The model beside the swing has another number of parameters, and is evaluated at other rows."""
     monkeypatch.setattr(evaluated_rows, "LEAST_ROWS", 100)
-    monkeypatch.setattr(evaluated_rows, "ENTRIES", 40_000)
+    monkeypatch.setattr(evaluated_rows, "ENTRIES", 50_000)
     found = diagnosed(SLOW)
     assert len(found.after.linearised.rows) < len(found.measurement)
     assert abs(found.swing.period - SLOW.period) < 4.0 * found.swing.u
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("design", ["lines-once", "three-targets"])
+def test_a_pad_that_gives_way_faster_and_faster_is_no_jump(design):
+    """The model imitates all terms of a function that explains far more than a jump about A late in the run."""
+    found = exam.answer(exam.Key(design, "floor", "cframe", 0, 82001), timeout=600)
+    assert (found["named"], found["false"]) == (1, [])
