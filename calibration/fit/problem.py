@@ -208,7 +208,9 @@ class Problem:
         derivatives: those of a point near by, as `Problem.derivatives`; at the point itself when None. decorrelation:
         the one of the weights.
         """
-        return self.solution(self._normal(point, weights, factor, derivatives, decorrelation), point)
+        normal = self._of_rows(point, weights, factor, derivatives, decorrelation)
+        normal.add_stated(self.measurement, point.registration)
+        return self.solution(normal, point)
 
     def solve_reweighted(
         self, point: Point, weights_of: Callable[[Array], Array], factor: float, derivatives: Derivatives
@@ -218,7 +220,8 @@ class Problem:
         weights_of: weights of rows by their squared distances `(n,)`; the others as in `solve`.
         """
         weights = weights_of(self.distances(point))
-        normal = self._normal(point, weights, factor, derivatives)
+        normal = self._of_rows(point, weights, factor, derivatives)
+        normal.add_stated(self.measurement, point.registration)
         solved = self.solution(normal, point)
         aim = np.zeros(len(solved.step))
         for k in range(REWEIGHTINGS):
@@ -246,19 +249,6 @@ class Problem:
         away[~self.linear] = -shapes / FIXED
         return solution(normal, point.registration, fixed.prior, away).step
 
-    def _normal(
-        self,
-        point: Point,
-        weights: Array,
-        factor: float,
-        derivatives: Derivatives | None,
-        decorrelation: Decorrelation | None = None,
-    ) -> NormalEquations:
-        """The normal equations of all rows and of what is stated of the registration; arguments as in `solve`."""
-        normal = self._of_rows(point, weights, factor, derivatives, decorrelation)
-        normal.add_stated(self.measurement, point.registration)
-        return normal
-
     def _of_rows(
         self,
         point: Point,
@@ -267,7 +257,7 @@ class Problem:
         derivatives: Derivatives | None,
         decorrelation: Decorrelation | None = None,
     ) -> NormalEquations:
-        """The same of all rows only."""
+        """The normal equations of all rows, without what is stated of the registration; arguments as in `solve`."""
         root = np.sqrt(weights / factor)
         decorrelation = decorrelation or self.decorrelation(weights)
         residual = decorrelation.apply(self.whitened(point.residual) * root[:, None])
