@@ -170,9 +170,10 @@ class _Found(NamedTuple):
 def _clear(
     components: _Components, variances: Array, active: np.ndarray, wanted: np.ndarray | None = None
 ) -> _Found | None:
-    """The likeliest variances of the active ones, without those that are not clear; None as soon as none is `wanted`.
+    """The likeliest variances of the active ones, without those that are not clear.
 
-    variances `(1 + axes,)`: at which the iteration begins.
+    variances `(1 + axes,)`: at which the iteration begins. wanted `(1 + axes,)`: once all of these have fallen, the
+    result is None.
     """
     within = ROUGH
     while True:

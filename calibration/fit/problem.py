@@ -208,7 +208,7 @@ class Problem:
         derivatives: those of a point near by, as `Problem.derivatives`; at the point itself when None. decorrelation:
         the one of the weights.
         """
-        normal = self._of_rows(point, weights, factor, derivatives, decorrelation)
+        normal = self._assembled(point, weights, factor, derivatives, decorrelation)
         normal.add_stated(self.measurement, point.registration)
         return self.solution(normal, point)
 
@@ -220,7 +220,7 @@ class Problem:
         weights_of: weights of rows by their squared distances `(n,)`; the others as in `solve`.
         """
         weights = weights_of(self.distances(point))
-        normal = self._of_rows(point, weights, factor, derivatives)
+        normal = self._assembled(point, weights, factor, derivatives)
         normal.add_stated(self.measurement, point.registration)
         solved = self.solution(normal, point)
         aim = np.zeros(len(solved.step))
@@ -232,8 +232,8 @@ class Problem:
             if not len(rows):
                 break
             some, there = self.rows(rows), replace(point, residual=point.residual[rows])
-            of_rows = partial(some._of_rows, there, factor=factor, derivatives=derivatives.rows(rows))
-            normal.replace(of_rows(weights[rows]), of_rows(after[rows]))
+            assembled = partial(some._assembled, there, factor=factor, derivatives=derivatives.rows(rows))
+            normal.replace(assembled(weights[rows]), assembled(after[rows]))
             weights[rows] = after[rows]
             solved = self.solution(normal, point)
         return Reweighted(solved, weights, normal)
@@ -249,7 +249,7 @@ class Problem:
         away[~self.linear] = -shapes / FIXED
         return solution(normal, point.registration, fixed.prior, away).step
 
-    def _of_rows(
+    def _assembled(
         self,
         point: Point,
         weights: Array,
@@ -257,7 +257,7 @@ class Problem:
         derivatives: Derivatives | None,
         decorrelation: Decorrelation | None = None,
     ) -> NormalEquations:
-        """The normal equations of all rows, without what is stated of the registration; arguments as in `solve`."""
+        """The normal equations of the rows, without the stated values of the registration; arguments as in `solve`."""
         root = np.sqrt(weights / factor)
         decorrelation = decorrelation or self.decorrelation(weights)
         residual = decorrelation.apply(self.whitened(point.residual) * root[:, None])

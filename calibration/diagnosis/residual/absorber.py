@@ -73,9 +73,9 @@ def absorbed(linearised: LinearisedFit, dependence: Unexplained | None) -> Linea
     return absorbing(linearised, dependence).linearised
 
 
-def log_odds_of_function(linearised: LinearisedFit, dependence: Unexplained) -> float:
-    """Log odds of the smooth function against none."""
-    return absorbing(linearised, dependence, walk=False).log_odds
+def log_odds_of_function(linearised: LinearisedFit, dependence: Unexplained | None, *, whole: bool = False) -> float:
+    """Log odds of the smooth function against none; whole: also with the terms that the model can imitate."""
+    return absorbing(linearised, dependence, whole=whole, walk=False).log_odds
 
 
 def without_support(stage: Stage, fair: Stage, dependence: Unexplained) -> list[Accepted]:
@@ -91,12 +91,12 @@ def without_support(stage: Stage, fair: Stage, dependence: Unexplained) -> list[
     together = log_odds_of_function(fair.linearised, dependence)
     whole = not together
     if whole:
-        together = absorbing(fair.linearised, dependence, whole=True, walk=False).log_odds
+        together = log_odds_of_function(fair.linearised, dependence, whole=True)
     found = []
     for i, each in enumerate(stage.accepted):
         without = fair.without(i)
         score = each.score if fair.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
-        own, alone = -0.5 * score.delta_bic, absorbing(without, dependence, whole=whole, walk=False).log_odds
+        own, alone = -0.5 * score.delta_bic, log_odds_of_function(without, dependence, whole=whole)
         named = not isinstance(each.candidate.effect, Unnamed)
         imitated = own + together - alone < EVIDENCE and own < MOST * alone
         part = own < together or share_of_excess(without, fair.linearised) < CLEARLY

@@ -262,7 +262,8 @@ def wandering(stage: Stage) -> list[Accepted]:
         if dependence is None or TIME not in dependence.variables:
             continue
         # the model may imitate all terms of a function that begins late, and still not the course itself
-        alone = log_odds_of_function(without, dependence) or _of_whole_function(without, dependence)
+        alone = log_odds_of_function(without, dependence)
+        alone = alone or log_odds_of_function(without, dependence, whole=True)
         if alone > max(-0.5 * score.delta_bic, own / FAR_MORE) and not _stands_beside(even, i, dependence):
             found.append(each)
     return found
@@ -302,14 +303,9 @@ def _likelier_with(stage: Stage, numbers: Sequence[int], dependence: Unexplained
     loses more evidence than the imitation has.
     """
     without = stage.without(*numbers)
-    alone, beside = (_of_whole_function(rest, dependence) for rest in (without, stage.linearised))
+    alone, beside = (log_odds_of_function(rest, dependence, whole=True) for rest in (without, stage.linearised))
     own = by_evidence(without, *(stage.accepted[i].candidate for i in numbers))
     return own + beside > alone + EVIDENCE
-
-
-def _of_whole_function(linearised: LinearisedFit, dependence: Unexplained) -> float:
-    """Log odds of the whole function against none, also of its terms that the model can imitate."""
-    return absorbing(linearised, dependence, whole=True, walk=False).log_odds
 
 
 def _far_less_than_walk(stage: Stage, index: int) -> bool:
@@ -368,7 +364,7 @@ def smoothed(stage: Stage) -> list[Accepted]:
         without = even.without(i)
         score = each.score if even.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
         own, dependence = in_full(without, score) - each.candidate.rarity, unexplained(without)
-        smooth = absorbing(without, dependence, whole=True, walk=False).log_odds
+        smooth = log_odds_of_function(without, dependence, whole=True)
         if max(smooth, with_function_of_readings(without).log_odds) > own:
             found.append(each)
     return found

@@ -198,7 +198,8 @@ class Selector:
         swaps_left = PASSES
         while (other := self.plainer(self.leaner(self.pruned(stage)))) is not stage:
             stage = other
-        first, accepted = stage, list[Accepted]()
+        first = stage
+        accepted: list[Accepted] = []
         while len(accepted) < len(stage.accepted):
             i = len(accepted)
             own, besides = stage.accepted[i], [*stage.accepted[:i], *stage.accepted[i + 1 :]]
