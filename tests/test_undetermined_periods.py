@@ -25,9 +25,9 @@ SLOPE = ErrorMotion("Y", "X", Legendre((0.0, 600.0), 2), (0.0, 40.0, 25.0))
 WAVE = Cyclic("X", "X", 16.0, (60.0,), (20.0,))
 
 
-def points(*effects, levels=None, n=90):
+def points(*effects, levels=None, n=90, seed=4):
     """Random positions of the C-frame, X at some levels or anywhere, its errors just these effects."""
-    rng = np.random.default_rng(4)
+    rng = np.random.default_rng(seed)
     q = positions(CFRAME, n, rng)
     if levels is not None:
         q[:, 0] = levels[np.arange(n) % len(levels)]
@@ -59,6 +59,22 @@ def test_at_few_positions_waves_of_many_periods_explain_the_errors():
     assert dependence.periods == found.periods
     left, noise = bare.linearised.residual - dependence.shape.reshape(-1), bare.linearised.degrees_of_freedom
     assert left @ left - noise < 0.05 * (bare.linearised.squares - noise)
+
+
+def test_of_weak_waves_at_many_positions_only_the_right_period_is_determined():
+    weak = msgspec.structs.replace(WAVE, sine=(5.0,), cosine=(0.0,))
+    periods, doubted = [], []
+    for seed in range(8):
+        bare, stage = with_a_wave(points(SLOPE, weak, seed=seed))
+        periods.append(stage.accepted[0].candidate.effect.period)
+        doubted += [(bare, found) for found in undetermined(stage)]
+    known = set(periods) - {found.effect.period for _, found in doubted}
+    assert list(known) == [pytest.approx(16.0, rel=0.01)]
+    assert any(found.effect.period < 6.0 and max(found.periods) > 15.0 for _, found in doubted)
+    for bare, found in doubted:
+        dependence = at_positions(bare.linearised, found)
+        left = bare.linearised.residual - dependence.shape.reshape(-1)
+        assert 0.0 < bare.linearised.squares - left @ left == pytest.approx(found.accepted.score.squares, rel=0.3)
 
 
 def test_errors_between_few_positions_must_be_predicted():

@@ -333,9 +333,9 @@ def _of_any_period(left: Unexplained) -> str:
     axis = left.variables[0]
     listed = shortened([f"{period:.4g}" for period in left.periods], LISTED, "periods")
     return (
-        f" They may be a wave along {axis}, but the positions of {axis} do not determine its period: waves of "
-        f"{', '.join(listed)} {'deg' if axis[0] in 'ABC' else 'mm'} explain them equally, and so do independent errors "
-        f"at these positions. Between the positions the error is unknown: measure {axis} at irregular, finer spacing."
+        f" They may be a wave along {axis}, or steps, but the positions of {axis} do not determine its period: "
+        f"{', '.join(listed)} {'deg' if axis[0] in 'ABC' else 'mm'} explain them nearly equally. Between the positions "
+        f"the error is unknown: measure {axis} at irregular, finer spacing."
     )
 
 

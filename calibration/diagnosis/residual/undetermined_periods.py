@@ -2,7 +2,8 @@
 
 At few positions waves of many periods pass through the same errors, even through errors that are independent of each
 other. Such errors at the positions, of any size, are therefore the alternative to a wave: noise is none, since a strong
-wave is clear against noise however few the positions are.
+wave is clear against noise however few the positions are. At many positions a wave has none but others: of a weak one
+they may leave as little, by noise.
 """
 
 from __future__ import annotations
@@ -13,15 +14,22 @@ import numpy as np
 
 from calibration.diagnosis.residual.dependence import LENGTHS, Unexplained
 from calibration.diagnosis.residual.unexplained import of_machine
-from calibration.diagnosis.search.evaluation import EVEN, FALSE
+from calibration.diagnosis.search.evaluation import EVEN, FALSE, WORTH
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import squares_of_all
-from calibration.diagnosis.search.shapes.proposed_shapes import OVERSAMPLING, SAME, SCANNED, frequencies_of
+from calibration.diagnosis.search.shapes.proposed_shapes import (
+    OVERSAMPLING,
+    SAME,
+    SCANNED,
+    frequencies_of,
+    steps_along,
+)
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
 from calibration.diagnosis.search.shapes.spectra import Waves, finest, peaks, strengths
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.fit.linear import pseudo_inverse
-from kinematics.effects import Cyclic, QuantisedCompensation
+from calibration.observation.full_model import moving_axes
+from kinematics.effects import Component, Cyclic, QuantisedCompensation
 from kinematics.effects.base import own_component, unit_of
 from kinematics.transforms import Array
 
@@ -31,6 +39,8 @@ UNSEEN = 1e-6
 """Share of the largest eigenvalue below which the rows do not show a combination of errors at the positions."""
 TRIED = 120
 """Most frequencies whose waves are compared with the one found."""
+MULTIPLES = range(1, 9)
+"""Harmonics that a wave and a table's steps may have in common."""
 Repeating = Cyclic | QuantisedCompensation
 
 
@@ -57,7 +67,7 @@ class _AtPositions(NamedTuple):
     @classmethod
     def of(cls, linearised: LinearisedFit, effect: Repeating) -> _AtPositions | None:
         """The errors in the direction of a cause; None for many positions."""
-        component = effect.component if isinstance(effect, Cyclic) else own_component(effect.axis)
+        component = _component(effect)
         sensitivity = Sensitivity.of(linearised, effect.axis, component)
         _, number = np.unique(np.round(sensitivity.x, 3), return_inverse=True)
         if (count := int(number.max()) + 1) > MANY:
@@ -79,24 +89,28 @@ class _AtPositions(NamedTuple):
         frequencies = frequencies_of(self.sensitivity.linearised, effect.axis)
         if len(frequencies) < OVERSAMPLING:
             return []
-        waves = Waves.of(self.sensitivity.x, frequencies)
-        (power,) = strengths([self.sensitivity], waves)
-        best, gains = finest(self.sensitivity, waves, peaks(power, TRIED), unit_of(effect.component)[1])
+        best, gains = _strongest(self.sensitivity, frequencies, effect.component)
         odds = 0.5 * (self.dimensions - 2.0) * np.log(self.left(gains) / left)
         likely = [float(1.0 / best[i]) for i in np.argsort(odds).tolist() if odds[i] < EVEN]
         return [period for period in likely if abs(period / effect.period - 1.0) > SAME]
 
 
 def undetermined(stage: Stage) -> list[Undetermined]:
-    """Accepted waves and steps that explain no more than one of so many would explain of independent errors."""
+    """Accepted waves and steps that explain no more than one of so many would explain of independent errors.
+
+    Or, at many positions, than another one does that is none beside them.
+    """
     found = []
     for i, each in enumerate(stage.accepted):
         effect = each.candidate.effect
         if not isinstance(effect, Repeating):
             continue
-        without = stage.without(i).evenly_noisy.thinned(SCANNED)
+        lacking = stage.without(i)
+        without = lacking.evenly_noisy.thinned(SCANNED)
         at_positions = _AtPositions.of(without, effect)
         if at_positions is None:
+            if rivals := _rivals(lacking.thinned(SCANNED), stage.linearised.thinned(SCANNED), effect):
+                found.append(Undetermined(each, effect, (_period(effect), *rivals)))
             continue
         columns = without.projected(without.columns(effect))
         left = float(at_positions.left(squares_of_all([columns], without.residual)))
@@ -104,16 +118,78 @@ def undetermined(stage: Stage) -> list[Undetermined]:
         chance = each.candidate.trials / OVERSAMPLING * left ** max(0.5 * (at_positions.dimensions - free), 0.0)
         if chance > FALSE:
             others = at_positions.other_periods(effect, left) if isinstance(effect, Cyclic) else []
-            period = effect.period if isinstance(effect, Cyclic) else effect.pitch
-            found.append(Undetermined(each, effect, (period, *others)))
+            found.append(Undetermined(each, effect, (_period(effect), *others)))
     return found
 
 
-def at_positions(linearised: LinearisedFit, found: Undetermined) -> Unexplained | None:
-    """The error at the positions that such a cause imitates, in the residual of a fit without it."""
+def _rivals(without: LinearisedFit, beside: LinearisedFit, effect: Repeating) -> list[float]:
+    """Periods of other waves and steps that explain nearly as much as a cause, the likeliest first.
+
+    without, beside: the linearised fits without the cause and with it, where another error would still be worth naming.
+    """
+    component, frequencies = _component(effect), frequencies_of(without, effect.axis)
+    if len(frequencies) < OVERSAMPLING:
+        return []
+    sensitivity, left = (Sensitivity.of(each, effect.axis, component) for each in (without, beside))
+    limit = _delta_bic(sensitivity, effect) + 2.0 * EVEN
+    best, _ = _strongest(sensitivity, frequencies, component)
+    waves = [Cyclic(component, effect.axis, float(1.0 / each), (0.0,), (0.0,)) for each in best]
+    tried = {_period(each): each for each in (*waves, *_steps(without, effect.axis, component))}
+    likely = {period: _delta_bic(sensitivity, each) for period, each in tried.items()}
+    travel = float(np.ptp(moving_axes(without.measurement)[effect.axis]))
+    return [
+        period
+        for period in sorted(likely, key=lambda period: likely[period])
+        if likely[period] < limit
+        and not _indistinct(travel / period, travel / _period(effect))
+        and _delta_bic(left, tried[period]) > WORTH
+    ]
+
+
+def _strongest(sensitivity: Sensitivity, frequencies: Array, component: Component) -> tuple[Array, Array]:
+    """The frequencies of the waves that explain most, and their gains."""
+    waves = Waves.of(sensitivity.x, frequencies)
+    (power,) = strengths([sensitivity], waves)
+    return finest(sensitivity, waves, peaks(power, TRIED), unit_of(component)[1])
+
+
+def _steps(linearised: LinearisedFit, axis: str, component: Component) -> list[Repeating]:
+    """The strongest steps of a table along an axis; empty for other components than its own."""
+    if axis[0] in "ABC" or component != own_component(axis):
+        return []
+    found = (each.effect for each in steps_along(linearised, axis))
+    return [effect for effect in found if isinstance(effect, QuantisedCompensation)]
+
+
+def _delta_bic(sensitivity: Sensitivity, effect: Repeating) -> float:
+    """delta-BIC of the best wave, or steps, of these periods."""
+    shapes = 1 if isinstance(effect, Cyclic) else 2
+    return sensitivity.score(sensitivity.sizes(effect), shapes).delta_bic
+
+
+def _indistinct(one: float, other: float) -> bool:
+    """True for numbers of waves over the travel, of which one is nearly a multiple of the other."""
+    return any(abs(one - k * other) < 1.0 or abs(k * one - other) < 1.0 for k in MULTIPLES)
+
+
+def _explained(linearised: LinearisedFit, effect: Repeating) -> Array:
+    """Part of the residual `(N,)` that an effect explains, white."""
+    projected = linearised.projected(linearised.columns(effect))
+    signal = projected.columns @ linearised.score(projected).size
+    return np.asarray(signal - linearised.spanned @ (linearised.spanned.T @ signal))
+
+
+def _component(effect: Repeating) -> Component:
+    return effect.component if isinstance(effect, Cyclic) else own_component(effect.axis)
+
+
+def _period(effect: Repeating) -> float:
+    return effect.period if isinstance(effect, Cyclic) else effect.pitch
+
+
+def at_positions(linearised: LinearisedFit, found: Undetermined) -> Unexplained:
+    """The error at the positions that such a cause imitates, in the residual of a fit without it; at many, its own."""
     errors = _AtPositions.of(linearised, found.effect)
-    if errors is None:
-        return None
-    shape = of_machine(linearised, errors.explained)
+    shape = of_machine(linearised, errors.explained if errors else _explained(linearised, found.effect))
     rms = float(np.sqrt(np.mean(shape**2)))
     return Unexplained((found.effect.axis,), LENGTHS[:1], found.accepted.score.p_value, rms, shape, found.periods)
