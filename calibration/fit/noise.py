@@ -444,15 +444,15 @@ class _Components:
             own[:, np.arange(m), :, np.arange(m)] = np.swapaxes(roots[rows], 0, 1)
             instrument = own.reshape(count, m * d, m * d)
             instrument = shared[m] @ instrument if m in shared else instrument
-            axes = arms[rows].reshape(count, m * d, k - 1)
-            left = residual[rows].reshape(count, m * d, 1)
-            by_instrument, by_axes = np.swapaxes(instrument, 1, 2) @ free, np.swapaxes(axes, 1, 2) @ free
-            squares = np.sum((np.swapaxes(axes, 1, 2) @ left)[:, :, 0] ** 2, axis=0)
-            observed += np.append(np.sum((np.swapaxes(instrument, 1, 2) @ left) ** 2), squares)
-            of_instrument, of_axes = by_instrument @ instrument, by_axes @ axes
-            expected += np.append(np.einsum("sii->", of_instrument), np.einsum("skk->k", of_axes))
-            information[0, 0] += np.sum(of_instrument**2)
-            information[1:, 1:] += np.sum(of_axes**2, axis=0)
-            information[0, 1:] += np.sum((by_instrument @ axes) ** 2, axis=(0, 1))
+            along = np.concatenate([instrument, arms[rows].reshape(count, m * d, k - 1)], axis=2)
+            squares = np.sum((np.swapaxes(along, 1, 2) @ residual[rows].reshape(count, m * d, 1)) ** 2, axis=(0, 2))
+            products = np.swapaxes(along, 1, 2) @ (free @ along)
+            traces, both = np.einsum("skk->k", products), np.sum(products**2, axis=0)
+            first = m * d
+            observed += np.append(np.sum(squares[:first]), squares[first:])
+            expected += np.append(np.sum(traces[:first]), traces[first:])
+            information[0, 0] += np.sum(both[:first, :first])
+            information[0, 1:] += np.sum(both[:first, first:], axis=0)
+            information[1:, 1:] += both[first:, first:]
         information[1:, 0] = information[0, 1:]
         return _Moments(observed, expected, 0.5 * information)

@@ -20,7 +20,7 @@ from calibration.cores import each
 from calibration.diagnosis.search.derivatives import Signals, derivatives, together, widths
 from calibration.diagnosis.search.evaluated_rows import evaluated_rows
 from calibration.diagnosis.search.held_out import HeldBlock, HeldOut, HeldResiduals
-from calibration.diagnosis.search.score import Projected, Rating, Score
+from calibration.diagnosis.search.score import Complement, Projected, Rating, Score
 from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
 from calibration.measurement.estimated_noise import Decorrelation
@@ -340,21 +340,24 @@ class LinearisedFit:
         signal it shares, explains nothing. Residuals that are correlated in the direction of its signal count once, as
         far as they are correlated both without it and with it.
         """
-        score = self.rated(candidate.schur, candidate.columns.T @ self.residual, candidate.through, shapes, trials)
+        complement, along = Complement.of(candidate.schur), candidate.columns.T @ self.residual
+        score = self.rated(complement, along, candidate.through, shapes, trials)
         if not score.gain > BARELY or self._correlation_length == 1.0:
             return score
         signal = candidate.columns @ score.size - self.design @ (self.posterior.root @ (candidate.through @ score.size))
         lines = lines_of(signal.reshape(len(self.rows), -1))
-        along = (np.sum(each.reshape(lines.shape) * lines, axis=1) for each in (self.residual, self.residual - signal))
-        correlated = min(correlation_length(each[:, None]) for each in along)
+        course = (np.sum(each.reshape(lines.shape) * lines, axis=1) for each in (self.residual, self.residual - signal))
+        correlated = min(correlation_length(each[:, None]) for each in course)
         return self._rating.scored(score.squares, score.effective_parameters, trials, score.size, correlated)
 
-    def rated(self, schur: Array, along: Array, through: Array, shapes: int = 0, trials: float = 1.0) -> Score:
-        """The same from the Schur complement of columns `(k, k)` and the residual `along` them `(k,)`, as `Rating.of`.
+    def rated(
+        self, complement: Complement, along: Array, through: Array, shapes: int = 0, trials: float = 1.0
+    ) -> Score:
+        """The same from the Schur complement of columns and the residual `along` them `(k,)`, as `Rating.of`.
 
         Rows count as independent.
         """
-        return self._rating.of(schur, along, through, shapes, trials)
+        return self._rating.of(complement, along, through, shapes, trials)
 
     @cached_property
     def _rating(self) -> Rating:
@@ -412,7 +415,8 @@ class LinearisedFit:
 
     def _size_of(self, candidate: Projected) -> Array:
         """Its linear parameters `(k,)` in the fit of all rows."""
-        return self.rated(candidate.schur, candidate.columns.T @ self.residual, candidate.through).size
+        along = candidate.columns.T @ self.residual
+        return self.rated(Complement.of(candidate.schur), along, candidate.through).size
 
     def in_lengths(self, residual: Array) -> Array:
         """A white residual `(N,)` as lengths `(n, d)`, mm and rad."""

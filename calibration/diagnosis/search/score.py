@@ -35,6 +35,23 @@ class Score(NamedTuple):
     """Linear parameters `(k,)`, in units of their typical sizes."""
 
 
+class Complement(NamedTuple):
+    """The Schur complement of columns, and its eigenvalues."""
+
+    matrix: Array
+    """`(k, k)`"""
+    values: Array
+    """`(k,)`, none below 0."""
+    vectors: Array
+    """`(k, k)`"""
+
+    @classmethod
+    def of(cls, schur: Array) -> Complement:
+        """The eigenvalues of a Schur complement `(k, k)`."""
+        values, vectors = (schur[0], np.eye(1)) if len(schur) == 1 else np.linalg.eigh((schur + schur.T) / 2)
+        return cls(schur, np.maximum(values, 0.0), vectors)
+
+
 class Projected(NamedTuple):
     """Columns of a candidate, in units of typical sizes, and their part that model and registration cannot imitate."""
 
@@ -70,14 +87,13 @@ class Rating(NamedTuple):
     gram: Array
     """S'S `(q, q)`"""
 
-    def of(self, schur: Array, along: Array, through: Array, shapes: int = 0, trials: float = 1.0) -> Score:
-        """Score of columns with Schur complement `schur` `(k, k)` and the residual `along` them `(k,)`.
+    def of(self, complement: Complement, along: Array, through: Array, shapes: int = 0, trials: float = 1.0) -> Score:
+        """Score of columns by their Schur complement and the residual `along` them `(k,)`.
 
         through: as `Projected.through` `(q, k)`.
         """
-        one = len(schur) == 1
-        values, vectors = (schur[0], np.eye(1)) if one else np.linalg.eigh((schur + schur.T) / 2)
-        values, turned = np.maximum(values, 0.0), vectors.T @ along
+        schur, values, vectors = complement
+        turned = vectors.T @ along
         softened = values + GENEROUS**-2
         largest = float(np.abs(vectors @ (turned / softened)).max(initial=0.0))
         softened = values + max(GENEROUS, BEYOND * largest) ** -2

@@ -20,7 +20,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Projected
 from calibration.diagnosis.search.shapes.change_points import about_fixed_point, breaks, turning_points
 from calibration.diagnosis.search.shapes.sawtooth import likeliest, refined, teeth
-from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
+from calibration.diagnosis.search.shapes.sensitivity import Errors, Sensitivity
 from calibration.diagnosis.search.shapes.spectra import (
     SHORTEST,
     Waves,
@@ -258,8 +258,8 @@ def _finer_than(linearised: LinearisedFit, motion: ErrorMotion) -> list[Candidat
     sizes = [size for size in FINE if motion.basis.size < size <= most]
     variants = [Candidate(_finer(motion, size), 0, float(len(sizes)), motion.name) for size in sizes]
     sensitivity = Sensitivity.of(linearised, motion.axis, motion.component)
-    own = linearised.once(("sizes", motion.name), lambda: [sensitivity.sizes(each.effect) for each in variants])
-    worth = [sensitivity.score(one).delta_bic for one in own]
+    errors = partial(_errors, sensitivity, variants)
+    worth = [sensitivity.scored(one).delta_bic for one in linearised.once(("errors", motion.name), errors)]
     order = [i for i in np.argsort(worth).tolist() if worth[i] < 0.0]
     gains = {}
     for i in order:
@@ -269,6 +269,10 @@ def _finer_than(linearised: LinearisedFit, motion: ErrorMotion) -> list[Candidat
             return [variants[i]]
     best = max(gains, key=lambda i: gains[i], default=0)
     return variants[best : best + 1]
+
+
+def _errors(sensitivity: Sensitivity, variants: Sequence[Candidate]) -> list[Errors]:
+    return [sensitivity.response.errors(sensitivity.sizes(each.effect)) for each in variants]
 
 
 def _projected(linearised: LinearisedFit, effect: ErrorMotion) -> Projected:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
 from calibration.diagnosis.search.linearised_fit import RIDGE, LinearisedFit
-from calibration.diagnosis.search.score import Score
+from calibration.diagnosis.search.score import Complement, Score
 from kinematics.effects import COMPONENTS, Component, Effect
 from kinematics.transforms import Array
 
@@ -64,9 +65,24 @@ class Response:
         q, m = self.through.shape
         return self.through if q < 2 * m else np.asarray(linalg.qr(self.through, mode="r", check_finite=False)[0][:m])
 
+    def errors(self, sizes: Array) -> Errors:
+        """Errors of given sizes `(m, k)`."""
+        through = self.through @ sizes
+        return Errors(sizes, through, Complement.of((sizes * self.squares[:, None]).T @ sizes - through.T @ through))
+
     def sums(self, values: Array) -> Array:
         """Sums `(m,)` over the rows of each position, of values `(n, d)`."""
         return np.bincount(self.number, np.sum(values, axis=1), len(self.x)).astype(float)
+
+
+class Errors(NamedTuple):
+    """Errors of given sizes at the positions of an axis, and their part that nothing else can imitate."""
+
+    sizes: Array
+    """`(m, k)`"""
+    through: Array
+    """As `Projected.through` `(q, k)`."""
+    complement: Complement
 
 
 @dataclass(frozen=True)
@@ -133,6 +149,8 @@ class Sensitivity:
 
     def score(self, sizes: Array, shapes: int = 0) -> Score:
         """Score of an error of given sizes; see `LinearisedFit.score`."""
-        through = self.response.through @ sizes
-        schur = (sizes * self.squares[:, None]).T @ sizes - through.T @ through
-        return self.linearised.rated(schur, sizes.T @ self.along, through, shapes)
+        return self.scored(self.response.errors(sizes), shapes)
+
+    def scored(self, errors: Errors, shapes: int = 0) -> Score:
+        """The same of errors whose part beside the model is known."""
+        return self.linearised.rated(errors.complement, errors.sizes.T @ self.along, errors.through, shapes)
