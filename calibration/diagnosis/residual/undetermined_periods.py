@@ -2,8 +2,8 @@
 
 At few positions waves of many periods pass through the same errors, even through errors that are independent of each
 other. Such errors at the positions, of any size, are therefore the alternative to a wave: noise is none, since a strong
-wave is clear against noise however few the positions are. At many positions a wave has none but others: of a weak one
-they may leave as little, by noise.
+wave is clear against noise however few the positions are. At many positions the alternative to a wave are other waves:
+noise may make one of them explain as much as a weak one that is there.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class _AtPositions(NamedTuple):
 def undetermined(stage: Stage) -> list[Undetermined]:
     """Accepted waves and steps that explain no more than one of so many would explain of independent errors.
 
-    Or, at many positions, than another one does that is none beside them.
+    At many positions: those than which another one, which is none beside them, explains hardly less.
     """
     found = []
     for i, each in enumerate(stage.accepted):
@@ -123,9 +123,10 @@ def undetermined(stage: Stage) -> list[Undetermined]:
 
 
 def _rivals(without: LinearisedFit, beside: LinearisedFit, effect: Repeating) -> list[float]:
-    """Periods of other waves and steps that explain nearly as much as a cause, the likeliest first.
+    """Periods of other waves and steps that are nearly as likely as a cause without it, the likeliest first.
 
-    without, beside: the linearised fits without the cause and with it, where another error would still be worth naming.
+    without, beside: the linearised fits without the cause and with it. A wave that is worth naming beside the cause is
+    another error.
     """
     component, frequencies = _component(effect), frequencies_of(without, effect.axis)
     if len(frequencies) < OVERSAMPLING:
