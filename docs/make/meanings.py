@@ -250,7 +250,7 @@ MEANINGS = {
     "sign_confirmed": "true if the sign of the format is confirmed",
     "significant": "true if the difference exceeds its uncertainty",
     "swing": "the swing with time that the remaining dependence is: direction of the tool, variables of its size, period and its standard uncertainty, s; null if it is none",
-    "unexplained_periods": "periods of waves that explain the remaining dependence equally, mm or degrees",
+    "unexplained_periods": "periods of waves or steps that explain the remaining dependence nearly equally, mm or degrees",
     "widened": "uncertainties of the calibration as a multiple of those that follow from the noise, with an unexplained error or with causes that the data neither name nor exclude",
     "significant_share": "share of the positions whose correction exceeds its uncertainty",
     "significant_share_of_improvement": "share of the improvement that exceeds its uncertainty",
