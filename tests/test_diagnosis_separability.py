@@ -6,8 +6,7 @@ from support.diagnosis_cases import data_with, fitted
 
 from calibration.diagnosis.search.candidates import Candidate, library
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.separability import separability
-from calibration.diagnosis.verdict import ALIKE
+from calibration.diagnosis.separability import ALIKE, separability
 from kinematics.effects import Backlash
 
 

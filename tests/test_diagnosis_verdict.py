@@ -50,11 +50,12 @@ def test_a_tie_counts_also_within_one_axis_and_kind(own, other):
     assert verdict_of(cause) == "tied"
 
 
-@pytest.mark.parametrize(("cosine", "log_odds"), [(0.85, 0.3), (1.0, 5.5)])
-def test_what_is_less_alike_or_less_likely_is_no_tie(cosine, log_odds):
-    cause = accepted(wave("Y"), (wave("Z"), cosine, log_odds))
-    assert not tied_with(cause)
-    assert verdict_of(cause) == "strong"
+@pytest.mark.parametrize("cosine", [0.75, 0.9, 1.0])
+def test_odds_decide_on_a_tie_however_alike_the_siblings_are(cosine):
+    assert verdict_of(accepted(wave("Y"), (wave("Z"), cosine, 4.9))) == "tied"
+    less_likely = accepted(wave("Y"), (wave("Z"), cosine, 5.1))
+    assert not tied_with(less_likely)
+    assert verdict_of(less_likely) == "strong"
 
 
 @pytest.mark.parametrize(

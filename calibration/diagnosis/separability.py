@@ -17,12 +17,13 @@ from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import EVEN, SEEN, complexity
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Projected
-from calibration.diagnosis.verdict import ALIKE
 from calibration.fit.linear import pseudo_inverse
 from kinematics.transforms import Array
 
 ROWS = 1500
 """Most rows, evenly spread, on which columns are compared."""
+ALIKE = 0.9
+"""Cosine from which a design does not separate two causes."""
 PARALLEL = 1e-9
 """Share of the largest eigenvalue below which a combination of columns counts as parallel to others."""
 

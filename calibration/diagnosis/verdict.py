@@ -39,8 +39,6 @@ from kinematics.error_model.model import ErrorModel
 
 Verdict = Literal["strong", "tied", "weak"]
 LINEAR, ANGLES = "XYZ", "ABC"
-ALIKE = 0.9
-"""Cosine from which two causes can be tied."""
 CLEAR = 2.0
 """Standard errors of the held-out gain, and multiples of the required delta-BIC, of a strong verdict."""
 EVERYWHERE = 6
@@ -61,7 +59,7 @@ class Alternative:
     @property
     def tied(self) -> bool:
         """True where these data do not distinguish it from the named cause."""
-        return self.cosine >= ALIKE and self.odds < math.exp(EVEN)
+        return self.odds < math.exp(EVEN)
 
 
 @dataclass(frozen=True)
@@ -253,7 +251,7 @@ def _of_unknown_side(fit: Fit) -> np.ndarray:
 
 def tied_with(accepted: Accepted) -> list[Sibling]:
     """Siblings that these data cannot distinguish from a cause, also of its own kind and axis."""
-    return [sibling for sibling in accepted.siblings if sibling.log_odds < (EVEN if sibling.cosine >= ALIKE else 0.0)]
+    return [sibling for sibling in accepted.siblings if sibling.log_odds < EVEN]
 
 
 def _random_walk(stage: Stage, index: int) -> tuple[Alternative, ...]:
