@@ -1,11 +1,14 @@
 """Selection: what is taken in, what goes again, and what is not blamed."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from shop_floor.question import ask
+from support.command import succeed
 from support.diagnosis_cases import data_with, framed, selector
 
 from calibration.diagnosis import searched_causes
@@ -299,11 +302,11 @@ def test_another_direction_of_a_drift_is_likelier_than_another_cause():
     made = alone([*drifts, *SOME], data_with(BACKLASH))
     besides, along = evaluate(made.bare.linearised, SOME[:1])[0], evaluate(made.bare.linearised, drifts[:1])[0]
     stage = made.stage([(drifts[1], np.ones(1)), (SOME[0], np.ones(1))])
-    found = made._compared(stage, 1, [Sibling(besides, 0.5, 1.0), Sibling(along, 0.5, 2.0)])
-    assert [(each.evaluated, each.log_odds) for each in found] == [(along, 2.0 - RARE), (besides, 1.0)]
+    found = made._compared(stage, 1, [Sibling(besides, 0.5, 6.0), Sibling(along, 0.5, 7.0)])
+    assert [(each.evaluated, each.log_odds) for each in found] == [(along, 7.0 - RARE), (besides, 6.0)]
     assert made.stage([(drifts[0], np.ones(1)), (drifts[1], np.ones(1))]).rarity == -RARE
     alone_there = made.stage([(SOME[0], np.ones(1))])
-    assert made._compared(alone_there, 0, [Sibling(along, 0.5, 2.0)])[0].log_odds == 2.0
+    assert made._compared(alone_there, 0, [Sibling(along, 0.5, 7.0)])[0].log_odds == 7.0
 
 
 @pytest.mark.usefixtures("no_shapes")
@@ -406,3 +409,15 @@ def test_the_plainer_form_of_a_cause_stands_where_a_full_fit_with_it_is_likelier
     found = made.plainer(stage)
     assert len(found.accepted[0].candidate.effect.parameters) == parameters
     assert (found is stage) == (parameters == 2)
+
+
+def test_odds_of_similar_causes_are_those_of_fits(tmp_path):
+    """By linear terms a knock would be likelier than this large backlash, of nearly the same signal."""
+    data, result = tmp_path / "data.csv", tmp_path / "result.json"
+    data.write_text(ask("serpentine", "backlash", "gantry", 0, 85001).sheet())
+    succeed("diagnose", str(data), "--machine", "gantry", "-o", str(tmp_path / "new.json"), "--json", str(result))
+    found = json.loads(result.read_text())
+    (backlash,) = found["effects"]
+    assert found["accepted"]
+    assert backlash["kind"] == "backlash"
+    assert min(other["odds"] for other in backlash["alternatives"]) > 1.0

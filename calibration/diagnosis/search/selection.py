@@ -47,7 +47,7 @@ DROPPED = -6.0
 MOST = 12
 """Most causes that are named."""
 SAME = 0.95
-"""Cosine of two signals from which odds are compared by fits."""
+"""Cosine of two signals from which all odds that linear terms may decide are those of fits."""
 BETTER = -4.0
 """Difference of delta-BIC from which a sibling replaces a cause."""
 NEARLY = 0.05
@@ -235,31 +235,36 @@ class Selector:
         return first
 
     def _compared(self, stage: Stage, index: int, found: Sequence[Sibling]) -> tuple[Sibling, ...]:
-        """Siblings of an accepted cause, the likeliest first; another direction of a present drift is likelier."""
-        own = stage.accepted[index]
-        drifting = any(each.candidate.shifts_tool for each in stage.accepted if each is not own)
-        compared = []
-        for each in found:
-            fitted = self._fitted(stage, index, each)
-            along = own.candidate.shifts_tool - each.evaluated.candidate.shifts_tool if drifting else 0
-            compared.append(fitted._replace(log_odds=fitted.log_odds + RARE * along))
+        """Siblings of an accepted cause, the likeliest first; their odds by fits where linear ones may be wrong.
+
+        Of large errors with nearly the same signal these are odds of the second order.
+        """
+        large = max(NEARLY * stage.accepted[index].score.gain, EVEN)
+        compared = [
+            self._by_fit(stage, index, each)
+            if each.log_odds < (large if each.cosine >= SAME else EVEN)
+            else each._replace(log_odds=each.log_odds + self._of_drift(stage, index, each))
+            for each in found
+        ]
         return tuple(sorted(compared, key=lambda each: each.log_odds))
 
-    def _fitted(self, stage: Stage, index: int, sibling: Sibling) -> Sibling:
-        """The sibling of an accepted cause, its odds by a fit with it where linear terms may decide on them.
-
-        Of two causes with the same signal the odds would be those of the second order of large errors.
-        """
+    def _of_drift(self, stage: Stage, index: int, sibling: Sibling) -> float:
+        """Log odds of an accepted cause before any data: another direction of a present drift is likelier."""
         own = stage.accepted[index]
-        if sibling.cosine < SAME or not EVEN < sibling.log_odds < NEARLY * own.score.gain:
-            return sibling
+        drifting = any(each.candidate.shifts_tool for each in stage.accepted if each is not own)
+        return RARE * (own.candidate.shifts_tool - sibling.evaluated.candidate.shifts_tool) if drifting else 0.0
+
+    def _by_fit(self, stage: Stage, index: int, sibling: Sibling) -> Sibling:
+        """The sibling of an accepted cause, its odds by a fit with it in place of the cause."""
+        own, other = stage.accepted[index], sibling.evaluated.candidate
         chosen = chosen_of(stage.accepted)
-        chosen[index] = (sibling.evaluated.candidate, sibling.evaluated.score.size)
-        other, trial = sibling.evaluated.candidate, self.stage(chosen)
+        chosen[index] = (other, sibling.evaluated.score.size)
+        trial = self.stage(chosen)
         # an error of the machine lies along an axis, but a knock may turn the instrument, or not
         misread = own.candidate.effect.ACTS_ON == other.effect.ACTS_ON == "instrument"
         dearer = trial.cost_of_choices - stage.cost_of_choices if misread else trial.cost - stage.cost
-        return sibling._replace(log_odds=dearer / 2 + other.rarity - own.candidate.rarity)
+        before = other.rarity - own.candidate.rarity + self._of_drift(stage, index, sibling)
+        return sibling._replace(log_odds=dearer / 2 + before)
 
     def refined(self, stage: Stage) -> Stage:
         """The stage with another form of a cause (time constants, course, fixed point) that explains more."""
