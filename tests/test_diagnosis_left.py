@@ -390,6 +390,15 @@ def test_causes_are_neither_blamed_for_a_nameless_error_nor_hidden_by_noise(tmp_
     assert variables is None or set(found.unexplained.variables) == variables
 
 
+@pytest.mark.statistical
+def test_bases_selected_beside_a_cause_predict_no_worse_than_those_without_it(tmp_path):
+    """A strong random walk, beside which bases for a small wave would follow the walk."""
+    (tmp_path / "data.csv").write_text(ask("fine-waves", "walk", "cframe", 0, 87001).sheet())
+    found = diagnose(read_measurement(tmp_path / "data.csv", machines.load("cframe")))
+    assert found.after.held_out_um <= found.before.held_out_um
+    assert found.unexplained is not None
+
+
 def test_a_growth_with_temperature_in_data_without_times_is_no_walk():
     warm = GrowthWithSensor(axis="X", sensor="scale", coefficient=11.5)
     data = data_with(warm, n=N, temperatures={"scale": np.linspace(0.0, 6.0, N)})

@@ -236,17 +236,18 @@ def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[F
 
     Impostors are causes that were accepted only because they imitate this dependence, alone or together. Where no
     clear cause remains, causes and bases of the search stay only if they predict held-out rows as well as the result
-    `without` the search, whose fit with the uncertainty of errors that the model lacks is `cautious`.
+    `without` the search, whose fit with the uncertainty of errors that the model lacks is `cautious`. So do its bases
+    beside clear causes.
     """
     imitated: list[Modulated | Undetermined] = []
     wandered = False
 
-    def worse(stage: Stage) -> bool:
-        return found.selector.cautious(stage).predicts_worse_than(cautious, 1.0)
+    def worse(selector: Selector, stage: Stage) -> bool:
+        return selector.cautious(stage).predicts_worse_than(cautious, 1.0)
 
     while True:
         stage, selector = found.stage, found.selector
-        if not stage.accepted and selector is not without.selector and worse(stage):
+        if not stage.accepted and selector is not without.selector and worse(selector, stage):
             found = without
             continue
         blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
@@ -270,8 +271,14 @@ def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[F
             elif combined(tests, LEFT):
                 blamed = unexplained_residual.small_parts(stage)
             weak = bool(stage.accepted) and all(verdict_of(each) == "weak" for each in stage.accepted)
-            if not blamed and weak and worse(stage):
+            if not blamed and weak and worse(selector, stage):
                 blamed = [*stage.accepted]
+            if not blamed and stage.accepted and selector is not without.selector and worse(selector, stage):
+                first = without.selector
+                beside = first.against_siblings(first.pruned(first.stage(chosen_of(stage.accepted))))
+                if not worse(first, beside):
+                    found = Found(first, beside, ())
+                    continue
             if not blamed:
                 return found, tests, dependence or _random_walk(stage, tests, shown=wandered)
         kept: Sequence[tuple[Candidate, np.ndarray]] = [
