@@ -241,15 +241,9 @@ def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[F
     """
     imitated: list[Modulated | Undetermined] = []
     wandered = False
-
-    def worse(selector: Selector, stage: Stage) -> bool:
-        return selector.cautious(stage).predicts_worse_than(cautious, 1.0)
-
     while True:
+        found = found if found.stage.accepted else _with_better_bases(found, without, cautious)
         stage, selector = found.stage, found.selector
-        if not stage.accepted and selector is not without.selector and worse(selector, stage):
-            found = without
-            continue
         blamed = cancelling(selector.without_causes(stage), stage.accepted) if len(stage.accepted) > 1 else []
         if blamed and unexplained_residual.stand_together(stage, blamed):
             blamed = []
@@ -271,22 +265,40 @@ def _without_impostors(found: Found, without: Found, cautious: Stage) -> tuple[F
             elif combined(tests, LEFT):
                 blamed = unexplained_residual.small_parts(stage)
             weak = bool(stage.accepted) and all(verdict_of(each) == "weak" for each in stage.accepted)
-            if not blamed and weak and worse(selector, stage):
+            if not blamed and weak and _predicts_worse(found, cautious):
                 blamed = [*stage.accepted]
-            if not blamed and stage.accepted and selector is not without.selector and worse(selector, stage):
-                first = without.selector
-                beside = first.against_siblings(first.pruned(first.stage(chosen_of(stage.accepted))))
-                if not worse(first, beside):
-                    found = Found(first, beside, ())
-                    continue
             if not blamed:
-                return found, tests, dependence or _random_walk(stage, tests, shown=wandered)
+                better = _with_better_bases(found, without, cautious)
+                if better is found:
+                    return found, tests, dependence or _random_walk(stage, tests, shown=wandered)
+                found = better
+                continue
         kept: Sequence[tuple[Candidate, np.ndarray]] = [
             (each.candidate, each.size) for each in stage.accepted if not _among(each, blamed)
         ]
         # a cause that has fallen may have kept a sibling of another one away
         fewer = selector.against_siblings(selector.pruned(selector.stage(kept))) if kept else selector.bare
         found = found._replace(stage=fewer, evaluated=())
+
+
+def _with_better_bases(found: Found, without: Found, cautious: Stage) -> Found:
+    """The result, or its causes beside the bases `without` the search where these predict held-out rows better.
+
+    cautious: as in `_without_impostors`.
+    """
+    if found.selector is without.selector or not _predicts_worse(found, cautious):
+        return found
+    if not found.stage.accepted:
+        return without
+    first = without.selector
+    beside = first.against_siblings(first.pruned(first.stage(chosen_of(found.stage.accepted))))
+    other = Found(first, beside, ())
+    return found if _predicts_worse(other, cautious) else other
+
+
+def _predicts_worse(found: Found, cautious: Stage) -> bool:
+    """True where a result predicts held-out rows worse than the one without a search, as `_without_impostors`."""
+    return found.selector.cautious(found.stage).predicts_worse_than(cautious, 1.0)
 
 
 def _unsupported(selector: Selector, stage: Stage) -> list[Accepted]:
