@@ -260,9 +260,11 @@ class Selector:
         chosen = chosen_of(stage.accepted)
         chosen[index] = (other, sibling.evaluated.score.size)
         trial = self.stage(chosen)
-        # an error of the machine lies along an axis, but a knock may turn the instrument, or not
-        misread = own.candidate.effect.ACTS_ON == other.effect.ACTS_ON == "instrument"
-        dearer = trial.cost_of_choices - stage.cost_of_choices if misread else trial.cost - stage.cost
+        # an error of the machine lies along an axis, but a knock may turn the instrument, or not: a tie by linear odds,
+        # which take the direction of the instrument as one choice, is judged like a knock
+        knocked = own.candidate.effect.ACTS_ON == other.effect.ACTS_ON == "instrument"
+        by_choices = knocked or sibling.log_odds < EVEN
+        dearer = trial.cost_of_choices - stage.cost_of_choices if by_choices else trial.cost - stage.cost
         before = other.rarity - own.candidate.rarity + self._of_drift(stage, index, sibling)
         return sibling._replace(log_odds=dearer / 2 + before)
 
