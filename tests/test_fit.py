@@ -16,7 +16,7 @@ from calibration.fit.cross_validation import cross_validate
 from calibration.fit.datum import gauge, null_space, to_datum
 from calibration.fit.fit import _shares, fit
 from calibration.fit.identifiability import identifiability
-from calibration.fit.linear import effective_parameters
+from calibration.fit.linear import effective_parameters, singular_values
 from calibration.fit.location_errors import split_locations, transformed
 from calibration.fit.problem import Problem
 from calibration.measurement.instruments import Interferometer, Part
@@ -430,3 +430,14 @@ def test_reweighted_steps_have_the_weights_that_follow_them():
     np.testing.assert_allclose(found.solved.step, direct.step, atol=1e-9 * np.abs(direct.step).max())
     after = replace(point, residual=point.residual - derivatives.times(direct.step))
     assert np.abs(weights_of(problem.distances(after)) - found.weights).max() < 0.2
+
+
+@pytest.mark.parametrize("shape", [(120, 40), (40, 120), (0, 5), (5, 0)])
+def test_matrices_of_deficient_rank_are_decomposed(shape):
+    """Divide and conquer did not converge for the parameters of a gantry, of which 60 of 204 move nothing."""
+    rng = np.random.default_rng(1)
+    matrix = rng.normal(size=(shape[0], 8)) @ rng.normal(size=(8, shape[1]))
+    matrix[:, 30:] *= 1e-15
+    u, values, v = singular_values(matrix)
+    assert (u * values) @ v == pytest.approx(matrix, abs=1e-12)
+    assert np.count_nonzero(values > 1e-9) == (8 if matrix.size else 0)

@@ -27,6 +27,7 @@ from calibration.circles.candidates import (
 from calibration.circles.circles import Circle
 from calibration.circles.result import Limit, Share, Shares
 from calibration.circles.spikes import SpikeAtFeed, spikes_by_feed
+from calibration.fit.linear import singular_values
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
@@ -177,7 +178,7 @@ class _Selection:
         design = np.column_stack([self.base, *(group.columns for group in self.chosen)])
         scale = np.linalg.norm(design, axis=0)
         scale[scale == 0.0] = 1.0
-        u, values, v = np.linalg.svd(design / scale, full_matrices=False)
+        u, values, v = singular_values(design / scale)
         kept = values > 1e-7 * values[0]
         solution = (v[kept].T / values[kept]) @ (u[:, kept].T @ self.deviation) / scale
         left = self.left
@@ -313,14 +314,14 @@ class _Selection:
     def _orthonormal(columns: Array) -> Array:
         """Orthonormal columns with the same span."""
         norms = np.linalg.norm(columns, axis=0)
-        u, values, _ = np.linalg.svd(columns / np.where(norms > 0.0, norms, 1.0), full_matrices=False)
+        u, values, _ = singular_values(columns / np.where(norms > 0.0, norms, 1.0))
         return np.asarray(u[:, values > 1e-7 * max(values[0], 1e-300)])
 
 
 def _visible(rest: Array, columns: Array) -> Array:
     """Orthonormal directions `(n, k)` of the part of columns that others do not imitate."""
     norms = np.linalg.norm(columns, axis=0)
-    u, values, _ = np.linalg.svd(rest / np.where(norms > 0.0, norms, 1.0), full_matrices=False)
+    u, values, _ = singular_values(rest / np.where(norms > 0.0, norms, 1.0))
     return np.asarray(u[:, values > HIDDEN])
 
 

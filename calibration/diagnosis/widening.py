@@ -23,6 +23,7 @@ from calibration.diagnosis.unseen.beside_moving import BesideMoving
 from calibration.diagnosis.unseen.unseen_states import MOMENTS, Moment, mean_squares, moments, squares_along
 from calibration.fit.curves.between_positions import BetweenPositions, with_curves_between
 from calibration.fit.fit import Fit
+from calibration.fit.linear import singular_values
 from calibration.fit.noise import with_noise_of_visits
 from calibration.measurement.measurement import Measurement
 from kinematics.effects.base import unit_of
@@ -246,7 +247,7 @@ def widened(
     variance = np.mean(np.sum(parts**2, axis=2), axis=0)
     own = []
     for k in np.flatnonzero(variance):
-        _, sizes, directions = np.linalg.svd(parts[:, k], full_matrices=False)
+        _, sizes, directions = singular_values(parts[:, k])
         own.append(root @ directions[sizes > SEEN * sizes[0]].T)
     if not own:
         return Widened(model, 1.0)
@@ -273,7 +274,7 @@ def _imitating(parts: Array, errors: Array) -> Array:
 
     Combinations that hardly move the tool at these states may move it at others: they imitate nothing.
     """
-    left, sizes, directions = np.linalg.svd(parts.reshape(-1, parts.shape[2]), full_matrices=False)
+    left, sizes, directions = singular_values(parts.reshape(-1, parts.shape[2]))
     kept = sizes > IMITATES * sizes[0]
     along = left[:, kept].T @ errors.reshape(len(errors), -1).T
     return np.asarray(directions[kept].T @ (along / sizes[kept, None]))

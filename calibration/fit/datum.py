@@ -21,7 +21,7 @@ from collections.abc import Iterator
 import msgspec
 import numpy as np
 
-from calibration.fit.linear import pseudo_inverse
+from calibration.fit.linear import pseudo_inverse, singular_values
 from calibration.fit.problem import Problem, Solved
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
@@ -91,7 +91,7 @@ def _with_constants(found: Array, motions: list[tuple[ErrorMotion, slice]], prio
             constants = np.concatenate([constants, column / np.linalg.norm(column)], axis=1)
     if not constants.shape[1]:
         return found
-    u, values, _ = np.linalg.svd(np.concatenate([found, constants], axis=1), full_matrices=False)
+    u, values, _ = singular_values(np.concatenate([found, constants], axis=1))
     return np.asarray(u[:, values > NULL])
 
 

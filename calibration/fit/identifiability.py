@@ -10,6 +10,7 @@ import numpy as np
 
 from calibration.fit.datum import gauge, null_space
 from calibration.fit.fit import Fit
+from calibration.fit.linear import singular_values
 from calibration.measurement.instruments import Ballbar, TouchProbe
 from calibration.measurement.measurement import Measurement
 from kinematics.effects import Effect, ErrorMotion
@@ -75,7 +76,7 @@ def identifiability(fit: Fit) -> Identifiability:
     information = fit.solved.information
     null = null_space(information)
     free = gauge(fit.measurement.machine, fit.model, fit.prior)
-    u, values, _ = np.linalg.svd(null @ (null.T @ free), full_matrices=False)
+    u, values, _ = singular_values(null @ (null.T @ free))
     conventional = np.asarray(u[:, values > 1 - PART])
     size = len(fit.prior)
     return Identifiability(
@@ -121,7 +122,7 @@ def _along_itself(effect: Effect) -> bool:
 
 def _inside(null: Array, part: np.ndarray) -> Array:
     """The null directions `(p, k)` that have no share outside the parameters of `part`."""
-    _, shares, directions = np.linalg.svd(null[part], full_matrices=False)
+    _, shares, directions = singular_values(null[part])
     return np.asarray(null @ directions[shares**2 > 1.0 - WHOLE].T)
 
 
@@ -130,7 +131,7 @@ def _beyond(directions: Array, known: Array) -> Array:
     if not directions.shape[1]:
         return directions
     unknown = directions - known @ (known.T @ directions)
-    u, values, _ = np.linalg.svd(unknown, full_matrices=False)
+    u, values, _ = singular_values(unknown)
     return np.asarray(u[:, values > PART])
 
 

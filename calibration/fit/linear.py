@@ -130,9 +130,20 @@ class ColumnSpace(NamedTuple):
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
 
+def singular_values(matrix: Array) -> tuple[Array, Array, Array]:
+    """Thin singular value decomposition U, s, V' of a matrix.
+
+    By QR iteration: divide and conquer, as in `numpy.linalg.svd`, fails to converge for some of deficient rank.
+    """
+    if not matrix.size:
+        return np.linalg.svd(matrix, full_matrices=False)
+    u, values, v = linalg.svd(matrix, full_matrices=False, lapack_driver="gesvd")
+    return u, values, v
+
+
 def column_space(columns: Array, share: float) -> ColumnSpace:
     """Column space by singular values; those up to `share` of the largest count as zero."""
-    u, values, v = np.linalg.svd(columns, full_matrices=False)
+    u, values, v = singular_values(columns)
     determined = values > share * values.max(initial=0.0)
     return ColumnSpace(u[:, determined], v[determined].T / values[determined])
 
