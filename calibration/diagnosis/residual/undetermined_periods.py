@@ -2,7 +2,7 @@
 
 At few positions waves of many periods pass through the same errors, even through errors that are independent of each
 other. Such errors at the positions, of any size, are therefore the alternative to a wave: noise is none, since a strong
-wave is clear against noise however few the positions are. At many positions the alternative to a wave are other waves:
+wave is clear against noise however few the positions are. At many positions the alternatives to a wave are other waves:
 noise may make one of them explain as much as a weak one that is there.
 """
 
@@ -98,7 +98,7 @@ class _AtPositions(NamedTuple):
 def undetermined(stage: Stage) -> list[Undetermined]:
     """Accepted waves and steps that explain no more than one of so many would explain of independent errors.
 
-    At many positions: those than which another one, which is none beside them, explains hardly less.
+    At many positions: those without which waves or steps of another period are nearly as likely, but not beside them.
     """
     found = []
     for i, each in enumerate(stage.accepted):
