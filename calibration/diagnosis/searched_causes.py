@@ -96,6 +96,7 @@ def _searched(first: Selector, bare: Stage, progress: Progress) -> Searched:
     stage = found.stage if dependence else with_likelier_forms(found.selector, found.stage)
     if stage is not found.stage:
         found, tests_after = found._replace(stage=stage), unexplained_residual.tests(stage.linearised)
+    found = found._replace(stage=found.selector.with_odds_of_ties(found.stage))
     return Searched(before, tests, found, tests_after, dependence)
 
 

@@ -47,7 +47,7 @@ DROPPED = -6.0
 MOST = 12
 """Most causes that are named."""
 SAME = 0.95
-"""Cosine of two signals from which all odds that linear terms may decide are those of fits."""
+"""Cosine of two signals from which odds are compared by fits."""
 BETTER = -4.0
 """Difference of delta-BIC from which a sibling replaces a cause."""
 NEARLY = 0.05
@@ -235,18 +235,26 @@ class Selector:
         return first
 
     def _compared(self, stage: Stage, index: int, found: Sequence[Sibling]) -> tuple[Sibling, ...]:
-        """Siblings of an accepted cause, the likeliest first; their odds by fits where linear ones may be wrong.
+        """Siblings of an accepted cause, the likeliest first; their odds by fits where linear terms may decide on them.
 
-        Of large errors with nearly the same signal these are odds of the second order.
+        Of two causes with the same signal the odds would be those of the second order of large errors.
         """
-        large = max(NEARLY * stage.accepted[index].score.gain, EVEN)
+        large = NEARLY * stage.accepted[index].score.gain
         compared = [
             self._by_fit(stage, index, each)
-            if each.log_odds < (large if each.cosine >= SAME else EVEN)
+            if each.cosine >= SAME and EVEN < each.log_odds < large
             else each._replace(log_odds=each.log_odds + self._of_drift(stage, index, each))
             for each in found
         ]
         return tuple(sorted(compared, key=lambda each: each.log_odds))
+
+    def with_odds_of_ties(self, stage: Stage) -> Stage:
+        """The stage of a result, the odds of siblings that would be tied by fits: linear odds do not decide there."""
+        accepted = []
+        for i, own in enumerate(stage.accepted):
+            odds = [self._by_fit(stage, i, each) if each.log_odds < EVEN else each for each in own.siblings]
+            accepted.append(replace(own, siblings=tuple(sorted(odds, key=lambda each: each.log_odds))))
+        return stage._replace(accepted=tuple(accepted))
 
     def _of_drift(self, stage: Stage, index: int, sibling: Sibling) -> float:
         """Log odds of an accepted cause before any data: another direction of a present drift is likelier."""
