@@ -23,9 +23,9 @@ from calibration.diagnosis.search.shapes.proposed_shapes import (
     SCANNED,
     frequencies_of,
     steps_along,
+    strongest_waves,
 )
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
-from calibration.diagnosis.search.shapes.spectra import Waves, finest, peaks, strengths
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.fit.linear import pseudo_inverse
 from calibration.observation.full_model import moving_axes
@@ -37,8 +37,6 @@ MANY = 60
 """Number of positions from which a wave that explains most of their errors is none of many that do."""
 UNSEEN = 1e-6
 """Share of the largest eigenvalue below which the rows do not show a combination of errors at the positions."""
-TRIED = 120
-"""Most frequencies whose waves are compared with the one found."""
 MULTIPLES = range(1, 9)
 """Harmonics that a wave and a table's steps may have in common."""
 Repeating = Cyclic | QuantisedCompensation
@@ -89,7 +87,7 @@ class _AtPositions(NamedTuple):
         frequencies = frequencies_of(self.sensitivity.linearised, effect.axis)
         if len(frequencies) < OVERSAMPLING:
             return []
-        best, gains = _strongest(self.sensitivity, frequencies, effect.component)
+        ((_, best, gains),) = strongest_waves(self.sensitivity.linearised, effect.axis, [effect.component], frequencies)
         odds = 0.5 * (self.dimensions - 2.0) * np.log(self.left(gains) / left)
         likely = [float(1.0 / best[i]) for i in np.argsort(odds).tolist() if odds[i] < EVEN]
         return [period for period in likely if abs(period / effect.period - 1.0) > SAME]
@@ -131,9 +129,8 @@ def _rivals(without: LinearisedFit, beside: LinearisedFit, effect: Repeating) ->
     component, frequencies = _component(effect), frequencies_of(without, effect.axis)
     if len(frequencies) < OVERSAMPLING:
         return []
-    sensitivity, left = (Sensitivity.of(each, effect.axis, component) for each in (without, beside))
-    limit = _delta_bic(sensitivity, effect) + 2.0 * EVEN
-    best, _ = _strongest(sensitivity, frequencies, component)
+    ((sensitivity, best, _),) = strongest_waves(without, effect.axis, [component], frequencies)
+    left, limit = Sensitivity.of(beside, effect.axis, component), _delta_bic(sensitivity, effect) + 2.0 * EVEN
     waves = [Cyclic(component, effect.axis, float(1.0 / each), (0.0,), (0.0,)) for each in best]
     tried = {_period(each): each for each in (*waves, *_steps(without, effect.axis, component))}
     likely = {period: _delta_bic(sensitivity, each) for period, each in tried.items()}
@@ -145,13 +142,6 @@ def _rivals(without: LinearisedFit, beside: LinearisedFit, effect: Repeating) ->
         and not _indistinct(travel / period, travel / _period(effect))
         and _delta_bic(left, tried[period]) > WORTH
     ]
-
-
-def _strongest(sensitivity: Sensitivity, frequencies: Array, component: Component) -> tuple[Array, Array]:
-    """The frequencies of the waves that explain most, and their gains."""
-    waves = Waves.of(sensitivity.x, frequencies)
-    (power,) = strengths([sensitivity], waves)
-    return finest(sensitivity, waves, peaks(power, TRIED), unit_of(component)[1])
 
 
 def _steps(linearised: LinearisedFit, axis: str, component: Component) -> list[Repeating]:

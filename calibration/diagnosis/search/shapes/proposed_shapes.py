@@ -130,7 +130,7 @@ def waves_of(linearised: LinearisedFit, axis: str, components: tuple[Component, 
         return []
     seen = [c for c in components if measurement.axis is None or c in observed_components(measurement, axis)]
     found = []
-    strongest = _strongest(linearised, axis, seen, frequencies)
+    strongest = strongest_waves(linearised, axis, seen, frequencies)
     for component, (sensitivity, best, gains) in zip(seen, strongest, strict=True):
         wave = _wave(component, axis, 1.0 / float(best[int(np.argmax(gains))]), 1)
         found.append(Candidate(_with_harmonics(sensitivity, wave), 1, float(len(frequencies) * len(seen))))
@@ -153,7 +153,7 @@ def frequencies_of(linearised: LinearisedFit, axis: str) -> Array:
     return np.asarray(np.arange(least, max(most, least), 1.0 / OVERSAMPLING) / (high - low))
 
 
-def _strongest(
+def strongest_waves(
     linearised: LinearisedFit, axis: str, components: Sequence[Component], frequencies: Array
 ) -> Iterator[tuple[Sensitivity, Array, Array]]:
     """For each error motion of an axis the frequencies `(k,)` that explain most, refined, and their gains `(k,)`."""
