@@ -149,7 +149,7 @@ def _causes(selector: Selector) -> Found:
     if more is not found.stage:
         found = _with_bases(beside, more.accepted)
     # causes that leave most of the excess imitate an unknown one, and so would those in place of them
-    if found.stage.accepted and _explains_most(found):
+    if found.stage.accepted and _explain_most(found.selector, found.stage):
         common = commoner(found.selector, found.stage)
         if common is not found.stage:
             found = _with_bases(found.selector, common.accepted)
@@ -160,13 +160,16 @@ def _causes(selector: Selector) -> Found:
     return _with_bases(replace(found.selector, search=shapes), found.stage.accepted)
 
 
-def _explains_most(found: Found) -> bool:
-    """True where the causes explain most of what exceeds the noise."""
-    return share_of_excess(found.selector.without_causes(found.stage), found.stage.linearised) > MOST
+def _explain_most(selector: Selector, stage: Stage) -> bool:
+    """True where the causes of a stage explain most of what exceeds the noise."""
+    return share_of_excess(selector.without_causes(stage), stage.linearised) > MOST
 
 
 def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
-    """The causes beside those known; bases are selected again until the causes do not change them."""
+    """The causes beside those known; bases are selected again until the causes do not change them.
+
+    They stay beside causes that leave most of the excess: it would select them.
+    """
     done: dict[str, tuple[Selection, Stage]] = {}
 
     def selected(known: Sequence[Accepted]) -> tuple[Selection, Stage]:
@@ -179,7 +182,8 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
 
     selection, stage = selected(known)
     for _ in range(AGAIN):
-        base = selector.chosen_again(stage)
+        decided = not stage.accepted or _explain_most(selector, stage)
+        base = selector.chosen_again(stage) if decided else selector.base
         # a selection would add again the causes that its siblings have replaced
         back = _forms(stage.accepted) == _forms(known)
         settled = back or len(stage.accepted) == len(selection.stages[-1].accepted)
