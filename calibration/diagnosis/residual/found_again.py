@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 from scipy import special
 
-from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import standard_error
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes import proposed_shapes as scans
@@ -41,10 +41,10 @@ def found_again(linearised: LinearisedFit, effect: Effect) -> bool:
     for place, number in enumerate(order):
         if place == len(order[::THIRD]) >= FEW and _worse(_gains(linearised, shapes, order[:place])):
             return False
-        found = list(_searched(_without(linearised, number), effect))
+        found = _searched(_without(linearised, number), effect)
         if not found:
             return False
-        shapes += [candidate.effect for candidate in found]
+        shapes += found
     gains = _gains(linearised, shapes, order)
     better = special.bdtrc(np.count_nonzero(gains > 0) - 1, len(gains), 0.5) < FALSE
     return bool(gains.mean() > SURE * standard_error(gains) or (gains.sum() > 0 and better))
@@ -66,8 +66,12 @@ def _without(linearised: LinearisedFit, number: int) -> LinearisedFit:
     return linearised.of_rows(np.flatnonzero(~inside)).thinned(scans.SCANNED)
 
 
-def _searched(linearised: LinearisedFit, effect: Cyclic | QuantisedCompensation) -> Sequence[Candidate]:
-    """The strongest shape of the kind of an effect along its axis, if there is one."""
-    if isinstance(effect, Cyclic):
-        return scans.waves_of(linearised, effect.axis, (effect.component,))
-    return scans.steps_along(linearised, effect.axis)
+def _searched(linearised: LinearisedFit, effect: Cyclic | QuantisedCompensation) -> list[Effect]:
+    """The strongest shape of the kind of an effect along its axis, if there is one; of a wave, with its harmonics."""
+    if isinstance(effect, QuantisedCompensation):
+        return [candidate.effect for candidate in scans.steps_along(linearised, effect.axis)]
+    frequencies = scans.frequencies_of(linearised, effect.axis)
+    if len(frequencies) < scans.OVERSAMPLING:
+        return []
+    ((_, best, gains),) = scans.strongest_waves(linearised, effect.axis, [effect.component], frequencies)
+    return [msgspec.structs.replace(effect, period=1.0 / float(best[int(np.argmax(gains))]))]
