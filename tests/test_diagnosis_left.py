@@ -26,7 +26,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.change_points import breaks
 from calibration.diagnosis.search.shapes.proposed_shapes import finer, waves
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
-from calibration.diagnosis.searched_causes import Found, _explains_most
+from calibration.diagnosis.searched_causes import _explain_most
 from calibration.diagnosis.verdict import named
 from calibration.fit.fit import fit
 from calibration.fit.noise import with_noise_of_visits
@@ -134,13 +134,13 @@ def test_backlash_that_is_there_is_not_by_chance_and_another_is():
 def test_a_cause_explains_most_unless_an_unknown_error_is_larger(tmp_path):
     cause = Candidate(Backlash("X", 0.0))
     made, stage = stage_with(Backlash("X", 25.0), candidate=lambda _: cause)
-    assert _explains_most(Found(made, stage, ()))
+    assert _explain_most(made, stage)
     path = tmp_path / "data.csv"
     path.write_text(ask("lines", "strange", "cframe", 0).sheet(), encoding="utf-8")
     made = selector(read_measurement(path, machines.load("cframe")))
     (evaluated,) = evaluate(made.bare.linearised, [cause])
     stage = made.stage([(cause, evaluated.score.size)])
-    assert not _explains_most(Found(made, stage, ()))
+    assert not _explain_most(made, stage)
 
 
 def test_signs_at_random_keep_sizes_and_leave_the_fit_at_rest():

@@ -168,7 +168,7 @@ def _explain_most(selector: Selector, stage: Stage) -> bool:
 def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
     """The causes beside those known; bases are selected again until the causes do not change them.
 
-    They stay beside causes that leave most of the excess: it would select them.
+    Beside causes that leave most of the excess nothing more is searched for: it would imitate the rest.
     """
     done: dict[str, tuple[Selection, Stage]] = {}
 
@@ -182,14 +182,17 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
 
     selection, stage = selected(known)
     for _ in range(AGAIN):
-        decided = not stage.accepted or _explain_most(selector, stage)
-        base = selector.chosen_again(stage) if decided else selector.base
+        base = selector.chosen_again(stage)
         # a selection would add again the causes that its siblings have replaced
         back = _forms(stage.accepted) == _forms(known)
         settled = back or len(stage.accepted) == len(selection.stages[-1].accepted)
         if base is selector.base and settled:
             break
+        imitating = bool(stage.accepted) and not _explain_most(selector, stage)
         selector, known = selector.on(base), stage.accepted
+        if imitating:
+            stage = selector.against_siblings(selector.pruned(selector.stage(chosen_of(known))))
+            break
         selection, stage = selected(known)
     return Found(selector, stage, selection.last_round)
 
