@@ -117,6 +117,21 @@ def test_an_error_that_recurs_at_each_visit_is_misfit_and_no_lack_of_repeatabili
     assert "The model lacks errors of X of" in visits.text
 
 
+def test_visits_that_do_not_see_an_axis_limit_none_of_its_variance():
+    rng = np.random.default_rng(4)
+    q = np.repeat(positions(CFRAME, 70, rng), 3, axis=0)
+    found = fitted(measured(CFRAME, rng.permutation(q), THREE, no_errors(CFRAME), rng))
+    seen = noise._Components.of(found, found.measurement, ["X", "Y", "Z"])
+    large = noise._Estimate(1.0, np.array([400.0, 0.0, 0.0]))
+    blind = replace(seen, arms=np.where(seen.stop[:, None, None] == seen.stop[0], 0.0, seen.arms))
+    shifted = replace(seen, residual=seen.residual + 3.0 * rng.normal(size=(len(q), 1)) * seen.arms[:, :, 0])
+    shifted_blind = replace(shifted, arms=blind.arms)
+    for all_of_them, others in ((seen, blind), (shifted, shifted_blind)):
+        of_all, of_others = (each.repeated(large).of_axes[0] for each in (all_of_them, others))
+        assert of_others == pytest.approx(of_all, rel=0.02)
+    assert of_all > 1.0
+
+
 def test_decorrelated_rows_of_a_stop_are_white():
     """The transform turns the covariance of a stop, instrument and shared errors, into the identity."""
     data = with_stops(3, {0: 0.01})

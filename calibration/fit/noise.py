@@ -33,6 +33,8 @@ CERTAIN = 4.0
 """Standard errors by which a variance must differ from the specification: 1 in 30,000 by chance."""
 ENOUGH = 20
 """Degrees of freedom from which the scatter of visits limits a variance."""
+BLIND = 0.01
+"""Square of the lever of an axis at a stop, as a share of the largest, below which the stop does not see the axis."""
 ROWS = 5000
 """Largest number of rows; whole stops, evenly spread."""
 ROUNDS = 4
@@ -409,11 +411,12 @@ class _Components:
         arms = white @ self.arms
         size = np.add.reduceat(np.sum(arms**2, axis=1), starts, axis=0)
         along = np.add.reduceat(np.einsum("ndk,nd->nk", arms, readings / np.sqrt(factor)), starts, axis=0)
+        seen = size > BLIND * size.max(axis=0, initial=0.0)
         of_axes = [
-            _limited(variance, 0.0, (along[:, k] / size[:, k])[:, None], 1.0 / size[:, k], position[starts])
+            _limited(variance, 0.0, (along[own, k] / size[own, k])[:, None], 1.0 / size[own, k], position[starts][own])
             if variance
             else 0.0
-            for k, variance in enumerate(estimate.of_axes.tolist())
+            for k, (variance, own) in enumerate(zip(estimate.of_axes.tolist(), seen.T, strict=True))
         ]
         return _Estimate(factor, np.array(of_axes))
 
