@@ -33,7 +33,7 @@ CERTAIN = 4.0
 """Standard errors by which a variance must differ from the specification: 1 in 30,000 by chance."""
 ENOUGH = 20
 """Degrees of freedom from which the scatter of visits limits a variance."""
-BLIND = 0.01
+BLIND = 1e-6
 """Square of the lever of an axis at a stop, as a share of the largest, below which the stop does not see the axis."""
 ROWS = 5000
 """Largest number of rows; whole stops, evenly spread."""
@@ -257,7 +257,7 @@ def _limited(variance: float, least: float, values: Array, own: Array, same: np.
     count, degrees = np.bincount(same), _degrees(values, same)
     if degrees < ENOUGH:
         return variance
-    means = np.stack([np.bincount(same, column) for column in values.T], axis=1) / count[:, None]
+    means = np.stack([np.bincount(same, column) for column in values.T], axis=1) / np.maximum(count, 1)[:, None]
     repeated = count[same] > 1
     scatter = float(np.sum((values - means[same])[repeated] ** 2)) / degrees
     chance = CERTAIN * np.sqrt(2.0 / degrees) * scatter
