@@ -14,6 +14,7 @@ from support.virtual_measurements import THREE, measured, positions
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.preparation import prepared
 from calibration.diagnosis.residual import unexplained as remainder
 from calibration.diagnosis.residual.absorber import absorbed, fair_to, log_odds_of_function, without_support
 from calibration.diagnosis.residual.chance_level import DRAWS, Chance
@@ -23,10 +24,11 @@ from calibration.diagnosis.residual.found_again import found_again
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.shapes.change_points import breaks
 from calibration.diagnosis.search.shapes.proposed_shapes import finer, waves
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
-from calibration.diagnosis.searched_causes import _explain_most
+from calibration.diagnosis.searched_causes import _explain_most, _with_bases
 from calibration.diagnosis.verdict import named
 from calibration.fit.fit import fit
 from calibration.fit.noise import with_noise_of_visits
@@ -46,6 +48,7 @@ from kinematics.effects import (
     Unnamed,
 )
 from kinematics.error_model.model import no_errors
+from kinematics.running.progress import silent
 
 N = 240
 RANGES = (CFRAME.axes[CFRAME.index("X")].travel, (0.0, 15.0 * N))
@@ -141,6 +144,20 @@ def test_a_cause_explains_most_unless_an_unknown_error_is_larger(tmp_path):
     (evaluated,) = evaluate(made.bare.linearised, [cause])
     stage = made.stage([(cause, evaluated.score.size)])
     assert not _explain_most(made, stage)
+
+
+def test_beside_causes_that_leave_most_of_an_unknown_error_other_bases_show_no_more(tmp_path, monkeypatch):
+    """The bases are selected again, since they serve the calibration; the search is not."""
+    path, select, searches = tmp_path / "data.csv", Selector.select, []
+    path.write_text(ask("lines", "stick-slip", "gantry", 0, 73001).sheet(), encoding="utf-8")
+    data = read_measurement(path, machines.load("gantry"))
+    first = prepared(data, None, "sheet", silent, silent).selector
+    coarser = first.on(first.base.coarser(data, silent))
+    monkeypatch.setattr(Selector, "select", lambda self, known: searches.append(self.base) or select(self, known))
+    found = _with_bases(coarser, ())
+    assert found.stage.accepted
+    assert found.selector.base.bases != coarser.base.bases
+    assert searches == [coarser.base]
 
 
 def test_signs_at_random_keep_sizes_and_leave_the_fit_at_rest():
