@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import data_with
+from support.diagnosis_cases import data_with, selector
 
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.search.sudden_changes import LEAST, _sequences
+from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.sudden_changes import LEAST, _sequences, with_outliers_beyond
 from kinematics.effects import StationShift
 
 ROWS, FEW = 160, 8
@@ -39,6 +40,32 @@ def test_rows_that_are_off_each_by_itself_stay_outliers():
     observed = data.observed + off
     found = diagnose(replace(data, observed=observed, state=replace(data.state, observed=observed)))
     assert [cause.kind for cause in found.causes] == ["outliers"]
+
+
+@pytest.mark.parametrize("off", [-2, -1, 1, 2])
+def test_the_moment_of_a_knock_leaves_no_outliers_beside_it(off):
+    data = knocked(ROWS // 2)
+    made, time = selector(data), data.state.time
+    blank = StationShift("s1", (0.0, 0.0, 0.0), since_s=float(time[ROWS // 2 + off]))
+    stage = made.stage([(Candidate(blank, 1, float(ROWS)), np.zeros(6))])
+    beside = range(min(ROWS // 2, ROWS // 2 + off), max(ROWS // 2, ROWS // 2 + off))
+    assert stage.fit.outliers.tolist() == list(beside)
+    moved = with_outliers_beyond(made, stage)
+    assert moved.accepted[0].candidate.effect.since_s == time[ROWS // 2]
+    assert not len(moved.fit.outliers)
+    assert with_outliers_beyond(made, moved) is moved
+
+
+def test_outliers_that_are_not_behind_a_change_do_not_move_it():
+    """A row before the knock that is off by something else."""
+    data, off = knocked(ROWS // 2), np.zeros((ROWS, 3))
+    off[ROWS // 2 - 1] = 0.2, 0.1, -0.3
+    observed = data.observed + off
+    made = selector(replace(data, observed=observed, state=replace(data.state, observed=observed)))
+    blank = StationShift("s1", (0.0, 0.0, 0.0), since_s=float(data.state.time[ROWS // 2]))
+    stage = made.stage([(Candidate(blank, 1, float(ROWS)), np.zeros(6))])
+    assert stage.fit.outliers.tolist() == [ROWS // 2 - 1]
+    assert with_outliers_beyond(made, stage) is stage
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ from calibration.diagnosis.search.selection import Search, Selection, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of, unconfirmed
-from calibration.diagnosis.search.sudden_changes import sudden_changes
+from calibration.diagnosis.search.sudden_changes import sudden_changes, with_outliers_beyond
 from calibration.diagnosis.unseen.beside_moving import (
     BesideMoving,
     beside_moving,
@@ -93,7 +93,8 @@ def _searched(first: Selector, bare: Stage, progress: Progress) -> Searched:
     progress("testing the residual")
     before = first.cautious(bare)
     found, tests_after, dependence = _without_impostors(found, without, before)
-    stage = found.stage if dependence else with_likelier_forms(found.selector, found.stage)
+    stage = with_outliers_beyond(found.selector, found.stage)
+    stage = stage if dependence else with_likelier_forms(found.selector, stage)
     if stage is not found.stage:
         found, tests_after = found._replace(stage=stage), unexplained_residual.tests(stage.linearised)
     found = found._replace(stage=found.selector.with_odds_of_ties(found.stage))

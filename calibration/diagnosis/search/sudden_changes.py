@@ -18,8 +18,10 @@ from calibration.diagnosis.search.evaluation import WORTH, Evaluated, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
+from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.stops_and_lines import stops
+from kinematics.effects import Effect, StationShift, TargetOffset
 
 LEAST, STOPS = 5, 3
 """Least number of outliers in sequence that are no chance, and of their stops."""
@@ -42,6 +44,55 @@ def sudden_changes(selector: Selector) -> tuple[Accepted, ...]:
             break
         stage = trial
     return stage.accepted
+
+
+def with_outliers_beyond(selector: Selector, stage: Stage) -> Stage:
+    """The stage with its jumps at the moments at which the outliers beside them lie behind the change, or before it.
+
+    A bounded square says little about a row that is left out: an outlier costs a free shift of its row.
+    """
+    for i, own in enumerate(stage.accepted):
+        for moment in _moments_beyond_outliers(stage.fit, own.candidate.effect):
+            chosen = chosen_of(stage.accepted)
+            moved = msgspec.structs.replace(own.candidate.effect, since_s=moment)
+            chosen[i] = (replace(own.candidate, effect=moved), own.size)
+            trial = selector.stage(chosen)
+            if _cost_with_outliers(trial) < _cost_with_outliers(stage):
+                both = zip(trial.accepted, stage.accepted, strict=True)
+                kept = tuple(replace(new, siblings=old.siblings) for new, old in both)
+                return with_outliers_beyond(selector, trial._replace(accepted=kept))
+    return stage
+
+
+def _moments_beyond_outliers(fit: Fit, effect: Effect) -> Iterator[float]:
+    """Moments of a jump beyond the outliers next to its own, before it and behind it; none for other effects."""
+    measurement, since = fit.measurement, getattr(effect, "since_s", None)
+    if since is None or measurement.state.time is None:
+        return
+    rows = np.flatnonzero(_acts_on(measurement, effect) & ~fit.copies)
+    rows = rows[np.argsort(measurement.state.time[rows], kind="stable")]
+    times, outlying = measurement.state.time[rows], np.isin(rows, fit.outliers)
+    first = int(np.searchsorted(times, since))
+    before, behind = np.flatnonzero(~outlying[:first]), np.flatnonzero(~outlying[first:])
+    if len(before) and before[-1] + 1 < first:
+        yield float(times[before[-1] + 1])
+    if len(behind) and behind[0] > 0:
+        yield float(times[first + behind[0]])
+
+
+def _acts_on(measurement: Measurement, effect: Effect) -> np.ndarray:
+    """True `(n,)` for the rows of the station, or target, of a jump; for all rows where it has neither."""
+    if isinstance(effect, StationShift):
+        return np.asarray(measurement.groups == effect.station)
+    if isinstance(effect, TargetOffset):
+        return np.asarray(measurement.state.target == effect.target)
+    return np.ones(len(measurement), bool)
+
+
+def _cost_with_outliers(stage: Stage) -> float:
+    """BIC of a stage, with a free shift of each outlier."""
+    shifts = len(stage.fit.outliers) * stage.fit.measurement.components
+    return stage.cost + shifts * float(np.log(stage.linearised.scalars))
 
 
 def _likeliest(stage: Stage, measurement: Measurement) -> tuple[Evaluated, np.ndarray] | None:
