@@ -338,13 +338,15 @@ class Selector:
         few = len(stage.linearised.blocks) < MANY
         if few or not self.on(base).stage(chosen).predicts_worse_than(stage):
             return base
-        best = stage
+        best, axes = stage, set(self.measurement.machine.names)
         while True:
-            tried = [self.on(each).stage(chosen) for each in best.base.with_bases_of(base, self.measurement)]
-            finer = min(tried, key=lambda each: each.held_out_um, default=best)
-            if finer.held_out_um >= best.held_out_um:
+            bases = best.base.with_bases_of(base, self.measurement)
+            tried = {axis: self.on(bases[axis]).stage(chosen) for axis in bases if axis in axes}
+            finer = {axis: each for axis, each in tried.items() if each.held_out_um < best.held_out_um}
+            if not finer:
                 return best.base
-            best = finer
+            # an axis whose finer basis does not help alone does not help beside others
+            best, axes = min(finer.values(), key=lambda each: each.held_out_um), set(finer)
 
     def joined(self, stage: Stage) -> Stage:
         """The stage with one cyclic error for two, where one is a harmonic of the other.

@@ -113,17 +113,17 @@ class Base:
             return self
         return _automatic(measurement, effects, (_finest(measurement, effects), np.inf), progress, self.known)
 
-    def with_bases_of(self, other: Base, measurement: Measurement) -> list[Base]:
-        """The base with the basis of one axis as another base has it, for each axis in which they differ."""
+    def with_bases_of(self, other: Base, measurement: Measurement) -> dict[str, Base]:
+        """By each axis in which two bases differ, the base with the basis of this axis as the other has it."""
         if self.choice is None or other.choice is None:
-            return []
+            return {}
         bases = self.choice.bases
-        choices = [
-            replace(self.choice, bases={**bases, axis: basis})
+        choices = {
+            axis: replace(self.choice, bases={**bases, axis: basis})
             for axis, basis in other.choice.bases.items()
             if basis != bases[axis]
-        ]
-        return [_of_choice(measurement, choice, self.known) for choice in choices]
+        }
+        return {axis: _of_choice(measurement, choice, self.known) for axis, choice in choices.items()}
 
     def with_finer_turns(self, measurement: Measurement) -> Base | None:
         """The base with finer bases of rotary axes, whose next waves the evidence tolerates; None without any."""
