@@ -81,7 +81,8 @@ class Functions(NamedTuple):
         if width * SPARSE > self.size * other.size:
             if width < self.size * other.size:
                 values = self.table[:, :, None] * other.table[:, None, :]
-            summed = values.reshape(n, -1).T @ table
+            # in this order BLAS takes half the time for a narrow table
+            summed = (table.T @ values.reshape(n, -1)).T
         else:
             columns = self._columns[:, :, None] * np.int32(other.size) + other._columns[:, None, :]
             ends = width * np.arange(n + 1, dtype=np.int32)

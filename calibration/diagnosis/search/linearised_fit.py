@@ -140,7 +140,7 @@ class LinearisedFit:
             limited=np.concatenate([self.limited, np.broadcast_to(limited, k) + RIDGE]),
             away=np.concatenate([self.away, np.zeros(k)]),
         )
-        shared = self.design.T @ columns
+        shared = (columns.T @ self.design).T
         information = np.block([[self.information, shared], [shared.T, columns.T @ columns]])
         return more._of_same_rows(self, information)._at_rest()
 
@@ -322,7 +322,8 @@ class LinearisedFit:
 
     def _through(self, columns: Array) -> Array:
         """L^-1 J'G `(q, k)` of columns G `(N, k)`; see `Projected.through`."""
-        return self.posterior.whitened(self.design.T @ columns)
+        # in this order BLAS takes half the time for narrow columns
+        return self.posterior.whitened((columns.T @ self.design).T)
 
     def _apart(self, effects: Sequence[Effect], columns: Array) -> list[Projected]:
         """`Projected` of each effect, from the columns `(N, k)` of all effects side by side."""
