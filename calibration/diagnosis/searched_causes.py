@@ -192,8 +192,8 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
         imitating = bool(stage.accepted) and not _explain_most(selector, stage)
         selector, known = selector.on(base), stage.accepted
         if imitating:
-            stage = selector.against_siblings(selector.pruned(selector.stage(chosen_of(known))))
-            break
+            beside = selector.against_siblings(selector.pruned(selector.stage(chosen_of(known))))
+            return Found(selector, beside, ())
         selection, stage = selected(known)
     return Found(selector, stage, selection.last_round)
 
