@@ -25,7 +25,7 @@ PROGRAM = "G21 G90 G54\nG0 X100. Y100. Z100.\nG1 X200. F500\nY300.\nM30\n"
 KLARTEXT = "0 BEGIN PGM A MM\n1 L X+100 Y+100 Z+100 R0 FMAX\n2 L X+200 F500\n3 END PGM A MM\n"
 SIEMENS = "G71 G90 G54\nG0 X=100 Y100 Z100\nG1 X200 F500\nM30\n"
 REFUSED = "G21 G90 G54\nG0 X1. Y1. Z1.\nG31 X5.\nM30\n"
-LONG = PROGRAM.replace("M30", "X100.\nX200.\n" * 40_000 + "M30")
+LONG = PROGRAM.replace("M30", "X100.\nX200.\n" * 160_000 + "M30")
 GANTRY = ("--machine", "gantry", "--calibration", "cal.json", "--set-up-zero")
 # a process that a shell started in the background ignores SIGINT, and so do its children
 RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from postproc.cli import run; run()"
