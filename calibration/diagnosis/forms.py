@@ -7,7 +7,6 @@ cause the means may decide: where a calibration is known, or a rotary axis turns
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 from calibration.diagnosis.search.candidates import Candidate
@@ -80,9 +79,7 @@ def with_likelier_forms(selector: Selector, stage: Stage) -> Stage:
         trial = selector.stage(chosen)
         likelier = trial.cost + 2.0 * trial.rarity < stage.cost + 2.0 * stage.rarity
         if likelier and not trial.predicts_worse_than(stage):
-            both = zip(trial.accepted, stage.accepted, strict=True)
-            kept = tuple(replace(new, siblings=old.siblings) for new, old in both)
-            return with_likelier_forms(selector, trial._replace(accepted=kept))
+            return with_likelier_forms(selector, trial.with_siblings_of(stage))
     return stage
 
 

@@ -90,11 +90,11 @@ def _searched(first: Selector, bare: Stage, progress: Progress) -> Searched:
     hidden = (search(first, bare)[1] is not bare for search in (imitated, imitated_wave))
     if doubtful or combined(tests, GATE) or any(hidden):
         found = _causes(first)
+        found = found._replace(stage=with_outliers_beyond(found.selector, found.stage))
     progress("testing the residual")
     before = first.cautious(bare)
     found, tests_after, dependence = _without_impostors(found, without, before)
-    stage = with_outliers_beyond(found.selector, found.stage)
-    stage = stage if dependence else with_likelier_forms(found.selector, stage)
+    stage = found.stage if dependence else with_likelier_forms(found.selector, found.stage)
     if stage is not found.stage:
         found, tests_after = found._replace(stage=stage), unexplained_residual.tests(stage.linearised)
     found = found._replace(stage=found.selector.with_odds_of_ties(found.stage))

@@ -81,7 +81,7 @@ class Functions(NamedTuple):
         if width * SPARSE > self.size * other.size:
             if width < self.size * other.size:
                 values = self.table[:, :, None] * other.table[:, None, :]
-            # in this order BLAS takes half the time for a narrow table
+            # the table is narrow: BLAS is faster in this order
             summed = (table.T @ values.reshape(n, -1)).T
         else:
             columns = self._columns[:, :, None] * np.int32(other.size) + other._columns[:, None, :]

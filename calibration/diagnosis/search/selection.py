@@ -163,11 +163,7 @@ class Selector:
             return stage
         chosen = chosen_of(stage.accepted)
         again = self.recent.fit(self.base, self.measurement, chosen, self.variance, cautious=True)
-        found = self._stage_of(chosen, again)
-        kept = [
-            replace(each, siblings=other.siblings) for each, other in zip(found.accepted, stage.accepted, strict=True)
-        ]
-        return found._replace(accepted=tuple(kept))
+        return self._stage_of(chosen, again).with_siblings_of(stage)
 
     def with_finer_turns(self, stage: Stage) -> Fit | None:
         """The fit of the causes of a stage with finer bases of rotary axes; None without these, and for many rows."""

@@ -117,6 +117,11 @@ class Stage(NamedTuple):
             accepted=tuple(replace(other, candidate=own.candidate, size=own.size) for own, other in both)
         )
 
+    def with_siblings_of(self, other: Stage) -> Stage:
+        """The stage with the siblings that another fit of the same causes, in the same order, has found."""
+        both = zip(self.accepted, other.accepted, strict=True)
+        return self._replace(accepted=tuple(replace(own, siblings=each.siblings) for own, each in both))
+
     def needs(self, own: Accepted, explained: float = 0.0) -> bool:
         """True where the BIC grows by more than `IRREPLACEABLE` without a cause of which others explain a share."""
         missing = own.score.gain * max(1.0 - explained, 0.0)

@@ -66,9 +66,7 @@ def with_outliers_beyond(selector: Selector, stage: Stage) -> Stage:
             chosen[i] = (replace(own.candidate, effect=moved), own.size)
             trial = selector.stage(chosen)
             if _cost_with_outliers(trial) < _cost_with_outliers(stage):
-                both = zip(trial.accepted, stage.accepted, strict=True)
-                kept = tuple(replace(new, siblings=old.siblings) for new, old in both)
-                return with_outliers_beyond(selector, trial._replace(accepted=kept))
+                return with_outliers_beyond(selector, trial.with_siblings_of(stage))
     return stage
 
 
