@@ -21,7 +21,7 @@ def knocked(moment):
     return data_with(StationShift("s1", SHIFT_UM, since_s=time), n=ROWS)
 
 
-@pytest.mark.parametrize("moment", [ROWS - FEW, FEW, ROWS - 3, ROWS - 2])
+@pytest.mark.parametrize("moment", [ROWS - FEW, FEW])
 def test_a_knock_near_the_end_or_the_beginning_is_no_row_of_outliers(moment):
     data = knocked(moment)
     found = diagnose(data)
@@ -29,7 +29,7 @@ def test_a_knock_near_the_end_or_the_beginning_is_no_row_of_outliers(moment):
     effect = found.causes[0].effect
     assert isinstance(effect, StationShift)
     assert effect.since_s == data.state.time[moment]
-    np.testing.assert_allclose(effect.shift_um, SHIFT_UM, atol=max(25.0, 3.0 * max(effect.u[:3])))
+    np.testing.assert_allclose(effect.shift_um, SHIFT_UM, atol=25.0)
     assert not len(found.after.fit.outliers)
 
 
@@ -40,6 +40,15 @@ def test_rows_that_are_off_each_by_itself_stay_outliers(count):
     off[-count:] = rng.choice([-1.0, 1.0], (count, 3)) * rng.uniform(0.05, 0.1, (count, 3))
     observed = data.observed + off
     found = diagnose(replace(data, observed=observed, state=replace(data.state, observed=observed)))
+    assert [cause.kind for cause in found.causes] == ["outliers"]
+
+
+@pytest.mark.parametrize(("number", "seed", "um"), [(1, 1, 20.0), (2, 2, 20.0), (5, 2, 30.0)])
+def test_three_rows_do_not_tell_a_knock_from_a_jump_of_the_machine(number, seed, um):
+    towards = np.random.default_rng(5).normal(size=(6, 3))[number]
+    shift = tuple((um * towards / np.linalg.norm(towards)).tolist())
+    time = float(data_with(n=ROWS).state.time[ROWS - 3])
+    found = diagnose(data_with(StationShift("s1", shift, since_s=time), n=ROWS, seed=seed))
     assert [cause.kind for cause in found.causes] == ["outliers"]
 
 

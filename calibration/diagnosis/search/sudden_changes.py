@@ -1,18 +1,16 @@
 """Sudden changes behind which all rows are outliers: a knock at the instrument, a target that was seated again.
 
 The rows behind a change near the end disagree with the others alike. Where they are few, the fit leaves them out, and
-no search in the other rows finds the change. The same holds for the rows before a change near the beginning. Of many
-rows some may agree by chance; two or three that are shifted alike are enough.
+no search in the other rows finds the change. The same holds for the rows before a change near the beginning.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import msgspec
 import numpy as np
-from scipy import special
 
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.causes import jumps
@@ -22,16 +20,13 @@ from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
-from calibration.observation.equations import covariance
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Effect, StationShift, TargetOffset
 
 LEAST, STOPS = 5, 3
-"""Least number of outliers in sequence that are no chance, however they differ, and of their stops."""
+"""Least number of outliers in sequence that are no chance, and of their stops."""
 MOST = 0.6
 """Share of the rows before or behind a change that are outliers, at least, and of the outliers that it explains."""
-BY_CHANCE = 0.01
-"""Least probability of the differences between outliers that are shifted alike."""
 CHANGES = 3
 """Most changes that are looked for."""
 
@@ -40,18 +35,15 @@ def sudden_changes(selector: Selector) -> tuple[Accepted, ...]:
     """Jumps that explain outliers in sequence, in a fit that keeps most of these rows; empty for none."""
     stage = selector.bare
     for _ in range(CHANGES):
-        jumps_tried, sequences = _likeliest(stage, selector.measurement)
-        tried = (selector.stage([*chosen_of(stage.accepted), (e.candidate, e.score.size)]) for e in jumps_tried)
-        trial = next((each for each in tried if _explains(each, sequences)), None)
-        if trial is None:
+        found = _likeliest(stage, selector.measurement)
+        if found is None:
+            break
+        best, sequences = found
+        trial = selector.stage([*chosen_of(stage.accepted), (best.candidate, best.score.size)])
+        if trial.accepted[-1].score.delta_bic > WORTH or trial.fit.kept[sequences].mean() < MOST:
             break
         stage = trial
     return stage.accepted
-
-
-def _explains(stage: Stage, sequences: np.ndarray) -> bool:
-    """True where the last cause is worth naming and most of the outliers in sequence `(n,)` are none beside it."""
-    return stage.accepted[-1].score.delta_bic <= WORTH and bool(stage.fit.kept[sequences].mean() >= MOST)
 
 
 def with_outliers_beyond(selector: Selector, stage: Stage) -> Stage:
@@ -101,25 +93,19 @@ def _cost_with_outliers(stage: Stage) -> float:
     return stage.cost + shifts * float(np.log(stage.linearised.scalars))
 
 
-def _likeliest(stage: Stage, measurement: Measurement) -> tuple[Sequence[Evaluated], np.ndarray]:
-    """The likeliest jump of each kind for the rows of a fit and outliers in sequence `(n,)`; empty without these.
-
-    The best first.
-    """
+def _likeliest(stage: Stage, measurement: Measurement) -> tuple[Evaluated, np.ndarray] | None:
+    """The jump that explains most of the rows of a fit and of the outliers in sequence `(n,)`; None without these."""
     fit, time = stage.fit, measurement.state.time
     outlying = np.zeros(len(measurement), bool)
     outlying[fit.outliers] = True
-    if time is None or not outlying.any():
-        return (), outlying
+    if time is None or np.count_nonzero(outlying) < LEAST:
+        return None
     stop, moments, sequences = stops(measurement), set[float](), np.zeros(len(measurement), bool)
     for part in _parts(measurement):
         rows = np.flatnonzero(part & ~fit.copies)
         rows = rows[np.argsort(time[rows], kind="stable")]
         for first, sequence in _sequences(outlying[rows]):
-            off = rows[sequence][outlying[rows[sequence]]]
-            count = len(np.unique(stop[off]))
-            alike = len(off) == len(rows[sequence]) and count > 1 and _shifted_alike(fit, off)
-            if alike or (len(off) >= LEAST and count >= STOPS):
+            if np.count_nonzero(outlying[rows[sequence]]) >= LEAST and len(np.unique(stop[rows[sequence]])) >= STOPS:
                 moments.add(float(time[rows[first]]))
                 sequences[rows[sequence]] = True
     sequences &= outlying
@@ -129,19 +115,8 @@ def _likeliest(stage: Stage, measurement: Measurement) -> tuple[Sequence[Evaluat
         for moment in sorted(moments)
     ]
     if not candidates:
-        return (), sequences
-    likeliest: dict[str, Evaluated] = {}
-    for each in evaluate(LinearisedFit.of(replace(fit, kept=fit.kept | sequences)), candidates):
-        likeliest.setdefault(each.candidate.kind, each)
-    return [*likeliest.values()], sequences
-
-
-def _shifted_alike(fit: Fit, rows: np.ndarray) -> bool:
-    """True where the residuals of rows are one shift, as far as the noise lets them."""
-    shifts, weights = fit.residual[rows], np.linalg.inv(covariance(fit.measurement.rows(rows)))
-    mean = np.linalg.solve(weights.sum(axis=0), np.einsum("nij,nj->i", weights, shifts))
-    left = float(np.einsum("ni,nij,nj->", shifts - mean, weights, shifts - mean))
-    return bool(special.chdtrc(shifts.size - len(mean), left) > BY_CHANCE)
+        return None
+    return evaluate(LinearisedFit.of(replace(fit, kept=fit.kept | sequences)), candidates)[0], sequences
 
 
 def _parts(measurement: Measurement) -> Iterator[np.ndarray]:
