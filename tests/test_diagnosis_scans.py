@@ -13,6 +13,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes import proposed_shapes as scans
 from calibration.diagnosis.search.shapes.change_points import breaks
 from calibration.diagnosis.search.shapes.sawtooth import refined, saw_uncertainty
+from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
 from kinematics.basis import Fourier
 from kinematics.effects import Cyclic, ErrorMotion, GrowthWithTime, QuantisedCompensation, StationShift
 from kinematics.error_model.model import no_errors
@@ -85,7 +86,7 @@ def test_pitches_that_no_position_tells_apart_are_in_the_uncertainty(n, size):
     for seed in range(12):
         truth = QuantisedCompensation(axis="X", step=size, pitch=62.0, offset=32.0)
         linearised = framed(truth, n=n, seed=seed)
-        found = refined(linearised, at_zero(truth))
+        found = refined(Sensitivity.of(linearised, "X", "X"), at_zero(truth))
         u_pitch, u_offset = saw_uncertainty(linearised, found)
         apart = (found.offset - 32.0 + found.pitch / 2) % found.pitch - found.pitch / 2
         inside += [abs(found.pitch - 62.0) < 2 * u_pitch, abs(apart) < 2 * u_offset]

@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
-from support.diagnosis_cases import data_with, framed
+from support.diagnosis_cases import data_with, fitted, framed, with_stops
 
 from calibration import cores
 from calibration.diagnosis.residual.whiteness import pearson_beyond
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.row_sensitivity import RowSensitivity
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
+from calibration.fit.noise import with_estimated_noise
 from kinematics.basis import BSpline
-from kinematics.effects import Backlash, Cyclic, ErrorMotion, QuantisedCompensation
+from kinematics.effects import Backlash, Cyclic, ErrorMotion, QuantisedCompensation, Unnamed
 
 ZEROS = (0.0,) * 8
 EFFECTS = (
@@ -86,3 +89,34 @@ def test_all_rows_of_a_state_are_the_state_itself():
     assert state.rows(np.arange(30)[::-1]) is not state
     np.testing.assert_array_equal(state.rows(np.arange(30)[::-1]).positions, state.positions[::-1])
     assert len(state.rows(np.arange(30) > 20)) == 9
+
+
+def test_the_rest_of_a_residual_without_a_block_is_that_of_a_fit_of_the_other_rows(linearised):
+    """Also at positions that only the block has."""
+    sensitivity = Sensitivity.of(linearised, "X", "Z")
+    without = sensitivity.without_each()
+    sines = np.sin(2 * np.pi * sensitivity.x[:, None] / np.array([7.0, 11.0, 30.0]))
+    for number, block in enumerate(linearised.blocks):
+        inside = block.rows.reshape(len(linearised.rows), -1)[:, 0]
+        others = Sensitivity.of(linearised.of_rows(np.flatnonzero(~inside)), "X", "Z")
+        there = np.searchsorted(sensitivity.x, others.x)
+        np.testing.assert_allclose(without(number).gains(sines), others.gains(sines[there]), rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("stops", [False, True], ids=["rows", "stops"])
+def test_functions_row_by_row_say_what_whole_columns_say(linearised, stops):
+    """Also where the rows of a stop share its error, and some have no weight."""
+    if stops:
+        noisy = with_estimated_noise(fitted(with_stops(3, {0: 0.025})))
+        linearised = LinearisedFit.of(fitted(noisy))
+        assert linearised.decorrelation.stops
+    rows = np.arange(len(linearised.rows))
+    effect = Unnamed("Z", ("X",), ((-200.0, 200.0),), ((0,), (1,), (4,)), (0.0,) * 3)
+    tool = RowSensitivity.of_tool(linearised, "Z")
+    assert tool.columns(tool.values(effect)) == pytest.approx(linearised.columns(effect), abs=1e-9)
+    for values in (tool.values(effect), 0.01 * np.cos(rows[:, None] / np.array([3.0, 8.0, 50.0]))):
+        columns = tool.columns(values)
+        schur, along = tool.parts(values)
+        expected = linearised.projected(columns).schur
+        np.testing.assert_allclose(schur, expected, rtol=1e-7, atol=1e-9 * np.trace(expected))
+        np.testing.assert_allclose(along, columns.T @ linearised.residual, rtol=1e-7, atol=1e-7)

@@ -28,7 +28,7 @@ from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.searched_causes import Searched, searched_causes
 from calibration.diagnosis.separability import separability
-from calibration.diagnosis.unseen.beside_moving import BesideMoving, beside_moving
+from calibration.diagnosis.unseen.beside_moving import BesideMoving, beside_the_same
 from calibration.diagnosis.unseen.fine_errors import squares_by_fine_errors
 from calibration.diagnosis.unseen.random_walk import squares_by_walk
 from calibration.diagnosis.unseen.undecided_causes import errors_by_forms, errors_by_ties, errors_by_undecided
@@ -214,9 +214,10 @@ def _curved(searched: Searched, completed: _Completed, calibration: ErrorModel |
     held = len(after.accepted) != len(searched.found.stage.accepted)  # by the model, as an unnamed effect
     unseen = None
     if dependence is not None and not held:
-        moving = searched.moving
-        if after is not searched.found.stage:
-            moving = beside_moving(completed.selector, after, dependence)
+        moving, found = searched.moving, searched.found.stage
+        # beside noise and bases found again the fit of the causes is the same
+        if moving is not None and after is not found and moving.solution.plain is found.linearised:
+            moving = beside_the_same(completed.selector, after, dependence, moving)
         unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves, moving=moving)
         if TIME in dependence.variables:
             unseen = unseen.of_at_least(squares_by_walk(after.linearised))

@@ -19,6 +19,7 @@ from calibration.diagnosis.residual.unnamed import COMPONENTS, Direction, eviden
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.row_sensitivity import RowSensitivity
 from calibration.diagnosis.search.stage import Accepted, Stage
 from kinematics.effects import UM, CrossAxis, Cyclic, Effect, QuantisedCompensation, Unnamed
 from kinematics.state import TIME
@@ -182,17 +183,15 @@ def with_walk(linearised: LinearisedFit) -> Absorbing:
     found, missing = Absorbing(linearised, 0.0), COMPONENTS
     if linearised.state.time is None:
         return found
-    steps = steps_of_walk(linearised)
+    steps = UM * STEP_UM * steps_of_walk(linearised)
     while missing:
-        walks = [_walk(found.linearised, component, steps) for component in missing]
-        proposed = [
-            evidence(found.linearised.projected(each).schur, found.linearised.residual @ each) for each in walks
-        ]
+        walks = [RowSensitivity.of_tool(found.linearised, component) for component in missing]
+        proposed = [evidence(*each.parts(steps)) for each in walks]
         best = int(np.argmax([log_odds for log_odds, _ in proposed]))
         log_odds, size = proposed[best]
         if log_odds <= EVIDENCE:
             break
-        beside = found.linearised.beside(size * walks[best])
+        beside = found.linearised.beside(walks[best].columns(size * steps))
         own = (*found.walks, (missing[best], size * STEP_UM))
         found = Absorbing(beside, found.log_odds + log_odds, walks=own)
         missing = tuple(component for component in missing if component != missing[best])
@@ -226,10 +225,3 @@ def steps_of_walk(linearised: LinearisedFit) -> Array:
     time, count = linearised.state.need("time", "a random walk"), min(STEPS, len(linearised.rows) // ROWS_PER_STEP)
     moments = np.unique(np.quantile(time, np.arange(1, count + 1) / (count + 1), method="nearest"))
     return np.asarray(time[:, None] >= moments[moments > time.min()], float)
-
-
-def _walk(linearised: LinearisedFit, component: Direction, steps: Array) -> Array:
-    """White columns `(N, k)` of steps of the tool in one direction, of `STEP_UM` each."""
-    arm = linearised.transform[:, :, 6 * len(linearised.measurement.machine.axes) + COMPONENTS.index(component)]
-    columns = UM * STEP_UM * arm[:, :, None] * steps[:, None, :]
-    return np.asarray(linearised.decorrelation.apply(columns).reshape(linearised.scalars, -1))

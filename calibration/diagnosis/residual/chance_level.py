@@ -29,6 +29,8 @@ SMOOTH = (
 """Kinds that another smooth function of their variables could imitate."""
 DRAWS, FALSE = 19, 0.01
 """Random draws, all of which a cause must exceed, and the chance of its gain by the distribution of theirs."""
+ENOUGH, CLEARLY = 7, 1.5
+"""Draws that suffice for a gain so many times as large as the one that this distribution has with this chance."""
 SEED = 1
 SEARCHES: Mapping[str, Callable[[LinearisedFit], Iterable[Candidate]]] = {
     "cyclic": scans.waves,
@@ -71,6 +73,8 @@ class Chance:
             self._draws[kind] = self._shapes(SEARCHES[kind]) if kind in SEARCHES else self._of_library(candidate)
         known = self._known.setdefault(kind, [])
         while max(known, default=0.0) < gain:
+            if len(known) >= ENOUGH and gain > CLEARLY * _largest(known):
+                return False
             more = next(self._draws[kind], None)
             if more is None:
                 return gain < _largest(known)

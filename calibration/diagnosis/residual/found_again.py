@@ -6,7 +6,7 @@ rows of the block. A period that is there is found again in the other blocks.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
@@ -15,7 +15,11 @@ from scipy import special
 from calibration.diagnosis.search.evaluation import standard_error
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes import proposed_shapes as scans
+from calibration.diagnosis.search.shapes.sawtooth import refined
+from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
+from calibration.diagnosis.search.shapes.spectra import Waves
 from kinematics.effects import Cyclic, Effect, QuantisedCompensation
+from kinematics.effects.base import own_component
 from kinematics.transforms import Array
 
 SURE = 2.0
@@ -35,16 +39,15 @@ def found_again(linearised: LinearisedFit, effect: Effect) -> bool:
     """
     if not isinstance(effect, (Cyclic, QuantisedCompensation)) or linearised.measurement.axis is not None:
         return True
-    count = len(linearised.blocks)
+    count, search = len(linearised.blocks), _search(linearised, effect)
+    if search is None:
+        return False
     order = [*range(0, count, THIRD), *(number for number in range(count) if number % THIRD)]
     shapes: list[Effect] = []
     for place, number in enumerate(order):
         if place == len(order[::THIRD]) >= FEW and _worse(_gains(linearised, shapes, order[:place])):
             return False
-        found = _searched(_without(linearised, number), effect)
-        if not found:
-            return False
-        shapes += found
+        shapes.append(search(number))
     gains = _gains(linearised, shapes, order)
     better = special.bdtrc(np.count_nonzero(gains > 0) - 1, len(gains), 0.5) < FALSE
     return bool(gains.mean() > SURE * standard_error(gains) or (gains.sum() > 0 and better))
@@ -60,18 +63,26 @@ def _worse(gains: Array) -> bool:
     return bool(gains.sum() <= 0.0 and 2 * np.count_nonzero(gains > 0.0) < len(gains))
 
 
-def _without(linearised: LinearisedFit, number: int) -> LinearisedFit:
-    """The linearised fit of the rows that are not in a block."""
-    inside = linearised.blocks[number].rows.reshape(len(linearised.rows), -1)[:, 0]
-    return linearised.of_rows(np.flatnonzero(~inside)).thinned(scans.SCANNED)
+def _search(
+    linearised: LinearisedFit, effect: Cyclic | QuantisedCompensation
+) -> Callable[[int], Cyclic | QuantisedCompensation] | None:
+    """Search for the strongest shape of the kind of an effect along its axis, without a block given by its number.
 
-
-def _searched(linearised: LinearisedFit, effect: Cyclic | QuantisedCompensation) -> list[Effect]:
-    """The strongest shape of the kind of an effect along its axis, if there is one; of a wave, with its harmonics."""
-    if isinstance(effect, QuantisedCompensation):
-        return [candidate.effect for candidate in scans.steps_along(linearised, effect.axis)]
-    frequencies = scans.frequencies_of(linearised, effect.axis)
+    A wave has the harmonics of the effect. None where no period can be searched for.
+    """
+    of_steps, axis = isinstance(effect, QuantisedCompensation), effect.axis
+    frequencies = (scans.frequencies_of_steps if of_steps else scans.frequencies_of)(linearised, axis)
     if len(frequencies) < scans.OVERSAMPLING:
-        return []
-    ((_, best, gains),) = scans.strongest_waves(linearised, effect.axis, [effect.component], frequencies)
-    return [msgspec.structs.replace(effect, period=1.0 / float(best[int(np.argmax(gains))]))]
+        return None
+    component = effect.component if isinstance(effect, Cyclic) else own_component(axis)
+    whole = Sensitivity.of(linearised, axis, component)
+    waves, without = Waves.of(whole.x, frequencies), whole.without_each()
+
+    def found(number: int) -> Cyclic | QuantisedCompensation:
+        others = without(number)
+        if isinstance(effect, QuantisedCompensation):
+            return refined(others, scans.strongest_steps(others, axis, waves))
+        ((best, gains),) = scans.strongest_of([others], [component], waves)
+        return msgspec.structs.replace(effect, period=1.0 / float(best[int(np.argmax(gains))]))
+
+    return found

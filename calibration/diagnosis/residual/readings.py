@@ -16,6 +16,7 @@ from numpy.polynomial import legendre
 from calibration.diagnosis.residual.dependence import EVIDENCE, LENGTHS, READINGS, Function
 from calibration.diagnosis.residual.unnamed import MOST_TERMS, ROWS_PER_TERM, evidence, terms_of
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.row_sensitivity import RowSensitivity
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
 from kinematics.effects.instrument import beam
@@ -43,8 +44,9 @@ class _Tried(NamedTuple):
     number: int
     """Number of the reading: distance, azimuth, elevation."""
     function: Function
-    columns: Array
-    """White columns `(N, k)`, in units of their most likely standard deviations."""
+    sensitivity: RowSensitivity
+    values: Array
+    """Values `(n, k)` of its terms, in units of their most likely standard deviations."""
 
 
 def readings(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
@@ -74,7 +76,7 @@ def with_function_of_readings(linearised: LinearisedFit) -> OfReadings:
         best = max(_tried(found.linearised, given, arms), key=lambda each: each.log_odds)
         if best.log_odds <= EVIDENCE:
             break
-        beside = found.linearised.beside(best.columns)
+        beside = found.linearised.beside(best.sensitivity.columns(best.values))
         found = OfReadings(beside, found.log_odds + best.log_odds, found.function or best.function)
         del arms[best.number]
     return found
@@ -83,6 +85,7 @@ def with_function_of_readings(linearised: LinearisedFit) -> OfReadings:
 def _tried(linearised: LinearisedFit, given: Mapping[str, Array], arms: Mapping[int, Array]) -> Iterator[_Tried]:
     """Functions of each set of variables and length, for each of the readings with derivatives `(n, d)`, `arms`."""
     most = min(MOST_TERMS, len(linearised.rows) // ROWS_PER_TERM)
+    read = {number: RowSensitivity.of(linearised, arm) for number, arm in arms.items()}
     for variables in SETS:
         if not given.keys() >= set(variables):
             continue
@@ -90,11 +93,9 @@ def _tried(linearised: LinearisedFit, given: Mapping[str, Array], arms: Mapping[
             function = Function(variables, (length,) * len(variables))
             degrees, spread = terms_of(function.lengths, most)
             values = spread * reduce(np.multiply, map(_polynomials, (given[name] for name in variables), degrees.T))
-            for number, arm in arms.items():
-                columns = linearised.decorrelation.apply(arm[:, :, None] * values[:, None, :])
-                columns = columns.reshape(linearised.scalars, -1)
-                log_odds, size = evidence(linearised.projected(columns).schur, linearised.residual @ columns)
-                yield _Tried(log_odds, number, function, size * columns)
+            for number, sensitivity in read.items():
+                log_odds, size = evidence(*sensitivity.parts(values))
+                yield _Tried(log_odds, number, function, sensitivity, size * values)
 
 
 def _polynomials(values: Array, degrees: np.ndarray) -> Array:

@@ -22,6 +22,7 @@ from calibration.diagnosis.residual.dependence import EVIDENCE, LENGTHS, Functio
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, predicts
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.row_sensitivity import RowSensitivity
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage, chosen_of
 from kinematics.basis import Interval
@@ -164,8 +165,8 @@ def propose(
 def odds_of(linearised: LinearisedFit, component: Direction, function: Function | Unexplained) -> float:
     """Log odds of an error of the tool in one direction, a function of these variables, against none."""
     effect, spread = _effect(linearised, component, function, MOST_IN_ODDS)
-    columns = linearised.columns(effect) * spread
-    return evidence(linearised.projected(columns).schur, columns.T @ linearised.residual)[0]
+    tool = RowSensitivity.of_tool(linearised, component)
+    return evidence(*tool.parts(tool.values(effect) * spread))[0]
 
 
 def evidence(schur: Array, along: Array) -> tuple[float, float]:

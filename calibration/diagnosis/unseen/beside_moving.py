@@ -53,12 +53,25 @@ class BesideMoving(NamedTuple):
 
 def beside_moving(selector: Selector, stage: Stage, dependence: Unexplained) -> BesideMoving | None:
     """The model of a stage beside a swing, or beside a course in time alone; None where there is neither."""
-    noise, linearised = math.inf, stage.linearised
+    linearised = stage.linearised
     if TIME not in dependence.variables or not all(may_depend_on(linearised, name) for name in dependence.variables):
         return None
     swing = searched_swing(linearised, dependence)
     if swing is None and dependence.variables != (TIME,):
         return None
+    return _settled(selector, stage, dependence, swing)
+
+
+def beside_the_same(
+    selector: Selector, stage: Stage, dependence: Unexplained, moving: BesideMoving
+) -> BesideMoving | None:
+    """The model of a stage beside the function that moves with time beside another fit of its causes."""
+    return _settled(selector, stage, dependence, moving.swinging)
+
+
+def _settled(selector: Selector, stage: Stage, dependence: Unexplained, swing: Swinging | None) -> BesideMoving | None:
+    """The model of a stage beside a swing, or a course, with the noise that this leaves; None where it is unlikely."""
+    noise = math.inf
     for _ in range(ROUNDS):
         swing = None if swing is None else swing.tuned(stage.linearised)
         solution = BesideFunction(stage.linearised, _beside(stage.linearised, dependence, swing))

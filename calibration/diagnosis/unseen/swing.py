@@ -23,6 +23,7 @@ from calibration.diagnosis.residual.unnamed import (
     terms_of,
 )
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.row_sensitivity import RowSensitivity
 from kinematics.effects import Unnamed
 from kinematics.machine import Machine
 from kinematics.state import TIME, State
@@ -100,11 +101,16 @@ class Swinging(NamedTuple):
         spread = np.concatenate([spread / ((number + 1) // 2) for number in numbers])
         return Swing(component, variables, ranges, terms, (0.0,) * len(terms), self.period), spread
 
-    def evidence(self, linearised: LinearisedFit, component: Direction, most: int = TERMS) -> tuple[float, float]:
+    def evidence(self, linearised: LinearisedFit, component: Direction) -> tuple[float, float]:
         """Log odds of the swing in one direction against none, and its most likely size, as of `unnamed.evidence`."""
-        effect, spread = self.in_direction(linearised, component, most)
-        columns = linearised.columns(effect) * spread
-        return evidence(linearised.projected(columns).schur, columns.T @ linearised.residual)
+        tool = RowSensitivity.of_tool(linearised, component)
+        effect, spread = self.in_direction(linearised, component)
+        return evidence(*tool.parts(tool.values(effect) * spread))
+
+    def log_odds(self, tool: RowSensitivity, most: int = TERMS) -> float:
+        """Log odds of the swing in its clearest direction against none; tool: sensitivity to that; `most` by wave."""
+        effect, spread = self.in_direction(tool.linearised, self.component, most)
+        return evidence(*tool.parts(tool.values(effect) * spread))[0]
 
     def beside(self, linearised: LinearisedFit, directions: tuple[Direction, ...] = COMPONENTS) -> Absorbing:
         """The linearised fit with the swing in those directions of the tool that need it, the clearest first."""
@@ -138,38 +144,39 @@ class Swinging(NamedTuple):
         linearised = linearised.thinned(ROWS)
         parts = np.array_split(np.argsort(linearised.state.need("time", "a swing"), kind="stable"), PARTS)
         rows = np.arange(len(linearised.rows))
-        others = [linearised.of_rows(np.setdiff1d(rows, part)) for part in parts]
+        fits = (linearised.of_rows(np.setdiff1d(rows, part)) for part in parts)
+        others = (RowSensitivity.of_tool(each, self.component) for each in fits)
         periods = [self._of_near_period(each, least=STEP).period for each in others]
         u = math.sqrt((PARTS - 1) * float(np.var(periods)))
         return FoundSwing(self.component, self.function.variables, self.period, u)
 
     def tuned(self, linearised: LinearisedFit) -> Swinging:
         """The same with the likeliest lengths and period near its own, with further waves and axes that are clear."""
-        best, linearised = self, linearised.thinned(ROWS)
+        best, tool = self, RowSensitivity.of_tool(linearised.thinned(ROWS), self.component)
         for _ in range(PASSES):
             for i in range(len(best.function.lengths)):
-                best = best._likelier(linearised, [best._of_length(i, length) for length in LENGTHS])
-            best = best._likelier(linearised, [best._of_near_period(linearised)])
+                best = best._likelier(tool, [best._of_length(i, length) for length in LENGTHS])
+            best = best._likelier(tool, [best._of_near_period(tool)])
             if best.waves < WAVES:
                 further = best._replace(waves=best.waves + 1)
-                best = best._likelier(linearised, [further._of_near_period(linearised)], EVIDENCE)
-        return best._with_axes(linearised, OTHER)
+                best = best._likelier(tool, [further._of_near_period(tool)], EVIDENCE)
+        return best._with_axes(tool, OTHER)
 
     def with_axes(self, linearised: LinearisedFit) -> Swinging:
         """The same with the likeliest period near its own, and axes along which its size clearly changes evenly."""
-        best = self._likelier(linearised, [self._of_near_period(linearised)])
-        return best._with_axes(linearised, max(LENGTHS))
+        tool = RowSensitivity.of_tool(linearised, self.component)
+        return self._likelier(tool, [self._of_near_period(tool)])._with_axes(tool, max(LENGTHS))
 
-    def _with_axes(self, linearised: LinearisedFit, length: float) -> Swinging:
-        best = self
-        for axis in linearised.measurement.machine.names:
-            if axis not in best.function.variables and np.ptp(linearised.positions(axis)) > 0.0:
-                best = best._likelier(linearised, [best._also_of(axis, length)], EVIDENCE)
+    def _with_axes(self, tool: RowSensitivity, length: float) -> Swinging:
+        best, fit = self, tool.linearised
+        for axis in fit.measurement.machine.names:
+            if axis not in best.function.variables and np.ptp(fit.positions(axis)) > 0.0:
+                best = best._likelier(tool, [best._also_of(axis, length)], EVIDENCE)
         return best
 
-    def _likelier(self, linearised: LinearisedFit, others: Sequence[Swinging], least: float = 0.0) -> Swinging:
+    def _likelier(self, tool: RowSensitivity, others: Sequence[Swinging], least: float = 0.0) -> Swinging:
         """The likeliest of others, if its log odds are larger by more than `least`."""
-        odds = [each.evidence(linearised, self.component)[0] for each in (self, *others)]
+        odds = [each.log_odds(tool) for each in (self, *others)]
         best = int(np.argmax(odds))
         return (self, *others)[best] if odds[best] > odds[0] + least else self
 
@@ -182,14 +189,14 @@ class Swinging(NamedTuple):
     def _also_of(self, axis: str, length: float) -> Swinging:
         return self._replace(function=Function((*self.function.variables, axis), (*self.function.lengths, length)))
 
-    def _of_near_period(self, linearised: LinearisedFit, least: float = LEAST_TURNS) -> Swinging:
+    def _of_near_period(self, tool: RowSensitivity, least: float = LEAST_TURNS) -> Swinging:
         """The same with the likeliest of the periods within a step of its own, of so many turns at least."""
         from scipy.optimize import minimize_scalar
 
-        duration = duration_of(linearised)
+        duration = duration_of(tool.linearised)
 
         def against(turns: float) -> float:
-            return -self._replace(period=duration / turns).evidence(linearised, self.component)[0]
+            return -self._replace(period=duration / turns).log_odds(tool)
 
         turns = duration / self.period
         around = (max(turns - STEP, least), turns + STEP)
@@ -220,11 +227,11 @@ def _searched(linearised: LinearisedFit, dependence: Unexplained) -> Swinging | 
     function = Function(tuple(lengths), tuple(lengths.values()))
     smooth, component = max((odds_of(linearised, component, dependence), component) for component in COMPONENTS)
     few, duration = linearised.thinned(ROWS), duration_of(linearised)
-    turns = np.arange(LEAST_TURNS, min(MOST_TURNS, len(linearised.rows) // ROWS_PER_TURN), STEP)
-    if not len(turns):
+    turns = np.arange(LEAST_TURNS, min(MOST_TURNS, len(linearised.rows) // ROWS_PER_TURN), STEP).tolist()
+    if not turns:
         return None
-    swings = [Swinging(duration / float(n), function, component) for n in turns]
-    likeliest = int(np.argmax([swing.evidence(few, component, SCANNED_TERMS)[0] for swing in swings]))
+    tool, swings = RowSensitivity.of_tool(few, component), [Swinging(duration / n, function, component) for n in turns]
+    likeliest = int(np.argmax([swing.log_odds(tool, SCANNED_TERMS) for swing in swings]))
     found = swings[likeliest].tuned(linearised)
     least, swung = math.log(len(turns)) + EVIDENCE, found.beside(linearised)
     if found.too_long(linearised) or swung.log_odds - least <= smooth:

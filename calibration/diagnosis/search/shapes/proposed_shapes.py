@@ -45,6 +45,7 @@ from kinematics.effects import (
     GrowthWithDuty,
     GrowthWithSensor,
     GrowthWithTime,
+    QuantisedCompensation,
     Reversal,
 )
 from kinematics.effects.base import own_component, unit_of
@@ -161,9 +162,18 @@ def strongest_waves(
     if not sensitivities:
         return
     waves = Waves.of(sensitivities[0].x, frequencies)
+    strongest = strongest_of(sensitivities, components, waves)
+    for sensitivity, found in zip(sensitivities, strongest, strict=True):
+        yield sensitivity, *found
+
+
+def strongest_of(
+    sensitivities: Sequence[Sensitivity], components: Sequence[Component], waves: Waves
+) -> Iterator[tuple[Array, Array]]:
+    """For each sensitivity to an error motion the frequencies `(k,)` that explain most, refined, and their gains."""
     powers = strengths(sensitivities, waves)
     for component, sensitivity, power in zip(components, sensitivities, powers, strict=True):
-        yield sensitivity, *finest(sensitivity, waves, peaks(power, BEST_WAVES), unit_of(component)[1])
+        yield finest(sensitivity, waves, peaks(power, BEST_WAVES), unit_of(component)[1])
 
 
 def _with_harmonics(sensitivity: Sensitivity, effect: Cyclic) -> Cyclic:
@@ -221,23 +231,33 @@ def steps(linearised: LinearisedFit, whole: LinearisedFit | None = None) -> Iter
 
 def steps_along(linearised: LinearisedFit, axis: str, whole: LinearisedFit | None = None) -> list[Candidate]:
     """The strongest sawtooth along one axis, in a list; `whole` as in `steps`."""
-    measurement = linearised.measurement
-    low, high = moving_axes(measurement)[axis]
-    count = min(distinct_positions(measurement, axis) / 2, MOST_TEETH / OVERSAMPLING)
-    frequencies = np.arange(TEETH, max(count, TEETH), 1.0 / OVERSAMPLING) / (high - low)
+    frequencies = frequencies_of_steps(linearised, axis)
     if len(frequencies) < OVERSAMPLING:
         return []
     sensitivity = Sensitivity.of(linearised, axis, own_component(axis))
-    (strength,) = strengths([sensitivity], Waves.of(sensitivity.x, frequencies))
+    best = strongest_steps(sensitivity, axis, Waves.of(sensitivity.x, frequencies))
+    if sensitivity.score(sensitivity.sizes(best), 2).delta_bic < 0.0:
+        best = refined(sensitivity if whole is None else Sensitivity.of(whole, axis, own_component(axis)), best)
+    return [Candidate(best, 2, float(len(frequencies) * OFFSETS))]
+
+
+def frequencies_of_steps(linearised: LinearisedFit, axis: str) -> Array:
+    """Frequencies `(m,)` of the sawtooth functions along a linear axis that are tried, 1/mm."""
+    low, high = moving_axes(linearised.measurement)[axis]
+    count = min(distinct_positions(linearised.measurement, axis) / 2, MOST_TEETH / OVERSAMPLING)
+    return np.asarray(np.arange(TEETH, max(count, TEETH), 1.0 / OVERSAMPLING) / (high - low))
+
+
+def strongest_steps(sensitivity: Sensitivity, axis: str, waves: Waves) -> QuantisedCompensation:
+    """The sawtooth of the frequencies of waves that explains most, not refined."""
+    (strength,) = strengths([sensitivity], waves)
     shares, shapes = np.arange(OFFSETS) / OFFSETS, []
-    for frequency in frequencies[peaks(strength, 2 * BEST)].tolist():
+    for frequency in waves.frequencies[peaks(strength, 2 * BEST)].tolist():
         tried = teeth(sensitivity.x, 1.0 / frequency, shares / frequency)
         power = (sensitivity.along @ tried) ** 2 / np.maximum(sensitivity.squares @ tried**2, 1e-300)
         shapes.append((float(power.max()), 1.0 / frequency, float(shares[power.argmax()]) / frequency))
     _, pitches, offsets = np.array(sorted(shapes, reverse=True)[:BEST]).T
-    best = likeliest(sensitivity, axis, pitches, offsets)
-    pays = sensitivity.score(sensitivity.sizes(best), 2).delta_bic < 0.0
-    return [Candidate(refined(whole or linearised, best) if pays else best, 2, float(len(frequencies) * OFFSETS))]
+    return likeliest(sensitivity, axis, pitches, offsets)
 
 
 def finer(linearised: LinearisedFit) -> Iterator[Candidate]:

@@ -45,11 +45,10 @@ def likeliest(sensitivity: Sensitivity, axis: str, pitches: Array, offsets: Arra
     return QuantisedCompensation(axis=axis, step=0.0, pitch=pitch, offset=float(offsets[best]) % pitch)
 
 
-def refined(linearised: LinearisedFit, effect: QuantisedCompensation) -> QuantisedCompensation:
-    """The likeliest sawtooth near this one."""
-    sensitivity = Sensitivity.of(linearised, effect.axis, own_component(effect.axis))
+def refined(sensitivity: Sensitivity, effect: QuantisedCompensation) -> QuantisedCompensation:
+    """The likeliest sawtooth near this one; sensitivity: of its axis in its own direction."""
     for k in range(ROUNDS):
-        effect = likeliest(sensitivity, effect.axis, *_about(linearised, effect, CLOSER**-k))
+        effect = likeliest(sensitivity, effect.axis, *_about(sensitivity.linearised, effect, CLOSER**-k))
     return effect
 
 

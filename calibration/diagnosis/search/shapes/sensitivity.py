@@ -6,13 +6,15 @@ Their part that model and registration cannot imitate follows from that of a uni
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
+from calibration.diagnosis.search.held_out import HeldBlock
 from calibration.diagnosis.search.linearised_fit import RIDGE, LinearisedFit
 from calibration.diagnosis.search.score import Complement, Score
 from kinematics.effects import COMPONENTS, Component, Effect
@@ -48,11 +50,20 @@ class Response:
         x, first, number = np.unique(linearised.positions(axis), return_index=True, return_inverse=True)
         number = number.reshape(-1)
         known = linearised.has_spanned
-        columns = linearised.spanned if known else linearised.design
-        along = (arm[:, None] @ columns.reshape(*arm.shape, -1))[:, 0]
-        rows = np.argsort(number, kind="stable")
-        sums = np.add.reduceat(along[rows], np.searchsorted(number[rows], np.arange(len(x)))).T
+        sums = _summed(arm, linearised.spanned if known else linearised.design, number)[1]
         return cls(arm, x, first, number, sums if known else linearised.posterior.whitened(sums))
+
+    def without(self, shared: Array, own: Array, block: HeldBlock) -> Response:
+        """Response of the rows that are not in a block, in the fit of these.
+
+        shared: J'G `(q, m)` of a unit error at each position in all rows, with the design J; own: J `(k, q)` of the
+        block.
+        """
+        inside = block.rows.reshape(self.arm.shape)[:, 0]
+        numbers, lost = _summed(self.arm[inside], own, self.number[inside])
+        left = shared.copy()
+        left[:, numbers] -= lost
+        return replace(self, arm=np.where(inside[:, None], 0.0, self.arm), through=block.posterior.whitened(left))
 
     @cached_property
     def squares(self) -> Array:
@@ -85,17 +96,39 @@ class Errors(NamedTuple):
     complement: Complement
 
 
+def _summed(arm: Array, columns: Array, number: np.ndarray) -> tuple[np.ndarray, Array]:
+    """Numbers `(m,)` of the positions of some rows, and the sums `(q, m)` of columns `(n * d, q)` along `arm` there."""
+    along = (arm[:, None] @ columns.reshape(*arm.shape, -1))[:, 0]
+    rows = np.argsort(number, kind="stable")
+    numbers, first = np.unique(number[rows], return_index=True)
+    return numbers, np.add.reduceat(along[rows], first).T
+
+
 @dataclass(frozen=True)
 class Sensitivity:
     """Signal of an error of 1, mm or rad, at every position of an axis in a linearised fit."""
 
     linearised: LinearisedFit
     response: Response
+    residual: Array
+    """White residual `(N,)` of the fit."""
 
     @classmethod
     def of(cls, linearised: LinearisedFit, axis: str, component: Component) -> Sensitivity:
         """Sensitivity to an error of an axis in a direction of its error frame."""
-        return cls(linearised, linearised.once((axis, component), lambda: Response.of(linearised, axis, component)))
+        response = linearised.once((axis, component), lambda: Response.of(linearised, axis, component))
+        return cls(linearised, response, linearised.residual)
+
+    def without_each(self) -> Callable[[int], Sensitivity]:
+        """The same in the fit of all rows but those of a held-out block, given by its number; only gains are right."""
+        fit, shared = self.linearised, self.linearised.posterior.unwhitened(self.response.through)
+
+        def without(number: int) -> Sensitivity:
+            block = fit.blocks[number]
+            response = self.response.without(shared, fit.design[block.rows], block)
+            return replace(self, response=response, residual=fit.residual + fit.design @ block.moved)
+
+        return without
 
     @property
     def x(self) -> Array:
@@ -110,7 +143,7 @@ class Sensitivity:
     @cached_property
     def along(self) -> Array:
         """Residual `(m,)` along the sensitivity."""
-        return self.response.sums(self.response.arm * self.linearised.residual.reshape(self.response.arm.shape))
+        return self.response.sums(self.response.arm * self.residual.reshape(self.response.arm.shape))
 
     def signal(self, sizes: Array) -> Array:
         """White signal `(N,)` of errors of given sizes `(m,)`."""
