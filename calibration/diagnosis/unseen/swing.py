@@ -196,7 +196,7 @@ class Swinging(NamedTuple):
         duration = duration_of(tool.linearised)
 
         def against(turns: float) -> float:
-            return -self._replace(period=duration / turns).log_odds(tool)
+            return -self._replace(period=duration / turns).log_odds(tool, SCANNED_TERMS)
 
         turns = duration / self.period
         around = (max(turns - STEP, least), turns + STEP)
