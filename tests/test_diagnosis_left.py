@@ -15,9 +15,10 @@ from support.virtual_measurements import THREE, measured, positions
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.preparation import prepared
+from calibration.diagnosis.residual import chance_level
 from calibration.diagnosis.residual import unexplained as remainder
 from calibration.diagnosis.residual.absorber import absorbed, fair_to, log_odds_of_function, without_support
-from calibration.diagnosis.residual.chance_level import DRAWS, Chance
+from calibration.diagnosis.residual.chance_level import DRAWS, ENOUGH, Chance
 from calibration.diagnosis.residual.dependence import Unexplained, of_variables
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.residual.found_again import found_again
@@ -113,6 +114,21 @@ def test_a_wave_that_is_there_is_not(seed):
     found = stage.accepted[0]
     assert found.candidate.effect.period == pytest.approx(10.0, rel=1e-3)
     assert not by_chance(stage)
+
+
+def test_few_draws_decide_on_a_gain_far_above_those_of_chance(monkeypatch):
+    """All are needed for one that is near them."""
+    _, stage = stage_with(nameless("Y", 2.0), Cyclic("X", "X", 10.0, (12.0,), (9.0,)), candidate=strongest_wave)
+    drawn = []
+    monkeypatch.setitem(chance_level.SEARCHES, "cyclic", lambda fit: drawn.append(fit) or waves(fit))
+    found = stage.accepted[0]
+    chance = Chance(stage.linearised, ())
+    assert not chance.finds(found.candidate, found.score.gain)
+    assert len(drawn) == ENOUGH
+    largest = max(chance.finds(found.candidate, gain) * gain for gain in range(200))
+    assert chance.finds(found.candidate, largest)
+    assert not chance.finds(found.candidate, 1.4 * largest)
+    assert len(drawn) == DRAWS
 
 
 @pytest.mark.parametrize(("other", "named"), [(0.0, True), (6.0, True), (40.0, False)])

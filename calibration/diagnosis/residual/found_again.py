@@ -75,7 +75,8 @@ def _search(
     if len(frequencies) < scans.OVERSAMPLING:
         return None
     component = effect.component if isinstance(effect, Cyclic) else own_component(axis)
-    whole = Sensitivity.of(linearised, axis, component)
+    some = linearised.thinned(scans.SCANNED)
+    whole = Sensitivity.of(some if len(some.blocks) == len(linearised.blocks) else linearised, axis, component)
     waves, without = Waves.of(whole.x, frequencies), whole.without_each()
 
     def found(number: int) -> Cyclic | QuantisedCompensation:
