@@ -109,7 +109,8 @@ def compared(truth: dict[str, Any], measurement: Measurement) -> tuple[float, fl
         own = (tips_by_errors @ hidden(truth, machine, states, ranges).reshape(POSES, -1, 1))[:, :, 0] * MM
     with_effect, without = (Prediction(machine, each.model, states, tool).deviation_um for each in (found, twin))
     difference = without_rigid_motion(points, with_effect - own - without)
-    return _rms(difference), _uncertainty(twin.model, machine, states, tips_by_errors, points), not twin.causes and twin.unexplained is None
+    u = _uncertainty(twin.model, machine, states, tips_by_errors, points)
+    return _rms(difference), u, not twin.causes and twin.unexplained is None
 
 
 def _uncertainty(model: ErrorModel, machine: Machine, states: State, transform: Array, points: Array) -> float:

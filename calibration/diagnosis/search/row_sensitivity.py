@@ -34,20 +34,17 @@ class RowSensitivity(NamedTuple):
     @classmethod
     def of(cls, linearised: LinearisedFit, arm: Array) -> RowSensitivity:
         """Sensitivity to an error with whitened derivatives `(n, d)`, the rows of a stop not decorrelated."""
-        apply, shape = linearised.decorrelation.apply, arm.shape
-        design = apply(linearised.design.reshape(*shape, -1))
-        residual = np.sum(arm * apply(linearised.residual.reshape(shape)), axis=1)
-        length, of_stops = np.linalg.norm(arm, axis=1), []
+        known = np.column_stack([linearised.design, linearised.residual]).reshape(*arm.shape, -1)
+        along, length, of_stops = (arm[:, None] @ known)[:, 0], np.linalg.norm(arm, axis=1), []
         for rows, matrices in linearised.decorrelation.stops:
             stops, m = rows.shape
-            each = matrices.reshape(stops, -1, m, shape[1])
-            signals = np.einsum("skmd,smd->skm", each, arm[rows])
-            values, vectors = np.linalg.eigh(np.swapaxes(signals, 1, 2) @ signals)
-            roots = np.sqrt(np.maximum(values, 0.0))[:, :, None] * np.swapaxes(vectors, 1, 2)
-            of_stops.append((rows, roots))
+            signals = np.einsum("skmd,smd->smk", matrices.reshape(stops, -1, m, arm.shape[1]), arm[rows])
+            along[rows] = signals @ known[rows].reshape(stops, signals.shape[2], -1)
+            values, vectors = np.linalg.eigh(signals @ np.swapaxes(signals, 1, 2))
+            of_stops.append((rows, np.sqrt(np.maximum(values, 0.0))[:, :, None] * np.swapaxes(vectors, 1, 2)))
             length[rows] = 0.0
-        through = linearised.posterior.whitened((arm[:, None] @ design)[:, 0].T)
-        return cls(linearised, arm, through, residual, length, tuple(of_stops))
+        through = linearised.posterior.whitened(along[:, :-1].T)
+        return cls(linearised, arm, through, along[:, -1], length, tuple(of_stops))
 
     @classmethod
     def of_tool(cls, linearised: LinearisedFit, component: str) -> RowSensitivity:

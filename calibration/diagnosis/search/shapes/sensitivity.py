@@ -120,7 +120,7 @@ class Sensitivity:
         return cls(linearised, response, linearised.residual)
 
     def without_each(self) -> Callable[[int], Sensitivity]:
-        """The same in the fit of all rows but those of a held-out block, given by its number; only gains are right."""
+        """The same in the fit of all rows but those of a held-out block, given by its number; it has no scores."""
         fit, shared = self.linearised, self.linearised.posterior.unwhitened(self.response.through)
 
         def without(number: int) -> Sensitivity:
