@@ -51,6 +51,12 @@ def sentences(of):
     return [of.missing(named, "residual 9 -> 3 um RMS"), of.residual(9.0, 3.0), of.unexplained, of.advice, *of.notes]
 
 
+def test_outliers_that_may_be_a_knock_are_decided_by_other_positions():
+    tied = replace(NOTHING, verdicts=("tied",))
+    assert tied.advice.startswith("No measurement")
+    assert replace(tied, at_an_end=True).advice.startswith("Measure some of the other positions again")
+
+
 def test_no_sentence_contradicts_a_figure():
     counted = 0
     for of in combinations():

@@ -43,6 +43,24 @@ def test_rows_that_are_off_each_by_itself_stay_outliers(count):
     assert [cause.kind for cause in found.causes] == ["outliers"]
 
 
+@pytest.mark.parametrize("rows", [slice(-2, None), slice(-3, None), slice(0, 2), slice(-1, None)])
+def test_few_rows_at_an_end_that_are_off_alike_are_tied_with_a_knock(rows):
+    """They are left out; one row says nothing about a knock."""
+    data, off = data_with(n=ROWS), np.zeros((ROWS, 3))
+    off[rows] = [0.08, -0.06, 0.05]
+    observed = data.observed + off
+    found = diagnose(replace(data, observed=observed, state=replace(data.state, observed=observed)))
+    (cause,) = found.causes
+    assert cause.kind == "outliers"
+    assert found.after.fit.outliers.tolist() == np.flatnonzero(off[:, 0]).tolist()
+    count = len(found.after.fit.outliers)
+    assert cause.verdict == ("tied" if count > 1 else "strong")
+    assert found.conclusion.at_an_end == (count > 1)
+    if count > 1:
+        assert ("station-shift", "s1") in {(other.kind, other.axis) for other in cause.alternatives if other.tied}
+        assert "measured once more" in cause.notes[0]
+
+
 @pytest.mark.parametrize(("number", "seed", "um"), [(1, 1, 20.0), (2, 2, 20.0), (5, 2, 30.0)])
 def test_three_rows_do_not_tell_a_knock_from_a_jump_of_the_machine(number, seed, um):
     towards = np.random.default_rng(5).normal(size=(6, 3))[number]

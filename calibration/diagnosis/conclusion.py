@@ -51,6 +51,8 @@ class Conclusion:
     """Name of the model without the causes."""
     undecided: bool = False
     """True where noise larger than specified was estimated, and too few visits show whether it is noise."""
+    at_an_end: bool = False
+    """True where the outliers lie at one end and are off alike, as after a knock."""
 
     @property
     def condition(self) -> Condition:
@@ -174,6 +176,8 @@ class Conclusion:
                 "Measure some positions again several times: this shows whether the instrument is noisier than "
                 f"specified, or the machine does not repeat. {ESTIMATE[0].upper()}{ESTIMATE[1:]}."
             )
+        if self.at_an_end:
+            yield "Measure some of the other positions again: after a knock, or if a target was moved, all are off."
         if "tied" in self.verdicts:
             yield "No measurement that can be planned from these data separates the tied causes."
         if "weak" in self.verdicts:

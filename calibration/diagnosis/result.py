@@ -190,6 +190,7 @@ class Diagnosis:
             fit.degrees_of_freedom,
             "the present model" if self.base.present is None else "the present calibration, updated by these data,",
             fit.measurement.noise is not None and fit.measurement.noise.undecided,
+            any(cause.kind == "outliers" and cause.verdict == "tied" for cause in self.causes),
         )
 
 

@@ -17,6 +17,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.sawtooth import saw_uncertainty
 from calibration.diagnosis.search.shapes.spectra import aliases
 from calibration.diagnosis.search.stage import Accepted, Stage
+from calibration.diagnosis.search.sudden_changes import like_outliers
 from calibration.fit.fit import Fit
 from calibration.measurement.instruments import Part
 from kinematics.effects import (
@@ -41,6 +42,10 @@ Verdict = Literal["strong", "tied", "weak"]
 LINEAR, ANGLES = "XYZ", "ABC"
 CLEAR = 2.0
 """Standard errors of the held-out gain, and multiples of the required delta-BIC, of a strong verdict."""
+AT_AN_END = (
+    "the rows lie at one end and are off alike, as after a knock at the instrument or a target seated again: some of "
+    "the other positions, measured once more, show which"
+)
 EVERYWHERE = 6
 """Number of held-out blocks from which a gain in every one of them is clear, however uneven: chance 1 in 64."""
 
@@ -235,7 +240,14 @@ def outliers(fit: Fit, before: LinearisedFit) -> Named | None:
     delta_bic = -distance + shift.size * math.log(max(fit.observations, 2))
     if delta_bic > WORTH:
         return None
-    return Named("outliers", effect, delta_bic, 0.0, min(squares / max(before.squares, 1e-300), 1.0), "strong", 1.0)
+    share = min(squares / max(before.squares, 1e-300), 1.0)
+    changes = tuple(
+        Alternative(contract_kind(change), where(change), change.name, 1.0, math.exp(min(log_odds, 700.0)))
+        for change, log_odds in like_outliers(fit)
+    )
+    tied = any(change.tied for change in changes)
+    verdict: Verdict = "tied" if tied else "strong"
+    return Named("outliers", effect, delta_bic, 0.0, share, verdict, 1.0, changes, (AT_AN_END,) * tied)
 
 
 def _of_unknown_side(fit: Fit) -> np.ndarray:

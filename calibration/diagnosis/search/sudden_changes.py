@@ -20,6 +20,7 @@ from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
+from calibration.observation.equations import covariance
 from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Effect, StationShift, TargetOffset
 
@@ -60,6 +61,30 @@ def with_outliers_beyond(selector: Selector, stage: Stage) -> Stage:
             if _cost_with_outliers(trial) < _cost_with_outliers(stage):
                 return with_outliers_beyond(selector, trial.with_siblings_of(stage))
     return stage
+
+
+def like_outliers(fit: Fit) -> Iterator[tuple[Effect, float]]:
+    """Changes with all outliers of a fit behind them, or before them, and the log odds of the outliers against each.
+
+    An outlier costs a free shift of its row, a change one shift of all of them, and its moment. None for one outlier.
+    """
+    measurement, rows = fit.measurement, fit.outliers
+    time, count = measurement.state.time, len(rows)
+    if time is None or count < 2:
+        return
+    information = np.linalg.inv(covariance(measurement.rows(rows)))
+    along = information @ fit.residual[rows][:, :, None]
+    common = np.linalg.solve(information.sum(axis=0), along.sum(axis=0))
+    apart = float(np.sum(fit.residual[rows][:, :, None] * along) - np.sum(common * along.sum(axis=0)))
+    spared = (count - 1) * measurement.components * float(np.log(fit.observations))
+    for effect in jumps(measurement):
+        of_change = np.flatnonzero(_acts_on(measurement, effect) & ~fit.copies)
+        of_change = of_change[np.argsort(time[of_change], kind="stable")]
+        at_end, at_start = (np.isin(rows, some).all() for some in (of_change[-count:], of_change[:count]))
+        if isinstance(effect, StationShift | TargetOffset) and at_end != at_start:
+            since = float(time[of_change[-count if at_end else count]])
+            odds = 0.5 * (apart - spared) + float(np.log(len(of_change)))
+            yield msgspec.structs.replace(effect, since_s=since), odds
 
 
 def _moments_beyond_outliers(fit: Fit, effect: Effect) -> Iterator[float]:
