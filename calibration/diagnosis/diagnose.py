@@ -28,7 +28,7 @@ from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.searched_causes import Searched, searched_causes
 from calibration.diagnosis.separability import separability
-from calibration.diagnosis.unseen.beside_moving import BesideMoving, beside_the_same
+from calibration.diagnosis.unseen.beside_moving import BesideMoving, settled_beside
 from calibration.diagnosis.unseen.fine_errors import squares_by_fine_errors
 from calibration.diagnosis.unseen.random_walk import squares_by_walk
 from calibration.diagnosis.unseen.undecided_causes import errors_by_forms, errors_by_ties, errors_by_undecided
@@ -215,9 +215,9 @@ def _curved(searched: Searched, completed: _Completed, calibration: ErrorModel |
     unseen = None
     if dependence is not None and not held:
         moving, found = searched.moving, searched.found.stage
-        # beside noise and bases found again the fit of the causes is the same
+        # where noise and bases were found again, both stages lead to the same model
         if moving is not None and after is not found and moving.solution.plain is found.linearised:
-            moving = beside_the_same(completed.selector, after, dependence, moving)
+            moving = settled_beside(completed.selector, after, dependence, moving.swinging)
         unseen = unseen_errors(after.linearised, dependence, calibration, curves=curves, moving=moving)
         if TIME in dependence.variables:
             unseen = unseen.of_at_least(squares_by_walk(after.linearised))

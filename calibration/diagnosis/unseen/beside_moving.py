@@ -59,17 +59,12 @@ def beside_moving(selector: Selector, stage: Stage, dependence: Unexplained) -> 
     swing = searched_swing(linearised, dependence)
     if swing is None and dependence.variables != (TIME,):
         return None
-    return _settled(selector, stage, dependence, swing)
+    return settled_beside(selector, stage, dependence, swing)
 
 
-def beside_the_same(
-    selector: Selector, stage: Stage, dependence: Unexplained, moving: BesideMoving
+def settled_beside(
+    selector: Selector, stage: Stage, dependence: Unexplained, swing: Swinging | None
 ) -> BesideMoving | None:
-    """The model of a stage beside the function that moves with time beside another fit of its causes."""
-    return _settled(selector, stage, dependence, moving.swinging)
-
-
-def _settled(selector: Selector, stage: Stage, dependence: Unexplained, swing: Swinging | None) -> BesideMoving | None:
     """The model of a stage beside a swing, or a course, with the noise that this leaves; None where it is unlikely."""
     noise = math.inf
     for _ in range(ROUNDS):
