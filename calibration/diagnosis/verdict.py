@@ -46,6 +46,8 @@ AT_AN_END = (
     "the rows lie at one end and are off alike, as after a knock at the instrument or a target seated again: some of "
     "the other positions, measured once more, show which"
 )
+LARGEST = 700.0
+"""Largest logarithm of odds."""
 EVERYWHERE = 6
 """Number of held-out blocks from which a gain in every one of them is clear, however uneven: chance 1 in 64."""
 
@@ -242,8 +244,8 @@ def outliers(fit: Fit, before: LinearisedFit) -> Named | None:
         return None
     share = min(squares / max(before.squares, 1e-300), 1.0)
     changes = tuple(
-        Alternative(contract_kind(change), where(change), change.name, 1.0, math.exp(min(log_odds, 700.0)))
-        for change, log_odds in like_outliers(fit)
+        Alternative(contract_kind(change), where(change), change.name, 1.0, _odds(log_odds))
+        for change, log_odds in like_outliers(fit, rows)
     )
     tied = any(change.tied for change in changes)
     verdict: Verdict = "tied" if tied else "strong"
@@ -276,9 +278,13 @@ def _random_walk(stage: Stage, index: int) -> tuple[Alternative, ...]:
 
 def _alternatives(accepted: Accepted) -> Iterator[Alternative]:
     for sibling in accepted.siblings:
-        candidate = sibling.evaluated.candidate
-        odds = math.exp(min(sibling.log_odds, 700.0))
+        candidate, odds = sibling.evaluated.candidate, _odds(sibling.log_odds)
         yield Alternative(candidate.kind, candidate.axis, candidate.effect.name, sibling.cosine, odds)
+
+
+def _odds(log_odds: float) -> float:
+    """Odds by their logarithm; a number for any."""
+    return math.exp(min(log_odds, LARGEST))
 
 
 def verdict_of(accepted: Accepted) -> Verdict:

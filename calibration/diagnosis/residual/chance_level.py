@@ -30,7 +30,7 @@ SMOOTH = (
 DRAWS, FALSE = 19, 0.01
 """Random draws, all of which a cause must exceed, and the chance of its gain by the distribution of theirs."""
 ENOUGH, CLEARLY = 7, 1.5
-"""Draws that suffice for a gain so many times as large as the one that this distribution has with this chance."""
+"""Draws that suffice where a gain is so many times as large as the one that has this chance by their distribution."""
 SEED = 1
 SEARCHES: Mapping[str, Callable[[LinearisedFit], Iterable[Candidate]]] = {
     "cyclic": scans.waves,

@@ -63,13 +63,13 @@ def with_outliers_beyond(selector: Selector, stage: Stage) -> Stage:
     return stage
 
 
-def like_outliers(fit: Fit) -> Iterator[tuple[Effect, float]]:
-    """Changes with all outliers of a fit behind them, or before them, and the log odds of the outliers against each.
+def like_outliers(fit: Fit, rows: np.ndarray) -> Iterator[tuple[Effect, float]]:
+    """Changes with all of some outliers `(k,)` behind them, or before them, and the log odds of these against each.
 
     An outlier costs a free shift of its row, a change one shift of all of them, and its moment. None for one outlier.
     """
-    measurement, rows = fit.measurement, fit.outliers
-    time, count = measurement.state.time, len(rows)
+    measurement, count = fit.measurement, len(rows)
+    time = measurement.state.time
     if time is None or count < 2:
         return
     information = np.linalg.inv(covariance(measurement.rows(rows)))
