@@ -68,8 +68,8 @@ wheel: $(INSTALLED) ## build the wheel, and try it in an empty venv of each Pyth
 	$(BIN)/python -m hatchling build
 	tests/wheel_in_venvs.sh dist/*.whl
 
-pages: $(INSTALLED) ## renew the pages that docs/make writes: codes, refusals, results, outputs of the tutorial
-	for page in controls refusals results tutorial; do $(BIN)/python docs/make/$$page.py || exit 1; done
+pages: $(INSTALLED) ## renew the pages that docs/make writes: codes, refusals, results, outputs of the tutorial and of the notebook
+	for page in controls refusals results tutorial session; do $(BIN)/python docs/make/$$page.py || exit 1; done
 
 lock: $(BIN)/python ## renew requirements.lock from pyproject.toml
 	$(BIN)/pip install --quiet "pip-tools>=7.5"
@@ -78,7 +78,7 @@ lock: $(BIN)/python ## renew requirements.lock from pyproject.toml
 		--no-emit-options --output-file requirements.lock pyproject.toml
 
 clean: ## remove .venv, out and the tools' caches
-	rm -rf $(VENV) out dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) out dist .cache .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 # The build backend is in the lock too: nothing is installed that is not named there.
 $(INSTALLED): $(BIN)/python requirements.lock pyproject.toml

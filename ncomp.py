@@ -21,59 +21,124 @@ True
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from kinematics.running.progress import Progress, silent
+from kinematics.running.below_one_name import BelowOneName
+from kinematics.running.caller import public
 from kinematics.user_error import UserError
-from postproc.interface import (
-    Corrected,
-    check,
-    conditions,
-    correct,
-    export,
-    export_parameters,
-    set_up,
-    verify,
-)
+from kinematics.version import VERSION
+from postproc.interface.folders import batch, job, watch
+from postproc.interface.programs import Corrected, check, conditions, correct, open_program, set_up, set_up_of, verify
+from postproc.interface.tables import export, export_parameters, import_tables
+from postproc.interface.views import REPORTS
+from rendering.shown import VIEWS
 
 if TYPE_CHECKING:
-    from calibration.diagnosis.result import Diagnosis
-    from calibration.fit.calibrate import Calibration
-    from calibration.fit.prediction import Points, Prediction
-    from calibration.fit.together import Together
-    from calibration.measurement.measurement import Measurement
-    from calibration.measurement.plan import Choices, Plan
-    from calibration.on_the_fly.along_path import OnTheFly
-    from calibration.simulation.measure_plan import Simulated, VirtualInstrument
-    from kinematics.effects import Effect
+    from calibration.fit.calibrate import NotAccepted
+    from calibration.fit.together import TogetherNotAccepted
+    from calibration.instruments import Ballbar, Interferometer, LaserTracker, Level, Part, TouchProbe
+    from calibration.interface.calibrations import diagnose, fit, fit_together
+    from calibration.interface.evaluations import ballbar, compare, continuous, iso230, three_points, tracker
+    from calibration.interface.measurements import (
+        plan,
+        predict,
+        read_measurement,
+        read_on_the_fly,
+        save,
+        simulate,
+        touches,
+        virtual_machine,
+    )  # fmt: skip
+    from calibration.interface.virtual_laser import simulate_continuous
+    from calibration.measurement.measurement import Target
+    from calibration.measurement.plan import Choices
+    from calibration.on_the_fly.nominal_path import NominalPath
+    from calibration.simulation.measure_plan import VirtualInstrument
+    from calibration.study.studied import Studied, Study
     from kinematics.error_model.model import ErrorModel
     from kinematics.machine import Machine
-    from kinematics.transforms import Array
+    from postproc.control.setup import Setup
+    from postproc.text.source import Source
 
 __all__ = [
+    "Ballbar",
+    "Choices",
     "Corrected",
+    "Interferometer",
+    "LaserTracker",
+    "Level",
+    "NotAccepted",
+    "Part",
+    "Target",
+    "TogetherNotAccepted",
+    "TouchProbe",
     "UserError",
+    "VirtualInstrument",
+    "ballbar",
+    "batch",
     "check",
+    "compare",
     "conditions",
+    "continuous",
     "correct",
     "diagnose",
     "export",
     "export_parameters",
     "fit",
     "fit_together",
+    "import_tables",
+    "iso230",
+    "job",
     "load_calibration",
     "load_machine",
+    "load_plugin",
     "plan",
     "predict",
     "read_measurement",
+    "read_on_the_fly",
+    "read_path",
+    "report",
+    "save",
     "set_up",
     "simulate",
+    "simulate_continuous",
+    "study",
+    "three_points",
+    "touches",
+    "tracker",
     "verify",
+    "virtual_machine",
+    "watch",
 ]
 
+__version__ = VERSION
+VIEWS.update(REPORTS)
+if "__path__" not in globals():  # the repository, where no folder is named ncomp
+    __path__: list[str] = []
+    sys.meta_path.insert(0, BelowOneName(__name__))
 
+MANY = 3000
+"""Largest number of moves of a program at which a study evaluates errors, evenly spread."""
+
+
+def __getattr__(name: str) -> Any:
+    """A function on measurements, whose libraries a correction does not load."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
+    from calibration import interface
+
+    globals()[name] = found = getattr(interface, name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+@public
 def load_machine(machine: str | Path | Machine) -> Machine:
     """The machine of a shipped name or of a TOML file.
 
@@ -85,6 +150,7 @@ def load_machine(machine: str | Path | Machine) -> Machine:
     return given.load_machine(machine)
 
 
+@public
 def load_calibration(machine: str | Path | Machine, calibration: str | Path | ErrorModel | None = None) -> ErrorModel:
     """The calibration in a JSON file; None is the machine's own, `"none"` a machine without errors.
 
@@ -98,202 +164,101 @@ def load_calibration(machine: str | Path | Machine, calibration: str | Path | Er
     return given.load_calibration(machine, calibration)
 
 
-def read_measurement(
-    data: str | Path | Sequence[str | Path],
-    machine: str | Path | Machine,
+@public
+def load_plugin(file: str | Path) -> None:
+    """Add a physical cause of error of one's own: a Python file with the class of an effect (docs/develop/recipes.md).
+
+    `file` is its path, NAME.py, or the name of an installed plug-in, which is an entry point of the group
+    `ncomp.effects`. The next function that needs effects loads it, and processes that ncomp starts load it too.
+    UserError for one that does not exist, and once the effects have been loaded.
+    """
+    from kinematics.running.plugins import request
+
+    request([file])
+
+
+@public
+def read_path(
+    program: str | Path | Source, machine: str | Path | Machine, *, setup: Setup | None = None, dialect: str = "auto"
+) -> NominalPath:
+    """The path of a program that a tracker follows, for `read_on_the_fly`: positions `(m, axes)`, mm and rad.
+
+    UserError for a construct that cannot be followed. `notes` of the result are for the user.
+    """
+    from calibration.on_the_fly.nominal_path import NominalPath
+    from postproc.dialects import find_dialect
+    from postproc.program_path import program_path
+
+    source, nominal = open_program(program), load_machine(machine)
+    language = find_dialect(dialect, source.name, source.text_head)
+    found = program_path(source, language, nominal, set_up_of(program, nominal, setup))
+    notes = tuple(found.notes)
+    return NominalPath(nominal, found.positions, found.length, found.counts, source.name, source.hash, notes)
+
+
+@public
+def report(page: str | Path) -> bytes:
+    """A page that a command has written by `--report`, as PDF: A4, page numbers, light colours, all lists open.
+
+    UserError for another file, and where neither Chromium nor Chrome is installed.
+    """
+    from rendering.printed import printed_page
+
+    return printed_page(Path(page))
+
+
+@public
+def study(
+    definition: str | Path,
     *,
-    format: str = "auto",
-    header: Mapping[str, str] | None = None,
-    columns: str | None = None,
-    plan: str | Path | None = None,
-) -> Measurement:
-    """The measurement in a file, or in several as one: axis positions, mm and rad, and observed points, mm.
+    program: str | Path | Source | None = None,
+    setup: Setup | None = None,
+    dialect: str = "auto",
+    workers: Annotated[int, 1, None] = 1,
+    dask: str | None = None,
+    keep_beside: str | Path | None = None,
+    progress: Callable[[int], None] = lambda _: None,
+) -> Studied:
+    """Virtual calibrations of many virtual machines by the methods of a study (docs/study.md), compared.
 
-    header: keys that the file lacks (`{"u_um": "0.3"}`); columns: column map of a delimited export; plan: table of the
-    axis positions by names of points. `notes` of the result are for the user.
-
-    UserError with file, line and column of the first entry that cannot be used.
+    program: NC program, along which the errors after correction are evaluated too, with its set-up and dialect;
+    workers: number of processes; a script that sets it must guard its main part by `if __name__ == "__main__"`; dask:
+    address of a Dask scheduler, or `local`; keep_beside: file of the results, beside which the draws that are done are
+    kept until `save` of the result writes it, so that an interrupted study continues; progress: called with numbers of
+    draws done.
     """
-    from calibration.measurement.joining import joined
-    from calibration.measurement.readers import read_any
+    from calibration.study.store import Store
+    from calibration.study.studied import Study
 
-    found, position = load_machine(machine), None if plan is None else Path(plan)
-    paths = [data] if isinstance(data, (str, Path)) else data
-    each = [read_any(Path(path), found, format, header=header, columns=columns, plan=position) for path in paths]
-    return each[0] if len(each) == 1 else joined(each)
-
-
-def fit(
-    measurement: Measurement | OnTheFly,
-    *,
-    basis: str = "auto",
-    effects: Sequence[str | Effect] = (),
-    noise: Literal["sheet", "estimate"] = "sheet",
-    prior_scale: float | None = None,
-    reversal: str = "none",
-    hold_out: bool = True,
-    valid_days: float | None = None,
-    force: bool = False,
-    progress: Progress = silent,
-) -> Calibration:
-    """Fit the errors of a machine to measured points, with uncertainties; `model` of the result is the calibration.
-
-    basis: that of the error motions (`auto`, `legendre:5`, `X=b-spline:12,...`); effects: others of docs/effects.md
-    (`backlash:axis=X,width=0`); noise: standard uncertainty of the instrument, as stated unless the residuals
-    contradict it, or estimated from them; prior_scale: size of the errors, times the typical 30 um and urad; reversal:
-    for data taken on the fly, `constant` or `curves` that depend on the direction of motion; force: accept the result
-    although there is a reason against it.
-
-    UserError for too few data; `calibration.fit.calibrate.NotAccepted`, a UserError with the result in `found`, where
-    too many rows disagree, and where the fit does not predict held-out lines better than the nominal machine does.
-    """
-    from calibration.fit.calibrate import calibrate
-    from calibration.on_the_fly.along_path import MARGIN, OnTheFly
-    from calibration.on_the_fly.reversals import reversals
-    from calibration.simulation.effect_text import read_effects
-
-    moving = isinstance(measurement, OnTheFly)
-    data = measurement.measurement if isinstance(measurement, OnTheFly) else measurement
-    texts = [effect for effect in effects if isinstance(effect, str)]
-    others = [effect for effect in effects if not isinstance(effect, str)]
-    return calibrate(
-        data,
-        basis=basis,
-        margin=MARGIN if moving else 0,
-        effects=[*read_effects(texts, data.machine), *others, *reversals(data, reversal)],
-        variance=noise,
-        prior_scale=prior_scale,
-        hold_out=hold_out,
-        valid_days=valid_days,
-        force=force,
-        progress=progress,
-    )
+    planned = Study.read(Path(definition))
+    if program is not None:
+        planned, _ = study_along(planned, program, set_up_of(program, planned.machine, setup), dialect)
+    store = Store(None) if keep_beside is None else Store.beside(str(keep_beside))
+    return planned.run(workers, dask, store, progress)
 
 
-def fit_together(
-    measurements: Sequence[Measurement],
-    *,
-    basis: str = "auto",
-    effects: Sequence[str | Effect] = (),
-    noise: Literal["sheet", "estimate"] = "sheet",
-    prior_scale: float | None = None,
-    hold_out: bool = True,
-    valid_days: float | None = None,
-    force: bool = False,
-    progress: Progress = silent,
-) -> Together:
-    """Fit the errors of a machine to measurements by several instruments, each with its own registration.
-
-    Arguments as for `fit`. `parts` of the result has each measurement alone, with the others and predicted by them.
-
-    UserError for too few data; `calibration.fit.together.TogetherNotAccepted`, a UserError with the result in `found`,
-    where the calibration is no improvement for one of the measurements.
-    """
-    from calibration.fit.together import calibrate_together
-    from calibration.simulation.effect_text import read_effects
-
-    texts = [effect for effect in effects if isinstance(effect, str)]
-    others = [effect for effect in effects if not isinstance(effect, str)]
-    return calibrate_together(
-        measurements,
-        basis=basis,
-        effects=[*read_effects(texts, measurements[0].machine), *others],
-        variance=noise,
-        prior_scale=prior_scale,
-        hold_out=hold_out,
-        valid_days=valid_days,
-        force=force,
-        progress=progress,
-    )
-
-
-def diagnose(
-    measurement: Measurement,
-    model: str | Path | ErrorModel | None = None,
-    *,
-    noise: Literal["sheet", "estimate"] = "sheet",
-    unexplained: Literal["report", "add"] = "report",
-    force: bool = False,
-    progress: Progress = silent,
-) -> Diagnosis:
-    """Find the causes of the errors that a model of the machine lacks; `model` of the result has them added.
-
-    model: the present calibration; None begins with error motions of all axes. unexplained: residuals without a known
-    cause are reported, or added to the model as a smooth function. force: accept the new model although there is a
-    reason against it.
-    """
-    from calibration.diagnosis.diagnose import diagnose
-
-    present = None if model is None else load_calibration(measurement.machine, model)
-    return diagnose(measurement, present, variance=noise, left_over=unexplained, force=force, progress=progress)
-
-
-def predict(
-    points: str | Path | Points | Array, machine: str | Path | Machine, model: str | Path | ErrorModel | None = None
-) -> Prediction:
-    """The deviation of the tool point, or of the target, at a table of states, with its standard uncertainty.
-
-    points: file with the columns of a measurement file, or axis positions `(n, axes)`, mm and degrees, in the order of
-    the chain, with a tool of length zero. Deviations `(n, 3)`, um, are actual minus nominal, tool relative to
-    workpiece, in the workpiece frame; k = 1.
-
-    >>> import numpy as np
-    >>> predict(np.zeros((2, 5)), "dmu50").deviation_um.shape
-    (2, 3)
-    """
+def study_along(study: Study, program: str | Path | Source, setup: Setup, dialect: str) -> tuple[Study, str]:
+    """A study with the ends of the moves of a program, and the part of the set-up that is assumed."""
     import numpy as np
 
-    from calibration.fit.prediction import Points, Prediction, read_points
-    from kinematics.state import State
+    from calibration.design.volume import Volume, standing
+    from postproc.dialects import find_dialect
+    from postproc.verification.verify import assumed_motions
 
-    found = load_machine(machine)
-    calibration = load_calibration(found, model)
-    if isinstance(points, (str, Path)):
-        points = read_points(Path(points), found)
-    if isinstance(points, Points):
-        return Prediction(found, calibration, points.states.state, points.states.tool)
-    return Prediction(found, calibration, State(points * found.scale), np.zeros((len(points), 3)))
-
-
-def plan(
-    machine: str | Path | Machine,
-    strategy: str,
-    points: int | Sequence[int] | None = None,
-    spacing_mm: float | None = None,
-    choices: Choices | None = None,
-) -> Plan:
-    """The positions of a measurement, `(n, axes)`, mm and rad, their order, and the minutes that it takes.
-
-    strategy: `grid`, `hexahedron+random`, ...; points: number of positions, of each strategy joined by `+`; choices:
-    ranges, order, targets, runs and all other options of the command.
-
-    >>> plan("gantry", "random", 25).positions.shape
-    (25, 3)
-    """
-    from calibration.planning.strategies import plan
-
-    return plan(load_machine(machine), strategy, points, spacing_mm, choices)
-
-
-def simulate(
-    plan: Plan,
-    model: ErrorModel,
-    instrument: VirtualInstrument | None = None,
-    *,
-    seed: int = 0,
-    progress: Callable[[int], None] = lambda _: None,
-) -> Simulated:
-    """The observations of a machine with known errors at the positions of a plan; `measurement` of the result.
-
-    The machine moves by its exact kinematics. model: the true errors; instrument: a laser tracker before the volume
-    unless given; seed: the same seed makes the same measurement. `progress` gets the number of observations done.
-
-    >>> simulate(plan("gantry", "random", 25), load_calibration("gantry", "none")).measurement.observed.shape
-    (25, 3)
-    """
-    from calibration.simulation.measure_plan import TRACKER, VirtualInstrument, measure_plan, streams
-
-    return measure_plan(plan, model, instrument or VirtualInstrument(TRACKER), streams(seed, 4)[1:], progress)
+    source = open_program(program)
+    language = find_dialect(dialect, source.name, source.text_head)
+    motions, assumption = assumed_motions(source, language, study.machine, setup)
+    rows = np.flatnonzero(motions.evaluated)
+    if not len(rows):
+        raise UserError(
+            f"{source.name}: no move has known positions of all axes, so that no error along the program can be "
+            "evaluated: write the positions of all axes into its first move"
+        )
+    if len(rows) > MANY:
+        rows = rows[np.linspace(0, len(rows) - 1, MANY).astype(int)]
+    sensors = study.definition.instrument.temperature
+    volume = Volume.at(study.machine, standing(motions.machine_target[rows], sensors), motions.tool[rows])
+    return study.along(volume), assumption
 
 
 if __name__ == "__main__":

@@ -22,14 +22,16 @@ from pathlib import Path
 
 import machines
 from kinematics.effects import LocationError
-from kinematics.error_model.model import ErrorModel, Provenance, no_errors, reference
+from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.error_model.provenance import Provenance, reference
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 from postproc.control.setup import Setup, make_setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.control_data.tool_tables import ToolTable
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.source import open_source
-from postproc.tool_tables import ToolTable
 
 SQUARENESS_URAD = 20.0
 TOOLS = ToolTable(tools={str(n): 0.0 for n in range(1000)}, radii={str(n): 3.0 for n in range(1000)})

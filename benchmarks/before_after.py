@@ -9,6 +9,7 @@ that hold a time, a version or a calibration's name. `benchmarks/speed.py --befo
 from __future__ import annotations
 
 import argparse
+import compileall
 import os
 import re
 import statistics
@@ -24,6 +25,7 @@ from processes import Spent, spent
 from speed_inputs import CLOTHINGS, FIVE_AXES, path
 
 HERE = Path(__file__).parents[1]
+PACKAGES = ("calibration", "kinematics", "machines", "postproc", "rendering")
 NCOMP = (sys.executable, "-c", "from postproc.cli import run; run()")
 NOT_ACCEPTED = ("fit", "diagnose")
 """Commands that may end with 2, after all of their work: a calibration that is not accepted."""
@@ -86,6 +88,9 @@ Pairs = dict[str, list[tuple[Spent, Spent]]]
 def measured(before: Path, names: Sequence[str], rounds: int, sizes: Sizes) -> tuple[Pairs, dict[str, bool]]:
     """Time and memory of the commands in both checkouts, by round; and whether their outputs are the same."""
     times: Pairs = {name: [] for name in names}
+    for checkout in (before, HERE):  # otherwise the one without bytecode would compile in each run
+        for package in PACKAGES:
+            compileall.compile_dir(checkout / package, quiet=1)
     with tempfile.TemporaryDirectory(prefix="ncomp-before-after-") as made:
         folder = Path(made)
         prepare(folder, sizes)

@@ -1,8 +1,8 @@
 """Cold start: `python benchmarks/cold_start.py [runs]`.
 
 A program of 200 five-axis blocks is corrected by the shipped DMU 50 in a process of its own, in turn with a process
-that only imports NumPy; medians of both, and of their ratio. Python's compiled files are written before the first
-counted run, as an installation writes them.
+that only imports NumPy, and with one in which Typer reads the same words first; medians of each, and of the ratios.
+Python's compiled files are written before the first counted run, as an installation writes them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,15 @@ import numpy as np
 
 BLOCKS = 200
 RUNS = 9
-JOB = ("-c", "from postproc.cli import run; run()", "in.nc", "--machine", "dmu50", "--set-up-zero", "-o", "out.nc")
+WORDS = ("in.nc", "--machine", "dmu50", "--set-up-zero", "-o", "out.nc")
+RUN = "from postproc.cli import run; run()"
+JOB = ("-c", RUN, *WORDS)
+BY_TYPER = (
+    "-c",
+    "import sys; from postproc.commands.tree import command_tree; "
+    f"command_tree().get_command(None, 'correct').make_context('correct', sys.argv[1:]); {RUN}",
+    *WORDS,
+)
 NUMPY = ("-c", "import numpy")
 
 
@@ -51,8 +59,8 @@ def spent(arguments: tuple[str, ...], folder: str, environment: dict[str, str]) 
     return Spent(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, end - start)
 
 
-def measured(runs: int) -> tuple[list[Spent], list[Spent]]:
-    """The times of ncomp's job and of the import of NumPy, run by run in turn."""
+def measured(runs: int) -> tuple[list[Spent], ...]:
+    """The times of ncomp's job, of the job with Typer, and of the import of NumPy, run by run in turn."""
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "in.nc").write_text(program(BLOCKS))
         environment = os.environ | {
@@ -60,18 +68,28 @@ def measured(runs: int) -> tuple[list[Spent], list[Spent]]:
             "PYTHONPYCACHEPREFIX": f"{folder}/compiled",
             "PYTHONDONTWRITEBYTECODE": "",
         }
-        pairs = [[spent(each, folder, environment) for each in (JOB, NUMPY)] for _ in range(runs + 1)][1:]
-    return [job for job, _ in pairs], [other for _, other in pairs]
+        each_run = [[spent(each, folder, environment) for each in (JOB, BY_TYPER, NUMPY)] for _ in range(runs + 1)]
+    return tuple(map(list, zip(*each_run[1:], strict=True)))
+
+
+def ratios(jobs: list[Spent], others: list[Spent]) -> list[Spent]:
+    """Ratios of the times, run by run."""
+    return [
+        Spent(job.processor / other.processor, job.elapsed / other.elapsed)
+        for job, other in zip(jobs, others, strict=True)
+    ]
 
 
 def table(runs: int) -> tuple[Sequence[str], list[Sequence[str]]]:
     """Head and rows: medians of the times, and of the ratios within a run."""
-    jobs, imports = measured(runs)
-    ratios = [
-        Spent(job.processor / other.processor, job.elapsed / other.elapsed)
-        for job, other in zip(jobs, imports, strict=True)
-    ]
-    columns = {f"ncomp, {BLOCKS} five-axis blocks": (jobs, 3), "import numpy": (imports, 3), "ratio": (ratios, 2)}
+    jobs, by_typer, imports = measured(runs)
+    columns = {
+        f"ncomp, {BLOCKS} five-axis blocks": (jobs, 3),
+        "the same, read by Typer": (by_typer, 3),
+        "ratio": (ratios(jobs, by_typer), 2),
+        "import numpy": (imports, 3),
+        "ratio to import numpy": (ratios(jobs, imports), 2),
+    }
     return ("process", "processor, s", "elapsed, s"), [
         (name, *(f"{statistics.median(times):.{digits}f}" for times in zip(*column, strict=True)))
         for name, (column, digits) in columns.items()

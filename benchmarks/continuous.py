@@ -30,7 +30,7 @@ import machines
 from calibration.continuous.estimate import Estimate, estimate
 from calibration.continuous.records import QuasiStatic, Record
 from calibration.continuous.virtual import Laser, Motion, Targets, measure
-from calibration.measurement.instruments import Interferometer
+from calibration.instruments import Interferometer
 from calibration.measurement.readers import read_any
 from kinematics.transforms import Array
 

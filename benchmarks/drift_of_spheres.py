@@ -21,7 +21,7 @@ from support.probe_cases import AROUND, MIDDLE, TIP, covered, poses
 
 import machines
 from calibration.fit.calibrate import calibrate
-from calibration.measurement.instruments import TouchProbe
+from calibration.instruments import TouchProbe
 from calibration.simulation.measure_plan import VirtualInstrument, measure_plan, streams
 from calibration.simulation.touch_probe import Spheres
 from calibration.simulation.true_model import ROTARY, model_of, random_location_errors, random_true_model

@@ -16,9 +16,9 @@ import numpy as np
 
 import machines
 from calibration.fit.calibrate import Calibration, calibrate
-from calibration.fit.datum import error_motions, to_datum
+from calibration.fit.datum import to_datum
 from calibration.fit.location_errors import split_locations, transformed
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.measurement.plan import Choices
 from calibration.planning.strategies import plan
@@ -43,7 +43,7 @@ def in_the_frame_of(found: Calibration, truth: ErrorModel) -> ErrorModel:
     """The true errors in the bases of a fit, and in its datum, with its location errors apart."""
     machine, model = found.fit.measurement.machine, found.fit.model
     effects = []
-    for effect, _ in error_motions(model):
+    for effect, _ in model.error_motions:
         i, k = machine.index(effect.axis), COMPONENTS.index(effect.component)
         x = np.linspace(*effect.basis.interval, 400)
         q = np.zeros((len(x), len(machine.axes)))

@@ -29,8 +29,11 @@ from calibration.fit.fit import fit
 from calibration.measurement.file import read_measurement
 from calibration.simulation.true_model import model_of
 from kinematics.effects import LocationError
-from postproc.kinematic_parameters.export import export_parameters
-from postproc.kinematic_parameters.formats import FORMATS
+from postproc.control_data.formats import formats_of
+from postproc.control_data.parameters.export_parameters import export_parameters
+from postproc.control_data.parameters.parameter_format import ParameterFormat
+
+FORMATS = formats_of(ParameterFormat)
 
 ROOT = Path(__file__).parents[1]
 PLACE = (130.4, 19.7, 60.2)

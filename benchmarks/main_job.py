@@ -23,7 +23,8 @@ from kinematics.effects import Backlash
 from kinematics.error_model.model import ErrorModel, no_errors, read_model
 from postproc.compensation.correction import correct
 from postproc.control.setup import make_setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.notes import Notes
 from postproc.text.source import open_source

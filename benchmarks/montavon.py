@@ -13,7 +13,7 @@ import numpy as np
 import machines
 from calibration.fit.fit import fit
 from calibration.fit.identifiability import identifiability
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.planning.strategies import plan

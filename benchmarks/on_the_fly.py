@@ -3,7 +3,7 @@
     python benchmarks/on_the_fly.py [paths] [standstill] [many] [five-axes] [--draws 6]
 
 paths: error on the path and on a grid, before and after, for the on-the-fly paper's diagonals and for the path that
-`ncomp plan --strategy on-the-fly` makes; 18 error motions of a straight line and two waves each (half a period to
+`ncomp plan path` makes; 18 error motions of a straight line and two waves each (half a period to
 two), so large that the mean deviation on the grid is 103 um; a reading every 4 mm, at random inside its step; pose
 unknown. Grid points are never on the path. standstill: the same virtual machine calibrated by points at rest and on
 the fly. many: half a million readings from a file to a calibration. five-axes: all axes of a DMU 50 along one path.
@@ -28,7 +28,7 @@ from calibration.evaluation.volumetric import aligned, deviation_on, volumetric_
 from calibration.fit.calibrate import calibrate
 from calibration.fit.fit import fit
 from calibration.fit.identifiability import identifiability
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.observation.normal_equations import residuals

@@ -32,7 +32,6 @@ from shop_floor.chain import without_rigid_motion
 import ncomp
 from calibration.fit.prediction import Prediction
 from calibration.measurement.measurement import Measurement
-from calibration.observation import equations
 from kinematics.effects import COMPONENTS
 from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import error_transform_with_tool
@@ -97,7 +96,7 @@ def compared(truth: dict[str, Any], measurement: Measurement) -> tuple[float, fl
     machine, ranges = measurement.machine, np.stack([f(measurement.state.positions, axis=0) for f in (np.min, np.max)])
     found = ncomp.diagnose(measurement)
     registration = found.after.fit.registration
-    transform = equations.transform(measurement, registration)[:, :, :-3]
+    transform = measurement.instrument.transform(measurement, registration)[:, :, :-3]
     errors = hidden(truth, machine, measurement.state, ranges).reshape(len(measurement), -1, 1)
     less = replace(measurement, observed=measurement.observed - (transform @ errors)[:, :, 0])
     twin = ncomp.diagnose(less)

@@ -20,7 +20,8 @@ from kinematics.machine import Machine
 from kinematics.user_error import UserError
 from machines import default_calibration
 from postproc.control.setup import make_setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.execution import Part, StreamedProgram
 from postproc.text.block import Block

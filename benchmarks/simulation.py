@@ -12,7 +12,7 @@ import numpy as np
 
 import machines
 from calibration.evaluation.volumetric import deviation_on, volumetric_error_um
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.planning.strategies import evaluation_grid, plan
 from calibration.simulation.simulate import observe, tracker_pose
 from calibration.simulation.true_model import random_true_model

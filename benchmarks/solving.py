@@ -19,11 +19,11 @@ import numpy as np
 import machines
 from calibration.fit.fit import fit
 from calibration.fit.problem import Problem
+from calibration.instruments import LaserTracker
 from calibration.measurement.estimated_noise import Decorrelation
-from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
-from calibration.observation.normal_equations import designs
+from calibration.observation.normal_equations import derivatives, whiteners
 from calibration.observation.outliers import first_registration
 from calibration.simulation.simulate import observe, tracker_pose
 from calibration.simulation.true_model import random_true_model
@@ -54,19 +54,18 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def against_pinv(rows: int) -> None:
-    """Both methods at a size that the pseudo-inverse can solve; each builds the design and solves it once."""
+    """Both methods at a size that the pseudo-inverse can solve; only the own one has to build its design."""
     measurement = simulated(rows)
     model = rigid_model(measurement, BASES)
     registration, _ = first_registration(measurement)
     problem = Problem.of(measurement, model, priors(model))
     point = problem.point(np.array(model.parameters), registration)
 
-    def by_pinv() -> object:
-        blocks = designs(measurement, model, registration, problem.white, Decorrelation())
-        dense = np.concatenate([design for _, design in blocks])
-        return np.linalg.pinv(dense) @ problem.whitened(point.residual).reshape(-1)
-
-    pinv = seconds(by_pinv)
+    by_unknowns = derivatives(measurement, model, registration)
+    assert by_unknowns is not None
+    whitened = by_unknowns.whitened(whiteners(measurement), Decorrelation())
+    dense = np.stack([whitened.times(unit).reshape(-1) for unit in np.eye(len(whitened.order))], axis=1)
+    pinv = seconds(lambda: np.linalg.pinv(dense) @ problem.whitened(point.residual).reshape(-1))
     own = seconds(lambda: problem.solve(point, np.ones(rows), 1.0))
     whole = seconds(lambda: fit(measurement, model))
     size = f"{3 * rows} x {len(model.parameters)}"

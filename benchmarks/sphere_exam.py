@@ -1,6 +1,6 @@
 """Touch probe and spheres on the shipped five-axis machines: location errors, error at other poses, coverage of U.
 
-For each machine a plan by `ncomp plan --instrument touch-probe` (34 rotary positions, three spheres, the first one
+For each machine a plan by `ncomp plan spheres` (34 rotary positions, three spheres, the first one
 again at the end), then draws of the machine: location errors uniform within 50 um and urad, error motions of rotary
 axes as in `ncomp simulate`, those of linear axes a tenth of the virtual calibration paper's (--linear 0.1); spheres up
 to 1 mm off, noise 1 um (k = 1). Each measurement is fitted as `ncomp fit` does, and the tip is evaluated at 200 other
@@ -26,7 +26,7 @@ import machines
 from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.fit.calibrate import calibrate
 from calibration.fit.fit import Fit
-from calibration.measurement.instruments import TouchProbe
+from calibration.instruments import TouchProbe
 from calibration.probing.bodies import Artefact, Probe
 from calibration.probing.plan import ProbeRequest, probe_plan
 from calibration.simulation.measure_plan import VirtualInstrument, measure_plan, streams

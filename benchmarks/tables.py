@@ -11,9 +11,12 @@ import time
 
 import machines
 from kinematics.error_model.model import read_model
-from postproc.tables.export import export
-from postproc.tables.format import parse_settings
-from postproc.tables.formats import FORMATS
+from postproc.control_data.format import parse_settings
+from postproc.control_data.formats import formats_of
+from postproc.control_data.tables.export_tables import export
+from postproc.control_data.tables.table_format import TableFormat
+
+FORMATS = formats_of(TableFormat)
 
 SETTINGS = {"fanuc": ["unit_um=0.1", "largest=127"], "mitsubishi": ["unit_um=0.1"]}
 

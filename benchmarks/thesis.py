@@ -27,16 +27,16 @@ import numpy as np
 
 import machines
 from benchmarks import thesis_procedure
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.registration import Registration, rigid
-from calibration.observation.equations import expected
+from calibration.registration.registration import Registration, rigid
 from calibration.single_axis.three_points import identify
 from kinematics.basis import Polynomial
 from kinematics.correction import correct_position
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Component, Effect, ErrorMotion, LocationError
-from kinematics.error_model.model import ErrorModel, Observation, Provenance, reference
+from kinematics.error_model.model import ErrorModel, Observation
+from kinematics.error_model.provenance import Provenance, reference
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.forward import forward, tool_point
 from kinematics.machine import Machine
@@ -206,7 +206,9 @@ def _measure(
     state = State(actual, station=station, target=targets)
     blank = Measurement(machine, AT960, state, np.zeros((len(nominal), 3)), TARGETS, "bed", run=runs)
     registration = Registration(dict(poses), {name: np.zeros(3) for name in poses})
-    seen = expected(blank, registration, Observation(truth.errors(machine, state), np.zeros((len(nominal), 3))))
+    seen = blank.instrument.expected(
+        blank, registration, Observation(truth.errors(machine, state), np.zeros((len(nominal), 3)))
+    )
     noise = np.linalg.cholesky(AT960.covariance(seen)) @ rng.standard_normal((len(seen), 3, 1))
     return replace(blank, state=replace(state, positions=nominal), observed=seen + noise[:, :, 0])
 

@@ -21,7 +21,7 @@ import numpy as np
 import machines
 from benchmarks.rotary_turns import SEED, STATIONS, TABLE, TARGETS, TOOL, random_machine
 from calibration.evaluation.volumetric import deviation_on, rigid_columns
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
 from calibration.simulation.simulate import observe, tracker_pose
 from calibration.simulation.true_model import random_true_model

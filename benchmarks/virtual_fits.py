@@ -20,7 +20,7 @@ import machines
 from calibration.evaluation.volumetric import aligned, deviation_on
 from calibration.fit.bases.selection import choose
 from calibration.fit.fit import Fit, fit
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.full_model import with_effects
 from calibration.planning.strategies import evaluation_grid, plan

@@ -33,6 +33,16 @@ class _Scaled(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return np.asarray((np.clip(x, low, high) - low) / (high - low))
 
     @property
+    def kinks(self) -> tuple[float, ...]:
+        """Positions at which its functions have a kink: the ends, beyond which they are constant."""
+        return self.interval
+
+    @property
+    def wave_length(self) -> float | None:
+        """Length of its shortest wave, mm or degrees; None for functions that do not repeat."""
+        return None
+
+    @property
     def _width(self) -> float:
         return self.interval[1] - self.interval[0]
 
@@ -99,6 +109,11 @@ class Fourier(_Scaled, frozen=True, tag_field="kind", tag="fourier"):
         return np.stack([np.ones_like(u), u, *waves], axis=1)
 
     @property
+    def wave_length(self) -> float | None:
+        """Length of its shortest wave, mm or degrees; None without waves."""
+        return 2 * self._width / max(self.harmonics) if self.harmonics else None
+
+    @property
     def feature_length(self) -> float:
         """Shortest feature length of its functions, mm or degrees: half the shortest wave."""
         highest = max(map(abs, self.harmonics), default=0.0)
@@ -125,6 +140,11 @@ class Harmonics(_Scaled, frozen=True, tag_field="kind", tag="harmonics"):
         return np.stack([np.ones_like(q), *waves], axis=1)
 
     @property
+    def wave_length(self) -> float | None:
+        """Length of its shortest wave, degrees; None without waves."""
+        return 360.0 / self.order if self.order else None
+
+    @property
     def feature_length(self) -> float:
         """Shortest feature length of its functions, degrees: half the shortest wave."""
         return 180.0 / self.order if self.order else math.inf
@@ -148,6 +168,16 @@ class BSpline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field
     def interval(self) -> Interval:
         """From the first to the last node."""
         return self.nodes[0], self.nodes[-1]
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Positions at which its functions have a kink, or a jump of a higher derivative: the nodes."""
+        return self.nodes
+
+    @property
+    def wave_length(self) -> float | None:
+        """None: its functions do not repeat."""
+        return None
 
     @property
     def size(self) -> int:

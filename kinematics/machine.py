@@ -54,6 +54,9 @@ class Axis:
     resolution: float
     home: float
     """Reference position; the assumed position of the axis until a program sets it."""
+    rollover: Literal["", "as-written", "shortest", "signed"] = ""
+    """Meaning of an absolute word of a rotary axis that turns fully: its number counts whole turns, the axis turns the
+    shortest way, or the sign is the direction; empty where the machine file does not state it: as written."""
 
     @cached_property
     def unit_direction(self) -> Array:
@@ -114,6 +117,11 @@ class Control:
     """Programs in other files that a program calls do not change tool, frames and modes (Klartext)."""
     family: Literal["any", "fanuc", "linuxcnc"] = "any"
     """Whose reading of ISO code counts where controls differ; for any, such code is refused."""
+    block_skip: Literal["", "on", "off"] = ""
+    """Position of the block-skip switch: on, so that blocks with a slash do not run, or off; without it a program in
+    which it matters is refused."""
+    random_toolchanger: bool = False
+    """LinuxCNC: RANDOM_TOOLCHANGER = 1 of its INI file, with which tool 0 is a tool of the table."""
     klartext_arcs: Literal["helix", "plane", "axes"] = "helix"
     """Form of a corrected Klartext arc that moves an axis across its plane: a helix (`CP IPA Z`, for every control),
     not at all, or by a word beside those of the arc (`C X Y Z`)."""
@@ -124,6 +132,9 @@ class Control:
     repeats: Literal["", "truncate", "round"] = ""
     """Number of repeats of Klartext `CALL LBL REP` with a parameter that is not whole: its integer part, or the nearest
     whole number (a half upwards); without it such programs are refused."""
+    rotary_feed: Literal["leave", "inverse-time", "scaled"] = "leave"
+    """Feed moves of rotary axes alone (G94): left without a correction, or corrected and given the time that their F
+    means, by G93 or by an F for the path of X Y Z."""
     unit: Literal["", "mm", "inch"] = ""
     """Unit of the control: of its tables without a unit, and of programs before G20 or G21 (G70, G71). Where it is not
     given, mm is assumed."""
@@ -134,9 +145,13 @@ class Machine:
     """A named chain of axes, in order from the workpiece to the tool, with its defaults for reading NC programs."""
 
     name: str
+    """Name of the machine."""
     description: str
+    """What it is, in a sentence."""
     axes: tuple[Axis, ...]
+    """Axes from the workpiece to the tool."""
     control: Control = field(default_factory=Control)
+    """What is known about its control."""
     work_offsets: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Offsets by name (G54, or a preset number; EVERY_OTHER) and axis, mm or degrees."""
     tools: Mapping[str, float] = field(default_factory=dict)
@@ -149,6 +164,9 @@ class Machine:
     """Datum entries of work offsets, by their name; `default` for all that are not named."""
     report: ReportHead = field(default_factory=ReportHead)
     """Entries of the head of its reports."""
+
+    def __repr__(self) -> str:
+        return f"<Machine: {self.name}, {self.chain}>"
 
     @property
     def chain(self) -> str:
@@ -250,6 +268,7 @@ def make_axis(
     point: Sequence[float] = (0.0, 0.0, 0.0),
     resolution: float = 1e-4,
     home: float | None = None,
+    rollover: Literal["", "as-written", "shortest", "signed"] = "",
 ) -> Axis:
     """An axis from its file entries, checked; UserError with the entry and the reason."""
     where = f"axis {name}"
@@ -268,4 +287,8 @@ def make_axis(
     if not (low <= home_position <= high and math.isfinite(home_position)):
         raise UserError(f"{where}: home {home} is outside its travel {list(travel)}: expected a position within it")
     kind: Literal["linear", "rotary"] = "rotary" if name[0] in "ABC" else "linear"
-    return Axis(name, kind, side, (d[0], d[1], d[2]), (p[0], p[1], p[2]), (low, high), float(resolution), home_position)
+    direction_, point_ = (d[0], d[1], d[2]), (p[0], p[1], p[2])
+    axis = Axis(name, kind, side, direction_, point_, (low, high), float(resolution), home_position, rollover)
+    if rollover and not axis.turns_fully:
+        raise UserError(f"{where}: rollover = {rollover!r} needs a rotary axis with a travel of 360 degrees or more")
+    return axis

@@ -64,8 +64,14 @@ class Table(NamedTuple):
     def put(self, x: Array, approach: Array | None, values: Array) -> None:
         """Error motions at positions `(n,)` inside the breaks, approached in directions `(n,)`, into `values` `(6, n)`.
 
-        A row is evaluated in the same steps, whichever rows there are beside it.
+        Between two directions, within the play, they are interpolated. A row is evaluated in the same steps, whichever
+        other rows there are.
         """
+        if self.directed and approach is not None:
+            inside = np.flatnonzero(approach != np.rint(approach))
+            if len(inside):
+                self._put_between(inside, x, approach, values)
+                return
         pieces = len(self.breaks) - 1
         piece = np.searchsorted(self.breaks[1:-1], x, side="right")
         if self.directed and approach is not None:
@@ -85,6 +91,15 @@ class Table(NamedTuple):
             part = np.empty((6, len(rows)))
             self._put(np.array([one]), x[rows], part)
             values[:, rows] = part
+
+    def _put_between(self, inside: np.ndarray, x: Array, approach: Array, values: Array) -> None:
+        """As `put`; `inside`: the rows between two directions."""
+        low = np.floor(approach)
+        self.put(x, low, values)
+        upper = np.empty((6, len(inside)))
+        self.put(np.ascontiguousarray(x[inside]), low[inside] + 1.0, upper)
+        share = (approach - low)[inside]
+        values[:, inside] = (1.0 - share) * values[:, inside] + share * upper
 
     def largest(self, low: float, high: float) -> Array:
         """Largest sizes and slopes `(2, 2)` of the translations and of the rotations, from the pieces between."""

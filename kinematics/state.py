@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,8 @@ class State:
     positions: Array
     """Axis positions `(n, axes)` in chain order, mm and rad."""
     approach: Array | None = None
-    """Sign of the last move of each axis `(n, axes)`: -1, 0 (not moved yet), 1."""
+    """Sign of the last move of each axis `(n, axes)`: -1, 0 (not moved yet), 1; between these, the side of the play on
+    which an axis lies that its drive has not yet pushed."""
     last_move: Array | None = None
     """Last move of each axis `(n, axes)`, mm and rad, signed."""
     velocity: Array | None = None
@@ -119,6 +120,18 @@ class State:
         if sensor not in self.temperatures:
             raise UserError(f"{by} needs the temperature {sensor!r}, which these data do not give")
         return self.temperatures[sensor]
+
+
+def with_moves(state: State, approach: Array | None = None) -> State:
+    """The state with the last move of each axis, from the order of its rows, and the approach unless given.
+
+    A row that does not move an axis keeps its last move and its approach; both are 0 before the first move.
+    """
+    moves = np.diff(state.positions, axis=0, prepend=state.positions[:1])
+    moves[np.abs(moves) < 1e-9] = 0.0
+    moved = np.where(moves != 0.0, np.arange(len(state))[:, None], 0)
+    last = np.take_along_axis(moves, np.maximum.accumulate(moved, axis=0), axis=0)
+    return replace(state, last_move=last, approach=np.sign(last) if approach is None else approach)
 
 
 def _is_all(index: slice | np.ndarray, n: int) -> bool:

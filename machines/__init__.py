@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -21,6 +22,8 @@ __all__ = ["default_calibration", "folders", "load", "names", "own", "parse", "p
 FOLDER = Path(__file__).parent
 UNUSABLE = frozenset('/\\:*?"<>|\n\r\t\0')
 """Characters that no name of a file may have: the calibration of a machine has its name."""
+KEPT = 16
+"""Number of machines whose texts are not parsed again: more than a run has."""
 
 
 class _AxisEntry(msgspec.Struct, forbid_unknown_fields=True):
@@ -29,6 +32,7 @@ class _AxisEntry(msgspec.Struct, forbid_unknown_fields=True):
     point: tuple[float, float, float] | None = None
     resolution: float = 1e-4
     home: float | None = None
+    rollover: Literal["as-written", "shortest", "signed"] | None = None
 
 
 class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):
@@ -77,8 +81,9 @@ def _own_file(name: str) -> Path:
     )
 
 
+@functools.lru_cache(maxsize=KEPT)
 def parse(text: str, source: str) -> Machine:
-    """The machine written in TOML; `source` names the text in error messages."""
+    """The machine written in TOML; `source` names the text in error messages. The last texts are not parsed again."""
     where = f"machine file {source}"
     table = read_table(text, where)
     try:
@@ -119,7 +124,8 @@ def _build(entries: _MachineFile) -> Machine:
                 "machine frame, where the tool reference point is at X0 Y0 Z0 when all axes are at 0"
             )
         point = axis.point or (0.0, 0.0, 0.0)
-        axes.append(make_axis(name, side, **(msgspec.structs.asdict(axis) | {"point": point})))
+        given = msgspec.structs.asdict(axis) | {"point": point, "rollover": axis.rollover or ""}
+        axes.append(make_axis(name, side, **given))
     control = _control(entries.control, chained)
     offsets, offsets_assumed = _assumed(entries.work_offsets, "work_offsets")
     tools, tools_assumed = _assumed(entries.tools, "tools")

@@ -19,18 +19,31 @@ def load_machine(machine: str | Path | Machine) -> Machine:
     return machines.load(str(machine)) if isinstance(machine, (str, Path)) else machine
 
 
+def machine_of(model: ErrorModel, machine: str | Path | Machine | None, name: str) -> Machine:
+    """The machine of a calibration: the one that is given, or the shipped machine of its name.
+
+    name: of the calibration, for the message where there is none.
+    """
+    import machines
+
+    if machine is None and model.machine.name not in machines.names():
+        raise UserError(f"{name}: machine {model.machine.name} is not shipped; give its file with --machine FILE.toml")
+    return load_machine(model.machine.name if machine is None else machine)
+
+
 def load_calibration(machine: str | Path | Machine, calibration: str | Path | ErrorModel | None = None) -> ErrorModel:
     """The calibration in a JSON file; None is the machine's own, `"none"` a machine without errors.
 
     UserError for a machine without a calibration of its own, and for a calibration of another machine.
     """
     import machines
-    from kinematics.error_model.model import no_errors, read_model
+    from kinematics.error_model.model import no_errors, read_model, refuse_other_machine
 
     found = load_machine(machine)
     if calibration == "none":
         return no_errors(found)
     if calibration is not None and not isinstance(calibration, (str, Path)):
+        refuse_other_machine(calibration, found, calibration.id)
         return calibration
     path = Path(calibration) if calibration else machines.default_calibration(found)
     if path is None:

@@ -41,7 +41,7 @@ def run() -> None:
     except UserError as fault:
         _end(2, str(fault))
     except KeyboardInterrupt:
-        _end(128 + signal.SIGINT)
+        _end(128 + signal.SIGINT, "interrupted")
     except BrokenPipeError:
         _end(1)
     except OSError as fault:

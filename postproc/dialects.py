@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import PurePath
-from typing import Protocol
 
 import msgspec
 from msgspec.structs import replace
@@ -13,49 +12,13 @@ from msgspec.structs import replace
 from kinematics.files.mistaken import none_of
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
+from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
-from postproc.control.state import ControlState
-from postproc.motion.motions import Motions
-from postproc.motion.recorder import Recorder
 from postproc.text.block import Block, Refusal
-from postproc.text.blocks import PlainRun
 from postproc.text.dialect_evidence import evidence
-from postproc.text.flow import Variables, never
+from postproc.text.flow import never
 from postproc.text.notes import Notes
 from postproc.text.plain_style import PlainStyle
-
-
-class Interpreter(Protocol):
-    """Interpreter of a dialect: it reads blocks, returns moves, and keeps modal state from chunk to chunk."""
-
-    @property
-    def control_state(self) -> ControlState:
-        """Present offsets and tools, and those that the program has used."""
-
-    @property
-    def ended(self) -> bool:
-        """True if the program has ended."""
-
-    @property
-    def moved(self) -> bool:
-        """True if the last block moved the tool; Refusal if a modal call after it depends on the control."""
-
-    @property
-    def recorder(self) -> Recorder:
-        """Recorder of the positions of the axes."""
-
-    @property
-    def scope(self) -> Variables:
-        """The variables of the program."""
-
-    def read(self, blocks: Iterable[Block | PlainRun]) -> Motions:
-        """The moves of a chunk of blocks. Refusal at the first block that is not fully understood.
-
-        It reads each block before it requests the next: the next block may depend on the position of the tool.
-        """
-
-    def read_to_refusal(self, blocks: Iterable[Block | PlainRun]) -> tuple[Motions, Refusal | None]:
-        """As `read`, for the blocks before the first one that is not fully understood, and its refusal."""
 
 
 class Dialect(msgspec.Struct, frozen=True):
@@ -82,6 +45,8 @@ class Dialect(msgspec.Struct, frozen=True):
     """Words of plain lines, which are read together; None for a dialect whose lines are read one by one."""
     leads: Callable[[Block], bool] = never
     """True for a block that is written together with the next one."""
+    flat_arcs: bool = False
+    """True if blocks of arcs may be unable to name the axis across their plane."""
     begins: Callable[[Block], bool] = never
     """True for the first block of a program: jumps and labels of other programs do not reach it."""
     evidence: str = ""
@@ -103,9 +68,9 @@ def _bounded(read_block: Callable[[int, str], Block]) -> Callable[[int, str], Bl
 
 
 def _iso() -> Dialect:
-    from postproc.iso import blocks as iso_blocks
     from postproc.iso import interpreter as iso
-    from postproc.iso import lines as iso_lines
+    from postproc.iso.reading import blocks as iso_blocks
+    from postproc.iso.reading import lines as iso_lines
 
     return Dialect(
         "iso",
@@ -136,16 +101,17 @@ def _heidenhain() -> Dialect:
         "; {}",
         lambda block: block.kind == "begin_pgm",
         heidenhain_statements.OWN,
+        flat_arcs=True,
         leads=lambda block: block.kind == "centre",
         plain=PlainStyle("FR", head="L", rapid="FMAX", unchanged="R", continued="~", marks=".,"),
     )
 
 
 def _siemens() -> Dialect:
-    from postproc.siemens import blocks as siemens_blocks
-    from postproc.siemens import calls as siemens_calls
     from postproc.siemens import interpreter as siemens
-    from postproc.siemens import statements as siemens_statements
+    from postproc.siemens.reading import blocks as siemens_blocks
+    from postproc.siemens.reading import calls as siemens_calls
+    from postproc.siemens.reading import statements as siemens_statements
 
     return Dialect(
         "siemens",

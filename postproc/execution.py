@@ -18,8 +18,10 @@ import numpy as np
 from msgspec.structs import replace
 
 from kinematics.user_error import UserError
+from postproc.control.block_skip import decided
 from postproc.control.codes import AXES
-from postproc.dialects import Dialect, Interpreter
+from postproc.control.interpreter import Interpreter
+from postproc.dialects import Dialect
 from postproc.motion.motions import Motions, merged
 from postproc.program_lines import irregular_lines, read_blocks
 from postproc.text.block import Block, Refusal
@@ -49,7 +51,7 @@ class Part(msgspec.Struct, frozen=True):
 def joined_before_rotary_moves(parts: Iterable[Part]) -> Iterator[Part]:
     """The parts, joined if one of them decides how the last move before it is written.
 
-    Such a part begins with a feed move of rotary axes alone (`postproc/correct/rotary_moves.py`), or has no moves.
+    Such a part begins with a feed move of rotary axes alone (`postproc/correct/rotary/moves.py`), or has no moves.
     """
     held: list[Part] = []
     refused = None
@@ -115,7 +117,7 @@ class StreamedProgram:
         try:
             chunks = _Chunks(read_blocks(self.source, self.dialect, self._axes, ahead=self.ahead), self.dialect.leads)
             while True:
-                items = straight(_without_turns(chunks.next()), self.interpreter.scope)
+                items = straight(_without_turns(self._decided(chunks.next())), self.interpreter.scope)
                 motions, refusal = self.interpreter.read_to_refusal(items)
                 if motions.blocks:
                     yield Part(motions, motions.blocks.size)
@@ -125,6 +127,10 @@ class StreamedProgram:
                     return
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
+
+    def _decided(self, items: Iterable[Block | PlainRun]) -> Iterator[Block | PlainRun]:
+        """The blocks as the block-skip switch lets them run."""
+        return decided(items, self.interpreter.control_state.setup.block_skip, self.interpreter.notes)
 
     @property
     def _axes(self) -> str:
@@ -157,7 +163,8 @@ class StoredProgram(StreamedProgram):
         """Chunks of blocks in the order of execution."""
         try:
             lines = self.dialect.join_lines(self.source.lines())
-            self.blocks = self.dialect.link([self.dialect.read_block(line, text) for line, text in lines])
+            blocks = self._decided(self.dialect.read_block(line, text) for line, text in lines)
+            self.blocks = self.dialect.link([block for block in blocks if isinstance(block, Block)])
             flow = Flow(self.blocks, self.interpreter.scope, self.dialect.labels, self.dialect.begins)
             runs = flow.run(self.interpreter)
             size = sum(len(block.text) for block in self.blocks)

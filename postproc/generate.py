@@ -168,7 +168,7 @@ def program_format(machine: Machine, settings: ProgramSettings, dialect: str) ->
         raise UserError(f"--dialect {dialect}: expected one of {', '.join(DIALECTS)}")
     if dialect == "fanuc" and settings.offset is None:
         raise UserError(
-            "--dialect fanuc: G53 of this control always moves in rapid; "
+            "a program for fanuc (--dialect, or family of the control): G53 of this control always moves in rapid; "
             "give the work offset that is active, --work-offset G54=x,y,z"
         )
     return _Iso(settings, dwell_word="X" if dialect == "fanuc" else "P")

@@ -12,6 +12,7 @@ from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.control.setup import Setup
+from postproc.control.without_effect import refuse_without_effect, unused_set_up
 from postproc.dialects import Dialect
 from postproc.execution import execution
 from postproc.motion.circles import sweep
@@ -75,6 +76,7 @@ def program_path(source: Source, dialect: Dialect, machine: Machine, setup: Setu
         raise UserError(f"{source.name}: the program has no path: expected at least two positions of all linear axes")
     names = [axis.name for axis, not_programmed in zip(machine.axes, assumed, strict=True) if not_programmed]
     home = f"{source.name} gives no position of {', '.join(names)}: home is assumed" if names else ""
+    refuse_without_effect(unused_set_up(interpreter.control_state))
     notes = tuple(note for note in (interpreter.control_state.assumption(), home) if note)
     return ProgramPath(np.concatenate(positions), np.cumsum(np.concatenate(lengths)), np.concatenate(counts), notes)
 

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from postproc.second_process import LostProcess, SecondProcess
+from kinematics.running.child_process import ChildProcess, LostProcess
 from postproc.text.plain_lines import PlainLines, whole, whole_lines
 from postproc.text.plain_style import PlainStyle
 
@@ -24,7 +24,7 @@ def read_ahead(pieces: Iterator[bytes], axes: str, style: PlainStyle) -> Iterato
     """
     reader = _Reader(axes, style)
     waiting: deque[_Waiting] = deque()
-    process = SecondProcess(_OtherReader(axes, style))
+    process = ChildProcess(_OtherReader(axes, style))
     try:
         yield from _by(process, reader, pieces, waiting)
     except LostProcess:
@@ -69,7 +69,7 @@ class _Waiting:
 
 
 def _by(
-    process: SecondProcess, reader: _Reader, pieces: Iterator[bytes], waiting: deque[_Waiting]
+    process: ChildProcess, reader: _Reader, pieces: Iterator[bytes], waiting: deque[_Waiting]
 ) -> Iterator[tuple[bytes, PlainLines]]:
     """The pieces and their lines; LostProcess where the process is lost.
 

@@ -14,12 +14,20 @@ COLOURS = ("#3b7dd8", "#d9700a", "#4e9a06")
 """Colours of x, y and z; of A and B; of forward and backward."""
 INK, GREY, RED = "@ink", "@grey", "#d4372c"
 """Text and thin lines in the colours of the page, which is light or dark."""
+PAPER = "@paper"
+"""Colour of the page: of arrows on a map."""
+ARROW = 38.0
+"""Size, px, of the longest arrow of a map."""
+LEAST_ARROW = 4.0
+"""Size, px, below which the direction of an arrow cannot be seen."""
 SIZES = "@sizes"
 """Colours of sizes from zero to the largest, by the page."""
 MACHINE, INSTRUMENT, UNEXPLAINED = COLOURS[0], COLOURS[1], "#8a8f98"
 BEFORE, AFTER = COLOURS[:2]
 MANY = 4000
 """Most points that are drawn of one kind."""
+SCENE = 640
+"""Height, px, of a 3-D scene that stands alone; a flat one is lower."""
 FEW = 6
 """Most bars of a ranking that have much room."""
 LONG = 1800.0
@@ -201,9 +209,28 @@ def steps(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def heat(panel: Panel, x: Array, y: Array, values: Array) -> None:
-    """Cells between the edges `x` and `y`, coloured by `values` `(len(x) - 1, len(y) - 1)` on the figure's scale."""
+    """Cells coloured by `values` `(cells along x, along y)` on the figure's scale; `x`, `y`: their edges or middles."""
     trace = {"type": "heatmap", "x": x, "y": y, "z": values.T, "coloraxis": "coloraxis", "hoverongaps": False}
     panel.traces.append(trace | {"hovertemplate": "%{x:.4g}, %{y:.4g}: %{z:.2f}<extra></extra>"})
+
+
+def arrows(panel: Panel, at: tuple[Array, Array], parts: tuple[Array, Array], vectors: Array, longest: float) -> None:
+    """Arrows on a map, which end at the points `at`; they have the colour of the paper.
+
+    parts: to the right and up, each `(n,)`; vectors `(n, 3)`: shown to the pointer; longest: length of the longest one.
+    """
+    length = np.hypot(*parts)
+    marker = {
+        "symbol": "arrow",
+        "angle": np.degrees(np.arctan2(*parts)),
+        "size": np.maximum(ARROW * length / longest, LEAST_ARROW),
+        "color": PAPER,
+        "opacity": 0.95,
+        "line": {"width": 0},
+    }
+    trace = {"type": "scatter", "mode": "markers", "x": at[0], "y": at[1], "marker": marker, "showlegend": False}
+    hover = "%{x:.4g}, %{y:.4g}: %{customdata[0]:.2f}, %{customdata[1]:.2f}, %{customdata[2]:.2f} um in x, y, z"
+    panel.traces.append(trace | {"customdata": vectors, "hovertemplate": f"{hover}<extra></extra>"})
 
 
 def against_normal(panel: Panel, white: Array, most: float) -> None:

@@ -13,7 +13,7 @@ const DARK = {ink: "#e6e8ec", grey: "#8a919e", paper: "#14171c", veil: "rgba(20,
 // `sizes`: colours from zero to the largest value, all of them visible on the paper. `instead`: brighter ones for thin lines
 // on dark paper; `cover`: factor of the opacity of dots there.
 const LEAST = {xy: 250, polar: 330, scene: 300};  // px, least width of a panel
-const PRINTED = {width: 900, height: 0.9};        // px, width of a figure for the printer; share of the height of its panels
+const PRINTED = {width: 900, height: 0.9, scene: 0.65};  // px, width of a figure for the printer; share of the height of its panels and scenes
 const GAP = {left: 62, right: 16, top: 12, bottom: 46, title: 22, scale: 66};
 const BUTTONS = {least: 560, width: 110, high: 30}; // px: least width of a figure with buttons, and their size, top right
 const FONT = 12;
@@ -60,6 +60,14 @@ function wrapped(text, width, size) {
 // Height of the lines below the first one, px.
 const more = text => 16 * (text.split("<br>").length - 1);
 
+// An axis with names for ticks: as many of them, evenly spread, as have room side by side in this width, px.
+function thinned(own, width) {
+  if (!own || !own.ticktext) return own;
+  const longest = Math.max(...own.ticktext.map(text => text.length)), room = Math.max(2, Math.floor(width / (FONT * (0.58 * longest + 1.5))));
+  const every = Math.ceil(own.ticktext.length / room), kept = values => values.filter((_, i) => i % every === 0);
+  return {...own, tickvals: kept(own.tickvals), ticktext: kept(own.ticktext)};
+}
+
 function axis(palette, own, title) {
   const plain = {gridcolor: palette.grid, zerolinecolor: palette.grey, linecolor: palette.grey, zerolinewidth: 1,
     title: {text: title || "", standoff: 6}, automargin: false, exponentformat: "power", minexponent: 5};
@@ -71,7 +79,7 @@ const TAN = Math.tan(Math.PI / 8);                // of half the angle of view f
 const ROOM = {across: 90, narrow: 74, top: 26, bottom: 42};   // px, of the labels of a scene
 const SLACK = 1.08;                                // share of the distance for lines and cones at the edges of a box
 const NARROW = 420;                                // px, width below which a scene has fewer ticks and small labels
-const CAPTION = 30, LEAST_HIGH = 210;             // px, of the title of a scene with its gaps; least height of a scene
+const CAPTION = 30, LEAST_HIGH = 170;             // px, of the title of a scene with its gaps; least height of a scene
 
 const along = (point, direction) => point[0] * direction[0] + point[1] * direction[1] + point[2] * direction[2];
 
@@ -113,6 +121,14 @@ function sight(half, width, height) {
   return found;
 }
 
+// Least width, px, of an area of this height in which a box of these half sides is as large as in one of the given width.
+function snug(half, width, height) {
+  const away = sight(half, width, height).away;
+  let least = width;
+  while (least - 10 >= LEAST.scene && sight(half, least - 10, height).away <= away) least -= 10;
+  return least;
+}
+
 const halves = sides => sides.map(side => 0.5 * side / Math.cbrt(sides[0] * sides[1] * sides[2]));
 
 // Camera of a scene of this size, px: as near as its box with these sides, and the labels around it, allow.
@@ -146,11 +162,12 @@ const noted = (note, width) => wrapped(note.text, width - 12, FONT - 1);
 // Panel `i` in its cell (px: x0, x1 from the left, y0, y1 from the top) of a figure of this size.
 function place(layout, panel, i, cell, size, palette, spec, across) {
   const kind = panel.kind, own = panel.axes || {}, tools = size.buttons && cell.y0 <= BUTTONS.high && cell.x1 >= size.width - 1 ? BUTTONS.width : 0;
-  const title = wrapped(panel.title, cell.x1 - cell.x0 - 8 - tools, FONT * 1.08);
+  const left = kind === "xy" ? GAP.left : 8;
+  const title = wrapped(panel.title, cell.x1 - cell.x0 - left - tools, FONT * 1.08);
   const label = wrapped(panel.x, cell.x1 - cell.x0 - 20, FONT + 2);
   const top = cell.y0 + (panel.title ? GAP.title + more(title) : 0);
   if (panel.title) layout.annotations.push({text: `<b>${title}</b>`, align: "left", showarrow: false, xref: "paper", yref: "paper",
-    x: (cell.x0 + (kind === "xy" ? GAP.left : 8)) / size.width, y: 1 - cell.y0 / size.height, xanchor: "left",
+    x: (cell.x0 + left) / size.width, y: 1 - cell.y0 / size.height, xanchor: "left",
     yanchor: "top", font: {size: FONT}});
   const n = i ? i + 1 : "", bare = own.bare;
   const box = kind === "xy"
@@ -159,8 +176,10 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
   const domain = {x: box.x.map(x => Math.min(Math.max(x / size.width, 0), 1)),
     y: box.y.map(y => Math.min(Math.max(1 - y / size.height, 0), 1))};
   if (kind === "scene") {
-    const width = box.x[1] - box.x[0], height = box.y[0] - box.y[1], ends = endsOf(panel.traces);
-    const sides = ends.map(([low, high]) => high - low);
+    const ends = endsOf(panel.traces), sides = ends.map(([low, high]) => high - low);
+    const height = box.y[0] - box.y[1], width = snug(halves(sides), box.x[1] - box.x[0], height);
+    const middle = (box.x[0] + box.x[1]) / 2;
+    domain.x = [middle - width / 2, middle + width / 2].map(x => x / size.width);
     const most = (width < NARROW ? 4 : 6) / Math.max(...sides);  // ticks of a length
     const plain = {backgroundcolor: palette.card, showbackground: true, title: {font: {size: FONT}}};
     const side = (name, k) => merged(axis(palette, {...plain, range: ends[k],
@@ -170,7 +189,7 @@ function place(layout, panel, i, cell, size, palette, spec, across) {
   } else if (kind === "polar") {
     layout[`polar${n}`] = merged({domain, bgcolor: palette.paper, angularaxis: axis(palette), radialaxis: axis(palette)}, own.polar);
   } else {
-    const x = axis(palette, own.xaxis, label);
+    const x = axis(palette, thinned(own.xaxis, box.x[1] - box.x[0]), label);
     const y = axis(palette, own.yaxis, wrapped(panel.y, cell.y1 - top - 30, FONT + 2));
     if (spec.sameX && i) x.matches = "x";
     if (spec.sameY && i) y.matches = "y";
@@ -195,7 +214,7 @@ function arranged(spec, width, palette, printed = false) {
   const down = Math.ceil(panels.length / most), across = Math.ceil(panels.length / down);
   const names = legend(panels, width), flat = panels.some(panel => panel.kind !== "scene");
   const high = flat ? Math.max(...panels.map(panel => roomy(panel, width / across, spec.height, printed)))
-    : sceneHeight(panels, width / across, Math.min(spec.height, Math.max(280, 0.85 * width / across)));  // a narrow scene is not high
+    : sceneHeight(panels, width / across, Math.min((printed ? PRINTED.scene : 1) * spec.height, Math.max(300, 0.85 * width / across)));  // a narrow scene is not high
   const size = {width, buttons: !printed && width >= BUTTONS.least, height: names.height + down * high + (spec.colours ? GAP.scale : 0)};
   const layout = {width, height: size.height, margin: {l: 0, r: 0, t: 0, b: 0, autoexpand: false}, paper_bgcolor: palette.paper,
     plot_bgcolor: palette.paper, font: {color: palette.ink, size: FONT, family: "system-ui, 'DejaVu Sans', sans-serif"},

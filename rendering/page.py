@@ -50,9 +50,9 @@ def page(report: Report, done: Callable[[float], None] = lambda _: None) -> byte
     from jinja2 import Environment, FileSystemLoader
 
     environment = Environment(loader=FileSystemLoader(HERE), autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["si"] = si
+    environment.filters["si"], environment.filters["css_text"] = si, css_text
     environment.tests["unbroken"] = _unbroken
-    figures, drawn = [], [each.figure for each in (*report.before, *report.sections) if each.figure]
+    figures, drawn = [], [each.figure for each in report.sections if each.figure]
     for number, figure in enumerate(drawn):
         done(number / len(drawn))
         figures.append(figure().spec())
@@ -75,6 +75,11 @@ def as_script(value: object) -> str:
     """JSON for the inside of an element of HTML."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("</", "<\\/").replace("<!--", "<\\u0021--")
+
+
+def css_text(text: str) -> str:
+    """A text for the inside of an element `style`: every character but letters, digits and spaces by its number."""
+    return '"' + "".join(c if c.isalnum() or c == " " else f"\\{ord(c):x} " for c in f"ncomp · {text}") + '"'
 
 
 def _unbroken(text: str) -> bool:

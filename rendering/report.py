@@ -44,10 +44,10 @@ class Report(msgspec.Struct, frozen=True):
     """The result in a few sentences; each line is a paragraph."""
     refusal: str = ""
     """Sentence above everything else: the reason why a result is not written."""
-    before: Sequence[Section] = ()
-    """Sections that do not depend on the result, before the verdict."""
     head: ReportHead = msgspec.field(default_factory=ReportHead)
     """Entries by which a shop files the page."""
+    foot: str = ""
+    """Name and hash of what the page is about, on each printed sheet; empty: the title."""
 
 
 def with_notes(report: Report, notes: Sequence[str]) -> Report:

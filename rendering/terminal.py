@@ -22,8 +22,6 @@ def show(report: Report, to: Console | PlainText) -> None:
     """Show a report."""
     if report.refusal:
         to.print(report.refusal, style="bold")
-    for section in report.before:
-        _show(section, to)
     for line in report.verdict.splitlines():
         to.print(line, style="bold")
     for section in report.sections:

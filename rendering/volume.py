@@ -1,9 +1,10 @@
-"""Maps of the errors in a machine's volume: cones and slices in 3-D, relative to the centre of the volume."""
+"""Maps of the errors in a machine's volume: planes through its centre, with arrows, relative to the centre."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -16,26 +17,27 @@ from kinematics.forward import tool_point
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
-from rendering.figures import Figure, Panel, Trace, colour_axis, grid
+from rendering.figures import Figure, Panel, arrows, colour_axis, grid, heat
 from rendering.report import Section
 
 TOOL_MM = 100.0
 """Length of the tool in the volume, mm."""
-CONES = 6
-"""Positions along each axis with a cone."""
-LARGEST = 0.18
-"""Length of the longest cone, as a share of the longest side of the volume."""
-CELLS = 15
-"""Positions along each side of a slice."""
-K = 2.0
-"""Coverage factor of uncertainties."""
+GRID = 6
+"""Positions along each axis of the grid whose RMS and largest values the text states."""
+CELLS = 21
+"""Positions along each side of a plane."""
+EVERY = slice(2, None, 4)
+"""Positions along a side that have an arrow; the centre is one of them."""
 TEXT = (
     "The maps show the tool point in the workpiece frame with a tool of {tool:g} mm, rotary axes at home, and the mean "
     "of both directions of approach. They leave out effects of time, temperature and feed. Errors are actual minus "
-    "nominal, relative to the centre of the volume, as after a touch-off there. A cone points to the side to which the "
-    "tool deviates, and grows with the error; the slices go through the centre. All maps have one colour scale, and "
-    "turn with the pointer. RMS and largest values are those of {count} positions on a grid."
+    "nominal, relative to the centre of the volume, as after a touch-off there. Each plane goes through the centre. "
+    "The colour is the length of the whole error. An arrow ends at its position, points to the side to which the tool "
+    "deviates in the plane, and grows with that part of the error. All maps have one colour scale."
 )
+SIZES = "RMS and largest values are those of {count} positions on a grid."
+Bounds = dict[int, tuple[float, float]]
+"""Ends of axes, mm, by number of the axis."""
 
 
 class Field(NamedTuple):
@@ -46,7 +48,21 @@ class Field(NamedTuple):
     minus: ErrorModel | None = None
     """Subtracted from `plus`: the correction."""
     uncertain: bool = False
-    """True for the expanded uncertainty (k = 2) of the errors of `plus`, instead of the errors."""
+    """True for the standard uncertainty (k=1) of the errors of `plus`: the errors expected after a correction."""
+
+    def sentence(self, size: Array) -> str:
+        """RMS and largest of the values `(n,)`, um, of the map."""
+        least = "Expected to remain" if self.uncertain else f"{self.title[0].upper()}{self.title[1:]}"
+        meaning = ", the standard uncertainty (k=1) of these errors" if self.uncertain else ""
+        return (
+            f"{least}: {np.sqrt(np.mean(size**2)):.2f} um RMS, at most {size.max():.2f} um, relative to the centre of "
+            f"the volume{meaning}."
+        )
+
+
+def uncertainty_of(model: ErrorModel) -> Field:
+    """The map of the errors that are expected to remain after a correction by a calibration."""
+    return Field("expected after a correction, u (k=1)", model, uncertain=True)
 
 
 class _Values(NamedTuple):
@@ -58,20 +74,20 @@ class _Values(NamedTuple):
     """`(n,)`, um."""
 
 
-def volume_section(machine: Machine, fields: Sequence[Field]) -> Iterator[Section]:
-    """The maps of one machine with the largest and the RMS value of each; nothing where no two linear axes move."""
+def volume_section(machine: Machine, fields: Sequence[Field], *, sizes: bool = True) -> Iterator[Section]:
+    """The maps of one machine; nothing where the errors of fewer than two linear axes are known.
+
+    sizes: with the RMS and the largest value of each map.
+    """
     bounds = _bounds(machine, [model for field in fields for model in (field.plus, field.minus) if model is not None])
     if len(bounds) < 2:
         return
-    q = _positions(machine, bounds, [CONES] * len(bounds)).reshape(-1, len(machine.axes))
-    values = [_values(machine, field, bounds, q) for field in fields]
-    lines = [
-        f"{field.title[0].upper()}{field.title[1:]}: {np.sqrt(np.mean(each.size**2)):.2f} um RMS, at most "
-        f"{each.size.max():.2f} um, relative to the centre of the volume."
-        for field, each in zip(fields, values, strict=True)
-    ]
-    text = "\n".join([*lines, TEXT.format(tool=TOOL_MM, count=len(q))])
-    yield Section("Map of the volume", text, figure=partial(_maps, machine, fields, bounds, q, values))
+    lines = [TEXT.format(tool=TOOL_MM)]
+    if sizes:
+        q = _positions(machine, bounds, [GRID] * len(bounds)).reshape(-1, len(machine.axes))
+        found = [field.sentence(_values(machine, field, bounds, q).size) for field in fields]
+        lines = [*found, f"{lines[0]} {SIZES.format(count=len(q))}"]
+    yield Section("Map of the volume", "\n".join(lines), figure=partial(_maps, machine, fields, bounds))
 
 
 def positional(effect: Effect) -> bool:
@@ -80,22 +96,26 @@ def positional(effect: Effect) -> bool:
     return effect.ACTS_ON != "instrument" and not others and not effect.sensors
 
 
-def _bounds(machine: Machine, models: Sequence[ErrorModel]) -> dict[int, tuple[float, float]]:
-    """Ends of each linear axis, mm, in which all error motions are known, by number of the axis."""
+def _bounds(machine: Machine, models: Sequence[ErrorModel]) -> Bounds:
+    """Ends of each linear axis in which all error motions are known; of no axis without any, if another one has some.
+
+    Where no effect has a range (squareness, backlash), all linear axes have those of their travel.
+    """
+    effects = [effect for model in models for effect in model.effects if positional(effect)]
+    linear = [i for i in range(len(machine.axes)) if not machine.rotary[i]]
+    ranges = {i: [e.intervals[name] for e in effects if (name := machine.names[i]) in e.intervals] for i in linear}
     found = {}
-    for i, axis in enumerate(machine.axes):
-        if machine.rotary[i]:
+    for i in linear:
+        if not ranges[i] and any(ranges.values()):
             continue
-        known = [
-            e.intervals[axis.name] for m in models for e in m.effects if positional(e) and axis.name in e.intervals
-        ]
-        low, high = (f(ends) for f, ends in zip((max, min), zip(*known, axis.travel, strict=True), strict=True))
+        known = zip(*ranges[i], machine.axes[i].travel, strict=True)
+        low, high = (f(ends) for f, ends in zip((max, min), known, strict=True))
         if np.isfinite((low, high)).all() and low < high:
             found[i] = (low, high)
     return found
 
 
-def _positions(machine: Machine, bounds: dict[int, tuple[float, float]], counts: Sequence[int]) -> Array:
+def _positions(machine: Machine, bounds: Bounds, counts: Sequence[int]) -> Array:
     """Axis positions `(..., axes)`, mm and rad, of a grid with these numbers along each axis; one is in the middle."""
     sides = [
         np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2.0])
@@ -108,7 +128,7 @@ def _positions(machine: Machine, bounds: dict[int, tuple[float, float]], counts:
     return q
 
 
-def _values(machine: Machine, field: Field, bounds: dict[int, tuple[float, float]], q: Array) -> _Values:
+def _values(machine: Machine, field: Field, bounds: Bounds, q: Array) -> _Values:
     """Values of a field at axis positions `(n, axes)`, relative to the centre."""
     centre = _positions(machine, bounds, [1] * len(bounds)).reshape(1, -1)
     whole, tool = np.vstack([centre, q]), (0.0, 0.0, -TOOL_MM)
@@ -117,7 +137,7 @@ def _values(machine: Machine, field: Field, bounds: dict[int, tuple[float, float
         model, transform = field.plus.part(positional), error_transform_with_tool(machine, whole, tool)[:, :3]
         design = model.design(machine, state, transform)
         u = model.propagated(design[1:] - design[0])
-        return _Values(None, K * np.linalg.norm(u, axis=1) * 1e3)
+        return _Values(None, np.linalg.norm(u, axis=1) * 1e3)
     signed = [(1.0, field.plus), *([(-1.0, field.minus)] if field.minus is not None else [])]
     errors = sum(sign * model.part(positional).errors(machine, state) for sign, model in signed)
     vectors = exact_deviation(machine, whole, np.asarray(errors), tool).position * 1e3
@@ -125,52 +145,50 @@ def _values(machine: Machine, field: Field, bounds: dict[int, tuple[float, float
     return _Values(vectors, np.linalg.norm(vectors, axis=1))
 
 
-def _maps(
-    machine: Machine, fields: Sequence[Field], bounds: dict[int, tuple[float, float]], q: Array, values: list[_Values]
-) -> Figure:
-    """Cones of the errors, and slices of all fields."""
-    points = tool_point(machine, q, (0.0, 0.0, -TOOL_MM))
-    slices = [_positions(machine, bounds, counts) for counts in _planes(len(bounds))]
-    panels, most = [], max(float(each.size.max()) for each in values)
-    for field, each in zip(fields, values, strict=True):
-        if each.vectors is not None and each.size.any():
-            panels.append(_panel(field.title, [cones(points, each.vectors)]))
-        surfaces = [_slice(machine, field, bounds, plane) for plane in slices]
-        most = max([most, *(float(np.max(surface["surfacecolor"])) for surface in surfaces)])
-        panels.append(_panel(f"{field.title}{'' if each.vectors is None else ', slices'}", surfaces))
-    label = "error, or uncertainty U (k=2), um" if any(field.uncertain for field in fields) else "error, um"
-    return grid(panels, 2 if len(panels) in (2, 4) else 3, height=400, colours=colour_axis(0.0, most or 1.0, label))
+def _maps(machine: Machine, fields: Sequence[Field], bounds: Bounds) -> Figure:
+    """All planes of each field."""
+    planes = list(combinations(bounds, 2))
+    found = {}
+    for number in range(len(fields)):
+        for plane in planes:
+            q = _positions(machine, bounds, [CELLS if i in plane else 1 for i in bounds])
+            found[number, plane] = (
+                q.reshape(CELLS, CELLS, -1),
+                _values(machine, fields[number], bounds, q.reshape(-1, q.shape[-1])),
+            )
+    drawn = [values.vectors[:, k] for _, values in found.values() if values.vectors is not None for k in range(3)]
+    longest = max((float(np.abs(values).max()) for values in drawn), default=0.0)
+    panels = [
+        _panel(machine, fields[number].title, plane, q, values, longest)
+        for (number, plane), (q, values) in found.items()
+    ]
+    most = max(float(values.size.max()) for _, values in found.values())
+    across = len(planes) if len(planes) > 1 else len(fields)
+    return grid(panels, min(across, 3), height=270, colours=colour_axis(0.0, most or 1.0, _label(fields)))
 
 
-def _planes(axes: int) -> list[list[int]]:
-    """Numbers of positions along each axis, for the slices through the centre."""
-    if axes == 2:
-        return [[CELLS, CELLS]]
-    return [[1 if i == k else CELLS for i in range(axes)] for k in range(axes)]
+def _label(fields: Sequence[Field]) -> str:
+    return "error, or its standard uncertainty u (k=1), um" if any(each.uncertain for each in fields) else "error, um"
 
 
-def _panel(title: str, traces: list[Trace]) -> Panel:
-    return Panel("x, mm", "y, mm", title, "z, mm", "scene", traces)
+def _panel(machine: Machine, title: str, plane: tuple[int, int], q: Array, values: _Values, longest: float) -> Panel:
+    """One plane; axis positions `q` `(cells, cells, axes)`, mm and rad; longest: length of the longest arrow, um."""
+    first, second = plane
+    x, y = q[:, 0, first], q[0, :, second]
+    names = [machine.names[i] for i in plane]
+    panel = Panel(f"{names[0]}, mm", f"{names[1]}, mm", f"{title}: {names[0]} and {names[1]}")
+    heat(panel, x, y, values.size.reshape(CELLS, CELLS))
+    if values.vectors is not None and longest:
+        at = q[EVERY, EVERY].reshape(-1, q.shape[-1])
+        vectors = values.vectors.reshape(CELLS, CELLS, 3)[EVERY, EVERY].reshape(-1, 3)
+        right, up = (vectors @ _direction(machine, q, i) for i in plane)
+        arrows(panel, (at[:, first], at[:, second]), (right, up), vectors, longest)
+    return panel
 
 
-def cones(points: Array, vectors: Array) -> Trace:
-    """Errors `(n, 3)`, um, at points `(n, 3)`, mm."""
-    (x, y, z), (u, v, w) = points.T, vectors.T
-    hover = "x %{x:.0f}, y %{y:.0f}, z %{z:.0f} mm<br>%{u:.2f}, %{v:.2f}, %{w:.2f} um<br>%{norm:.2f} um<extra></extra>"
-    trace = {"type": "cone", "x": x, "y": y, "z": z, "u": u, "v": v, "w": w, "coloraxis": "coloraxis"}
-    most, extent = (
-        float(np.linalg.norm(vectors, axis=1).max(initial=0.0)),
-        float(np.ptp(points, axis=0).max(initial=0.0)),
-    )
-    size = LARGEST * extent / most if most and extent else 1.0
-    return trace | {"hovertemplate": hover, "anchor": "tail", "sizemode": "raw", "sizeref": size}
-
-
-def _slice(machine: Machine, field: Field, bounds: dict[int, tuple[float, float]], plane: Array) -> Trace:
-    """The values on one plane through the centre."""
-    rows = plane.reshape(-1, plane.shape[-1])
-    shape = [n for n in plane.shape[:-1] if n > 1]
-    x, y, z = (column.reshape(shape) for column in tool_point(machine, rows, (0.0, 0.0, -TOOL_MM)).T)
-    size = _values(machine, field, bounds, rows).size.reshape(shape)
-    trace = {"type": "surface", "x": x, "y": y, "z": z, "surfacecolor": size, "coloraxis": "coloraxis"}
-    return trace | {"hovertemplate": "x %{x:.0f}, y %{y:.0f}, z %{z:.0f} mm<br>%{surfacecolor:.2f} um<extra></extra>"}
+def _direction(machine: Machine, q: Array, i: int) -> Array:
+    """Direction `(3,)`, in the workpiece frame, in which the tool moves with a positive command of a linear axis."""
+    ends = np.vstack([q[0, 0], q[0, 0]])
+    ends[1, i] += 1.0
+    start, end = tool_point(machine, ends, (0.0, 0.0, -TOOL_MM))
+    return np.asarray(end - start)

@@ -1,7 +1,8 @@
 """Fixtures shared by all tests, and what needs a program or data that may be absent."""
 
+import gc
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from types import ModuleType
@@ -13,10 +14,12 @@ import hypothesis
 import pytest
 from clients import chromium as browsers
 from clients import freecad as freecad_posts
+from clients import klipper as klipper_code
 from clients import linuxcnc_sim as simulator
 from clients import rs274
 from support.command import Done, run_command
 from support.file_examples import PROGRAM
+from support.present_design import calls_inside
 from support.programs import load, shifted
 from support.real_data import NC_DATA, REAL_DATA
 from support.table_cases import few_positions
@@ -31,7 +34,8 @@ hypothesis.settings.load_profile("default")  # or --hypothesis-profile=ci
 TIERS = {"unit", "integration", "statistical"}
 LINUXCNC = {"linuxcnc", "linuxcnc_sim"}
 INTEGRATION = {
-    "command", "ncomp", "nc_data", "plates", "slit_log", "ecmc_report", "scope_log", "chromium", "freecad", *LINUXCNC
+    "command", "ncomp", "nc_data", "plates", "slit_log", "ecmc_report", "scope_log", "chromium", "freecad", "klipper",
+    *LINUXCNC,
 }  # fmt: skip
 """A test with one of these fixtures is an integration test, unless it is marked as statistical."""
 INTEGRATION_MODULES = {
@@ -39,11 +43,12 @@ INTEGRATION_MODULES = {
     "test_continuous", "test_control_state", "test_dependence", "test_diagnosis_exam", "test_diagnosis_frame",
     "test_diagnosis_left", "test_diagnosis_page", "test_docs_commands", "test_docs_controls", "test_docs_pages", "test_diagnosis_scans", "test_diagnosis_selection",
     "test_direction", "test_distance_correlation", "test_encodings", "test_error_transform", "test_file_faults",
-    "test_fit", "test_fit_edges", "test_fuzz", "test_generated_programs", "test_held_out_lines", "test_hooks", "test_in_place",
+    "test_fit", "test_fit_edges", "test_fuzz", "test_generated_programs", "test_golden", "test_held_out_lines", "test_hooks", "test_in_place",
     "test_iso_coordinates", "test_iterations", "test_jumping_errors", "test_klartext_arcs",
     "test_klartext_generated", "test_klartext_job", "test_klartext_polar", "test_model", "test_mutations",
-    "test_never_worse", "test_next_measurement", "test_nothing_shared", "test_on_the_fly", "test_on_the_fly_plan",
-    "test_optimal", "test_pipeline", "test_plain_lines", "test_public_interface", "test_reported_corrections", "test_sanity",
+    "test_never_worse", "test_next_measurement", "test_nothing_shared", "test_on_the_fly", "test_on_the_fly_plan", "test_own_output",
+    "test_optimal", "test_pipeline", "test_plain_lines", "test_public_evaluations", "test_public_functions",
+    "test_public_interface", "test_python_mistakes", "test_sessions", "test_reported_corrections", "test_sanity", "test_scenarios",
     "test_siemens_mixed", "test_simulate", "test_six_degrees", "test_splitting", "test_standstill",
     "test_stored_programs", "test_strange_ground", "test_strategies", "test_study", "test_suspects",
     "test_swivel_to_zero", "test_tables", "test_tables_golden", "test_tables_nodes", "test_tables_siemens",
@@ -53,8 +58,22 @@ INTEGRATION_MODULES = {
 """So is every test of these modules: whole commands, processes, corrections, fits, diagnoses, plans and tables."""
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Search for no garbage while the tests are collected, nor later among the modules and the collected tests."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put every test in one tier, and mark those that need LinuxCNC, so that `-m "not linuxcnc"` leaves them out."""
+    """Put every test in one tier, and mark those that need LinuxCNC, or that call the inside of the diagnosis.
+
+    `-m "not linuxcnc"` and `-m "not present_design"` leave them out.
+    """
     for item in items:
         fixtures = set(getattr(item, "fixturenames", ()))
         marked = TIERS & {marker.name for marker in item.iter_markers()}
@@ -65,6 +84,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("integration" if whole else "unit")
         if fixtures & LINUXCNC:
             item.add_marker("linuxcnc")
+        if calls_inside(item.path, item.name.partition("[")[0]):
+            item.add_marker("present_design")
 
 
 @pytest.fixture(scope="session")
@@ -89,6 +110,14 @@ def freecad() -> ModuleType:
     if not freecad_posts.available():
         _missing("FreeCAD", "freecad-python3")
     return freecad_posts
+
+
+@pytest.fixture(scope="session")
+def klipper() -> ModuleType:
+    """Klipper's own code; skipped or failed where it is missing, like `linuxcnc`."""
+    if not klipper_code.available():
+        _missing("Klipper's code", "libusb-dev, then .ci/run makes .klippy")
+    return klipper_code
 
 
 @pytest.fixture(scope="module")

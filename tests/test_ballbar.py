@@ -7,15 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.ballbar_cases import CENTRE, CFRAME, circles_of
+from support.tiers import quick
 from support.virtual_measurements import written
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import cross_validate
-from calibration.measurement.balls.ballbar import in_runs
+from calibration.instruments import Ballbar
+from calibration.instruments.ballbar import in_runs
 from calibration.measurement.file import read_measurement
-from calibration.measurement.instruments import Ballbar
 from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Target
 from calibration.observation import equations
@@ -130,16 +131,18 @@ def test_derivatives_are_those_of_the_readings(step):
     model = no_errors(CFRAME)
     moved = registration.moved(np.array(step))
     change = residuals(measured, model, registration) - residuals(measured, model, moved)
-    design = equations.registration_design(measured, registration)
+    design = measured.instrument.registration_design(measured, registration)
     np.testing.assert_allclose(change, design @ step, atol=1e-5)
-    stated = equations.stated_residuals(measured, registration) - equations.stated_residuals(measured, moved)
-    np.testing.assert_allclose(stated, equations.stated_design(measured, registration) @ step, atol=1e-9)
+    stated = measured.instrument.stated_residuals(measured, registration) - measured.instrument.stated_residuals(
+        measured, moved
+    )
+    np.testing.assert_allclose(stated, measured.instrument.stated_design(measured, registration) @ step, atol=1e-9)
 
 
 def test_derivatives_by_errors_and_by_a_shift():
     measured, _ = circles_of(step=30.0, noise=0.0, planes=("XY", "YZ"))
     registration, _ = first_registration(measured)
-    transform = equations.transform(measured, registration)
+    transform = measured.instrument.transform(measured, registration)
     effect = Scale("X", 50.0)
     model, zero = model_of(CFRAME, [effect]), no_errors(CFRAME)
     change = residuals(measured, zero, registration) - residuals(measured, model, registration)
@@ -169,7 +172,7 @@ def test_a_calibrated_length_shows_the_scale_and_a_fitted_one_the_difference_of_
     seen = []
     for bar in bars:
         measured, _ = circles_of(Scale("X", 80.0), Scale("Y", -60.0), bar=bar, step=3.0)
-        found = calibrate(measured).identifiability
+        found = calibrate(measured, hold_out=False).identifiability
         seen.append([each.remedy for each in found.unidentifiable])
     assert any("shows no scale" in text for text in seen[0])
     assert not any("shows no scale" in text for text in seen[1])
@@ -183,9 +186,9 @@ CAUSES = {
 }
 
 
-@pytest.mark.parametrize(("name", "effect"), CAUSES.items(), ids=CAUSES)
-def test_causes_of_circles_are_named(name, effect):
-    measured, _ = circles_of(effect, step=3.0)
+@pytest.mark.parametrize("name", quick(CAUSES, ["backlash X"]))
+def test_causes_of_circles_are_named(name):
+    measured, _ = circles_of(CAUSES[name], step=3.0)
     found = diagnose(measured)
     assert name in {cause.effect.name for cause in found.causes}
 
@@ -276,7 +279,7 @@ def test_held_out_regions_are_predicted_by_circles_that_leave_the_table_ball_fre
     )  # fmt: skip
     none = no_errors(measured.machine)
     for row in (17, 240):
-        held_out = cross_validate(measured, none, priors(none), np.arange(len(measured)) != row)
+        held_out = cross_validate(measured.rows(np.delete(np.arange(len(measured)), row)), none, priors(none))
         assert held_out.rms_um < 8.0
 
 

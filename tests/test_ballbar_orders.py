@@ -9,7 +9,8 @@ from support.tiers import quick
 
 from calibration.circles.circles import circles_of as circles
 from calibration.circles.shares import shares
-from calibration.measurement.file import read_measurement, write_measurement
+from calibration.measurement.file import read_measurement
+from calibration.measurement.written_file import write_measurement
 from calibration.plausibility.checks import sanity
 from kinematics.effects import Backlash, LocationError, ReversalSpike, ServoMismatch
 

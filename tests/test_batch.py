@@ -1,23 +1,23 @@
 """Folders of programs: each output as that of its own run, whole or absent, whatever becomes of the others."""
 
 import json
-import os
+import pickle
 import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import BrokenExecutor, Future
 from pathlib import Path
 
 import pytest
 from support.child_processes import children
+from support.ending_task import square
 from support.programs import load, model_of
 from support.real_programs import SHORT
 from support.tiers import quick
 
 from kinematics.effects import LocationError
 from kinematics.error_model.model import write_model
-from kinematics.running.workers import ATTEMPTS, Here, Team, workers
+from kinematics.running.workers import ATTEMPTS, workers
 from postproc.commands.options.declared import Signature
 from postproc.commands.table import command as command_of
 
@@ -153,8 +153,10 @@ def test_hidden_files_are_no_programs(ncomp):
         (["in/a.nc", "out"], "folder in/a.nc: it is a file: 'ncomp correct' corrects one program"),
         (["in", "in"], "the output folder in is the input"),
         (["in", "./sub/../in"], "the output folder sub/../in is the input"),
-        (["in", "cal.json"], "cannot write cal.json"),
+        (["in", "cal.json"], "cal.json is an input and would be overwritten"),
         (["in", "links"], "links/a.nc is an input and would be overwritten; name another output folder"),
+        (["in", "out", "--glob", ""], "--glob '': expected a pattern of names, such as *.nc or roughing/*.nc"),
+        (["in", "out", "--glob", "*.nc", "--glob", "."], "--glob .: expected a pattern of names, such as *.nc"),
         (["in", "out", "--glob", "*.eps"], "folder in has no program: expected *.eps; --glob PATTERN chooses others"),
         (["in", "out", "--json", "in/a.nc"], "in/a.nc is an input and would be overwritten"),
         (["in", "out", "--dask", "tcp://x:1", "--jobs", "3"], "--jobs and --dask tcp://x:1 exclude each other"),
@@ -235,44 +237,21 @@ def test_a_cluster_gives_the_same(ncomp, address):
     check_each_as_by_its_own_run(ncomp)
 
 
-class Breaking(Here):
-    """An executor that breaks at some tasks, and with them all that it has in work."""
-
-    broken = False
-
-    def submit(self, fn, /, *args):
-        self.broken = self.broken or args == (3,)
-        future = super().submit(fn, *args) if not self.broken else Future()
-        if self.broken:
-            future.set_exception(BrokenExecutor())
-        return future
-
-
-def test_a_task_that_breaks_its_executor_is_lost_alone():
-    made = []
-
-    def start():
-        made.append(Breaking())
-        return made[-1]
-
-    team = Team(start, at_once=3)
-    found = list(team.results(abs, [(n,) for n in range(8)], lambda task: -task[0]))
-    assert sorted(found) == [((n,), -3 if n == 3 else n) for n in range(8)]
-    assert len(made) == 2 + ATTEMPTS
-
-
-def square(number: int) -> int:
-    """A task that ends its process for 3."""
-    if number == 3:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return number * number
-
-
-@pytest.mark.statistical
-def test_a_task_that_ends_its_worker_is_lost_alone():
+def test_a_task_that_ends_its_worker_is_lost_alone(tmp_path):
+    attempts = tmp_path / "attempts"
     with workers(2, None, ()) as team:
-        found = {task: result for (task,), result in team.results(square, [(n,) for n in range(8)], lambda _: -1)}
-    assert found == {n: -1 if n == 3 else n * n for n in range(8)}
+        tasks = [(number, str(attempts)) for number in range(8)]
+        found = {task[0]: result for task, result in team.results(square, tasks, lambda task: -task[0])}
+    assert found == {number: -3 if number == 3 else number * number for number in range(8)}
+    assert len(attempts.read_text().splitlines()) == 1 + ATTEMPTS
+
+
+def test_a_task_that_cannot_be_sent_is_refused_and_its_worker_goes_on(tmp_path):
+    with workers(2, None, ()) as team:
+        with pytest.raises((AttributeError, pickle.PicklingError), match="lambda"):
+            list(team.results(square, [(lambda: 3, "")], lambda _: -1))
+        tasks = [(number, str(tmp_path / "none")) for number in (1, 2)]
+        assert sorted(result for _, result in team.results(square, tasks, lambda _: -1)) == [1, 4]
 
 
 # ---- killed

@@ -34,7 +34,7 @@ def test_a_program_with_jumps(command, tmp_path):
     done = command("check", "a.nc", "--machine", "gantry", "--set-up-zero")
     assert done.status == 0
     assert [line.split() for line in done.out.decode().splitlines() if not line.startswith("note")] == [
-        ["Accepted."],
+        ["a.nc:", "Accepted."],
         ["program", "a.nc", "(iso,", "13", "blocks,", "7", "moves)"],
         ["corrected", "5:", "lines", "3,", "6,", "11"],
         ["not", "complete", "1:", "line", "2"],

@@ -13,7 +13,8 @@ from support.tiers import drawn
 
 from kinematics.basis import Fourier, Legendre
 from kinematics.effects import Backlash, ErrorMotion
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 
 GANTRY, DMU50 = load("gantry"), load("dmu50")
@@ -107,7 +108,5 @@ def test_the_limit_of_a_correction_is_that_of_its_own_tool(size, monkeypatch):
         source = source_of(text.format(more))
         model = model_of(DMU50, tilted, shifted)
         job = Job(source, find_dialect("iso", "", ""), DMU50, model, setup, travel_check=False)
-        pipeline = Pipeline(job)
-        pipeline.run(io.BytesIO(), lambda _: None)
-        limits.append(pipeline.report.max_correction_um)
+        limits.append(Pipeline(job).run(io.BytesIO(), lambda _: None).max_correction_um)
     assert limits[1] > limits[0] + 20.0

@@ -18,7 +18,7 @@ from calibration.circles.circles import circles_of as read_circles
 from calibration.circles.figures import circular_tests
 from calibration.circles.shares import shares
 from calibration.circles.spikes import kept
-from calibration.measurement.instruments import Ballbar
+from calibration.instruments import Ballbar
 from calibration.plausibility.checks import usable
 from calibration.simulation.true_model import random_true_model
 from kinematics.basis import Legendre
@@ -200,6 +200,17 @@ def test_the_command(ncomp, tmp_path):
     assert "counter-clockwise" in page
 
 
+def test_the_command_shows_no_uncertainty_as_zero(ncomp, tmp_path):
+    """Of a bar that is stated to be nearly exact."""
+    measured, _ = circles_of(Backlash("X", 8.0), bar=Ballbar(u_um=0.003), step=3.0)
+    path = written(measured, tmp_path / "circles.csv")
+    done = ncomp("ballbar", str(path), "-m", "cframe")
+    assert done.status == 0, done.err
+    (centre,) = re.findall(r"table ball from the stated centre .*", done.out.decode())
+    assert centre.count(" ± 0.00") >= 2
+    assert not re.search(r"± 0\.0+(?![0-9])", done.out.decode())
+
+
 def test_circles_in_one_direction_are_noted(ncomp, tmp_path):
     measured, _ = circles_of(Backlash("X", 8.0), step=3.0)
     one_way = measured.rows(np.flatnonzero(np.char.find(measured.run.astype(str), " ccw") > 0))
@@ -243,6 +254,7 @@ def test_simulate_refuses_wrong_options(ncomp):
     assert "--centre is no option of --instrument laser-tracker" in done.err
 
 
+@pytest.mark.statistical
 def test_the_commands_of_the_page_run_and_find_its_causes(ncomp):
     """In the order of the page, in one folder."""
     commands = re.findall(r"^    ncomp (.*)$", PAGE.read_text(), re.MULTILINE)

@@ -6,20 +6,21 @@ import msgspec
 import numpy as np
 import pytest
 from support.effect_examples import EXAMPLES
-from support.programs import random_model
+from support.programs import correct, load, model_of, random_model
 
 import machines
 from kinematics.basis import Polynomial
 from kinematics.correction import DAMPING, correct_orientation, correct_position
-from kinematics.effects import ErrorMotion
+from kinematics.effects import ErrorMotion, LocationJump
 from kinematics.error_model.classes import CLASSES, ELEMENTARY, class_of, parse_classes, select
-from kinematics.error_model.model import ErrorModel, read_model
+from kinematics.error_model.model import ErrorModel, read_model, write_model
 from kinematics.forward import forward, tool_point
 from kinematics.state import State
 from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
 from postproc.correct.classes import ClassTable
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import Source
@@ -153,10 +154,62 @@ def test_rotary_words_change_only_for_the_orientation():
     assert set(turned.rotary_correction) == {"B", "C"}
 
 
+@pytest.mark.parametrize("name", ["dmu50", "head_table", "trunnion_bc"])
+@pytest.mark.parametrize("distances", ["G90", "G91"])
+def test_linear_axes_fit_the_rounded_rotary_words(name, distances):
+    """Axis positions: 0.1 mdeg of a rotary axis would be 0.3 um at the tool."""
+    machine, rng = load(name), np.random.default_rng(3)
+    rotary = [axis.name for axis in machine.axes if axis.rotary]
+    lines = ["G21 G90 G94 G54", "G43 H1", "G0 X0 Y0 Z20 " + " ".join(f"{axis}40" for axis in rotary), distances]
+    for sign in [1, -1] * 20:
+        size = rng.uniform(5, 40, 3 + len(rotary)) * (sign if distances == "G91" else 1)
+        words = [f"{axis}{value:.3f}" for axis, value in zip((*"XYZ", *rotary), size, strict=True)]
+        lines.append(f"G1 {' '.join(words)} F500")
+    done = correct(
+        "\n".join([*lines, "M30", ""]),
+        machine,
+        random_model(machine, 5),
+        offsets=["G54=0,0,200"],
+        tools=["T1=80"],
+        datums=["G54=true"],
+        classes=parse_classes("FOR,L-VOL+,R-VOL"),
+        travel_check=False,
+        tolerance_um=1e3,
+    )
+    assert done.report.after.largest < 1e3 * machine.rounding_mm + 1e-3
+    assert done.report.tilt_after.largest < 0.3 * done.report.tilt_before.largest
+
+
 def test_classes_leave_what_they_do_not_hold():
     left = {c: corrected(PROGRAM, c)[0].after.rms for c in ("L-POS", "L-VOL", "R-VOL", "L-VOL,R-VOL", "THESIS")}
     assert left["L-VOL,R-VOL"] < 0.1
     assert min(left["L-POS"], left["L-VOL"], left["R-VOL"], left["THESIS"]) > 5
+
+
+@pytest.mark.parametrize(("jump", "name"), [("C0Y", "L-SQU"), ("X0C", "R-POR"), ("X0X", "L-POS")])
+def test_a_jump_of_an_axis_line_is_of_the_class_of_the_line(command, tmp_path, jump, name):
+    """A diagnosis writes a squareness that a collision has changed as a jump; L-SQU corrects it as any squareness."""
+    component, _, axis = jump
+    write_model(model_of(DMU50, LocationJump(component, axis, 200.0)), tmp_path / "cal.json")
+    (tmp_path / "in.nc").write_text(PROGRAM)
+    corrected_by = {}
+    for classes in (name, "L-VOL,R-VOL"):
+        command(
+            "in.nc",
+            "--machine",
+            "dmu50",
+            "--calibration",
+            "cal.json",
+            "--set-up-zero",
+            "--classes",
+            classes,
+            "-o",
+            "out.nc",
+            "--force",
+        )
+        lines = (tmp_path / "out.nc").read_text().splitlines()
+        corrected_by[classes] = [line for line in lines if not line.startswith(("(", ";"))]
+    assert corrected_by[name] == corrected_by["L-VOL,R-VOL"] != PROGRAM.splitlines()
 
 
 def test_class_table():

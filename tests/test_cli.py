@@ -292,6 +292,7 @@ JSON_KEYS = {
         "before",
         "after",
         "between_block_ends_after",
+        "anywhere",
         "standard_uncertainty_of_prediction",
         "significant_share_of_improvement",
     },
@@ -315,6 +316,7 @@ def test_json(ncomp):
         "max_correction_um",
         "not_split",
         "not_corrected",
+        "left_outside",
         "notes",
         "datum",
         "errors_relative_to",
@@ -337,7 +339,7 @@ def test_setup_options(ncomp):
     Path("tools.json").write_text('{"1": 50, "2": 60}')
     Path("part.nc").write_text("G21 G90 T1 M6\nG55 G0 X10.0 Y10.0\nG43 H2 Z10.0\n")
     result = ncomp(
-        "part.nc", *GANTRY, "--work-offset", "G55=100,200,300", "--work-offset", "G56=1,2,3",
+        "part.nc", "--machine", "gantry", "-c", "cal.json", "--datum", "G55=true", "--work-offset", "G55=100,200,300", "--work-offset", "G56=1,2,3",
         "--tool-table", "tools.json", "--tool-length", "T2=70", "--tool-length", "T3=1", "--json", "-", "-o", "out.nc",
     )  # fmt: skip
     data = json.loads(result.out)

@@ -17,7 +17,8 @@ from calibration.fit.location_errors import transformed
 from calibration.observation.full_model import priors
 from kinematics.basis import Harmonics, Legendre, Polynomial
 from kinematics.effects import Backlash, ErrorMotion, GrowthWithTime, LocationError, RangeOffset, ThermalDrift, Wobble
-from kinematics.error_model.model import ErrorModel, Provenance, no_errors, reference, write_model
+from kinematics.error_model.model import ErrorModel, no_errors, write_model
+from kinematics.error_model.provenance import Provenance, reference
 from kinematics.machine import Machine
 
 CFRAME, TABLE = machines.load("cframe"), machines.load("head_table")
@@ -231,6 +232,8 @@ def test_terminal_and_page(command):
     screen = done.out.decode()
     for text in ("E_XX", "significant", "in B only", "squareness of Y to X", "Reference", "aligned", "U (k=2)"):
         assert text in screen
+    assert "backlash X (B)" in screen
+    assert "B X" not in screen
     page = Path("out.html").read_text()
     for text in ('id="figures"', "E_YX", "squareness of Y to X", "B minus A", "Axis X", "not known"):
         assert text in page
@@ -262,6 +265,7 @@ def test_what_can_not_be_compared(command):
     assert motions == {}
     assert found["not_compared"] == ["E_XX: the two calibrations have no common range"]
     calibration("g.json", machines.load("gantry"))
+    Path("again.json").write_bytes(Path("a.json").read_bytes())
     Path("text.json").write_text("{}")
     for arguments, says in (
         (("a.json", "g.json"), "only calibrations of one machine"),
@@ -272,8 +276,8 @@ def test_what_can_not_be_compared(command):
         (("a.json", "b.json", "--reference", "X"), "expected AXIS=POSITION"),
         (("a.json", "b.json", "--reference", "Q=3"), "has no axis Q"),
         (("a.json", "b.json", "--reference", "X=nan"), "expected AXIS=POSITION"),
-        (("a.json", "a.json", "--reference", "X=1", "--reference", "X=2"), "given twice"),
-        (("a.json", "a.json", "--reference", "X=400"), "from 0 to 200 mm"),
+        (("a.json", "b.json", "--reference", "X=1", "--reference", "X=2"), "given twice"),
+        (("a.json", "again.json", "--reference", "X=400"), "from 0 to 200 mm"),
         (("a.json", "b.json", "--report", "a.json"), "is an input and would be overwritten"),
     ):
         refused = command("compare", *arguments, *(() if "--report" in arguments else ("--json", "out.json")))

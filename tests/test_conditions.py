@@ -24,7 +24,8 @@ from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions, make_conditions
 from postproc.compensation.predicted_error import in_a_program, model_notes
 from postproc.control.setup import make_setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.source import ENCODING
 

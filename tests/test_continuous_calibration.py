@@ -10,7 +10,8 @@ import machines
 from kinematics.basis import Polynomial
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError
-from kinematics.error_model.model import ErrorModel, Provenance, read_model, reference, write_model
+from kinematics.error_model.model import ErrorModel, read_model, write_model
+from kinematics.error_model.provenance import Provenance, reference
 from kinematics.state import State
 
 CFRAME = machines.load("cframe")
@@ -247,7 +248,7 @@ def test_what_can_not_be_a_calibration(command):
         (write, "give the machine of the calibration with --machine"),
         (("--machine", "cframe"), "is an option of --write-calibration"),
         (("--add-to", "gantry.json"), "is an option of --write-calibration"),
-        ((*write, "--machine", "gantry"), "of machine cframe, --machine is gantry"),
+        ((*write, "--machine", "gantry"), "of machine cframe, and --machine is gantry: give the machine of the data"),
         ((*write, "--machine", "short.toml"), "has no axis X"),
         ((*write, "--machine", "cframe", "--add-to", "gantry.json"), "is of machine gantry"),
         ((*write, "--machine", "cframe", "--report", "cal.json"), "both name"),

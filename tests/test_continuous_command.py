@@ -12,7 +12,7 @@ from support.pages import figures
 from calibration.continuous.reading import read_all
 from calibration.continuous.record_file import write_records
 from calibration.continuous.virtual import Targets
-from calibration.measurement.file import write_measurement
+from calibration.measurement.written_file import write_measurement
 
 TABLE = ["position_mm", "error_um", "u_um"]
 SIMULATED = (

@@ -88,7 +88,7 @@ def test_the_outline_of_a_cylinder_cycle_is_called():
 
 def test_m94_takes_whole_turns_off():
     assert klartext("L C+350 F500\nM94\nL C+10\n", machine="trunnion_ac", axes="C") == [(350.0,), (10.0,)]
-    assert "whole turns" in refusal(klartext, "L C+400 F500\nM94 C\n", machine="trunnion_ac")
+    assert klartext("L C+400 F500\nM94 C\nL C+50\n", machine="trunnion_ac", axes="C") == [(400.0,), (410.0,)]
 
 
 def test_m124_is_said():

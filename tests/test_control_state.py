@@ -13,7 +13,8 @@ import machines
 from kinematics.basis import BSpline
 from kinematics.effects import ErrorMotion
 from postproc.control.setup import make_setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.source import ENCODING
 

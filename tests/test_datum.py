@@ -102,7 +102,7 @@ def test_the_offset_that_the_page_tells_cuts_the_same_part(command):
     done = command("part.nc", *common, "--work-offset", f"G54={old}", "-o", "probed.nc")
     (told,) = json.loads(done.out)["datum"]
     instead = told["true_offset_mm"]
-    assert f"with --datum G54=true enter X {instead['X']:.4f}, Y {instead['Y']:.4f}, Z {instead['Z']:.4f}" in done.err
+    assert f"with --datum G54=true, enter X {instead['X']:.4f}, Y {instead['Y']:.4f}, Z {instead['Z']:.4f}" in done.err
     new = ",".join(f"{instead[axis]:.4f}" for axis in "XYZ")
     for offset in (old, new):
         command("part.nc", *common, "--work-offset", f"G54={offset}", "--datum", "G54=true", "-o", "true.nc")

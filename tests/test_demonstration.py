@@ -15,7 +15,7 @@ RUNS = {
     "batch": ("batch", "posted", "corr", *SET_UP, "--jobs", "1"),
     "watch": ("watch", "posted", "watched", *SET_UP, "--idle", "0.2", "--settle", "0.1"),
     "predict": ("predict", "points.csv", "--machine", "dmu50", "-o", "predicted.csv"),
-    "compare": ("compare", str(SHIPPED), str(SHIPPED)),
+    "compare": ("compare", str(SHIPPED), "copy.json"),
 }
 
 
@@ -25,6 +25,7 @@ def folder(tmp_path_factory):
     for name in ("box.nc", "posted/box.nc"):
         (made / name).parent.mkdir(exist_ok=True)
         shutil.copyfile(BOX, made / name)
+    shutil.copyfile(SHIPPED, made / "copy.json")
     (made / "points.csv").write_text("X,Y,Z,B,C\n0,0,100,0,0\n")
     run_command(BOX, *SET_UP, "-o", made / "corrected.nc")
     return made

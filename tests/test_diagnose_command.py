@@ -14,7 +14,7 @@ from support.pages import figures
 from support.virtual_measurements import THREE, measured, positions
 
 import machines
-from calibration.measurement.file import write_measurement
+from calibration.measurement.written_file import write_measurement
 from kinematics.basis import Polynomial
 from kinematics.effects import Backlash, ErrorMotion
 from kinematics.error_model.model import encode_model, no_errors
@@ -325,6 +325,18 @@ ODD = {
 }
 
 
+def test_rows_that_are_wrong_have_a_number_and_no_uncertainty(diagnosed, sheet):
+    done, said, _ = diagnosed(_put(30, "x", "1000.0")(sheet))
+    assert "outliers" in {kind for kind, _ in kinds(said)}
+    (row,) = [line for line in done.out.decode().splitlines() if re.match(r" \d+ +outliers ", line)]
+    assert "  1 row  " in row
+    assert "±" not in row
+    cells = re.findall(r"<td[^>]*>outliers \(instrument\)</td>(.*?)</tr>", Path("page.html").read_text(), re.DOTALL)
+    texts = [re.sub("<[^>]+>", "|", row) for row in cells]
+    assert any("|1 row|" in text for text in texts)
+    assert not any("±" in text for text in texts)
+
+
 @pytest.mark.statistical
 @pytest.mark.parametrize("case", ODD)
 def test_odd_data_show_the_same_cause(diagnosed, sheet, case):
@@ -402,3 +414,30 @@ def test_a_machined_part(diagnosed, shear):
     assert done.status == 0, done.err
     assert said["accepted"]
     assert said["effects"] == []
+
+
+@pytest.mark.parametrize(("half_waves", "worse"), [(0, False), (1, True)])
+def test_a_calibration_that_is_worse_than_none_is_called_so(command, half_waves, worse):
+    """An encoder that was referenced anew half a wave away: the curve of the calibration is off along the axis."""
+    rng, x = np.random.default_rng(4), np.linspace(0.0, 600.0, 25)
+    for name, phase in (("then", 0.0), ("now", np.pi * half_waves)):
+        rows = [
+            f"X,{run},{'+' if run % 2 else '-'},{target:g},{15.0 * np.sin(target / 40.0 + phase) + rng.normal(0.0, 0.5):.3f}"
+            for run in range(1, 5)
+            for target in (x if run % 2 else x[::-1])
+        ]
+        head = (
+            "# machine: cframe\n# instrument: interferometer\n# u_um: 0.5\naxis,run,direction,target_mm,deviation_um\n"
+        )
+        Path(f"{name}.csv").write_text(head + "\n".join(rows) + "\n")
+    done = command("fit", "then.csv", "--machine", "cframe", "-o", "then.json")
+    assert done.status == 0, done.err
+    done = command(
+        "diagnose", "now.csv", "--machine", "cframe", "-c", "then.json", "-o", "new.json", "--json", "d.json"
+    )
+    first = next(line for line in done.out.decode().splitlines() if line.strip())
+    found = json.loads(Path("d.json").read_text())
+    assert found["worse_than_none"] == worse
+    assert ("WORSE THAN NONE" in first) == worse
+    if worse:
+        assert "without --calibration" in first

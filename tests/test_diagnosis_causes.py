@@ -21,7 +21,7 @@ from calibration.diagnosis.search.start_model import Base
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named
 from calibration.fit.fit import fit
-from calibration.measurement.instruments import Part
+from calibration.instruments import Part
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.reports.causes.text import title
 from calibration.simulation.simulate import observe, tracker_pose
@@ -55,7 +55,7 @@ from kinematics.effects import (
     Wobble,
     WorkpieceDrift,
 )
-from kinematics.effects.instrument import beam
+from kinematics.effects.combined.where import beam
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
 from kinematics.transforms import Pose, rotation_vector_matrix

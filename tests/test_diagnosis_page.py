@@ -19,7 +19,6 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.separability import Separability
 from calibration.fit.fit import fit
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.observation import equations
 from calibration.reports.causes.figures import cause_figure
 from calibration.reports.causes.text import in_full, quantity_name, with_uncertainty
 from calibration.reports.causes.views import VIEWS, views
@@ -51,21 +50,21 @@ def seen_with(effect, machine, n=300, seed=1):
     state = with_moves(full_state(machine, n, seed))
     empty = Measurement(machine, TRACKER, state, np.ones((n, 3)), TARGETS, source="virtual")
     model = msgspec.structs.replace(no_errors(machine), effects=(effect,))
-    points = equations.expected(empty, pose_of(["s1", "s2"]), no_errors(machine).observation(machine, state))
+    points = empty.instrument.expected(empty, pose_of(["s1", "s2"]), no_errors(machine).observation(machine, state))
     state = replace(state, observed=points)
     exact = replace(empty, state=state)
-    observed = equations.expected(exact, pose_of(["s1", "s2"]), model.observation(machine, state))
+    observed = exact.instrument.expected(exact, pose_of(["s1", "s2"]), model.observation(machine, state))
     noise = np.linalg.cholesky(TRACKER.covariance(observed)) @ np.random.default_rng(seed).normal(size=(n, 3, 1))
     return fit(replace(exact, observed=observed + noise[:, :, 0]), model)
 
 
 def test_every_class_of_effect_has_its_own_view():
-    assert set(VIEWS) == set(EFFECTS)
+    assert set(VIEWS) == {effect.SHOWN_OVER for effect in EFFECTS}
 
 
 @pytest.mark.parametrize(
     "example",
-    one_of_each((example for example in EXAMPLES if example.touched), lambda example: VIEWS[type(example.effect)])
+    one_of_each((example for example in EXAMPLES if example.touched), lambda example: VIEWS[example.effect.SHOWN_OVER])
     + [example for example in EXAMPLES if not example.touched],
     ids=lambda example: f"{example.effect.name} {example.machine.name}",
 )
@@ -193,7 +192,7 @@ def test_the_terminal_holds_whole_names_in_100_columns_without_colours(several):
         assert any(re.match(rf" \d+ +{re.escape(cause.effect.name)} ", line) for line in table)
 
 
-def test_the_design_stands_before_the_result_and_a_refusal_before_all(several):
+def test_a_refusal_and_the_verdict_come_first_and_the_design_after_the_result(several):
     assert {each["verdict"] for each in diagnosis_json(several)["design"]} <= {"visible", "tied", "not visible"}
     refused = replace(several.acceptance, objection="it predicts worse", forced=False)
     report = diagnosis_report(replace(several, acceptance=refused), "ncomp diagnose")
@@ -201,12 +200,12 @@ def test_the_design_stands_before_the_result_and_a_refusal_before_all(several):
     show(report, Console(file=out, highlight=False, markup=False, soft_wrap=True))
     design, missing = "Causes that this design can show", "Missing in the"
     for said, then in (
-        (out.getvalue(), (design, missing, "chi2/dof")),
-        (page_of(report).decode(), (missing, design, "χ²/dof")),
+        (out.getvalue(), ("chi2/dof", "Unidentifiable causes")),
+        (page_of(report).decode(), ("Share by cause", "χ²/dof", design, "Unidentifiable causes")),
     ):
-        order = [said.index(text) for text in ("NOT WRITTEN: it", *then)]
+        order = [said.index(text) for text in ("NOT WRITTEN: it", missing, *then)]
         assert order == sorted(order)
-    (section,) = report.before
+    (section,) = (each for each in report.sections if each.title == design)
     assert section.table is not None
     tied = next(row for row in section.table.rows if row[0] == "thermal-drift")
     assert re.search(r"Z.*: tracker-drift \(1\.00\)", tied[2])

@@ -12,6 +12,8 @@ ROOT = Path(__file__).parents[1]
 SLIT = ("command=IOC_TEST:Axis1-PosAct", "observed=IOC_TEST:ec0-s4-EL7211-Enc-PosAct", "axis=X", "u_um=0.3")
 MACHINES = {kind: draws.MACHINES[i % 2] for i, kind in enumerate(draws.KINDS)}
 """One machine with three axes for each kind."""
+SEVERAL = {"thermal-drift": range(10)}
+"""Draws of kinds beside which the odds of another cause may pass the limit by chance; one draw of any other."""
 
 
 def diagnosed(command, *arguments):
@@ -86,9 +88,12 @@ def test_no_pitch_error_and_no_backlash_is_claimed_of_the_plates(command, plates
 @pytest.mark.statistical
 @pytest.mark.parametrize("kind", draws.KINDS)
 def test_every_kind_is_named(kind):
-    result = exam.ask(draws.draw([kind], MACHINES[kind], 3))
-    assert all(result.score.named), result.found
-    assert not result.score.blamed
+    """In every draw; and in at most one of ten something else is named as well."""
+    seeds = SEVERAL.get(kind, (3,))
+    results = [exam.ask(draws.draw([kind], MACHINES[kind], seed)) for seed in seeds]
+    found = [result.found for result in results]
+    assert all(all(result.score.named) for result in results), found
+    assert sum(bool(result.score.blamed) for result in results) <= len(seeds) / 10, found
 
 
 @pytest.mark.statistical
@@ -126,3 +131,39 @@ def test_steps_behind_which_a_fine_basis_hides():
 @pytest.mark.parametrize(("name", "seed"), [("gantry", 5), ("dmu50", 3)], ids=["first cycle", "cyclic"])
 def test_what_chance_finds_beside_what_has_no_name_is_not_blamed(name, seed):
     assert exam.unexplained(draws.unknown(name, seed), {"X", "Z", "time"})[0]
+
+
+def sheared(plate, urad):
+    """The rows of a plate, drilled by a machine whose Y leans by so much more; x and y of the holes in mm."""
+    rows = []
+    for line in plate.read_text().splitlines():
+        cells = line.split()
+        if len(cells) == 9 and not cells[0].isalpha():
+            x, y, nominal_x, nominal_y = map(float, cells[:4])
+            x -= 1e-6 * urad * nominal_y
+            cells[:4] = f"{x:.5f}", f"{y:.5f}", cells[2], cells[3]
+            cells[4] = f"{x - nominal_x:.5f}"
+        rows.append("  ".join(cells))
+    return "\n".join(rows) + "\n"
+
+
+def test_a_change_of_squareness_is_not_taken_over_by_a_cross_axis_error(command, plates):
+    set_up = ("--machine", "gantry", "--header", "u_um=2.3")
+    assert command("fit", plates / "D1396A1", *set_up, "-o", "old.json").status == 0
+    found = {}
+    for urad in (0.0, 56.0):
+        Path("plate.txt").write_text(sheared(plates / "D1597A_2003", urad))
+        found[urad] = diagnosed(command, "plate.txt", *set_up, "--calibration", "old.json")
+    change = found[56.0]["machine_change"]
+    square = [next(e for e in found[u]["machine_change"]["lines"] if e["name"] == "E_C0Y") for u in found]
+    assert change["significant"]
+    assert square[1]["significant"]
+    assert square[1]["value"] - square[0]["value"] == pytest.approx(56.0, abs=3.0)
+    assert square[1]["u"] < 6.0
+    crossed = [each for each in found[56.0]["effects"] if each["kind"] == "cross-axis"]
+    assert crossed
+    for each in crossed:
+        unit = next(iter(each["parameters"]))
+        assert each["parameters"][unit][0] == pytest.approx(0.0, abs=1e-6)
+        assert each["u"][unit][0] < 1e-6
+    assert "location" in {each["kind"] for each in found[56.0]["effects"]}

@@ -36,16 +36,21 @@ def standardised(model, *effects, n=300, seed=99):
     return (found.deviation - (true - true.mean(axis=0))) / found.u
 
 
-@pytest.mark.parametrize("seed", quick([3, 4, 5, 6], [3]))
+@pytest.mark.parametrize("seeds", quick([range(3, 4), range(3, 13)], [range(3, 4)]), ids=len)
 @pytest.mark.parametrize("size", [0.0, 100.0])
-def test_predictions_are_as_uncertain_as_they_are_wrong(size, seed):
-    """A frame that warps with all three positions is in no library."""
+def test_predictions_are_as_uncertain_as_they_are_wrong(size, seeds):
+    """A frame that warps with all three positions is in no library.
+
+    The errors of one draw are those of a few smooth functions, so their size varies from draw to draw.
+    """
     warped = Unnamed("Z", ("X", "Y", "Z"), TRAVELS, ((1, 1, 1),), (size,))
-    data = data_with(warped, n=240, seed=seed)
-    found = diagnose(data)
-    assert (found.unexplained is not None) == (size > 0)
-    assert (found.widened > 1.0) == (size > 0)
-    spread = np.sqrt(np.mean(standardised(found.model, warped) ** 2, axis=0))
+    squares = []
+    for seed in seeds:
+        found = diagnose(data_with(warped, n=240, seed=seed))
+        assert (found.unexplained is not None) == (size > 0)
+        assert (found.widened > 1.0) == (size > 0)
+        squares.append(np.mean(standardised(found.model, warped) ** 2, axis=0))
+    spread = np.sqrt(np.mean(squares, axis=0))
     assert 0.5 < spread[2] < 1.5
     assert spread.max() < 1.5
 

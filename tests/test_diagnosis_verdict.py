@@ -11,10 +11,11 @@ from calibration.diagnosis.search.evaluation import Evaluated, Sibling
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Projected, Score
 from calibration.diagnosis.search.stage import Accepted
-from calibration.diagnosis.verdict import may_be_mean, notes, outliers, tied_with, verdict_of
+from calibration.diagnosis.verdict import notes, outliers, tied_with, verdict_of
 from calibration.observation.equations import specified_covariance
 from calibration.observation.normal_equations import whitened, whiteners
-from kinematics.effects import Backlash, CrossAxis, Cyclic, LocationError, Scale, Settling, UnknownApproach
+from calibration.reports.causes.text import sizes
+from kinematics.effects import Backlash, CrossAxis, Cyclic, Settling, UnknownApproach
 
 SCORE = Score(500.0, 500.0, 1.0, -480.0, 1e-9, np.ones(1))
 PROJECTED = Projected(np.ones((3, 1)), np.zeros((2, 1)), np.ones((1, 1)))
@@ -83,31 +84,6 @@ def test_a_negative_size_is_explained():
     assert not list(notes(linearised, Settling(axis="X", share_ppm=31.0)))
 
 
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        (LocationError("B", "Z", 10.0), True),
-        (LocationError("A", "Z", 10.0), True),
-        (LocationError("C", "Y", 10.0), False),
-        (LocationError("X", "Z", 10.0), False),
-        (LocationError("B", "B", 10.0), False),
-        (Scale("Z", 10.0), False),
-        (Scale("Y", 10.0), False),
-    ],
-)
-def test_a_squareness_may_be_the_mean_of_a_cross_axis_error(line, expected):
-    sag = CrossAxis("Z", "Y", "X", (0.0, 1.0), (0.0, 1.0), 2, 1, (1.0, 0.0, 0.5))
-    assert may_be_mean(line, sag) == expected
-    assert not may_be_mean(line, Backlash("Z", 5.0))
-
-
-def test_a_scale_may_be_the_mean_of_a_positioning_error_that_depends_on_another_axis():
-    error = CrossAxis("X", "X", "Z", (0.0, 1.0), (0.0, 1.0), 1, 1, (1.0, 0.5))
-    assert may_be_mean(Scale("X", 10.0), error)
-    assert not may_be_mean(Scale("Z", 10.0), error)
-    assert not may_be_mean(Scale("X", 10.0), CrossAxis("A", "X", "Z", (0.0, 1.0), (0.0, 1.0), 1, 1, (1.0, 0.5)))
-
-
 @pytest.mark.parametrize("wrong", [(), (40,)])
 def test_a_row_before_the_first_move_of_an_axis_with_backlash_is_no_outlier(wrong):
     """The axis stood on the other side of its lost motion; another row that is as far off is one."""
@@ -146,5 +122,6 @@ def test_an_outlier_across_the_beam_is_one_error_of_the_tracker():
     found = fitted(shifted)
     cause = outliers(found, LinearisedFit.of(found))
     assert cause.effect.rows == (40,)
+    assert sizes(cause) == ["1 row"]
     white = whitened(whiteners(shifted), found.residual)[40]
     assert cause.delta_bic == pytest.approx(3.0 * np.log(found.observations) - white @ white)

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume
 from hypothesis import strategies as st
 from support.backlash_paths import (
     ARC_RADIUS_UM,
@@ -25,7 +25,6 @@ from support.tiers import drawn
 from kinematics.effects import Backlash
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError
-from postproc.motion.reversals import Directions
 from postproc.motion.segments import like
 from postproc.text.source import ENCODING
 from postproc.verification.verify import verify
@@ -138,19 +137,6 @@ def test_a_reversal_in_small_steps_counts_when_it_is_more_than_the_dead_band():
     assert written(steps) == [
         "G1 X120.0100", "X120.0097", "G1 X119.9897 (NCOMP TAKE-UP)", "X119.9894", "X119.9891", "X119.9888",
     ]  # fmt: skip
-
-
-@pytest.mark.parametrize("chunk", [1, 3])
-@settings(max_examples=10)
-@given(seed=seeds)
-def test_directions_go_on_from_chunk_to_chunk(chunk, seed):
-    band = np.full(2, 0.01)
-    rng = np.random.default_rng(seed)
-    q, certain = rng.normal(0.0, 0.02, (30, 2)), rng.random((30, 2)) < 0.9
-    parts = Directions((1,), band)
-    found = np.concatenate([parts.follow(q[i : i + chunk], certain[i : i + chunk]) for i in range(0, 30, chunk)])
-    assert (found == Directions((1,), band).follow(q, certain)).all()
-    assert not found[:, 0].any()
 
 
 NOTED = {

@@ -11,7 +11,8 @@ from support.programs import load, model_of
 
 from kinematics.effects import Backlash
 from postproc.control.setup import make_setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind
 from postproc.motion.segments import like

@@ -10,11 +10,12 @@ from support.docs_commands import PAGES, Command, all_commands, commands
 from support.docs_files import prepare
 from support.real_data import REAL_DATA
 
-from postproc.commands.table import named
-from postproc.commands.tree import command_tree
+from postproc.commands.options.declared import Signature
+from postproc.commands.table import command, named
+from postproc.commands.words import Words
 
 BY_PAGE = {page.relative_to(PAGES[0].parent).as_posix(): commands(page) for page in PAGES}
-RUN = [name for name, found in BY_PAGE.items() if found and name not in ("docs/tutorial.md", "docs/results.md")]
+RUN = [name for name, found in BY_PAGE.items() if found and not name.startswith(("docs/tutorial.md", "docs/results/"))]
 """Tests of their own run the tutorial and the results (test_docs_pages.py)."""
 SCHEDULER = "tcp://scheduler:8786"
 """The Dask cluster of the pages; the tests start one of this machine."""
@@ -23,14 +24,13 @@ SCHEDULER = "tcp://scheduler:8786"
 @pytest.mark.parametrize("each", all_commands(), ids=lambda each: each.where)
 def test_options_are_accepted(each: Command) -> None:
     name, others = named(each.words)
-    context = command_tree().get_command(None, name).make_context(name, list(others))
-    assert not context.args  # nothing is left over
+    Words(name, Signature(command(name)[0]).declared).values(others)
 
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("page", RUN)
 def test_commands_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    if page == "docs/measurements.md" and not REAL_DATA.is_dir():
+    if page == "docs/measurements/formats.md" and not REAL_DATA.is_dir():
         pytest.skip("the real data (../shared/data) are not beside this repository")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))

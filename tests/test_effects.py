@@ -16,14 +16,13 @@ from support.tiers import one_of_each
 from kinematics.basis import Polynomial
 from kinematics.effects import COMPONENTS, EFFECTS, INSTRUMENT, TOOL, CrossAxis, Effect, ErrorMotion, LocationError
 from kinematics.effects.base import Remedy
+from kinematics.effects.combined.thermal import DistortionWithTime, GrowthWithTime, ThermalDrift
 from kinematics.effects.control import ControlTable
 from kinematics.effects.describe import describe, markdown
-from kinematics.effects.distortion import DistortionWithTime
 from kinematics.effects.drive import Backlash, Cyclic
 from kinematics.effects.friction import LateralPlay
 from kinematics.effects.geometric import Racking, Wobble
 from kinematics.effects.instrument import Outliers
-from kinematics.effects.thermal import GrowthWithTime, ThermalDrift
 from kinematics.effects.unnamed import Unnamed
 from kinematics.error_model.decoding_faults import CURE
 from kinematics.error_model.model import ErrorModel, decode_model, encode_model, no_errors

@@ -6,6 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.effect_examples import DMU50
 
+import machines
+from kinematics.deviation import exact_deviation
 from kinematics.effects import (
     AirDrift,
     AirScale,
@@ -15,6 +17,7 @@ from kinematics.effects import (
     MeasuringMachineScale,
     MeasuringMachineSquareness,
     Outliers,
+    ProbeLobing,
     RangeDrift,
     RangeOffset,
     StationShift,
@@ -152,3 +155,37 @@ def test_a_knock_and_a_new_seat_begin_at_their_moment():
     model = msgspec.structs.replace(no_errors(DMU50), effects=(TargetOffset("t1", (40.0, -25.0, 60.0), 200.0),))
     moved = model.observation(DMU50, state).errors[:, -1, :3]
     assert moved == pytest.approx(np.where((time >= 200.0)[:, None], (40e-3, -25e-3, 60e-3), 0.0))
+
+
+HEAD = machines.load("head_head")
+
+
+def touched_off(angle_deg: float, cosine_um: float, sine_um: float) -> Array:
+    """Where the centre of a sphere is found, mm from where it is, in x and y of the bed: by four touches.
+
+    The probe is vertical, and turned by the angle; each touch goes on by the pre-travel in its direction.
+    """
+    found = []
+    for along in (0.0, 90.0):
+        both = []
+        for touch in (along, along + 180.0):
+            a = np.radians(touch - angle_deg)
+            travel = cosine_um * np.cos(3.0 * a) + sine_um * np.sin(3.0 * a)
+            both.append(travel * 1e-3 * np.array([np.cos(np.radians(touch)), np.sin(np.radians(touch))]))
+        found.append((both[0] + both[1]) / 2.0)
+    return np.asarray(found[0] + found[1])
+
+
+def test_lobes_of_a_probe_move_the_centre_that_four_touches_find():
+    """Each pair of opposite touches finds one coordinate; the tip is off from the true centre by that much."""
+    angles = np.arange(0.0, 360.0, 17.0)
+    positions = np.zeros((len(angles), len(HEAD.axes)))
+    positions[:, HEAD.index("C")] = np.radians(angles)
+    effect = ProbeLobing(cosine_um=2.0, sine_um=-0.7)
+    model = msgspec.structs.replace(no_errors(HEAD), effects=(effect,))
+    errors, shift = model.observation(HEAD, State(positions))
+    assert not shift.any()
+    moved = exact_deviation(HEAD, positions, errors, (0.0, 0.0, 0.0)).position
+    expected = [touched_off(angle, 2.0, -0.7) for angle in angles]
+    np.testing.assert_allclose(-moved[:, :2], expected, atol=1e-9)
+    np.testing.assert_allclose(moved[:, 2], 0.0, atol=1e-12)

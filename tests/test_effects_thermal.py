@@ -20,7 +20,7 @@ from kinematics.effects import (
     ThermalDrift,
     WorkpieceDrift,
 )
-from kinematics.effects.thermal_course import lagged
+from kinematics.effects.combined.when import lagged
 from kinematics.state import State
 
 GANTRY = machines.load("gantry")

@@ -12,7 +12,8 @@ from support.tiers import quick
 
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.source import open_source
 

@@ -7,11 +7,9 @@ import pytest
 from support.virtual_measurements import THREE, measured, pose_of, positions, truth
 
 import machines
-from calibration.measurement.instruments import Interferometer, LaserTracker, Part, TouchProbe
+from calibration.instruments import Interferometer, LaserTracker, Level, Part, TouchProbe
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.measurement.registration import PLANAR, RIGID, SHIFTS, Registration, rigid
-from calibration.observation import equations
-from calibration.plausibility.recording_mistakes import by_axes
+from calibration.registration.registration import PLANAR, RIGID, SHIFTS, Registration, rigid
 from kinematics.error_model.model import Observation
 from kinematics.state import State
 from kinematics.transforms import Pose, rotation_vector_matrix
@@ -51,6 +49,16 @@ def laser_case():
     return laser, Registration(zeros=dict.fromkeys(np.unique(laser.groups).tolist(), 0.002))
 
 
+def level_case():
+    machine, rng = machines.load("dmu50"), np.random.default_rng(4)
+    state = with_moves(State(positions(machine, 20, rng), target=np.full(20, "1")))
+    axis, component = np.array(["X", "Y"])[np.arange(20) % 2], np.array(["A", "B"])[np.arange(20) // 2 % 2]
+    level = Measurement(
+        machine, Level(u_angle_urad=1.0), state, np.zeros((20, 1)), axis=axis, run=np.full(20, "1"), component=component
+    )
+    return level, Registration(zeros=dict.fromkeys(np.unique(level.groups).tolist(), 2e-5))
+
+
 def probe_case():
     machine, rng = machines.load("dmu50"), np.random.default_rng(3)
     sphere = np.array(["s1", "s2"])[np.arange(20) % 2]
@@ -67,6 +75,7 @@ CASES = {
     "part 2": lambda: part_case(2),
     "part 3": lambda: part_case(3),
     "interferometer": laser_case,
+    "level": level_case,
     "touch probe": probe_case,
 }  # fmt: skip
 
@@ -79,14 +88,14 @@ def case(request):
 def expected(case, errors, registration=None):
     measurement, own = case
     shift = np.zeros((len(measurement), 3))
-    return equations.expected(measurement, registration or own, Observation(errors, shift))
+    return measurement.instrument.expected(measurement, registration or own, Observation(errors, shift))
 
 
 def test_transform_is_the_derivative_by_the_error_motions(case):
     measurement, registration = case
     places = len(measurement.machine.axes) + 1
     zero = np.zeros((len(measurement), places, 6))
-    transform = equations.transform(measurement, registration)
+    transform = measurement.instrument.transform(measurement, registration)
     for place in range(places):
         for component in range(6):
             errors = zero.copy()
@@ -98,7 +107,7 @@ def test_transform_is_the_derivative_by_the_error_motions(case):
 def test_registration_design_is_the_derivative_by_the_registration(case):
     measurement, registration = case
     zero = np.zeros((len(measurement), len(measurement.machine.axes) + 1, 6))
-    design = equations.registration_design(measurement, registration)
+    design = measurement.instrument.registration_design(measurement, registration)
     assert design.shape == (*measurement.observed.shape, len(registration.names))
     for k in range(design.shape[2]):
         step = np.zeros(design.shape[2])
@@ -110,7 +119,7 @@ def test_registration_design_is_the_derivative_by_the_registration(case):
 def test_a_fixed_reference_shows_no_axis():
     measurement, registration = tracker_case("dmu50", "bed")
     rows = measurement.state.target == "bed"
-    assert not equations.transform(measurement, registration)[rows][:, :, :-3].any()
+    assert not measurement.instrument.transform(measurement, registration)[rows][:, :, :-3].any()
 
 
 def test_tracker_covariance_is_range_along_and_angles_across_the_beam():
@@ -144,15 +153,13 @@ def test_targets_come_in_any_order_of_names():
 def test_by_axes_against_differences(case):
     """Derivatives by the positions of the axes, for targets on tool, table and bed, seen from the table and the bed."""
     measurement, registration = case
-    found, nothing = by_axes(measurement, registration), no_effects(measurement)
+    found, nothing = measurement.instrument.by_axes(measurement, registration), no_effects(measurement)
     if measurement.axis is not None:
         return
     q = measurement.state.positions
     for i in range(q.shape[1]):
-        seen = [
-            equations.expected(moved_to(measurement, q + way * STEP * np.eye(q.shape[1])[i]), registration, nothing)
-            for way in (1, -1)
-        ]
+        moved = [moved_to(measurement, q + way * STEP * np.eye(q.shape[1])[i]) for way in (1, -1)]
+        seen = [each.instrument.expected(each, registration, nothing) for each in moved]
         np.testing.assert_allclose(found[:, :, i], (seen[0] - seen[1]) / (2 * STEP), atol=1e-6)
 
 

@@ -13,13 +13,12 @@ import machines
 from calibration.fit import noise
 from calibration.fit.fit import fit
 from calibration.fit.noise import with_estimated_noise, with_noise_of_visits
+from calibration.instruments import LaserTracker, Part
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
 from calibration.measurement.file import read_measurement
-from calibration.measurement.instruments import LaserTracker, Part
 from calibration.observation.equations import specified_covariance
 from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.observation.normal_equations import whitened, whiteners
-from calibration.observation.stops_and_lines import stops
 from calibration.simulation.simulate import observe
 from kinematics.effects import Cyclic, StationShift
 from kinematics.error_model.model import no_errors
@@ -137,11 +136,11 @@ def test_decorrelated_rows_of_a_stop_are_white():
     data = with_stops(3, {0: 0.01})
     arms = np.zeros((len(data), 3, 1))
     arms[:, :, 0] = 0.01 * np.array([0.6, 0.8, 0.0])
-    noise = EstimatedNoise(1.0, {"X": 0.01}, stops(data), arms)
+    noise = EstimatedNoise(1.0, {"X": 0.01}, data.stops, arms)
     noisy = replace(data, noise=noise)
     white = whiteners(noisy)
     transform = Decorrelation.of(noise, white)
-    rows = np.flatnonzero(stops(data) == stops(data)[0])
+    rows = np.flatnonzero(data.stops == data.stops[0])
     covariance = np.zeros((9, 9))
     for a in range(3):
         for b in range(3):

@@ -19,11 +19,12 @@ from support.tiers import drawn, quick
 
 from kinematics.effects import LocationError
 from kinematics.error_model.model import write_model
+from kinematics.running.child_process import GIVES_WAY, ChildProcess, LostProcess
 from kinematics.user_error import UserError
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.evaluation.guard import Guard, WorseMove
-from postproc.second_process import GIVES_WAY, LostProcess, SecondProcess
 
 GANTRY, DMU50 = load("gantry"), load("dmu50")
 RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from postproc.cli import run; run()"
@@ -59,8 +60,8 @@ def test_the_results_are_those_of_one_process(program, seed, size, piece):
         patch.setattr("postproc.execution.CHUNK", size)
         alone = corrected(job_of(program, seed))
         patch.setattr("postproc.correct.pipeline.LARGE", 0)
-        patch.setattr("postproc.evaluation.evaluation_process.SecondProcess", Here)
-        patch.setattr("postproc.read_ahead.SecondProcess", Here)
+        patch.setattr("postproc.evaluation.evaluation_process.ChildProcess", Here)
+        patch.setattr("postproc.read_ahead.ChildProcess", Here)
         patch.setattr("postproc.text.source.PIECE", piece)
         assert corrected(job_of(program, seed), processes=2) == alone
 
@@ -69,7 +70,7 @@ def test_the_results_are_those_of_one_process(program, seed, size, piece):
 def test_the_errors_before_are_those_that_the_correction_has_found(program, seed):
     with pytest.MonkeyPatch.context() as patch:
         found = corrected(job_of(program, seed))
-        patch.setattr("postproc.correct.pipeline.ErrorsBefore", SimpleNamespace(of=lambda _: None))
+        patch.setattr("postproc.correct.steps.correction.ErrorsBefore", SimpleNamespace(of=lambda _: None))
         assert corrected(job_of(program, seed)) == found
 
 
@@ -100,8 +101,8 @@ def test_the_first_move_that_is_worse_is_refused(last, size, monkeypatch):
                 raise WorseMove(int(motions.block[row]), worse[lines[row]])
 
     monkeypatch.setattr(Guard, "check_ends", found)
-    monkeypatch.setattr("postproc.evaluation.evaluation_process.SecondProcess", Here)
-    monkeypatch.setattr("postproc.read_ahead.SecondProcess", Here)
+    monkeypatch.setattr("postproc.evaluation.evaluation_process.ChildProcess", Here)
+    monkeypatch.setattr("postproc.read_ahead.ChildProcess", Here)
     monkeypatch.setattr("postproc.execution.CHUNK", size)
     worse.update({4: "the first", 5: "the second"})
     text = f"{HEAD}G1 X200. F500\nX210.\nX220.\nX230.\n{last}"
@@ -142,7 +143,7 @@ class Total:
 
 @pytest.fixture(name="total")
 def _total():
-    process = SecondProcess(Total())
+    process = ChildProcess(Total())
     yield process
     process.end()
 
@@ -174,7 +175,7 @@ def test_a_process_that_is_killed_is_lost(total):
 
 STOPPED_AT_THE_START = """
 import multiprocessing.util, signal, sys
-from postproc.second_process import SecondProcess
+from kinematics.running.child_process import ChildProcess
 spawn = multiprocessing.util.spawnv_passfds
 def spawn_and_stop(*words):
     process = spawn(*words)
@@ -183,13 +184,13 @@ def spawn_and_stop(*words):
     return process
 multiprocessing.util.spawnv_passfds = spawn_and_stop
 signal.signal(signal.SIGTERM, lambda number, _: sys.exit(3))
-SecondProcess(len)
+ChildProcess(len)
 """
 
 
 STOPPED_AT_THE_FORK = """
 import os, signal, sys
-from postproc.second_process import SecondProcess
+from kinematics.running.child_process import ChildProcess
 fork = os.fork
 def fork_and_stop():
     process = fork()
@@ -198,7 +199,7 @@ def fork_and_stop():
     return process
 os.fork = fork_and_stop
 signal.signal(signal.SIGTERM, lambda number, _: sys.exit(3))
-SecondProcess(len)
+ChildProcess(len)
 """
 
 
@@ -214,7 +215,7 @@ def test_a_stop_while_the_process_starts_ends_both_without_a_traceback(program):
 
 ENDED_AT_ONCE = """
 import os, signal, sys, time
-from postproc.second_process import SecondProcess
+from kinematics.running.child_process import ChildProcess
 fork = os.fork
 def slow_fork():
     process = fork()
@@ -223,7 +224,7 @@ def slow_fork():
     return process
 os.fork = slow_fork
 signal.signal(signal.SIGTERM, lambda number, _: sys.exit(3))
-SecondProcess(len).end()
+ChildProcess(len).end()
 """
 
 
@@ -324,5 +325,5 @@ def _runs(process: int) -> bool:
 
 
 def test_a_short_program_starts_no_process(monkeypatch):
-    monkeypatch.setattr("postproc.second_process.SecondProcess.__init__", lambda *_: 1 / 0)
+    monkeypatch.setattr("kinematics.running.child_process.ChildProcess.__init__", lambda *_: 1 / 0)
     assert correct(HEAD + MOVES.replace("B5. C9.", "").replace("C30.", ""), GANTRY, model_of(GANTRY)).text

@@ -149,9 +149,9 @@ def test_points_of_fine_moves_follow_from_the_ends(head, classes, datum, monkeyp
     nominal, commanded = (read(each, machine, options["offsets"], options["tools"]) for each in (text, done))
     evaluate = Verifier._vectors
 
-    def counted(verifier, moves, directions, share, rows):
+    def counted(verifier, moves, share, rows):
         count[0] += len(rows)
-        return evaluate(verifier, moves, directions, share, rows)
+        return evaluate(verifier, moves, share, rows)
 
     monkeypatch.setattr(Verifier, "_vectors", counted)
     by_ends = verify(nominal, commanded, model)

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from kinematics.files import fingerprint, read_input, whole_file, write_whole
+from kinematics.files import changed_since_read, fingerprint, read_input, whole_file, write_whole
+from kinematics.files.inputs import run_with_inputs
 from kinematics.user_error import UserError
 
 NOBODY = 65534
@@ -149,19 +150,17 @@ def test_fingerprint():
 
 
 DRAFT = """
-import multiprocessing, signal, sys, time
+import signal, sys
 from pathlib import Path
-from kinematics.running import workers
+from kinematics.running import child_process
 from kinematics.files import Draft
 draft = Draft(Path("out.nc"))
 assert len(list(Path(".").iterdir())) == 1
 """
 TOLD_TO_END_AND_DOES_NOT = """
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
-workers.GRACE_S = 0.01
-heard, held = multiprocessing.Pipe(duplex=False)
-held.close()
-workers._listen(heard)
+child_process.GRACE_S = 0.01
+child_process.end_in_the_midst()
 """
 
 
@@ -171,3 +170,18 @@ def test_a_process_that_ends_before_it_publishes_leaves_no_draft(tmp_path, end, 
     words = [sys.executable, "-c", DRAFT + end]
     assert subprocess.run(words, check=False, cwd=tmp_path, env=environment, capture_output=True).returncode == status
     assert not list(tmp_path.iterdir())
+
+
+def test_inputs_that_changed_during_a_run_are_known(tmp_path):
+    one, other = tmp_path / "one", tmp_path / "other"
+    one.write_text("a")
+    other.write_text("a")
+    with run_with_inputs():
+        read_input(one, "file")
+        read_input(other, "file")
+        assert changed_since_read([one, other]) == []
+        other.write_text("b")
+        assert changed_since_read([one, other]) == [other]
+        other.unlink()
+        assert changed_since_read([one, other]) == [other]
+    assert changed_since_read([one, other]) == []

@@ -12,7 +12,6 @@ from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.unseen.fine_errors import fine_variances, squares_by_fine_errors
 from calibration.diagnosis.unseen.unseen_states import moments
 from calibration.measurement.estimated_noise import EstimatedNoise
-from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Cyclic
 from kinematics.error_model.model import no_errors
 
@@ -87,7 +86,7 @@ def test_without_visits_of_one_position_nothing_is_known():
 def test_shifts_of_stops_that_no_visit_repeats_may_be_errors_of_the_axis():
     linearised = bare(q=positions(CFRAME, 150, np.random.default_rng(4)))
     fitted = linearised.fit
-    noise = EstimatedNoise(1.0, {"X": 0.025}, stops(fitted.measurement), np.zeros((150, 3, 0)), revisited=False)
+    noise = EstimatedNoise(1.0, {"X": 0.025}, fitted.measurement.stops, np.zeros((150, 3, 0)), revisited=False)
     expected = replace(linearised, fit=replace(fitted, measurement=replace(fitted.measurement, noise=noise)))
     assert squares_by_fine_errors(expected) == pytest.approx([25.0**2, 0.0, 0.0], rel=0.03, abs=1e-6)
 

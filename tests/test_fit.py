@@ -6,6 +6,7 @@ from functools import cache
 import msgspec
 import numpy as np
 import pytest
+from support.tiers import quick
 from support.virtual_measurements import COLLINEAR, EXACT, MONTAVON, ONE, THREE, measured, pose_of, positions, truth
 
 import machines
@@ -19,12 +20,11 @@ from calibration.fit.identifiability import identifiability
 from calibration.fit.linear import effective_parameters, singular_values
 from calibration.fit.location_errors import split_locations, transformed
 from calibration.fit.problem import Problem
-from calibration.measurement.instruments import Interferometer, Part
+from calibration.instruments import Interferometer, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.measurement.registration import PLANAR, Registration
-from calibration.observation import equations
-from calibration.observation.full_model import BasisChoice, moving_axes, parse_basis, priors, rigid_model, with_effects
+from calibration.observation.full_model import BasisChoice, parse_basis, priors, rigid_model, with_effects
 from calibration.observation.stops_and_lines import held_out_blocks
+from calibration.registration.registration import PLANAR, Registration
 from kinematics.basis import Fourier
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, GrowthWithSensor, Hysteresis, LocationError, ThermalDrift
@@ -194,7 +194,7 @@ def test_effects_with_time_temperature_and_direction_are_fitted_with_the_rest():
     base = measured(machine, q, THREE, no_errors(machine), rng, tracker=EXACT, noise=False)
     state = replace(base.state, temperatures=warm, time=15.0 * np.arange(700))
 
-    observed = equations.expected(base, pose_of(["s1"]), model.observation(machine, state))
+    observed = base.instrument.expected(base, pose_of(["s1"]), model.observation(machine, state))
     measurement = replace(base, observed=observed, state=replace(state, observed=observed))
     start = (
         Backlash("X", 0.0),
@@ -275,24 +275,30 @@ def test_gauge_is_the_null_space_of_a_rich_measurement():
     assert null_space(np.diag([1.0, 0.0, 1e-20])).shape[1] == 2
 
 
-def test_evidence_finds_the_resolution_that_the_errors_need():
-    machine, rng = machines.load("cframe"), np.random.default_rng(8)
-    q = positions(machine, 300, rng)
-    coarse = truth(machine, rng, 15.0)
-    found = choose(measured(machine, q, THREE, coarse, rng), ["b-spline"])
-    assert all(4 <= basis.size <= 12 for basis in found.bases.values())
+@pytest.mark.parametrize("seeds", quick([range(8, 13), range(8, 28)], [range(8, 13)]), ids=len)
+def test_evidence_finds_the_resolution_that_the_errors_need(seeds):
+    """Of random machines; the flattest of them need fewer than four nodes along an axis."""
+    machine, least = machines.load("cframe"), []
+    for rng in map(np.random.default_rng, seeds):
+        q = positions(machine, 300, rng)
+        coarse = truth(machine, rng, 15.0)
+        found = choose(measured(machine, q, THREE, coarse, rng), ["b-spline"])
+        assert all(basis.size <= 12 for basis in found.bases.values())
+        least.append(min(basis.size for basis in found.bases.values()))
 
-    wavy = ErrorMotion("X", "X", Fourier((0.0, 600.0), (9.0,)), (0.0, 0.0, 25.0, 0.0), u=(0.0,) * 4)
-    fine = msgspec.structs.replace(coarse, effects=(*coarse.effects, wavy))
-    found = choose(measured(machine, q, THREE, fine, rng), ["b-spline"])
-    assert found.bases["X"].size >= 16
-    assert found.bases["Z"].size <= 12
+        wavy = ErrorMotion("X", "X", Fourier((0.0, 600.0), (9.0,)), (0.0, 0.0, 25.0, 0.0), u=(0.0,) * 4)
+        fine = msgspec.structs.replace(coarse, effects=(*coarse.effects, wavy))
+        found = choose(measured(machine, q, THREE, fine, rng), ["b-spline"])
+        assert found.bases["X"].size >= 16
+        assert found.bases["Z"].size <= 12
+    assert min(least) > 2
+    assert np.mean(np.array(least) >= 4) >= 0.8
 
 
 def test_held_out_blocks_are_predicted_worse_than_fitted_ones():
     model, measurement = montavon(THREE)
     found = fit(measurement, zeroed(model))
-    held = cross_validate(measurement, zeroed(model), found.prior, found.kept)
+    held = cross_validate(found.good, zeroed(model), found.prior)
     assert held.blocks == 8
     assert found.rms_um < held.rms_um < 1.5 * found.rms_um
     labels, what = held_out_blocks(measurement)
@@ -304,10 +310,10 @@ def test_held_out_residuals_are_those_of_new_fits(monkeypatch):
     """Rows that are taken out of the normal equations leave the fit of the others."""
     model, measurement = montavon(THREE)
     found, start = fit(measurement, zeroed(model)), zeroed(model)
-    quick = cross_validate(measurement, start, found.prior, found.kept, near=found)
+    quick = cross_validate(found.good, start, found.prior, near=found)
     monkeypatch.setattr(cross_validation, "LeavingOut", None)
     monkeypatch.setattr(cross_validation, "_is_linear", lambda _: False)
-    anew = cross_validate(measurement, start, found.prior, found.kept)
+    anew = cross_validate(found.good, start, found.prior)
     assert quick.blocks == anew.blocks
     for name in ("rms_um", "max_um", "other_rms_um", "improvement"):
         assert getattr(quick, name) == pytest.approx(getattr(anew, name), rel=1e-6)
@@ -360,7 +366,7 @@ def test_a_part_shows_what_its_plane_shows():
     empty = Measurement(machine, Part(u_um=2.0, components=2), state, np.zeros((400, 2)))
 
     pose = Pose(rotation_vector_matrix([[0, 0, 0.3]]), np.array([[5.0, 6.0, 0.0]]))
-    seen = equations.expected(
+    seen = empty.instrument.expected(
         empty, Registration({"1": pose}, {"1": np.zeros(3)}, PLANAR), model.observation(machine, state)
     )
     part = replace(empty, observed=seen + rng.normal(0, 2e-3, seen.shape), source="part")
@@ -368,7 +374,7 @@ def test_a_part_shows_what_its_plane_shows():
     assert found.fit.chi2_reduced == pytest.approx(1.0, abs=0.15)
     assert found.before_rms_um > 5 * found.fit.rms_um
     assert {"E_ZX", "E_ZY"} <= set(found.identifiability.not_visible)
-    assert "Z" not in moving_axes(part)
+    assert "Z" not in part.moving
 
 
 @pytest.mark.parametrize("text", ["b-spline", "b-spline:1", "spline:4", "legendre:-1", "legendre:99", ""])
@@ -403,7 +409,9 @@ def test_a_step_with_its_own_shapes_is_the_step():
     )
     data = measured(MONTAVON, positions(MONTAVON, 120, rng), THREE, drifting, rng)
     problem = Problem.of(data, drifting, priors(drifting))
-    point = problem.point(1.1 * np.array(drifting.parameters), equations.start(data, np.ones(len(data), bool)))
+    point = problem.point(
+        1.1 * np.array(drifting.parameters), data.instrument.first_registration(data, np.ones(len(data), bool))
+    )
     found = problem.solve_reweighted(point, np.ones_like, 1.0, problem.derivatives(point))
     own = problem.shapes_of(found.solved.step, point)
     assert len(own) == 1
@@ -419,7 +427,9 @@ def test_reweighted_steps_have_the_weights_that_follow_them():
     off[::17] += 0.5
     data = replace(data, observed=off)
     problem = Problem.of(data, model, priors(model))
-    point = problem.point(np.array(model.parameters), equations.start(data, np.ones(len(data), bool)))
+    point = problem.point(
+        np.array(model.parameters), data.instrument.first_registration(data, np.ones(len(data), bool))
+    )
     derivatives = problem.derivatives(point)
 
     def weights_of(distances):

@@ -13,7 +13,7 @@ from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
-from calibration.measurement.file import write_measurement
+from calibration.measurement.written_file import write_measurement
 from kinematics.error_model.model import read_model
 
 MACHINE = machines.load("cframe")

@@ -12,9 +12,8 @@ import machines
 from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import cross_validate
 from calibration.fit.fit import fit
-from calibration.measurement.instruments import Interferometer, LaserTracker, Part
+from calibration.instruments import Interferometer, LaserTracker, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.observation import equations
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.observation.outliers import duplicates
 from calibration.observation.stops_and_lines import held_out_blocks
@@ -96,7 +95,7 @@ def test_a_station_of_few_rows_is_fitted_and_not_predicted(rows):
     some = measurement.rows(np.flatnonzero(last <= rows))
     found = fit(some, zeroed(model))
     assert found.chi2_reduced == pytest.approx(1.0, abs=0.2)
-    held = cross_validate(some, zeroed(model), found.prior, found.kept)
+    held = cross_validate(found.good, zeroed(model), found.prior)
     assert found.rms_um < held.rms_um < 2.0 * found.rms_um
 
 
@@ -186,7 +185,7 @@ def with_effect(effect, start, warm=0.0):
     model = msgspec.structs.replace(base, effects=(*base.effects, effect))
     clean = measured(machine, positions(machine, 500, rng), THREE, no_errors(machine), rng, noise=False)
     state = replace(clean.state, temperatures={"scale": warm * np.sin(np.arange(500) / 60.0)})
-    observed = equations.expected(clean, pose_of(["s1"]), model.observation(machine, state))
+    observed = clean.instrument.expected(clean, pose_of(["s1"]), model.observation(machine, state))
     root = np.linalg.cholesky(clean.instrument.covariance(observed))
     observed = observed + (root @ rng.normal(size=(500, 3, 1)))[:, :, 0]
     measurement = replace(clean, observed=observed, state=replace(state, observed=observed))

@@ -44,7 +44,7 @@ def test_random_programs(name):
     count = run(name, PROGRAMS, seed=0, keep=False)
     print(count.text())
     assert not count.differences, count.text()
-    assert count.compared > PROGRAMS * getattr(examiner(name), "LEAST_COMPARED", 0.25)
+    assert count.compared >= PROGRAMS * getattr(examiner(name), "LEAST_COMPARED", 0.25)
 
 
 def test_a_case_is_read_as_it_was_written(tmp_path, monkeypatch):

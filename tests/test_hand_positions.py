@@ -251,7 +251,7 @@ TURNING = {
     UPRIGHT + "TRAORI|G1 X10 Y20 Z50 A20 C30 F100|TRAFOOF|G0 Z300": (*on_the_table(10, 20, 50, 20, 30)[:2], 300, 20, 30),
     UPRIGHT + "TRANS X5|TRAORI|ROT Z90|G1 X10 Y20 Z50 A20 C30 F100": (*on_the_table(-20, 10, 50, 20, 30), 20, 30),
     UPRIGHT + "TRAORI|ORIWKS|G1 X10 Y20 Z50 A3=0 B3=0 C3=1 F100": (*on_the_table(10, 20, 50, 0, 0), 0, 0),
-    UPRIGHT + "G0 A=IC(20) C=DC(350)": (0, 0, 300, 20, 350),
+    UPRIGHT + "G0 A=IC(20) C=DC(350)": (0, 0, 300, 20, -10),
     UPRIGHT + "G0 C=ACP(10)|G91 C5|G90 A-3": (0, 0, 300, -3, 15),
 }  # fmt: skip
 PLANES = {

@@ -13,7 +13,8 @@ from support.programs import AT_MOST, load, model_of, setup_of, source_of
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.source import ENCODING
 

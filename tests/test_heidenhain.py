@@ -374,7 +374,7 @@ def test_blocks_behind_the_end_do_not_run():
 def test_unknown_functions_are_noted():
     program = run("L X+1 M77\nM77\nFN 19: PLC =+1\n")
     assert program.notes.texts() == [
-        "M77 is not known to ncomp and is taken to move nothing (line 4, 2 times)",
+        "M77 is not known to ncomp and is taken to move nothing and to set no variable (line 4, 2 times)",
         "FN 19 passes values to the PLC and is taken to move nothing (line 6)",
     ]
 
@@ -450,7 +450,7 @@ REFUSED = [
     ("L IC+5", "an increment of C needs a known start"),
     ("TOOL CALL 2 Z\nL IZ+1", "an increment of Z needs a known start"),
     ("/L X+1", "the block-skip switch decides whether this block runs"),
-    ("/M5", "the block-skip switch decides whether this block runs"),
+    ("/M6", "the block-skip switch decides whether this block runs"),
     ("/TOOL CALL 2", "the block-skip switch decides whether this block runs"),
     ("L IX+1 M91", "an increment in machine coordinates"),
     ("CR X+1 R+5 DR+ M91", "M91 needs a straight line"),

@@ -7,7 +7,7 @@ import machines
 from calibration.evaluation.volumetric import aligned, deviation_on
 from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import diagonals
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.measurement.plan import Choices
 from calibration.planning.strategies import plan
@@ -43,10 +43,9 @@ def test_lines_of_diagonals_are_found(strategy, choices, number):
     assert (None if found is None else found.max() + 1) == number
 
 
-@pytest.mark.statistical
-def test_a_fit_on_space_diagonals_does_not_make_the_volume_worse():
-    """A basis that errs between the lines would leave nine tenths and more of the volumetric error."""
-    truth, data = measured("space-diagonals", 200)
+def left_in_the_volume(seed):
+    """Volumetric error after a fit on space diagonals, as a share of the one before."""
+    truth, data = measured("space-diagonals", 200, seed)
     positions = np.stack(np.meshgrid(*(np.linspace(low, high, 7) for low, high in GANTRY.travel.T)), -1).reshape(-1, 3)
     found = calibrate(data)
     wanted, points = deviation_on(GANTRY, truth, positions)
@@ -55,4 +54,12 @@ def test_a_fit_on_space_diagonals_does_not_make_the_volume_worse():
         for got in (0.0, deviation_on(GANTRY, found.model, positions)[0])
     )
     assert found.cross_validation.name == "lines"
-    assert after < 0.4 * before
+    return after / before
+
+
+@pytest.mark.statistical
+def test_a_fit_on_space_diagonals_does_not_make_the_volume_worse():
+    """A basis that errs between the lines would leave nine tenths and more of the volumetric error."""
+    left = [left_in_the_volume(seed) for seed in range(12)]
+    assert np.median(left) < 0.4
+    assert max(left) < 0.9

@@ -308,7 +308,6 @@ def test_freecad_is_found(command: Callable[..., Done], tmp_path: Path, monkeypa
     [
         (("nosuch",), "unknown hook 'nosuch': there are freecad, fusion"),
         (("nx", "--install"), "--install is for freecad alone"),
-        (("nx", "-o", "nowhere"), "cannot write nowhere: No such folder: make it"),
     ],
 )
 def test_wrong_arguments(command: Callable[..., Done], arguments: tuple[str, ...], message: str) -> None:

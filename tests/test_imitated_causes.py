@@ -24,7 +24,6 @@ from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.searched_causes import Found
 from calibration.diagnosis.unseen.undecided_causes import errors_by_undecided
 from calibration.diagnosis.unseen.unseen_states import mean_squares, moments, rms_correction
-from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Backlash, Cyclic, LocationJump, StationShift, TargetOffset
 from kinematics.error_model.model import no_errors
 from kinematics.running.progress import silent
@@ -63,7 +62,7 @@ def part_lines(*effects):
 
 def unrepeatable(data, size=0.06):
     """The data of a machine whose Z is off by a random amount, mm, at each stop."""
-    off = np.random.default_rng(1).normal(0.0, size, int(stops(data).max()) + 1)[stops(data)]
+    off = np.random.default_rng(1).normal(0.0, size, int(data.stops.max()) + 1)[data.stops]
     along = fitted(data).registration.rotations(data)[:, :, 2]
     observed = data.observed + off[:, None] * along
     return replace(data, observed=observed, state=replace(data.state, observed=observed))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import graphlib
+import importlib
+import pkgutil
 import subprocess
 import sys
 from functools import cache
@@ -17,10 +19,13 @@ PACKAGES = ("grammars", "kinematics", "machines", "rendering", "calibration", "p
 KINEMATICS = ("grammars", "kinematics", "machines", "rendering")
 CALIBRATION = (
     "calibration.cores",
+    "calibration.registration",
+    "calibration.instruments",
     "calibration.measurement",
     "calibration.observation",
     "calibration.plausibility",
     "calibration.fit",
+    "calibration.gaussian_terms",
     "calibration.single_axis",
     "calibration.circles",
     "calibration.evaluation",
@@ -34,6 +39,7 @@ CALIBRATION = (
     "calibration.diagnosis",
     "calibration.study",
     "calibration.reports",
+    "calibration.interface",
 )
 """From the bottom up: a folder may import those before it."""
 POSTPROC = (
@@ -43,11 +49,10 @@ POSTPROC = (
     "postproc.iso",
     "postproc.siemens",
     "postproc.heidenhain",
-    "postproc.tool_tables",
+    "postproc.control_data.tool_tables",
     "postproc.dialects",
     "postproc.compensation",
     "postproc.write",
-    "postproc.second_process",
     "postproc.read_ahead",
     "postproc.program_lines",
     "postproc.execution",
@@ -57,9 +62,9 @@ POSTPROC = (
     "postproc.evaluation",
     "postproc.correct",
     "postproc.verification",
-    "postproc.tables",
-    "postproc.kinematic_parameters",
+    "postproc.control_data",
     "postproc.hooks",
+    "postproc.folders",
     "postproc.interface",
 )
 TOP = ("ncomp", "postproc.commands", "postproc.command_line", "postproc.cli")
@@ -217,7 +222,8 @@ NOT_ON_THE_MAIN_ROAD = {
         "logging",
     ),
     *("calibration", "grammars", "postproc.heidenhain", "postproc.siemens.interpreter", "postproc.siemens.variables"),
-    *("postproc.tables", "postproc.tool_tables.siemens", "postproc.verification", "postproc.commands.tree"),
+    *("postproc.control_data.tables", "postproc.control_data.formats", "postproc.control_data.readers"),
+    *("postproc.control_data.tool_tables.siemens_tool_table", "postproc.verification", "postproc.commands.tree"),
     *("postproc.correct.report_figures", "postproc.correct.unroll", "rendering.page"),
 }
 """Modules that take longer to load than a short program to correct, or that only other jobs need."""
@@ -237,3 +243,12 @@ def test_a_short_program_is_corrected_without_what_it_does_not_need(tmp_path: Pa
     assert (tmp_path / "out.nc").is_file()
     loaded = (tmp_path / "modules").read_text().split()
     assert [name for name in loaded if name in NOT_ON_THE_MAIN_ROAD] == []
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "benchmarks").glob("*.py")), ids=lambda path: path.stem)
+def test_benchmarks_import_names_that_there_are(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and (ROOT / node.module.partition(".")[0]).is_dir():
+            module = importlib.import_module(node.module)
+            there = {*vars(module), *(each.name for each in pkgutil.iter_modules(getattr(module, "__path__", [])))}
+            assert {each.name for each in node.names} <= there

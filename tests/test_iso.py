@@ -16,7 +16,7 @@ from kinematics.machine import Control
 from kinematics.user_error import UserError
 from postproc.iso.codes import HARMLESS_G, REFUSED_G, REFUSED_M
 from postproc.iso.interpreter import IsoInterpreter
-from postproc.iso.lines import read_block
+from postproc.iso.reading.lines import read_block
 from postproc.motion.moves import Kind, Known
 from postproc.text.block import Refusal
 from postproc.text.notes import Notes
@@ -378,10 +378,10 @@ SAID = "G17 G21 G90\nG0 X1.0 Y1.0 Z1.0\n"
         ("G0 X1.0\nX2.0\n", "no G90 or G91 before it: coordinates are taken as absolute (line 1)"),
         ("G0 X0 Y0\nG2 I1.0\n", "no G17, G18 or G19 before it: arcs are taken in X Y (line 2)"),
         (SAID + "X10\nX10\n", "coordinates without decimal point are taken in mm, inches or degrees, not in increments (line 3, 2 times)"),
-        (SAID + "M123\n", "M123 is not known to ncomp and is taken to move nothing (line 3)"),
-        (SAID + "M21\n", "M21 is not known to ncomp and is taken to move nothing (line 3)"),  # mirrors on some controls
+        (SAID + "M123\n", "M123 is not known to ncomp and is taken to move nothing and to set no variable (line 3)"),
+        (SAID + "M21\n", "M21 is not known to ncomp and is taken to move nothing and to set no variable (line 3)"),  # mirrors on some controls
         (SAID + "G28 Z0\n", "G28/G30 passes its intermediate point uncorrected (line 3)"),
-        (SAID + "G43 Z0\n", "G43 without H is taken to select the length of the tool in the spindle (line 3)"),
+        (SAID + "G43 Z0\n", "G43 without H is taken to select the length of the tool in the spindle, which is taken to be empty before the first tool change (line 3)"),
         (SAID + "T1 M6\nT2 M6\n", "a tool change is taken to move Z (machine file: tool_change_moves) (line 3, 2 times)"),
         (SAID + "M30\nX5\nX6\n", "blocks after the end of the program do not run and stay as programmed (line 4, 2 times)"),
     ],
@@ -473,11 +473,12 @@ REFUSED = {
     # block skip
     "/X1": "the block-skip switch decides whether this block runs",
     "N5 /2 M6": "the block-skip switch decides whether this block runs",
+    "/#1=5": "the block-skip switch decides whether this block runs",
+    "/M98 P5": "the block-skip switch decides whether this block runs",
     "/M30": "the block-skip switch decides whether this block runs",
     "/M123": "the block-skip switch decides whether this block runs",
     "/G4 X1": "the block-skip switch decides whether this block runs",
     "/G4 P1 M6": "the block-skip switch decides whether this block runs",
-    "/G9": "the block-skip switch decides whether this block runs",
     "/T2": "the block-skip switch decides whether this block runs",
     "X1 /Y1": "the block-skip switch decides whether this block runs",
     # several programs, tape marks
@@ -571,7 +572,7 @@ def test_integers_in_an_inch_program_have_no_known_increment():
 
 def test_a_program_without_end(monkeypatch):
     monkeypatch.setattr("postproc.text.flow.LONGEST", 1000)
-    assert "the program does not end within 1000 blocks" in refusal("N5 G0 X1\nGOTO5\n")
+    assert "the program does not end within 1000 blocks" in refusal("#1=0\nN5 #1=#1+1\nGOTO5\n")
 
 
 def test_long_blocks_are_shown_short():

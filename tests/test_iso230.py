@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import statistics
 
 import numpy as np
@@ -12,15 +13,15 @@ from support.pages import figures
 from support.virtual_measurements import written
 
 import machines
+from calibration.instruments import Interferometer
 from calibration.measurement.file import read_measurement
-from calibration.measurement.instruments import Interferometer
 from calibration.measurement.measurement import Measurement, with_moves
-from calibration.measurement.registration import Registration
-from calibration.observation.equations import expected
+from calibration.registration.registration import Registration
 from calibration.single_axis.iso230 import BACKWARD, FORWARD, AxisTest, evaluate
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, ErrorMotion
-from kinematics.error_model.model import ErrorModel, Observation, Provenance, no_errors, reference
+from kinematics.error_model.model import ErrorModel, Observation, no_errors
+from kinematics.error_model.provenance import Provenance, reference
 from kinematics.state import State
 from kinematics.user_error import UserError
 
@@ -299,7 +300,7 @@ def test_effects_give_the_readings_back(machine, axis):
     zeros = Registration(zeros=dict.fromkeys(np.unique(data.groups).tolist(), 0.0))
     errors = model.observation(machine, data.state)
     np.testing.assert_allclose(
-        expected(data, zeros, Observation(errors.errors, errors.shift)), data.observed, atol=1e-9
+        data.instrument.expected(data, zeros, Observation(errors.errors, errors.shift)), data.observed, atol=1e-9
     )
     assert effects[1].width == pytest.approx(-3.0)
 
@@ -332,6 +333,16 @@ def test_json_is_plain():
     data = json.loads(json.dumps(test.json()))
     assert data["values"]["B"].keys() == {"value_um", "U_um"}
     assert data["targets"][1]["position_mm"] == 250
+
+
+def test_a_small_uncertainty_is_not_shown_as_zero(command, tmp_path):
+    written(measured(READINGS, u=0.002, u_per_m=0.0), tmp_path / "laser.csv")
+    done = command("iso230", "laser.csv", "--machine", "gantry")
+    shown = done.out.decode()
+    assert "± 0.00" in shown
+    assert not re.search(r"± 0\.0+(?![0-9])", shown)
+    table = shown.partition("U (k=2")[2]
+    assert not re.search(r"  0\.0+ *$", table.partition("deviations in")[0], re.MULTILINE)
 
 
 def test_the_page_has_the_chart_of_each_axis(command, tmp_path):

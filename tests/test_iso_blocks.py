@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from support.iso_lines import blocks
 from support.real_data import FREECAD
 
-from postproc.iso.blocks import plain_block
-from postproc.iso.grammar import parse_block
-from postproc.iso.lines import read_block
+from postproc.iso.reading.blocks import plain_block
+from postproc.iso.reading.grammar import parse_block
+from postproc.iso.reading.lines import read_block
 from postproc.text.block import Block, Refusal
 from postproc.text.expressions import Constant, Operation, Variable
 from postproc.text.statements import Assign, Begin, Call, End, Jump, Return, When
@@ -191,8 +191,7 @@ def test_calls(text, words, step):
         ("#1=[1 LT #2 LT 3]\n", "this condition depends on the control: write brackets"),
         ("#1=[[#1 EQ 1] AND [#2 EQ 2] OR [#3 EQ 3]]\n", "this condition depends on the control: write brackets"),
         ("#1=ATAN[1]/2\n", "a division after ATAN depends on the control"),
-        ("/#1=5\n", "block-skip switch"),
-        ("/M98 P5\n", "must be the only call, jump or loop of its block"),
+        ("#1=5 M98 P5\n", "must be the only call, jump or loop of its block"),
         ("M98\n", "M98 needs P, the number of the program"),
         ("M99 P5 L2\n", "M99 with L or Q"),
         ("G65 P5 X1. X2.\n", "the call has two words of one address"),

@@ -10,7 +10,8 @@ from support.three_dialects import WRITERS, loops, paths
 from support.tiers import drawn
 
 from kinematics.user_error import UserError
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING

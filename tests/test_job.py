@@ -60,12 +60,50 @@ def test_check_of_a_job_uses_its_set_up_and_writes_nothing(ncomp, tmp_path):
     done = ncomp("job.toml", "--check")
     assert (done.status, done.err) == (0, "")
     assert done.out == ncomp("check", "in.nc", *OPTIONS[:2], *OPTIONS[4:8]).out
-    assert b"Accepted." in done.out
+    assert b"in.nc: Accepted." in done.out
     Path("in.nc").write_text(f"G234\nG4711\n{PROGRAM}")
     refused = ncomp("job.toml", "--check")
     assert refused.status == 2
-    assert b"Refused: 2 blocks. The later ones may follow from the first." in refused.out
+    assert b"in.nc: Refused: 2 blocks. The later ones may follow from the first." in refused.out
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_check_of_several_programs_accepts_a_set_up_that_one_of_them_uses(ncomp):
+    Path("other.nc").write_text(PROGRAM.replace("G21", "G55 G21"))
+    Path("job.toml").write_text(
+        'machine = "gantry"\ncalibration = "cal.json"\nset_up_zero = true\n[work_offsets]\n'
+        'G55 = { X = 1, Y = 2, Z = 0 }\n[programs]\n"in.nc" = "a.nc"\n"other.nc" = "b.nc"\n'
+    )
+    assert ncomp("job.toml", "--check").status == 0
+    quiet = ncomp("job.toml", "--check", "--quiet")
+    assert quiet.out.decode().split() == ["in.nc:", "Accepted.", "other.nc:", "Accepted."]
+    Path("job.toml").write_text(Path("job.toml").read_text().replace("G55", "G45"))
+    done = ncomp("job.toml", "--check")
+    assert done.status == 2
+    assert "NOT USED BY ANY PROGRAM: work offset G45" in done.err
+
+
+def test_patterns_of_programs(ncomp):
+    for name in ("posted/a.MPF", "posted/b.MPF", "posted/deep/c.MPF", "posted/notes.txt", "posted/.hidden.MPF"):
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).write_text(PROGRAM)
+    head = 'machine = "gantry"\ncalibration = "none"\nset_up_zero = true\ndialect = "iso"\n[programs]\n'
+    Path("job.toml").write_text(f'{head}"posted/*.MPF" = "corrected"\n')
+    done = ncomp("job.toml")
+    assert done.status == 0, done.shown
+    assert sorted(path.name for path in Path("corrected").rglob("*")) == ["a.MPF", "b.MPF"]
+    Path("job.toml").write_text(f'{head}"posted/**/*.MPF" = "posted/all"\n')
+    for _ in range(2):  # the outputs of the first run lie in the folder of the pattern
+        assert ncomp("job.toml").status == 0
+        assert sorted(map(str, Path("posted/all").rglob("*.MPF"))) == [
+            "posted/all/a.MPF", "posted/all/b.MPF", "posted/all/deep/c.MPF"
+        ]  # fmt: skip
+    Path("job.toml").write_text(f'{head}"posted/*.H" = "corrected"\n')
+    done = ncomp("job.toml")
+    assert done.status == 2
+    assert 'job.toml:6: programs."posted/*.H": no file has a name of this pattern' in done.err
+    Path("job.toml").write_text(f'{head}"posted/*.MPF" = "posted"\n')
+    assert "no file has a name of this pattern outside the output folder" in ncomp("job.toml").err
 
 
 def test_programs_and_folders(ncomp):
@@ -106,6 +144,8 @@ WRONG = {
     "negative": (("elapsed_s = 60", "elapsed_s = -1"), "job.toml:11: conditions.elapsed_s: expected a number >= 0"),
     "comma": (("tolerance_um = 0.5", "tolerance_um = 0,5"), "job.toml:14: 'tolerance_um = 0,5': column 17:"),
     "no quotes": (('machine = "gantry"', "machine = gantry"), "job.toml:1: 'machine = gantry': column 11:"),
+    "rotary feed": (("tolerance_um = 0.5", 'rotary_feed = "x"'), "job.toml:14: correction.rotary_feed: expected 'leave', 'inverse-time' or 'scaled', not 'x'"),
+    "switch": (('machine = "gantry"', 'machine = "gantry"\nblock_skip = "x"'), "job.toml:2: block_skip: expected 'on' or 'off', not 'x'"),
     "log": (("elapsed_s = 60", 'log = "log.csv"'), "job.toml:11: conditions.log: log.csv: No such file"),
     "a machine file": ((JOB, 'name = "x"\nchain = "w b X Y Z t"\n'), "job.toml: this is a machine file (--machine)"),
     "a program": ((JOB, "%\nO1\nG0 X1\n"), "job.toml: this is an NC program"),

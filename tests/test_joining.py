@@ -10,11 +10,12 @@ from support.virtual_measurements import ONE, THREE, measured, positions, truth
 
 import machines
 from calibration.fit.calibrate import calibrate
-from calibration.measurement.file import read_measurement, write_measurement
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
+from calibration.measurement.file import read_measurement
 from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Measurement, Target
 from calibration.measurement.readers import read_any
+from calibration.measurement.written_file import write_measurement
 from kinematics.effects import GrowthWithTime
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError

@@ -19,13 +19,16 @@ from kinematics.forward import forward, tool_point
 from kinematics.state import State
 from kinematics.user_error import UserError
 from postproc.commands.controls.export import check_format, format_names
-from postproc.kinematic_parameters.as_errors import errors_of_lines
-from postproc.kinematic_parameters.export import export_parameters, fitted_volume
-from postproc.kinematic_parameters.formats import FORMATS
-from postproc.kinematic_parameters.lines import reflected
-from postproc.kinematic_parameters.probe import probe
-from postproc.tables.format import parse_settings
-from postproc.tables.readers.source import Source
+from postproc.control_data.format import parse_settings
+from postproc.control_data.formats import formats_of
+from postproc.control_data.parameters.export_parameters import export_parameters, fitted_volume
+from postproc.control_data.parameters.line_errors import errors_of_lines
+from postproc.control_data.parameters.parameter_format import ParameterFormat
+from postproc.control_data.parameters.parameter_probe import probe
+from postproc.control_data.parameters.rotary_lines import reflected
+from postproc.control_data.readers.control_source import Source
+
+FORMATS = formats_of(ParameterFormat)
 
 LENGTH = 120.0
 SECOND_ORDER = 0.03  # um
@@ -127,7 +130,7 @@ def rms(vectors):
 
 def read_back(found, file):
     machine, files = found.machine, found.files
-    moved = found.format.read(Source(machine, files, found.sign, {}), file, machine)
+    moved = found.format.read(Source(machine, files, found.sign, found.settings), file, machine)
     return moved if found.sign == "correction" else reflected(machine, moved)
 
 
@@ -298,7 +301,7 @@ def test_files_that_are_refused(form, name, old, new, reason):
     assert old in found.files[file]
     text = found.files[file].replace(old, new, 1)
     with pytest.raises(UserError, match=reason) as refused:
-        found.format.read(Source(found.machine, {file: text}, "correction", {}), file, found.machine)
+        found.format.read(Source(found.machine, {file: text}, "correction", found.settings), file, found.machine)
     assert str(refused.value).startswith(file)
 
 

@@ -12,10 +12,11 @@ from support.programs import load, model_of
 
 from kinematics.effects import LocationError
 from kinematics.user_error import UserError
-from postproc.commands.controls.export import TableOptions
-from postproc.commands.controls.export_parameters import read_parameters
-from postproc.kinematic_parameters.export import export_parameters
-from postproc.kinematic_parameters.formats import FORMATS
+from postproc.control_data.formats import formats_of
+from postproc.control_data.parameters.export_parameters import export_parameters
+from postproc.control_data.parameters.parameter_format import ParameterFormat
+
+FORMATS = formats_of(ParameterFormat)
 
 LENGTH = 120.0
 SIZES = {"E_X0C": 31.0, "E_Y0C": -22.0, "E_Y0A": 26.0}
@@ -35,9 +36,9 @@ def written(form):
 
 def found(form, text, machine=None, settings=()):
     """Location errors of a text."""
-    options = TableOptions(format=form, settings=settings, sign=FORMATS[form].sign or "correction")
-    file = FORMATS[form].file
-    return {each.name: each.parameters[0] for each in read_parameters(machine or ON[form], options, {file: text})}
+    kind = FORMATS[form]
+    read = kind.read_files(machine or ON[form], {kind.file: text}, kind.sign or "correction", settings).effects
+    return {each.name: each.parameters[0] for each in read}
 
 
 def as_written(errors):

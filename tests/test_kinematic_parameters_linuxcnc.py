@@ -22,8 +22,12 @@ from support.programs import model_of
 import machines
 from kinematics.basis import Harmonics
 from kinematics.effects import ErrorMotion, LocationError
-from postproc.kinematic_parameters.export import export_parameters
-from postproc.kinematic_parameters.formats import FORMATS
+from kinematics.forward import tool_point
+from postproc.control_data.formats import formats_of
+from postproc.control_data.parameters.export_parameters import export_parameters
+from postproc.control_data.parameters.parameter_format import ParameterFormat
+
+FORMATS = formats_of(ParameterFormat)
 
 pytestmark = pytest.mark.statistical
 
@@ -82,14 +86,16 @@ def test_parameters_of_a_table_with_b(linuxcnc_sim):
     assert np.abs(sent - right).max() < 2e-5
 
 
+HEAD = (
+    'name = "head"\nchain = "w b X Y Z C B t"\naxes.X = { travel = [-500, 500] }\naxes.Y = { travel = [-400, 400] }'
+    "\naxes.Z = { travel = [-300, 300] }\naxes.C = { travel = [-200, 200], point = [0, 0, 250] }\n"
+    "axes.B = { travel = [-100, 100], point = [0, 0, 250], direction = [0, -1, 0] }\n"
+)
+
+
 def test_the_pivot_length_of_a_head(linuxcnc_sim):
     """A pivot 40 um longer than in the machine file."""
-    text = (
-        'name = "head"\nchain = "w b X Y Z C B t"\naxes.X = { travel = [-500, 500] }\naxes.Y = { travel = [-400, 400] }'
-        "\naxes.Z = { travel = [-300, 300] }\naxes.C = { travel = [-200, 200], point = [0, 0, 250] }\n"
-        "axes.B = { travel = [-100, 100], point = [0, 0, 250], direction = [0, -1, 0] }\n"
-    )
-    machine = machines.parse(text, "head")
+    machine = machines.parse(HEAD, "head")
     waves = {"X": (40.0, 0.0), "Z": (0.0, -40.0)}
     errors = [LocationError("Z", "B", 40.0)]
     errors += [ErrorMotion(c, "B", Harmonics((-100, 100), 1), (0.0, *v), u=(0.0,) * 3) for c, v in waves.items()]
@@ -103,3 +109,25 @@ def test_the_pivot_length_of_a_head(linuxcnc_sim):
         for length in ("250.04", value)
     )
     assert np.abs(sent - right).max() < 2e-5
+
+
+@pytest.mark.parametrize(("unit", "summed"), [("mm", True), ("inch", True), ("mm", False)])
+def test_the_tool_comes_by_the_sum_with_the_pivot(linuxcnc_sim, unit, summed):
+    """As sheet.md describes it: with a pin that holds the exported number alone, the tip of a tool goes astray."""
+    machine = machines.parse(f'{HEAD}\n[control]\nunit = "{unit}"\n', "head")
+    form, length = FORMATS["linuxcnc-kinematics"], {"mm": 1.0, "inch": 25.4}[unit]
+    small = model_of(machine, LocationError("Z", "B", 0.1))
+    exported = export_parameters(machine, small, form, form.settings(), "correction", (0, 0, -100))
+    (pin, value) = re.findall(r"^setp (\S+) (\S+)$", exported.files["kinematics_before.hal"], re.M)[0]
+    hal = [
+        "loadrt sum2 names=pivotsum", "addf pivotsum servo-thread", f"setp pivotsum.in0 {value}",
+        "net tool-length motion.tooloffset.z => pivotsum.in1", f"net pivot pivotsum.out => {pin}",
+    ]  # fmt: skip
+    tools = {1: 100.0 / length}
+    config = Config("XYZBCW", "5axiskins", hal if summed else [f"setp {pin} {value}"], tools=tools, unit=unit)
+    blocks = ["T1 M6", "G43", "G21 G90 G0 X0 Y0 Z0 B90", "G0 X30 Y-20 Z10 B40 C70"]
+    joints = linuxcnc_sim.at_rest(config, blocks).joint[2:] * np.array([length] * 3 + [1.0, 1.0, length])
+    q = joints[:, ["XYZBCW".index(axis) for axis in machine.names]] * machine.scale
+    tips = tool_point(machine, q, np.tile([0.0, 0.0, -100.0], (2, 1)))
+    missed = np.linalg.norm(tips - [[0.0, 0.0, 0.0], [30.0, -20.0, 10.0]], axis=1)
+    assert missed == pytest.approx([0.0, 0.0], abs=1e-4) if summed else missed[0] == pytest.approx(141.42, abs=0.01)

@@ -11,7 +11,8 @@ from support.tiers import drawn
 import machines
 from kinematics.error_model.model import read_model
 from postproc.control.setup import make_setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.motion.motions import merged
 from postproc.text.source import Source
 from postproc.verification.verify import read_motions, verify

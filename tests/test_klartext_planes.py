@@ -13,7 +13,8 @@ from support.programs import WHOLE, load, random_model, setup_of, source_of
 from kinematics.forward import forward
 from kinematics.user_error import UserError
 from postproc.compensation.correction import pose_errors
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.heidenhain.tilted_planes import by_axes
 from postproc.motion.frames import euler, spatial
@@ -211,7 +212,7 @@ def test_corrected_in_a_tilted_plane(name):
 
 def test_presets_that_turn_the_coordinates(tmp_path):
     from postproc.control.setup import make_setup
-    from postproc.tool_tables import read_tool_table
+    from postproc.control_data.tool_tables import read_tool_table
 
     path = tmp_path / "PRESET.PR"
     path.write_text(
@@ -226,7 +227,7 @@ def test_presets_that_turn_the_coordinates(tmp_path):
 
 def test_lines_of_a_datum_table(tmp_path):
     from postproc.control.setup import make_setup
-    from postproc.tool_tables import read_tool_table
+    from postproc.control_data.tool_tables import read_tool_table
 
     path = tmp_path / "ZERO.D"
     path.write_text("BEGIN ZERO .D INCH\nD    X     Y\n4    +1    +2\n[END]\n")

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from support.klartext_run import HEAD, TOOLS, Run, tips
 from support.programs import WHOLE, load, random_model, setup_of, source_of
 
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.block import Refusal
 

@@ -5,6 +5,7 @@ import json
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.tiers import drawn
 
 from kinematics.error_model.layout import WIDTH, to_json
 
@@ -14,7 +15,7 @@ values = st.recursive(
 )
 
 
-@given(values)
+@drawn(few=30, many=300, value=values)
 def test_what_is_written_is_what_is_read(value):
     assert json.loads(to_json(value)) == value
 

@@ -15,7 +15,7 @@ from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.shapes.change_points import turning_points
 from calibration.measurement.file import read_measurement
 from kinematics.effects import AngleStep
-from kinematics.effects.instrument import beam
+from kinematics.effects.combined.where import beam
 
 N = 240
 ABOVE = float(np.degrees(np.quantile(beam(data_with(n=N).observed).angles[:, 0], 0.4)))

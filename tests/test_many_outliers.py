@@ -11,7 +11,7 @@ from support.virtual_measurements import THREE, measured, positions, truth, writ
 import machines
 from calibration.fit.calibrate import NotAccepted, calibrate
 from calibration.fit.fit import fit
-from calibration.measurement.instruments import Interferometer
+from calibration.instruments import Interferometer
 from calibration.measurement.measurement import Measurement, with_moves
 from calibration.observation.full_model import BasisChoice, rigid_model
 from kinematics.state import State

@@ -1,5 +1,7 @@
 """A machine measured again: the same one gives nothing to name, a changed one is told in the words of ISO 230-1."""
 
+from functools import cache
+
 import msgspec
 import numpy as np
 import pytest
@@ -40,11 +42,16 @@ def machine_with(*effects):
     return with_effects(truth(MACHINE, np.random.default_rng(0), 20.0), *effects)
 
 
+@cache
+def calibration(*before):
+    """The calibration of the machine with the effects `before`."""
+    first = seen(machine_with(*before), 1, 200)
+    return calibrate(first, basis="b-spline:4", effects=[each.with_parameters((0.0,)) for each in before]).model
+
+
 def again(now, *, before=(), n=120):
     """The diagnosis of the machine with effects `now` against its calibration with the effects `before`."""
-    first = seen(machine_with(*before), 1, 200)
-    present = calibrate(first, basis="b-spline:4", effects=[each.with_parameters((0.0,)) for each in before]).model
-    return diagnose(seen(machine_with(*now), 5, n), present)
+    return diagnose(seen(machine_with(*now), 5, n), calibration(*before))
 
 
 @pytest.mark.integration

@@ -358,7 +358,8 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "unknown member": (lambda data: data.update(comment="x"), "there is no entry comment; " + CURE),
     "unknown kind": (
         lambda data: data["effects"][1].update(kind="gremlins"),
-        "effects[1].kind: Invalid value 'gremlins'; " + CURE,
+        "effects[1].kind: Invalid value 'gremlins'; if it is an effect of your own, name its file with --plugin FILE.py; "
+        "otherwise " + CURE,
     ),
     "unknown direction": (
         lambda data: data["effects"][3].update(component="D"),

@@ -14,7 +14,8 @@ from support.tiers import drawn
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text import flow
 from postproc.text.source import ENCODING, HEAD_SIZE, Source

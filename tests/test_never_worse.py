@@ -13,7 +13,8 @@ from support.tiers import drawn
 from kinematics.effects import Cyclic, LocationError, QuantisedCompensation
 from kinematics.error_model.model import write_model
 from kinematics.user_error import UserError
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.source import ENCODING
 from postproc.verification.verify import verify

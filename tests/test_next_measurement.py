@@ -22,7 +22,7 @@ from calibration.diagnosis.search.evaluation import SEEN
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.start_model import base_of
 from calibration.fit.fit import fit
-from calibration.measurement.instruments import Interferometer, Part
+from calibration.instruments import Interferometer, Part
 from calibration.measurement.measurement import Target
 from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.observation.normal_equations import residuals

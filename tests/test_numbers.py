@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from postproc.iso.lines import read_block
+from postproc.iso.reading.lines import read_block
 from postproc.text.block import edited
 from postproc.text.editing import Layout, WordEditor
 from postproc.text.number_style import NumberStyle, decimals_for, decimals_holding, decimals_of

@@ -5,12 +5,13 @@ import pytest
 from shop_floor.exam import K_95
 from shop_floor.question import ask
 from support.probe_cases import MIDDLE, TIP, in_datum, poses, probed, spheres_of
+from support.tiers import quick
 
 import machines
 from calibration.fit.calibrate import calibrate
 from calibration.fit.calibrate import in_datum as fitted_in_datum
 from calibration.fit.fit import fit
-from calibration.fit.omitted_waves import with_next_waves
+from calibration.fit.omitted_waves import omitted_waves, with_next_waves
 from calibration.fit.prediction import relative
 from calibration.fit.together import calibrate_together
 from calibration.measurement.file import read_measurement
@@ -63,14 +64,27 @@ def test_the_estimate_stays_and_its_variance_is_that_of_its_error():
     assert not [each for each in found.findings if each.check == "waves"]
 
 
-def test_a_stated_basis_that_lacks_a_wave_is_named_and_its_uncertainties_contain_it():
+def test_an_option_that_was_not_given_is_not_to_be_left_out():
+    measured, _ = measured_with(ROTARY, 0)
+    found = calibrate(measured, basis=BASIS, hold_out=False, prior_scale=SMALL)
+    waves = omitted_waves(found.fit, chosen=False)
+    notes = {chosen: [each.message for each in waves.findings(chosen=chosen)] for chosen in (True, False)}
+    assert notes[False]
+    assert all("leave out --basis" in note for note in notes[False])
+    assert not any("leave out" in note for note in notes[True])
+
+
+@pytest.mark.parametrize("seeds", quick([range(2), range(4)], [range(2)]), ids=len)
+def test_a_stated_basis_that_lacks_a_wave_is_named_and_its_uncertainties_contain_it(seeds):
     inside = []
-    for seed in range(4):
+    for seed in seeds:
         measured, true = measured_with(ROTARY, seed)
         found = calibrate(measured, basis=BASIS, hold_out=False, prior_scale=SMALL)
         notes = [each.message for each in found.findings if each.check == "waves"]
         assert any(
-            "the rows show wave number 2 per turn of C" in note and "state C=fourier:2" in note for note in notes
+            "the rows show wave number 2 per turn of C" in note
+            and "state --basis C=fourier:2, or leave out --basis" in note
+            for note in notes
         )
         inside.append(covered(found.model, true))
         assert covered(fitted_in_datum(found.fit), true).mean() < inside[-1].mean()

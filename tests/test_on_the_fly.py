@@ -25,10 +25,9 @@ from calibration.evaluation.volumetric import aligned, deviation_on
 from calibration.fit.calibrate import calibrate
 from calibration.fit.fit import fit
 from calibration.fit.identifiability import identifiability
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Target
-from calibration.observation import equations
-from calibration.observation.full_model import BasisChoice, moving_axes, with_effects
+from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.on_the_fly.along_path import across_path, on_path
 from calibration.on_the_fly.coarse_alignment import in_order, rough
 from calibration.on_the_fly.constant_feed import steadiness
@@ -224,7 +223,7 @@ def test_directions_across_the_path_are_those_of_the_paper():
 def test_what_counts_lies_across_the_path():
     readings, _ = followed(polyline(1), truth_of(), rate=20.0)
     m = on_path(readings, polyline(1)).measurement
-    registration = equations.start(m, np.ones(len(m), bool))
+    registration = m.instrument.first_registration(m, np.ones(len(m), bool))
     path_direction = np.cross(m.across.directions[:, 0], m.across.directions[:, 1])
     slopes = m.state.velocity / np.linalg.norm(m.state.velocity, axis=1, keepdims=True)
     moved = tool_point(FIXED, m.state.positions + slopes, TOOL) - tool_point(FIXED, m.state.positions, TOOL)
@@ -233,11 +232,11 @@ def test_what_counts_lies_across_the_path():
     np.testing.assert_allclose(m.across.of(turned), 0.0, atol=3e-4)
     whole = replace(m, across=None)
     np.testing.assert_allclose(
-        equations.transform(m, registration), m.across.directions @ equations.transform(whole, registration)
+        m.instrument.transform(m, registration), m.across.directions @ whole.instrument.transform(whole, registration)
     )
     np.testing.assert_allclose(
-        equations.registration_design(m, registration),
-        m.across.directions @ equations.registration_design(whole, registration),
+        m.instrument.registration_design(m, registration),
+        m.across.directions @ whole.instrument.registration_design(whole, registration),
     )
 
 
@@ -306,7 +305,7 @@ def test_the_diagonals_blind_mode_is_reported_and_a_polyline_has_none():
     assert said.startswith("E_XX, E_YY and E_ZZ in proportion to their travels, with one common shape that is odd")
     readings, _ = followed(polyline(1), truth_of())
     m = on_path(readings, polyline(1)).measurement
-    assert common_odd_mode(m, equations.start(m, np.ones(len(m), bool))) is None
+    assert common_odd_mode(m, m.instrument.first_registration(m, np.ones(len(m), bool))) is None
 
 
 def test_backlash_and_what_differs_forward_and_backward():
@@ -445,7 +444,7 @@ def test_a_path_sweeps_the_turn_between_its_ends():
     corners = [[0.0, 0.0, 100.0, 0.0, 0.0], [50.0, 40.0, 200.0, 30.0, 200.0], [10.0, -40.0, 300.0, 5.0, 300.0]]
     path = path_of(machine, np.array(corners))
     readings, _ = followed(path, truth_of(3, machine), feeds=(3000.0,), rate=20.0)
-    low, high = moving_axes(on_path(readings, path).measurement)["C"]
+    low, high = on_path(readings, path).measurement.moving["C"]
     assert low == pytest.approx(0.0, abs=5.0)
     assert high == pytest.approx(300.0, abs=5.0)
 

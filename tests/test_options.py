@@ -6,7 +6,6 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
-from unittest import mock
 
 import pytest
 import typer
@@ -15,10 +14,10 @@ from hypothesis import strategies as st
 
 from calibration.measurement.readers import FORMATS
 from kinematics.user_error import UserError
-from postproc.commands.options.arguments import plain_values
-from postproc.commands.options.declared import REQUIRED, Signature, argument, option, refuse_given, with_options
+from postproc.commands.options.declared import REQUIRED, Signature, argument, option, refuse_given
 from postproc.commands.table import COMMANDS, command
 from postproc.commands.tree import command_tree
+from postproc.commands.words import Words
 
 FOLDER = Path(__file__).parents[1] / "postproc" / "commands"
 Length = Annotated[float, option("Length, mm.", "mm", "-l", default=2.0, min=0.0)]
@@ -51,14 +50,8 @@ def called(*arguments: str) -> dict[str, object]:
     ) -> None:
         found.update(files=files, group=group, size=size)
 
-    app = typer.Typer(add_completion=False)
-    app.command()(with_options(command))
-    typer.main.get_command(app)(list(arguments), standalone_mode=False)
-    by_typer = dict(found)
-    plain = plain_values(Signature(command).declared, arguments)
-    assert plain is not None
-    Signature(command).run(plain)
-    assert found == by_typer
+    signature = Signature(command)
+    signature.run(Words("command", signature.declared).values(arguments))
     return found
 
 
@@ -100,11 +93,42 @@ def test_options_that_do_not_apply():
 def test_every_option_has_a_help_text_in_whole_words():
     """Help begins with a capital letter or a name and ends with a full stop; no command declares an option otherwise."""
     for name in COMMANDS:
-        for parameter in command_tree().get_command(None, name).params:
-            shown = parameter.help or ""
-            assert re.fullmatch(r"[A-Z].*\.", shown), (name, parameter.name, shown)
-    others = [path for path in FOLDER.rglob("*.py") if path.name not in ("declared.py", "tree.py")]
+        for each in Signature(command(name)[0]).declared:
+            shown = each.field.metadata["help"]
+            assert re.fullmatch(r"[A-Z].*\.", shown), (name, each.name, shown)
+    others = [path for path in FOLDER.rglob("*.py") if path.name != "tree.py"]
     assert not [path for path in others if re.search(r"typer\.(Option|Argument)", path.read_text())]
+
+
+HEADINGS = {
+    "--machine": "Machine",
+    "--calibration": "Model",
+    "--set-up-zero": "Set-up",
+    "--tool-length": "Set-up",
+    "--header": "Data",
+    "--format": "Data",
+    "--noise": "Model",
+    "--json": "Output",
+    "--report": "Output",
+    "--output": "Output",
+}
+"""Heading in the help of options of several commands."""
+OTHER_HEADINGS = {("export", "--format"): "Tables", ("import", "--format"): "Tables"} | {
+    (name, option): "Program of data taken on the fly"
+    for name in ("fit",)
+    for option in ("--set-up-zero", "--tool-length")
+}
+
+
+def test_an_option_stands_under_the_same_heading_in_every_command():
+    for name in COMMANDS:
+        for each in Signature(command(name)[0]).declared:
+            if each.label in HEADINGS:
+                assert each.panel == OTHER_HEADINGS.get((name, each.label), HEADINGS[each.label]), (name, each.label)
+
+
+def test_the_help_of_every_command_has_examples():
+    assert [name for name in COMMANDS if not re.search(r"Examples?:\n\n`ncomp ", command(name)[1])] == []
 
 
 WORDS = [
@@ -151,21 +175,33 @@ def lines(draw):
     return name, words
 
 
+def by_typer(name, words):
+    """The values that Typer reads; None where it refuses the words."""
+    tree = command_tree()
+    for part in name.split():
+        tree = tree.get_command(None, part)
+    try:
+        return tree.make_context(name, list(words)).params
+    except typer.BadParameter.__mro__[1]:
+        return None
+
+
 @given(lines())
 @settings(max_examples=100)
-def test_plain_arguments_have_the_values_that_typer_reads(line):
+def test_words_have_the_values_that_typer_reads(line):
+    """What Typer refuses is refused; where both accept, their values are equal."""
     name, words = line
-    signature = Signature(command(name)[0])
-    plain = plain_values(signature.declared, words)
-    event("plain" if plain is not None else "for Typer")
-    if plain is None:
+    read = by_typer(name, words)
+    try:
+        values = Words(name, Signature(command(name)[0]).declared).values(words)
+    except UserError:
+        event("refused" if read is None else "refused, and not by Typer")
         return
-    seen = {}
-    with mock.patch.object(Signature, "run", lambda _, given: seen.update(given)):
-        command_tree()(args=[name, *words], standalone_mode=False)
-    for each in signature.declared:
-        read, known = plain[each.name], seen[each.name]
-        assert (read or ()) == (known or ()) if each.item is not None else (type(read), read) == (type(known), known)
+    event("accepted")
+    assert read is not None
+    for each in Signature(command(name)[0]).declared:
+        own, its = values[each.name], read[each.name]
+        assert own == tuple(its or ()) if each.item is not None else (type(own), own) == (type(its), its), each.name
 
 
 def test_the_help_of_data_names_every_format():

@@ -16,7 +16,7 @@ from support.pages import figures, panels
 from support.three_points_cases import SERIES, measured, model, random_effects, station
 
 import machines
-from calibration.measurement.file import write_measurement
+from calibration.measurement.written_file import write_measurement
 from rendering.page import page as page_of
 from rendering.report import Report, Section, Table
 
@@ -43,7 +43,8 @@ const found = [];
 for (const plot of document.querySelectorAll('.plot')) for (const trace of plot._fullData || []) {
   const paper = plot._fullLayout.paper_bgcolor, back = luminance(over(paper, 1, paper));
   const lines = trace.mode && trace.mode.includes('lines') && trace.line.width > 0 ? [[trace.line.color, 1, 3]] : [];
-  const dots = trace.mode && trace.mode.includes('markers') ? [[trace.marker.color, trace.marker.opacity ?? 1, arguments[0]]] : [];
+  const onMap = plot._fullData.some(other => other.type === 'heatmap' && other.xaxis === trace.xaxis);
+  const dots = !onMap && trace.mode && trace.mode.includes('markers') ? [[trace.marker.color, trace.marker.opacity ?? 1, arguments[0]]] : [];
   const bars = trace.type === 'bar' ? [[trace.marker.color, trace.marker.opacity ?? 1, 3]] : [];
   for (const [colour, opacity, least] of [...lines, ...dots, ...bars]) {
     if (typeof colour !== 'string') continue;
@@ -53,7 +54,7 @@ for (const plot of document.querySelectorAll('.plot')) for (const trace of plot.
   }
 }
 return found"""
-"""Lines and bars with less than 3 to 1 (WCAG 1.4.11) before their paper, and dots with less than the argument."""
+"""Lines and bars with less than 3 to 1 (WCAG 1.4.11) before their paper, and dots with less than the argument; those on a map are not before the paper."""
 CUT = """return [...document.querySelectorAll('.plot')].flatMap(plot => { const room = plot.getBoundingClientRect();
   return [...plot.querySelectorAll('text')].map(t => [t.textContent, t.getBoundingClientRect()])
     .filter(([text, box]) => text && box.width && (box.left < room.left - 1 || box.right > room.right + 1
@@ -72,6 +73,28 @@ CUT_CONES = """return [...document.querySelectorAll('.plot')].flatMap(plot => (p
     return [['x', 'u'], ['y', 'v'], ['z', 'w']].flatMap(([name, vector]) => { const [low, high] = scene[`${name}axis`].range;
       return [...trace[name]].map((at, i) => at + trace.sizeref * trace[vector][i]).filter(tip => tip < low || tip > high) }) }))"""
 """Coordinates of the tips of cones outside of their scenes."""
+USED = """const done = arguments[arguments.length - 1];
+(async () => { const found = [];
+for (const plot of document.querySelectorAll('.plot')) {
+  const layout = plot._fullLayout, names = Object.keys(layout).filter(name => /^scene\\d*$/.test(name));
+  const picture = new Image();
+  picture.src = await Plotly.toImage(plot, {format: 'png', width: layout.width, height: layout.height});
+  await picture.decode();
+  const paint = Object.assign(document.createElement('canvas'), {width: picture.width, height: picture.height})
+    .getContext('2d', {willReadFrequently: true});
+  paint.drawImage(picture, 0, 0);
+  for (const name of names) {
+    const {x, y} = layout[name].domain, left = Math.round(x[0] * picture.width), top = Math.round((1 - y[1]) * picture.height);
+    const width = Math.round(x[1] * picture.width) - left, height = Math.round((1 - y[0]) * picture.height) - top;
+    const {data} = paint.getImageData(left, top, width, height), columns = new Set(), rows = new Set();
+    for (let k = 0; k < width * height; k++)
+      if ([0, 1, 2].reduce((sum, c) => sum + Math.abs(data[4 * k + c] - data[c]), 0) > 6) { columns.add(k % width); rows.add(Math.floor(k / width)); }
+    const extent = set => set.size ? Math.max(...set) - Math.min(...set) + 1 : 0;
+    found.push([width, height, extent(columns) * extent(rows) / (width * height)]);
+  }
+}
+done(found); })();"""
+"""Width and height of the boxes of 3-D scenes, px, and the share of each that its drawing covers."""
 CAMERA = "return document.querySelector('.plot')._fullLayout.scene._scene.getCamera().eye"
 
 
@@ -351,6 +374,17 @@ def test_page_of_a_machine(chromium, tmp_path):
     check_screens(chromium, page, ((PHONE, False),))
     (text,) = printed(page)  # one sheet
     assert all(row in text for row in ("direction of the tool", "the tool moves along the arrow", "page 1 of 1"))
+
+
+def test_a_scene_fills_its_box(chromium, tmp_path):
+    page = tmp_path / "mill.html"
+    succeed("machines", "dmu50", "--draw", page)
+    for screen, least, high in ((DESKTOP, 0.55, 500), (PHONE, 0.45, 200)):
+        chromium.open(page, screen)
+        ((width, height, share),) = chromium.driver.execute_async_script(USED)
+        assert share > least
+        assert height > high
+        assert width <= screen
 
 
 LABELS = """const boxes = [...document.querySelectorAll('text')].map(t => [t.textContent, t.getBBox()])

@@ -29,10 +29,11 @@ from kinematics.user_error import UserError
 from postproc.compensation.correction import pose_errors
 from postproc.control.setup import make_setup
 from postproc.control.state import ControlState
+from postproc.control.without_effect import unused_set_up
+from postproc.control_data.tool_tables import ToolTable
 from postproc.correct.mark import mark_in
 from postproc.evaluation.evaluation import STRAIGHT, Evaluation
 from postproc.text.source import ENCODING, chunks
-from postproc.tool_tables import ToolTable
 from postproc.verification.verify import verify
 
 ROUNDING_UM = 0.1
@@ -429,10 +430,11 @@ def test_options_overrule_the_tool_table():
     assert setup.work_offsets == {"G54": {"X": 9.0}, "G55": {"X": 2.0}}
     state = ControlState(setup)
     assert [state.tool_length(n) for n in (1, 2, 3, 4)] == [5, 6.5, 7, 100]
-    assert [note for note in state.unused() if "work offset" in note] == [
+    assert [each.note for each in unused_set_up(state) if "work offset" in each.name] == [
         "work offset G54 was given and is not used", "work offset G55 was given and is not used"
     ]  # fmt: skip
-    assert ControlState(make_setup(load("dmu50"), [], ["T10=5", "T9=6"])).unused() == [
+    state = ControlState(make_setup(load("dmu50"), [], ["T10=5", "T9=6"]))
+    assert [each.note for each in unused_set_up(state)] == [
         "tool length T9 was given and is not used",
         "tool length T10 was given and is not used",
     ]

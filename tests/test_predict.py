@@ -22,7 +22,8 @@ from calibration.fit.prediction import predictions, read_points, relative
 from kinematics.basis import BSpline, Legendre
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, DriftWithSensor, ErrorMotion, LocationError, RangeOffset, ThermalDrift
-from kinematics.error_model.model import ErrorModel, Provenance, read_model, reference, write_model
+from kinematics.error_model.model import ErrorModel, read_model, write_model
+from kinematics.error_model.provenance import Provenance, reference
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import BLOCK

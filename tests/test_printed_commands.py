@@ -13,7 +13,7 @@ from support.programs import load, shifted
 import machines
 import ncomp
 from calibration.diagnosis.diagnose import diagnose
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.reports.diagnosis import Files, diagnosis_report
 from calibration.simulation.measure_plan import VirtualInstrument
 from calibration.simulation.true_model import random_true_model

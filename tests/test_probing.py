@@ -480,8 +480,8 @@ def log_of_file(plan, data):
 
 
 BAD = {
-    "spheres of a tracker": (["plan", "-m", "dmu50", "--strategy", "grid", "--sphere", "s=0,0,60"], "is an option of --instrument touch-probe"),
-    "options of a strategy": ([*PLAN, "--spacing", "5"], "--spacing does not apply to --instrument touch-probe"),
+    "spheres of a tracker": (["plan", "-m", "dmu50", "--strategy", "grid", "--sphere", "s=0,0,60"], "--sphere is an option of ncomp plan spheres"),
+    "options of a strategy": ([*PLAN, "--spacing", "5"], "--spacing is an option of ncomp plan points"),
     "design": (["planes" if word == "grid" else word for word in PLAN], "for a touch probe expected one of optimised"),
     "out of reach": ([*PLAN[:-4], "--sphere", "s1=900,0,60"], "the machine reaches the spheres at 0 of"),
     "tip": ([*PLAN, "--target", "p=50,0,-150"], "on its axis"),

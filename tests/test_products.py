@@ -16,8 +16,8 @@ from calibration.fit.bases.selection import LinearEvidence
 from calibration.fit.fit import fit
 from calibration.fit.problem import solution
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
-from calibration.observation import equations, products
-from calibration.observation.full_model import BasisChoice, axis_effects, moving_axes, rigid_model, with_effects
+from calibration.observation import products
+from calibration.observation.full_model import BasisChoice, axis_effects, rigid_model, with_effects
 from calibration.observation.normal_equations import (
     NormalEquations,
     assemble,
@@ -87,11 +87,11 @@ def data(name, n, seed, stops=0):
 
 def by_columns(measurement, model, registration, white, residual, decorrelation):
     """The normal equations of all columns of the design, made one by one."""
-    transform = equations.transform(measurement, registration)
+    transform = measurement.instrument.transform(measurement, registration)
     design = Design(model.effects, measurement.machine, measurement.state, with_instrument=True).of(
         slice(None), transform
     )
-    design = np.concatenate([equations.registration_design(measurement, registration), design], axis=2)
+    design = np.concatenate([measurement.instrument.registration_design(measurement, registration), design], axis=2)
     design = decorrelation.apply(white @ design).reshape(residual.size, -1)
     return NormalEquations(design.T @ design, design.T @ residual.reshape(-1))
 
@@ -108,7 +108,7 @@ def by_columns(measurement, model, registration, white, residual, decorrelation)
 @settings(max_examples=25, deadline=None)
 def test_normal_equations_are_those_of_the_columns(name, bases, seed, stops, missing, besides, few):
     measurement = data(name, 60, seed, stops)
-    axes = list(moving_axes(measurement))
+    axes = list(measurement.moving)
     model = rigid_model(measurement, dict(zip(axes, map(parsed, bases), strict=False)))
     effects = [effect for k, effect in enumerate(model.effects) if k not in missing]
     # the order of the effects is any
@@ -116,7 +116,7 @@ def test_normal_equations_are_those_of_the_columns(name, bases, seed, stops, mis
     if besides:
         effects.insert(2, Backlash("X", 3.0))
     model = msgspec.structs.replace(model, effects=tuple(effects))
-    registration = equations.start(measurement, np.ones(60, bool))
+    registration = measurement.instrument.first_registration(measurement, np.ones(60, bool))
     white = whiteners(measurement)
     decorrelation = Decorrelation.of(measurement.noise, white)
     left = residuals(measurement, model, registration)
@@ -139,7 +139,7 @@ def test_functions_that_differ_within_a_stop_are_decorrelated_as_columns():
     moved[1::2] += 0.5
     measurement = replace(measurement, state=replace(measurement.state, positions=moved))
     model = rigid_model(measurement, dict.fromkeys("XYZ", BasisChoice("cubic", 6)))
-    registration = equations.start(measurement, np.ones(40, bool))
+    registration = measurement.instrument.first_registration(measurement, np.ones(40, bool))
     white = whiteners(measurement)
     decorrelation = Decorrelation.of(measurement.noise, white)
     assert decorrelation.stops
@@ -164,7 +164,7 @@ def parsed(text):
 def test_the_evidence_is_that_of_the_columns(stops):
     measurement = data("dmu50", 400, 2, stops)
     effects = (Backlash("X", 0.0), Backlash("Y", 1.0))
-    coarse = dict.fromkeys(moving_axes(measurement), BasisChoice("b-spline", 3))
+    coarse = dict.fromkeys(measurement.moving, BasisChoice("b-spline", 3))
     first = fit(measurement, with_effects(measurement, coarse, effects, 1.0)[0])
     evidence = LinearEvidence(first, effects)
     choices = [

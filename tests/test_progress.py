@@ -17,7 +17,7 @@ from support.programs import load
 
 import ncomp
 from calibration.fit.together import calibrate_together
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.measurement.plan import Choices
 from calibration.optimal.optimise import Request, optimised

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import ncomp
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.simulation.measure_plan import VirtualInstrument
 from calibration.simulation.true_model import random_true_model
 from kinematics.error_model.model import write_model

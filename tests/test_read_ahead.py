@@ -9,9 +9,9 @@ from support.no_process import Here
 from support.plain_programs import mixtures
 from support.tiers import drawn
 
+from kinematics.running.child_process import LostProcess
 from postproc.dialects import find_dialect
 from postproc.read_ahead import AHEAD, read_ahead
-from postproc.second_process import LostProcess
 from postproc.text.plain_lines import whole_lines
 
 AXES = "XYZBC"
@@ -76,7 +76,7 @@ def late_process(begin, lost):
 def test_the_lines_are_those_of_one_process(text, size, begin, lost):
     pieces, process = divided(text, size), late_process(begin, lost)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.read_ahead.SecondProcess", process)
+        patch.setattr("postproc.read_ahead.ChildProcess", process)
         check_all(pieces, read_ahead(iter(pieces), AXES, STYLE))
     assert process.most <= AHEAD + 1
 
@@ -90,7 +90,7 @@ def test_a_process_that_begins_late_reads_the_pieces_behind(begin, monkeypatch):
             tasks.append(task)
             super().give(task)
 
-    monkeypatch.setattr("postproc.read_ahead.SecondProcess", Counted)
+    monkeypatch.setattr("postproc.read_ahead.ChildProcess", Counted)
     pieces = divided("".join(f"G1 X{i}.\n" for i in range(20)), 1)
     check_all(pieces, read_ahead(iter(pieces), AXES, STYLE))
     assert tasks[-len(pieces) + begin + 1 :] == pieces[begin + 1 :]
@@ -121,7 +121,7 @@ def test_a_reader_that_is_not_used_to_its_end_leaves_no_process():
             ended.append(1)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("postproc.read_ahead.SecondProcess", Noting)
+        patch.setattr("postproc.read_ahead.ChildProcess", Noting)
         reading = read_ahead(iter([b"X1.\n", b"X2.\n"]), AXES, STYLE)
         next(reading)
         reading.close()
@@ -140,7 +140,7 @@ def test_a_slow_process_is_helped(monkeypatch):
         def answers_within(self, seconds):
             return seconds == 0.0
 
-    monkeypatch.setattr("postproc.read_ahead.SecondProcess", Slow)
+    monkeypatch.setattr("postproc.read_ahead.ChildProcess", Slow)
     pieces = divided("".join(f"G1 X{i}.\n" for i in range(60)), 1)
     check_all(pieces, read_ahead(iter(pieces), AXES, STYLE))
     assert 20 < len(given) < 50

@@ -13,15 +13,14 @@ from hypothesis import strategies as st
 from support.file_examples import CMM, ETALON, MAP, RTL, WIDE
 
 import machines
-from calibration.measurement.instruments import Interferometer, LaserTracker, Part
+from calibration.instruments import Interferometer, LaserTracker, Part
 from calibration.measurement.readers import FORMATS, read_any
 from calibration.measurement.readers.delimited import map_names, read_map
 from kinematics.effects import ErrorMotion, LocationError
-from kinematics.error_model.model import no_errors
+from kinematics.error_model.model import no_errors, read_model
 from kinematics.state import State
 from kinematics.user_error import UserError
-from postproc.tables.readers import read_tables
-from postproc.tables.readers.source import Source
+from postproc.control_data.formats import FORMATS as OF_CONTROLS
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 LASER = {"u_um": "0.3", "u_um_per_m": "0.5", "target.r": "0 0 -60"}
@@ -399,7 +398,11 @@ def test_header_overrules_the_file(write):
 
 
 def read_etalon(text, value_is="error", **settings):
-    return read_tables("etalon", Source(DMU50, {"t.txt": text}, value_is, settings))
+    return (
+        OF_CONTROLS["etalon"]
+        .read_files(DMU50, {"t.txt": text}, value_is, [f"{k}={v}" for k, v in settings.items()])
+        .effects
+    )
 
 
 def test_etalon():
@@ -418,6 +421,17 @@ def test_etalon():
     assert opposite[2].parameters == pytest.approx((0.001, -0.0005, -0.002))
     assert opposite[0].value == pytest.approx(-math.radians(0.000022) * 1e6)
     assert opposite[3].basis.nodes[1] == pytest.approx(math.degrees(360))
+
+
+def test_the_units_of_etalon_are_for_import(command):
+    Path("t.etalon").write_text(ETALON)
+    words = ("-m", "dmu50", "--format", "etalon", "--sign", "error", "--set", "length=um")
+    assert command("import", "t.etalon", *words, "-o", "out.json").status == 0
+    (motion,) = (each for each in read_model(Path("out.json"), DMU50).effects if each.name == "E_XX")
+    assert motion.parameters == pytest.approx((-0.001, 0.0005, 0.002))
+    refused = command("export", *words, "-c", "out.json", "-o", "tables")
+    assert refused.status == 2
+    assert "are for import" in refused.err
 
 
 @pytest.mark.parametrize(
@@ -447,7 +461,7 @@ def test_etalon_refused(change, words):
 def test_etalon_elsewhere(write):
     with pytest.raises(UserError, match="contains errors of the machine, not measurements of it; ncomp import"):
         read_any(write(ETALON), DMU50)
-    with pytest.raises(UserError, match="length=inch: expected one of mm, um, m"):
+    with pytest.raises(UserError, match=r"inch.*length"):
         read_etalon(ETALON, length="inch")
     with pytest.raises(UserError, match="no table of format etalon"):
         read_etalon("// empty\n")
@@ -484,11 +498,9 @@ def test_any_wide_table(tmp_path_factory, cells, comma):
 
 # ---- the documentation
 
+PAGES = sorted((Path(__file__).parents[1] / "docs" / "measurements").glob("*.md"))
 EXAMPLES = [
-    textwrap.dedent(block)
-    for block in re.findall(
-        r"(?:^    .*\n)+", (Path(__file__).parents[1] / "docs" / "measurements.md").read_text(), re.M
-    )
+    textwrap.dedent(block) for page in PAGES for block in re.findall(r"(?:^    .*\n)+", page.read_text(), re.MULTILINE)
 ]
 
 
@@ -496,8 +508,10 @@ EXAMPLES = [
 def test_examples_of_the_documentation(write, text):
     named = re.search(r"machine: (\w+)", text)
     measurement = read_any(write(text), machines.load(named[1] if named else "gantry"))
-    each = 6 if "EXX_um" in text else 1
-    assert len(measurement) == each * (text.count("\n") - text.count("#") - 1) or "1 up" in text
+    rows = text.count("\n") - text.count("#") - 1
+    readings = {"EXX_um": 6 * rows, "pitch_urad": 2 * rows - 1}  # a cell of the level is empty
+    expected = next((number for column, number in readings.items() if column in text), rows)
+    assert len(measurement) == expected or "1 up" in text
 
 
 def test_column_map_of_the_documentation(write):

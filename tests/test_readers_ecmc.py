@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import machines
-from calibration.measurement.instruments import Interferometer
+from calibration.instruments import Interferometer
 from calibration.measurement.readers import read_any
 from kinematics.user_error import UserError
 

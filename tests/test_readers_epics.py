@@ -8,7 +8,7 @@ import pytest
 
 import machines
 from calibration.fit.calibrate import calibrate
-from calibration.measurement.instruments import Interferometer
+from calibration.instruments import Interferometer
 from calibration.measurement.readers import read_any
 from kinematics.effects import Cyclic
 from kinematics.user_error import UserError

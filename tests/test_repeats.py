@@ -9,7 +9,7 @@ from support.virtual_measurements import ONE, THREE, TRACKER, measured, position
 
 import machines
 from calibration.diagnosis.repeatability import repeats
-from calibration.measurement.instruments import Interferometer, LaserTracker
+from calibration.instruments import Interferometer, LaserTracker
 from calibration.measurement.measurement import with_moves
 from calibration.simulation.simulate import observe
 from kinematics.effects import Backlash

@@ -155,3 +155,49 @@ def test_a_robot_logged_before_it_had_settled(read):
     found = sanity(read(robot.table({**columns, **points_of(robot.measured(reached))}, decimals=6)))
     messages = [finding.message for finding in found if finding.check == "read-back"]
     assert any("had not settled" in message for message in messages), found
+
+
+def test_the_nominal_machine_is_registered_without_the_noise_of_the_fit(command):
+    """Gravity bends two joints; three reflectors at each pose look like joints that do not repeat."""
+    rng = np.random.default_rng(2)
+    joints = robot.random_joints(60)
+    bent = np.radians(joints)
+    bent[:, 1] += 1.2e-3 * np.sin(bent[:, 1])
+    bent[:, 2] += 0.9e-3 * np.sin(bent[:, 1] + bent[:, 2])
+    home = robot.NOMINAL.frames(np.zeros(6))[-1]
+    places = np.array([[60.0, 40.0, 150.0], [-50.0, 30.0, 120.0], [10.0, -60.0, 190.0]])
+    seen, nominal = (
+        np.array([[robot.NOMINAL.frames(q)[-1] @ np.append(place, 1.0) for place in places] for q in angles])[..., :3]
+        for angles in (bent, np.radians(joints))
+    )
+    seen = seen.reshape(-1, 3) + np.array([3000.0, 500.0, 200.0]) + rng.normal(0.0, 0.005, (180, 3))
+    nominal = nominal.reshape(-1, 3)
+    a, b = nominal - nominal.mean(axis=0), seen - seen.mean(axis=0)
+    u, _, v = np.linalg.svd(b.T @ a)
+    plain_um = 1e3 * np.sqrt(np.mean((b - a @ (u @ v).T) ** 2))
+    targets = [f"# target.t{k}: {' '.join(f'{x:.4f}' for x in home[:3, :3] @ place)}" for k, place in enumerate(places)]
+    rows = [
+        ",".join([*(f"{q:.6f}" for q in joints[i // 3]), f"t{i % 3}", *(f"{x:.5f}" for x in point)])
+        for i, point in enumerate(seen)
+    ]
+    head = ["# instrument: laser-tracker", "# u_range_um: 5", "# u_angle_um: 5", *targets]
+    Path("arm.csv").write_text("\n".join([*head, "A1,A2,A3,A4,A5,A6,target,x,y,z", *rows]) + "\n")
+    Path("robot.toml").write_text(robot.toml())
+    fit = (
+        "fit",
+        "arm.csv",
+        "--machine",
+        "robot.toml",
+        "--basis",
+        "fourier:1",
+        "--force",
+        "-o",
+        "c.json",
+        "--json",
+        "-",
+    )
+    done = command(*fit)
+    assert done.status == 0, done.err
+    found = json.loads(done.out)
+    assert max(found["estimated_noise"]["non_repeatability"].values()) > 200.0
+    assert found["before"]["rms_um"] == pytest.approx(plain_um, rel=0.005)

@@ -8,7 +8,7 @@ import pytest
 import machines
 from calibration.fit.calibrate import calibrate
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
-from calibration.measurement.instruments import Interferometer
+from calibration.instruments import Interferometer
 from calibration.measurement.measurement import with_moves
 from calibration.reports.fit import fit_json, fit_report
 from calibration.simulation.simulate import observe

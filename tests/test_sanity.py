@@ -11,11 +11,12 @@ from support.tiers import STATISTICAL, quick
 from support.virtual_measurements import MONTAVON, ONE, THREE, measured, positions, truth
 
 import machines
-from calibration.measurement.instruments import Interferometer
+from calibration.instruments import Interferometer
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.measurement.readers import read_any
 from calibration.plausibility.chain_order import other_chains
-from calibration.plausibility.checks import Finding, sanity
+from calibration.plausibility.checks import sanity
+from calibration.plausibility.finding import Finding
 from calibration.simulation.simulate import Faults, observe, spoil
 from kinematics.effects import Backlash, FollowingError
 from kinematics.error_model.model import no_errors
@@ -107,7 +108,7 @@ def test_orders_with_the_same_nominal_points_are_tried_once():
     """Linear axes, rotary axes that stand still, C beside Z, and the bed where nothing on it is observed."""
     q = positions(DMU50, 20, np.random.default_rng(1))
     m = moved(virtual(DMU50, n=20), np.where(np.array(DMU50.names) == "C", 0.0, q))
-    chains = [other.measurement.machine.chain for other in other_chains(m)]
+    chains = [other.machine.chain for _, other in other_chains(m)]
     assert chains == ["w C b X B Y Z t", "w C b X Y B Z t", "w C b X Y Z B t"]
     assert not list(other_chains(virtual(GANTRY, n=20)))
     assert len(list(other_chains(replace(m, stands_on="bed")))) > len(chains)

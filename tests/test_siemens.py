@@ -15,11 +15,12 @@ from support.programs import read as read_iso
 
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind, Known
-from postproc.siemens.blocks import _read_plain, parse_block, read_block
+from postproc.siemens.reading.blocks import _read_plain, parse_block, read_block
 from postproc.text.block import Refusal
 from postproc.text.source import ENCODING
 from postproc.verification.verify import read_motions, verify

@@ -7,8 +7,8 @@ from support.siemens_programs import correct, corrected, ends, read
 
 from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
+from postproc.control_data.tool_tables import read_tool_table
 from postproc.correct.check import check
-from postproc.tool_tables import read_tool_table
 
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}
 SHIFT = [-0.003, 0.0042, -0.0055]

@@ -16,7 +16,7 @@ from kinematics.forward import forward
 from kinematics.user_error import UserError
 from postproc.correct.check import check
 from postproc.motion.moves import Kind
-from postproc.siemens.blocks import read_block
+from postproc.siemens.reading.blocks import read_block
 from postproc.text.notes import Notes
 
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}

@@ -12,7 +12,7 @@ from support.three_points_cases import QUIET, measured, model, random_effects, s
 from support.tiers import quick
 
 import machines
-from calibration.measurement.file import write_measurement
+from calibration.measurement.written_file import write_measurement
 from kinematics.error_model.model import decode_model, write_model
 
 COMMANDS = Path(__file__).parents[1] / "postproc" / "commands"
@@ -52,7 +52,7 @@ CASES = {
     "three-points": ("three_points", (), "three-points rounds.csv --machine dmu50 --degree XX=2 -o cal.json"),
     "export": ("export", (), f"{TABLES} --rest cal.json"),
     "export of parameters": (
-        "export_parameters",
+        "export",
         (),
         "export --machine dmu50 -c made.json --format fanuc-kinematics -o tables --rest cal.json",
     ),

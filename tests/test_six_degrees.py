@@ -10,9 +10,9 @@ import pytest
 from support.command import succeed
 
 import machines
-from calibration.measurement.file import read_measurement, write_measurement
+from calibration.measurement.file import read_measurement
 from calibration.measurement.readers import read_any
-from calibration.observation.equations import expected, start
+from calibration.measurement.written_file import write_measurement
 from calibration.single_axis.iso230 import evaluate
 from kinematics.error_model.model import Observation, read_model
 from kinematics.state import State
@@ -43,12 +43,12 @@ def test_every_error_motion_is_read_with_its_own_sign(tmp_path: Path, name: str)
         errors = np.zeros((6, len(machine.axes) + 1, 6))
         six = np.arange(1, 7) * np.array([1e-3] * 3 + [1e-6] * 3)
         errors[:, machine.index(axis.name)] = six * np.array([1, 1, 1, 0, 0, 0])
-        registration = start(measurement, np.ones(6, bool))
+        registration = measurement.instrument.first_registration(measurement, np.ones(6, bool))
         registration = type(registration)(zeros=dict.fromkeys(registration.zeros, 0.0), slopes=registration.slopes)
-        seen = expected(measurement, registration, Observation(errors, np.zeros((6, 3))))
+        seen = measurement.instrument.expected(measurement, registration, Observation(errors, np.zeros((6, 3))))
         np.testing.assert_allclose(seen[:3], measurement.observed[:3], atol=1e-9)
         errors[:, machine.index(axis.name)] = six * np.array([0, 0, 0, 1, 1, 1])
-        seen = expected(measurement, registration, Observation(errors, np.zeros((6, 3))))
+        seen = measurement.instrument.expected(measurement, registration, Observation(errors, np.zeros((6, 3))))
         np.testing.assert_allclose(seen[3:], measurement.observed[3:], atol=1e-9)
 
 

@@ -14,11 +14,12 @@ from support.tiers import quick
 from support.tracker_logs import Log, Stop, header, log_of, write
 
 import machines
-from calibration.measurement.file import read_measurement, write_measurement
+from calibration.measurement.file import read_measurement
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.plan import Plan
 from calibration.measurement.plan_file import read_plan
 from calibration.measurement.readers import read_any
+from calibration.measurement.written_file import write_measurement
 from calibration.observation.equations import covariance
 from calibration.simulation.simulate import tracker_pose
 from calibration.simulation.true_model import random_true_model

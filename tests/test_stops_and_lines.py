@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import machines
-from calibration.measurement.instruments import Interferometer, LaserTracker
+from calibration.instruments import Interferometer, LaserTracker
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.observation.stops_and_lines import cycles, held_out_blocks, lines, stops
+from calibration.observation.stops_and_lines import cycles, held_out_blocks, lines
 from kinematics.state import State
 
 GANTRY = machines.load("gantry")
@@ -74,20 +74,20 @@ def scattered(number, seed=0):
 def test_rows_at_one_position_in_sequence_are_one_stop():
     shares = np.repeat(scattered(20), 3, axis=0)
     data = tracked(shares, targets=list("abc"))
-    assert stops(data).tolist() == np.repeat(np.arange(20), 3).tolist()
+    assert data.stops.tolist() == np.repeat(np.arange(20), 3).tolist()
     jitter = tracked(shares + np.random.default_rng(1).uniform(-4e-4, 4e-4, shares.shape) / LENGTHS)
-    assert stops(jitter).tolist() == stops(data).tolist()
+    assert jitter.stops.tolist() == data.stops.tolist()
 
 
 @pytest.mark.parametrize("column", ["run", "station"])
 def test_a_stop_ends_with_its_run_and_its_station(column):
     data = tracked(np.tile(scattered(1), (6, 1)), **{column: np.array(["1"] * 2 + ["2"] * 4)})
-    assert stops(data).tolist() == [0, 0, 1, 1, 1, 1]
+    assert data.stops.tolist() == [0, 0, 1, 1, 1, 1]
 
 
 def test_a_position_reached_from_the_other_side_is_another_stop():
     data = laser([0, 1, 2, 2, 1, 0], approach=[1, 1, 1, -1, -1, -1])
-    assert stops(data).tolist() == [0, 1, 2, 3, 4, 5]
+    assert data.stops.tolist() == [0, 1, 2, 3, 4, 5]
 
 
 def test_lines_out_and_back_are_one_block_each():
@@ -246,6 +246,6 @@ def test_a_continuous_record_is_held_out_by_stretches():
 
 
 def test_no_rows_and_one_position():
-    assert stops(tracked(np.zeros((0, 3)))).tolist() == []
+    assert tracked(np.zeros((0, 3))).stops.tolist() == []
     labels, _ = held_out_blocks(tracked(np.tile(scattered(1), (5, 1))))
     assert labels.tolist() == [0] * 5

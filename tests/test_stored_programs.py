@@ -16,7 +16,8 @@ from kinematics.basis import Polynomial
 from kinematics.effects import Backlash, ErrorMotion
 from kinematics.user_error import UserError
 from postproc.compensation import correction as compensate
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.blocks import PlainRun
 

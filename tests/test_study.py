@@ -8,9 +8,9 @@ import signal
 from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import strategies as st
@@ -27,6 +27,7 @@ from calibration.fit.calibrate import calibrate
 from calibration.fit.cross_validation import cross_validate
 from calibration.fit.fit import fit
 from calibration.observation.full_model import parse_basis, with_effects
+from calibration.observation.mean_lines import about_own_points
 from calibration.simulation.true_model import TABLE_1
 from calibration.study.cases import Case, read_cases
 from calibration.study.chunks import SIZE, Chunk, Prepared
@@ -270,7 +271,7 @@ def test_fits_leave_of_lines_unseen_what_those_of_the_measurement_leave(changes)
     lefts, gains = [], []
     for each in (scale, 2.0):
         model, prior = with_effects(measured, bases, (), each)
-        gains.append(cross_validate(measured, model, prior, np.ones(len(measured), bool)).improvement)
+        gains.append(cross_validate(measured, model, prior).improvement)
         lefts.append(ready.held_out_lines.left(parts, (each, None), drawn.observed)[0] / setup.white[:, 0].size)
     assert lefts[1] - lefts[0] == pytest.approx(gains[0] - gains[1], rel=1e-2)
 
@@ -397,7 +398,7 @@ def test_processes_give_the_same_and_go_on_without_a_lost_one():
 
     def kill_one(_: int) -> None:
         if not killed:
-            killed.append(next(iter(team.executor._processes)))
+            killed.append(team.executor.processes[0].pid)
             os.kill(killed[0], signal.SIGKILL)
 
     with workers(2, None) as team:
@@ -427,7 +428,7 @@ class Stopped(Exception):
 
 class Counting(Team):
     def __init__(self):
-        super().__init__(partial(ThreadPoolExecutor, 1))
+        super().__init__(ThreadPoolExecutor(1))
         self.worked = []
 
     def results(self, function, tasks, lost):
@@ -636,7 +637,9 @@ def test_what_a_correction_leaves_along_a_program(command):
     drawn = ready.sample(Chunk(0, 1))
     ((parts, scales), _), *_ = ready.choices(drawn).items()
     parameters = ready.fitted(parts, scales, drawn, np.array([0]))[:, 0]
-    found = ready.fits.columns.model(parts).with_parameters(parameters)
+    fitted = ready.fits.columns.model(parts).with_parameters(parameters)
+    effects, matrix = about_own_points(fitted)
+    found = msgspec.structs.replace(fitted, effects=effects).with_parameters(matrix @ parameters)
     write_model(found, Path("fitted.json"))
     corrected = command("part.nc", "--machine", "gantry", "--calibration", "fitted.json", "-o", "c.nc", "--set-up-zero")
     assert corrected.status == 0, corrected.err

@@ -13,9 +13,8 @@ import machines
 from calibration.fit.bases.selection import choose
 from calibration.fit.fit import fit
 from calibration.fit.residual_tests import dependences
-from calibration.measurement.file import write_measurement
-from calibration.observation import equations
-from calibration.observation.full_model import BasisChoice, distinct_positions, rigid_model
+from calibration.measurement.written_file import write_measurement
+from calibration.observation.full_model import BasisChoice, rigid_model
 from kinematics.effects import Backlash, ThermalDrift
 
 MACHINE = machines.load("cframe")
@@ -28,7 +27,8 @@ def spoilt(*effects, seed=0, n=300):
     whole = msgspec.structs.replace(base, effects=(*base.effects, *effects))
     clean = measured(MACHINE, positions(MACHINE, n, rng), THREE, base, rng)
     exact = [
-        equations.expected(clean, pose_of(["s1"]), model.observation(MACHINE, clean.state)) for model in (base, whole)
+        clean.instrument.expected(clean, pose_of(["s1"]), model.observation(MACHINE, clean.state))
+        for model in (base, whole)
     ]
     observed = clean.observed + exact[1] - exact[0]
     return replace(clean, observed=observed, state=replace(clean.state, observed=observed)), base
@@ -103,7 +103,7 @@ def test_no_axis_gets_more_parameters_than_it_has_positions():
     q = positions(MACHINE, 300, rng)
     q[:, 0] = np.round(q[:, 0] / 200.0) * 200.0
     measurement = measured(MACHINE, q, THREE, truth(MACHINE, rng, 15.0), rng)
-    most = distinct_positions(measurement, "X")
+    most = measurement.distinct_positions["X"]
     assert most == 4
     choice = choose(measurement, ("b-spline", "cubic"))
     assert choice.bases["X"].over((0.0, 1.0)).size <= most

@@ -13,11 +13,11 @@ from support.programs import load, source_of
 import machines
 import ncomp
 from kinematics.user_error import UserError
+from postproc.control_data.tool_tables import read_tool_table
 from postproc.dialects import find_dialect
 from postproc.execution import execution
 from postproc.motion.motions import merged
 from postproc.text.notes import Notes
-from postproc.tool_tables import read_tool_table
 
 TABLES = {
     "tool.tbl": "T1 P1 D0.5 Z4.5 ;mill\nT2 P2 Z-1.25\n",

@@ -18,13 +18,14 @@ from kinematics.error_model.model import no_errors
 from kinematics.forward import forward, tool_point
 from kinematics.state import State
 from kinematics.user_error import UserError
-from postproc.tables.export import export, sign_of
-from postproc.tables.format import parse_settings
-from postproc.tables.formats import FORMATS, find_format
-from postproc.tables.probe import SIZE, probe
-from postproc.tables.readers import READERS, read_tables
-from postproc.tables.readers.source import Source
-from postproc.tables.remaining_error import volume_points
+from postproc.control_data.format import parse_settings, sign_of
+from postproc.control_data.formats import formats_of
+from postproc.control_data.remaining_error import volume_points
+from postproc.control_data.tables.export_tables import export
+from postproc.control_data.tables.table_format import TableFormat
+from postproc.control_data.tables.table_probe import SIZE, probe
+
+FORMATS = formats_of(TableFormat)
 
 FIRST = {case.format: case.of_few_positions for case in reversed(CASES)}
 EVERY = [*FIRST.values(), *CASES]
@@ -45,9 +46,8 @@ def dense(machine, n=1500, beyond=0.1):
 def read_back(case: Case, exported, sign=None):
     """The errors that the files take away, by the reader."""
     files = {name: text for name, text in exported.files.items() if not name.endswith(".md")}
-    said = dict(text.split("=") for text in case.settings)
-    source = Source(exported.target.machine, files, sign or exported.content.sign, said)
-    return msgspec.structs.replace(no_errors(exported.target.machine), effects=tuple(read_tables(case.format, source)))
+    read = FORMATS[case.format].read_files(exported.machine, files, sign or exported.sign, case.settings)
+    return msgspec.structs.replace(no_errors(exported.machine), effects=tuple(read.effects))
 
 
 def commanded(exported, tables, q, approach):
@@ -77,7 +77,7 @@ def rms(vectors):
 
 
 def test_every_format_has_a_reader_and_a_case():
-    assert set(FORMATS) == set(READERS) == {case.format for case in CASES}
+    assert set(FORMATS) == {case.format for case in CASES}
 
 
 @every_case
@@ -141,7 +141,7 @@ def test_the_rest_is_the_calibration_less_the_tables(case: Case):
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_sign_that_no_source_confirms_is_demanded(name):
-    form = find_format(name)
+    form = FORMATS[name]
     if form.sign is None:
         with pytest.raises(UserError, match="--probe"):
             sign_of(form, None)
@@ -156,7 +156,7 @@ def test_a_sign_that_no_source_confirms_is_demanded(name):
 @every_case
 def test_the_probe_is_one_node(case: Case):
     """The node is in the axis' own table or its positioning error; the reader finds it with the stated size."""
-    form, machine = find_format(case.format), load(case.machine)
+    form, machine = FORMATS[case.format], load(case.machine)
     settings = parse_settings(form.settings, case.settings)
     if form.capabilities is not None and not form.capabilities(settings).own and form.sign is not None:
         with pytest.raises(UserError, match="no table that shows the sign of X"):
@@ -165,8 +165,7 @@ def test_the_probe_is_one_node(case: Case):
     files = probe(machine, "X", form, settings)
     assert "--sign" in files.pop("probe.md")
     sign = form.sign or "correction"
-    said = dict(text.split("=") for text in case.settings)
-    tables = read_tables(case.format, Source(machine, files, sign, said))
+    tables = form.read_files(machine, files, sign, case.settings).effects
     model = model_of(machine, *tables)
     i = machine.index("X")
     q = np.tile(np.mean([a.travel if np.isfinite(a.travel).all() else (0, 0) for a in machine.axes], axis=1), (2001, 1))
@@ -183,12 +182,12 @@ def test_axes_that_run_against_their_letters():
     names = {"X": (0.0, 600.0), "Y": (0.0, 400.0), "Z": (0.0, 300.0), "C": (-180.0, 180.0)}
     effects = [ErrorMotion(a, a, Polynomial(ends, 1), (0.0, 30.0), u=(0.0, 0.0)) for a, ends in names.items()]
     effects += [Backlash("X", 20.0), Backlash("C", 60.0)]
-    form = find_format("linuxcnc")
+    form = FORMATS["linuxcnc"]
     exported = export(BACKWARD, model_of(BACKWARD, *effects), form, parse_settings(form.settings, []), form.sign, TOOL)
     places = volume_points(exported.target)
     tables = msgspec.structs.replace(
         no_errors(BACKWARD),
-        effects=tuple(read_tables("linuxcnc", Source(BACKWARD, exported.files, "correction", {}))),
+        effects=tuple(form.read_files(BACKWARD, exported.files, "correction").effects),
     )
     motors = commanded(exported, tables, places.q, places.approach)
     before, after = (missed_um(exported, m, places.q, places.approach) for m in (places.q, motors))
@@ -199,7 +198,7 @@ def test_axes_that_run_against_their_letters():
 @pytest.mark.usefixtures("few_positions")
 def test_a_rotary_axis_whose_table_would_be_a_constant_is_in_the_datum():
     """The zero angle of A has no table where the value at the reference position must be 0, and shifts A's zero."""
-    machine, form = load("trunnion_ac"), find_format("siemens-cec")
+    machine, form = load("trunnion_ac"), FORMATS["siemens-cec"]
     model = model_of(machine, LocationError("A", "A", 50.0), LocationError("C", "Y", 20.0))
     exported = export(machine, model, form, parse_settings(form.settings, []), "correction", TOOL)
     assert exported.datum["A"] == pytest.approx(-np.degrees(50e-6), rel=0.01)
@@ -208,7 +207,7 @@ def test_a_rotary_axis_whose_table_would_be_a_constant_is_in_the_datum():
 
 
 def test_settings_are_checked():
-    kind = find_format("linuxcnc").settings
+    kind = FORMATS["linuxcnc"].settings
     assert parse_settings(kind, ["type=0", "points=20"]).points == 20
     for text, why in {
         "points=257": "<= 256",

@@ -21,7 +21,10 @@ from kinematics.basis import BSpline
 from kinematics.effects import Backlash, ErrorMotion
 from kinematics.error_model.model import no_errors, read_model, write_model
 from kinematics.state import State
-from postproc.tables.formats import FORMATS
+from postproc.control_data.formats import formats_of
+from postproc.control_data.tables.table_format import TableFormat
+
+FORMATS = formats_of(TableFormat)
 
 QUICK = ("linuxcnc",)
 """The formats that the default run applies too; CI applies all."""

@@ -12,11 +12,9 @@ from support.tiers import drawn
 import machines
 from kinematics.state import State
 from kinematics.user_error import UserError
-from postproc.tables.export import export
-from postproc.tables.format import parse_settings
-from postproc.tables.formats import find_format
-from postproc.tables.readers import read_tables
-from postproc.tables.readers.source import Source
+from postproc.control_data.format import parse_settings
+from postproc.control_data.formats import FORMATS
+from postproc.control_data.tables.export_tables import export
 
 pytestmark = pytest.mark.usefixtures("few_positions")
 
@@ -41,7 +39,7 @@ OWN = {"X": 0, "Y": 1, "Z": 2, "A": 3}
 
 def taken(format, files, sign, axis, q, way=0, **said):
     """Own error of an axis `(n,)`, um or urad, that the tables take away at positions `(n, 4)`, mm and degrees."""
-    effects = read_tables(format, Source(MACHINE, files, sign, said))
+    effects = FORMATS[format].read_files(MACHINE, files, sign, [f"{k}={v}" for k, v in said.items()]).effects
     q = np.atleast_2d(np.asarray(q, float)) * MACHINE.scale
     errors = model_of(MACHINE, *effects).errors(MACHINE, State(q, np.full(q.shape, float(way))))
     i = OWN[axis]
@@ -84,7 +82,7 @@ def test_a_rotary_axis_of_fanuc_closes():
 def test_rounding_does_not_add_up(seed, unit):
     """The sum of rounded increments is never off by more than half a unit from the curve that was fitted."""
     machine = load("cframe")
-    form = find_format("fanuc")
+    form = FORMATS["fanuc"]
     rng = np.random.default_rng(seed)
     (motion,) = motions(machine, "XX")
     model = model_of(machine, motion.with_parameters(rng.uniform(-12, 12, 4).tolist(), (0.0,) * 4))
@@ -196,15 +194,15 @@ Gridpoints = {
 
 
 def test_the_samples_of_volumetric_files():
-    effects = read_tables("isg-volumetric", Source(MACHINE, {"v.csv": ISG_CSV}, "error"))
+    effects = FORMATS["isg-volumetric"].read_files(MACHINE, {"v.csv": ISG_CSV}, "error").effects
     errors = model_of(MACHINE, *effects).errors(MACHINE, State(np.array([[0.0, 0, 0, 0], [5.0, 0, 0, 0]])))
     assert errors[:, 0] == pytest.approx(
         np.array([[0.02, 0.01, 0.07, 0.0, 0.0042, 0.003], [0.01, -0.045, 0.04, 0, 0.00265, 0.0025]]), abs=1e-12
     )
-    turned = read_tables("isg-volumetric", Source(MACHINE, {"v.csv": ISG_CSV}, "error", {"angle": "deg"}))
+    turned = FORMATS["isg-volumetric"].read_files(MACHINE, {"v.csv": ISG_CSV}, "error", ["angle=deg"]).effects
     assert turned[4].parameters[0] == pytest.approx(np.radians(0.0042) * 1e6)
     five = load("dmu50")
-    location, motion = read_tables("etalon", Source(five, {"e.txt": ETALON}, "error"))
+    location, motion = FORMATS["etalon"].read_files(five, {"e.txt": ETALON}, "error").effects
     assert (location.name, location.value) == ("E_C0B", pytest.approx(22.355737))
     assert motion.name == "E_XY"
     assert motion.basis.nodes == (-280.0, -270.0)
@@ -345,7 +343,7 @@ REFUSED = {
 @pytest.mark.parametrize(("format", "files", "said"), REFUSED.values(), ids=REFUSED)
 def test_what_is_not_understood_is_refused(format, files, said):
     with pytest.raises(UserError, match=re.escape(said)):
-        read_tables(format, Source(MACHINE, files, "error"))
+        FORMATS[format].read_files(MACHINE, files, "error")
 
 
 WRITERS = {
@@ -360,7 +358,7 @@ WRITERS = {
 
 @pytest.mark.parametrize(("format", "chosen", "errors", "said"), WRITERS.values(), ids=WRITERS)
 def test_what_a_control_cannot_hold_is_not_written(format, chosen, errors, said):
-    machine, form = load("cframe"), find_format(format)
+    machine, form = load("cframe"), FORMATS[format]
     with pytest.raises(UserError, match=said):
         export(
             machine, model_of(machine, *motions(machine, errors)), form, parse_settings(form.settings, chosen),

@@ -1,17 +1,22 @@
 """LinuxCNC's simulator loads exported tables, and its joints move as the error model says."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from clients.linuxcnc_sim import Config, Table
 from support.programs import load, model_of
 
+import machines
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, ErrorMotion
 from kinematics.effects.base import COMPONENTS, own_component
+from kinematics.error_model.model import write_model
 from kinematics.state import State
-from postproc.tables.export import export
-from postproc.tables.format import parse_settings
-from postproc.tables.formats import find_format
+from postproc.control_data.format import parse_settings
+from postproc.control_data.formats import FORMATS
+from postproc.control_data.tables.export_tables import export
 
 pytestmark = pytest.mark.statistical
 
@@ -57,7 +62,7 @@ def stands(machine, errors, motors, ways):
 def test_joints_move_as_the_error_model_says(linuxcnc_sim, name, kind):
     """At rest, from both sides, in the travel, at its ends and outside: the motor is where the axis is right."""
     machine, errors = model(name)
-    form = find_format("linuxcnc")
+    form = FORMATS["linuxcnc"]
     exported = export(machine, errors, form, parse_settings(form.settings, [f"type={kind}"]), "correction", (0, 0, -80))
     letters = "XYZC" if name == "head_table" else "XYZ"
     files = {axis: exported.files[f"comp_{axis.lower()}.txt"] for axis in TRAVEL[name]}
@@ -88,9 +93,40 @@ def test_joints_move_as_the_error_model_says(linuxcnc_sim, name, kind):
     assert np.abs(outside[~inside]).max() <= CLOSE, "outside, the value at the end holds, or a turn begins again"
 
 
+@pytest.mark.parametrize("unit", ["mm", "inch"])
+def test_a_gantry_in_the_unit_of_its_control(linuxcnc_sim, command, tmp_path, unit):
+    """The INI lines and tables of the command: both joints of Y are where the axis is right, in mm and in inches."""
+    machine, errors = model("cframe")
+    write_model(errors, tmp_path / "cal.json")
+    text = (Path(machines.__file__).parent / "cframe.toml").read_text()
+    (tmp_path / "mill.toml").write_text(f'{text}\n[control]\nfamily = "linuxcnc"\nunit = "{unit}"\n')
+    done = command(
+        "export", "--machine", "mill.toml", "-c", "cal.json", "--format", "linuxcnc", "--set", "joints=XYYZ",
+        "--tool-mm", "80", "-o", "tables",
+    )  # fmt: skip
+    assert done.status == 0, done.err
+    ini = (tmp_path / "tables" / "linuxcnc.ini").read_text()
+    lines = {int(joint): own for joint, own in re.findall(r"\[JOINT_(\d)\]\n([^\[]*)", ini)}
+    comps = {path.name: path.read_text() for path in (tmp_path / "tables").glob("comp_*.txt")}
+    config = Config("XYZ", gantry="XYYZ", unit=unit, of_joints=lines, files=comps, velocity=500.0, acceleration=3000.0)
+    length = {"mm": 1.0, "inch": 25.4}[unit]
+    ends = np.array(list(TRAVEL["cframe"].values()), float)
+    shares = np.array([0.02, 0.263, 0.5, 0.777, 0.98])
+    up = ends[:, 0] + shares[:, None] * (ends[:, 1] - ends[:, 0])
+    asked = np.concatenate([up, up[-2::-1]])
+    ways = np.sign(np.diff(asked, axis=0, prepend=np.zeros_like(asked[:1])))
+    blocks = ["G21 G53 G0 " + " ".join(f"{axis}{v:.9f}" for axis, v in zip("XYZ", row, strict=True)) for row in asked]
+    samples = linuxcnc_sim.at_rest(config, blocks)
+    assert samples.joint[:, [0, 1, 3]] * length == pytest.approx(asked, abs=1e-9)
+    assert (samples.motor[:, 1] == samples.motor[:, 2]).all(), "the bridge stays square"
+    motors = samples.motor[:, [0, 1, 3]] * length
+    assert np.abs(motors - asked).max() > 0.005
+    assert np.abs(stands(machine, errors, motors, ways) - asked).max() <= CLOSE + 1e-7 * length
+
+
 def test_a_joint_without_a_table_does_not_move(linuxcnc_sim):
     machine = load("cframe")
-    form = find_format("linuxcnc")
+    form = FORMATS["linuxcnc"]
     errors = model_of(machine, measured(machine, "X", 1))
     exported = export(machine, errors, form, parse_settings(form.settings, []), "correction", (0, 0, 0))
     assert set(exported.files) == {"comp_x.txt", "linuxcnc.ini"}

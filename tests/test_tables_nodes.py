@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinematics.user_error import UserError
-from postproc.tables.limits import Limits
-from postproc.tables.nodes import choose_nodes, fitted, squared_residual
+from postproc.control_data.tables.limits import Limits
+from postproc.control_data.tables.nodes import choose_nodes, fitted, squared_residual
 
 X = np.linspace(0.0, 500.0, 201)
 FINE = {"resolution": 1e-7, "finest": 1e-9}

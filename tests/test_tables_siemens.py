@@ -13,13 +13,11 @@ from kinematics.effects import CrossAxis, ErrorMotion
 from kinematics.error_model.model import write_model
 from kinematics.state import State
 from kinematics.user_error import UserError
-from postproc.tables.export import export
-from postproc.tables.format import parse_settings
-from postproc.tables.formats import find_format
-from postproc.tables.limits import Limits, check_terms
-from postproc.tables.readers import read_tables
-from postproc.tables.readers.source import Source
-from postproc.tables.terms import Curve, Term
+from postproc.control_data.format import parse_settings
+from postproc.control_data.formats import FORMATS
+from postproc.control_data.tables.export_tables import export
+from postproc.control_data.tables.limits import Limits, check_terms
+from postproc.control_data.tables.terms import Curve, Term
 
 CFRAME = load("cframe")
 
@@ -51,7 +49,7 @@ M17
 
 def errors_of(format, text, sign, q, approach=None, **said):
     """Own error motions E_XX E_YY E_ZZ `(n, 3)`, mm, that the tables take away."""
-    tables = read_tables(format, Source(CFRAME, {"a.ini": text}, sign, said))
+    tables = FORMATS[format].read_files(CFRAME, {"a.ini": text}, sign, [f"{k}={v}" for k, v in said.items()]).effects
     q = np.atleast_2d(np.asarray(q, float))
     state = State(q, np.zeros(q.shape) if approach is None else np.broadcast_to(approach, q.shape))
     errors = model_of(CFRAME, *tables).errors(CFRAME, state)
@@ -118,12 +116,12 @@ def sagging(size=60.0):
 def test_a_product_takes_the_sag_of_a_gantry_away(sign):
     """By what was predicted; tables of one axis alone leave a part that depends on both."""
     gantry, model = sagging()
-    form = find_format("siemens-cec")
+    form = FORMATS["siemens-cec"]
     found = {}
     for products in ("true", "false"):
         exported = export(gantry, model, form, parse_settings(form.settings, [f"products={products}"]), sign, (0, 0, 0))
         predicted = exported.errors_in_the_volume()["tool_point_um"]
-        tables = read_tables("siemens-cec", Source(gantry, exported.files, sign))
+        tables = form.read_files(gantry, exported.files, sign).effects
         rng = np.random.default_rng(7)
         q = rng.uniform(0, [5000, 3000, 1500], (4000, 3))
         corrected = q.copy()
@@ -140,7 +138,7 @@ def test_a_product_takes_the_sag_of_a_gantry_away(sign):
 
 def test_few_tables_hold_what_matters_most():
     """A 802D sl has two tables: they go to the largest of six straightness errors."""
-    form = find_format("siemens-cec")
+    form = FORMATS["siemens-cec"]
     settings = parse_settings(form.settings, ["control=802d", "products=false", "own=false"])
     sizes = {"YX": 3.0, "ZX": 50.0, "XY": 2.0, "ZY": 4.0, "XZ": 30.0, "YZ": 1.0}
     model = model_of(CFRAME, *(e for name, size in sizes.items() for e in motions(CFRAME, name, size)))

@@ -8,13 +8,13 @@ from support.tiers import quick
 
 from kinematics.effects import Cyclic, QuantisedCompensation
 from kinematics.user_error import UserError
-from postproc.tables.export import export
-from postproc.tables.format import parse_settings
-from postproc.tables.formats import find_format
+from postproc.control_data.format import parse_settings
+from postproc.control_data.formats import FORMATS
+from postproc.control_data.tables.export_tables import export
 
 
 def exported(machine, *effects, format="linuxcnc", settings=()):
-    form = find_format(format)
+    form = FORMATS[format]
     chosen = parse_settings(form.settings, settings)
     return export(machine, model_of(machine, *effects), form, chosen, form.sign or "error", (0, 0, 0))
 

@@ -26,7 +26,8 @@ from support.tiers import drawn
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.error_model.model import no_errors
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind

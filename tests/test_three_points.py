@@ -16,9 +16,9 @@ from support.three_points_cases import SERIES, TARGETS, locations, measured, mod
 from support.tiers import quick
 
 import machines
-from calibration.measurement.file import write_measurement
-from calibration.measurement.instruments import LaserTracker, Part
+from calibration.instruments import LaserTracker, Part
 from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.written_file import write_measurement
 from calibration.simulation.true_model import TABLE_1, random_true_model
 from calibration.single_axis.reference_lines import reference_line, straightness
 from calibration.single_axis.three_points import Choice, ThreePoints, identify

@@ -16,8 +16,8 @@ from support.three_points_cases import SERIES, TARGETS, measured, model, random_
 from support.tiers import quick
 
 import machines
-from calibration.measurement.file import write_measurement
 from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.written_file import write_measurement
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 

@@ -13,7 +13,7 @@ from calibration.diagnosis.search.shapes.change_points import breaks
 from calibration.diagnosis.verdict import notes
 from calibration.fit.calibrate import calibrate
 from calibration.fit.fit import fit
-from calibration.measurement.instruments import Part
+from calibration.instruments import Part
 from calibration.observation.full_model import BasisChoice, rigid_model
 from calibration.plausibility.checks import sanity
 from calibration.plausibility.times import pauses

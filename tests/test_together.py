@@ -11,9 +11,10 @@ from support.probe_cases import probed, shifted_rows, unseen_um
 from support.virtual_measurements import THREE, measured, positions, truth, written
 
 import machines
+from calibration.fit.bases.common import common_basis
 from calibration.fit.calibrate import calibrate
-from calibration.fit.together import CONTRADICTED, _common, calibrate_together
-from calibration.measurement.instruments import Interferometer
+from calibration.fit.together import CONTRADICTED, calibrate_together
+from calibration.instruments import Interferometer
 from calibration.measurement.joining import by_instrument, joined
 from calibration.measurement.plan import Choices
 from calibration.planning.strategies import plan
@@ -154,5 +155,5 @@ def test_other_machines_are_refused(two_runs, shop):
     ],
 )
 def test_the_common_basis(bases, turning, common):
-    assert _common(bases, turning=turning) == common
-    assert _common(bases[::-1], turning=turning) == common
+    assert common_basis(bases, turning=turning) == common
+    assert common_basis(bases[::-1], turning=turning) == common

@@ -8,7 +8,7 @@ from support.programs import load
 
 from kinematics.user_error import UserError
 from postproc.control.setup import Origin, make_setup
-from postproc.tool_tables import read_tool_table, read_tool_tables
+from postproc.control_data.tool_tables import read_tool_table, read_tool_tables
 
 # Layout of a TNC 410's own table (names cut at 16 characters, decimal comma), as kept in the public repository
 # aamorim1913/AptPostProcessor, machine-code/TOOL.T; the values are made up.
@@ -126,7 +126,7 @@ def test_tool_table(tmp_path, name, text, tools):
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("tool.tbl", "T1 P1 D10\n"),
+        ("tool.tbl", "P1 D10 Z30\n"),
         ("tool.tbl", "nonsense\n"),
         ("tool.tbl", "T1 Z120.5\nT2 X5 Z3\n"),
         ("tool.tbl", f"T1 Z{'9' * 400}\n"),

@@ -20,11 +20,13 @@ from calibration.fit.calibrate import in_datum as fitted_in_datum
 from calibration.fit.fit import fit
 from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.fit.set_up.repeated_centres import repeat_findings
-from calibration.measurement.balls.touch_probe import TIP as PROBE
-from calibration.measurement.file import read_measurement, write_measurement
-from calibration.measurement.instruments import TouchProbe
+from calibration.instruments import TouchProbe
+from calibration.instruments.distances import distance_design, distance_residuals
+from calibration.instruments.touch_probe import TIP as PROBE
+from calibration.measurement.file import read_measurement
 from calibration.measurement.joining import joined
 from calibration.measurement.measurement import Distance, Target
+from calibration.measurement.written_file import write_measurement
 from calibration.observation import equations
 from calibration.observation.full_model import parse_basis, with_effects
 from calibration.observation.mean_lines import mean_line
@@ -183,12 +185,12 @@ def test_outliers_are_in_the_recorded_positions():
 def test_distances_are_rows_of_the_normal_equations():
     measured, _ = probed("dmu50", 5, spheres=spheres_of("dmu50", 3, {("s1", "s2"): 0.01, ("s3", "s1"): 0.02}))
     registration, _ = first_registration(measured)
-    design = equations.distance_design(measured, registration)
-    before = equations.distance_residuals(measured, registration)
+    design = distance_design(measured.distances, registration)
+    before = distance_residuals(measured.distances, registration)
     for k in range(design.shape[1]):
         step = np.zeros(design.shape[1])
         step[k] = 1e-4
-        change = before - equations.distance_residuals(measured, registration.moved(step))
+        change = before - distance_residuals(measured.distances, registration.moved(step))
         np.testing.assert_allclose(change / 1e-4, design[:, k], atol=1e-3)
     normal = NormalEquations.zero(design.shape[1] + 2)
     normal.add_stated(measured, registration)

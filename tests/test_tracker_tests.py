@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.command import succeed
 
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.tracker_tests import PARAMETERS, fit_tests, read_tests
 from calibration.reports.tracker import tracker_report
 from calibration.study.cases import read_cases

@@ -13,7 +13,7 @@ from calibration.diagnosis.residual.unexplained import in_lengths, misread, near
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.widening import unseen_errors
 from kinematics.effects import AngleHarmonic, CrossAxis, Unnamed
-from kinematics.effects.instrument import beam
+from kinematics.effects.combined.where import beam
 
 N = 240
 TRAVELS = tuple(axis.travel for axis in CFRAME.axes)

@@ -11,7 +11,8 @@ from support.tiers import drawn
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.user_error import UserError
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind

@@ -7,7 +7,8 @@ from support.axis_positions import positions
 from support.programs import load, random_model, setup_of, source_of, written_out
 
 from kinematics.user_error import UserError
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.source import ENCODING
 

@@ -11,8 +11,9 @@ from virtual_machine import draws
 
 import machines
 from calibration.fit.calibrate import calibrate
-from calibration.measurement.file import read_measurement, write_measurement
-from calibration.measurement.instruments import Interferometer, LaserTracker
+from calibration.instruments import Interferometer, LaserTracker
+from calibration.measurement.file import read_measurement
+from calibration.measurement.written_file import write_measurement
 from calibration.simulation.simulate import observe, tracker_pose
 from kinematics.effects import FollowingError, LateReadBack
 from kinematics.error_model.model import no_errors

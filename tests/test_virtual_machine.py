@@ -20,8 +20,8 @@ from virtual_machine.session import Session
 import machines
 from calibration.measurement.file import read_measurement
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.registration import Registration
-from calibration.observation.equations import covariance, expected
+from calibration.observation.equations import covariance
+from calibration.registration.registration import Registration
 from kinematics.basis import Fourier
 from kinematics.deviation import exact_deviation
 from kinematics.effects import (
@@ -253,7 +253,7 @@ def test_the_whole_way_from_truth_to_readings_agrees(name, tmp_path):
         poses[station] = Pose(turn, -(turn @ stand.origin))
     targets = {key: np.array(t.position) for key, t in measurement.targets.items() if not t.known}
     exact = replace(measurement, state=replace(measurement.state, observed=readings))
-    seen = expected(
+    seen = exact.instrument.expected(
         exact, Registration(poses, targets=targets), model_of(name, *effects).observation(known, exact.state)
     )
     np.testing.assert_allclose(seen, readings, rtol=0, atol=1e-8)  # the beam of a range offset is 4 nm off

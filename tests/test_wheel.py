@@ -212,3 +212,27 @@ def test_the_package_has_the_addresses_of_its_repository(remote, tmp_path):
     found = dict(hatch_build.PROJECT_URL.findall(metadata))
     assert found == hatch_build.addresses(remote)
     assert bool(found) == bool(remote)
+
+
+def test_the_page_of_conventions_runs_with_the_wheel(installed: Path, tmp_path: Path) -> None:
+    page = ROOT / "docs" / "conventions.md"
+    code = f"import doctest; print(doctest.testfile({str(page)!r}, module_relative=False))"
+    done = run(installed, code, cwd=tmp_path)
+    assert re.search(r"TestResults\(failed=0, attempted=\d\d", done.stdout), done.stdout + done.stderr
+
+
+def test_the_repository_has_the_names_of_the_wheel() -> None:
+    from ncomp.kinematics.state import State as OfTheWheel  # type: ignore[import-untyped]
+
+    from kinematics.state import State
+
+    assert OfTheWheel is State
+    with pytest.raises(ModuleNotFoundError):
+        importlib.import_module("ncomp.nothing")
+
+
+def test_a_module_that_lacks_a_library_names_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "needs_a_library.py").write_text("import library_that_nobody_has\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(ModuleNotFoundError, match="'library_that_nobody_has'"):
+        importlib.import_module("ncomp.needs_a_library")

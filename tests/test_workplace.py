@@ -4,6 +4,7 @@ import json
 import os
 import pty
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -16,7 +17,7 @@ import pytest
 import machines
 import ncomp
 from kinematics.forward import forward
-from postproc.commands.show.chain import shapes
+from postproc.commands.show.chain import drawn_pose, shapes
 
 MILL = (machines.FOLDER / "gantry.toml").read_text().replace('"gantry"', '"mill"')
 RUN = [sys.executable, "-c", "from postproc.cli import run; run()"]
@@ -70,17 +71,32 @@ def test_a_calibration_beside_the_machines_is_its_own(tmp_path):
 def test_the_arrows_are_the_motion_of_the_tool_relative_to_the_workpiece(name):
     """Of each axis by the exact kinematics: the tool's point in the workpiece moves along the arrow."""
     machine = machines.load(name)
-    zero = np.zeros(len(machine.axes))
+    drawn = drawn_pose(machine)
     for shape in shapes(machine):
         if shape.kind not in ("axis", "turn"):
             continue
         i = machine.names.index(shape.axis)
         a, b = (shape.points[0], shape.points[-1]) if shape.kind == "axis" else shape.points[:2]
-        step = np.where(np.arange(len(zero)) == i, 1e-4, 0.0)
-        poses = [forward(machine, q) for q in (step, zero)]
-        there, here = (pose.rotation[0] @ a + pose.translation[0] for pose in poses)
-        moved = there - here
+        step = np.where(np.arange(len(drawn)) == i, 1e-4, 0.0)
+        here, there = (forward(machine, q) for q in (drawn, drawn + step))
+        held = here.rotation[0].T @ (a - here.translation[0])  # the same point, in the tool
+        moved = there.rotation[0] @ held + there.translation[0] - a
         assert np.dot(moved, b - a) > 0.9 * np.linalg.norm(moved) * np.linalg.norm(b - a)
+
+
+@pytest.mark.parametrize("name", machines.names())
+def test_the_tool_is_drawn_off_the_workpiece_by_its_travel(name):
+    """Each where the exact kinematics put the tool: above the workpiece, which lies within the travel."""
+    machine = machines.load(name)
+    parts = {shape.label: shape.points for shape in shapes(machine) if shape.kind == "part"}
+    nose, workpiece = parts["tool t"][0], parts["workpiece w"][:-1].mean(axis=0)
+    lifted, lowered = (drawn_pose(machine, lowered=low) for low in (False, True))
+    np.testing.assert_allclose(nose, forward(machine, lifted).translation[0], atol=1e-9)
+    np.testing.assert_allclose(workpiece, forward(machine, lowered).translation[0], atol=1e-9)
+    travel = next(axis.travel for axis in machine.axes if axis.name == "Z")
+    assert nose[2] - workpiece[2] == pytest.approx(travel[1] - travel[0])
+    for q in (lifted, lowered):
+        assert np.all((machine.travel[0] <= q) & (q <= machine.travel[1]) | machine.rotary)
 
 
 def test_a_picture_of_the_chain(command):
@@ -151,6 +167,19 @@ def test_init_with_a_machine_that_is_there(command):
     )
     assert [path.name for path in Path("job").iterdir()] == ["job.toml"]
     assert "calibration" not in Path("job/job.toml").read_text()  # the machine has one of its own
+
+
+def test_a_job_and_its_machine_move_together(command):
+    machine = (Path(__file__).parents[1] / "machines" / "gantry.toml").read_text().replace('"gantry"', '"mill"', 1)
+    Path("hall").mkdir()
+    Path("hall/mill.toml").write_text(machine)
+    given = ("--work-offset", "G54=0,0,0", "--tool-length", "T1=80", "--calibration", "none")
+    assert command("init", "hall/job", "-m", "hall/mill.toml", *given).status == 0
+    assert Path("hall/job/job.toml").read_text().startswith('machine = "../mill.toml"')
+    Path("hall/job/part.nc").write_text("G21 G90 G54\nT1 M6\nG0 X10. Y10.\nG43 H1 Z500.\nM30\n")
+    shutil.move("hall", "moved")
+    done = command("moved/job/job.toml")
+    assert done.status == 0, done.shown
 
 
 def test_init_shows_the_form_of_a_set_up_that_is_not_known(command):

@@ -37,6 +37,22 @@ for version in 3.11 3.12 3.13; do
         head -6 log # a pipe that is closed early would end the script
         ncomp simulate --machine gantry --strategy grid --points 125 --seed 1 -o data.csv
         ncomp fit data.csv --machine gantry -o "cal$version.json" --basis legendre:3 >log || { cat log; exit 1; }
+        # an effect of one's own, from the recipe: a file, and an entry point of an installed package
+        mkdir "own_effect$version"
+        sed -n '/^```python title="overshoot.py"/,/^```$/{/^```/d;s/^from kinematics/from ncomp.kinematics/;p}' \
+            "$root/docs/develop/recipes.md" >"own_effect$version/overshoot.py"
+        effect=(--effect overshoot:axis=X,size=0)
+        ncomp fit data.csv --machine gantry -o "own$version.json" --basis legendre:1 "${effect[@]}" \
+            --plugin "own_effect$version/overshoot.py" >log || { cat log; exit 1; }
+        grep -q '"plug-in overshoot.py"' "own$version.json"
+        cp "own_effect$version/overshoot.py" "own_effect$version/ncomp_overshoot.py"
+        { sed -n '/^```toml title="pyproject.toml"/,/^```$/{/^```/d;p}' "$root/docs/develop/recipes.md"
+            printf '[tool.hatch.build]\ninclude = ["ncomp_overshoot.py"]\n[build-system]\n'
+            printf 'requires = ["hatchling"]\nbuild-backend = "hatchling.build"\n'; } >"own_effect$version/pyproject.toml"
+        python -m pip install --quiet --disable-pip-version-check --no-deps "./own_effect$version"
+        ncomp fit data.csv --machine gantry -o "own$version.json" --basis legendre:1 "${effect[@]}" --plugin overshoot \
+            >log || { cat log; exit 1; }
+        grep -q '"plug-in overshoot": "ncomp-overshoot 1.0"' "own$version.json"
         ls "$folder/$version/lib/python$version/site-packages" |
             { ! grep -xE 'postproc|kinematics|calibration|grammars|machines|rendering'; }
         cd "$root"

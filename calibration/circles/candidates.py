@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, permutations
 from typing import cast
 
 import numpy as np
 
 from calibration.circles.circles import Circle
-from calibration.measurement.instruments import Ballbar
 from calibration.measurement.measurement import Measurement
 from kinematics.basis import Legendre
 from kinematics.effects import (
@@ -41,7 +41,7 @@ OTHER_WAVES = (4, 6, 8, 12)
 """Numbers of waves on a turn up to which they are tried."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Group:
     """A cause with the columns of its signal."""
 
@@ -55,6 +55,12 @@ class Group:
     """Values of the parameters that shape the columns, with units."""
     trials: float = 1.0
     """Number of independent shapes that were tried."""
+
+    @cached_property
+    def norms(self) -> Array:
+        """Norms of the columns `(k,)`, um; 1 of a column of zeros."""
+        norms = np.linalg.norm(self.columns, axis=0)
+        return np.where(norms > 0.0, norms, 1.0)
 
     @property
     def name(self) -> str:
@@ -165,7 +171,7 @@ def feeds_of(measurement: Measurement, rows: np.ndarray) -> list[float]:
 
 def radius_mm(measurement: Measurement) -> float:
     """Radius of the circles, mm: the length of the bar."""
-    assert isinstance(measurement.instrument, Ballbar)
+    assert measurement.instrument.OBSERVES == "distance"
     return measurement.instrument.length_mm
 
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.measurement.instruments import Ballbar
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import target_points
-from calibration.plausibility.recording_mistakes import misfit
+from calibration.plausibility.misfit import misfit
+from calibration.registration.observed_points import nominal_points
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
@@ -41,7 +40,7 @@ class Circle:
 
 def need_ballbar(measurement: Measurement) -> None:
     """UserError for the measurement of another instrument."""
-    if not isinstance(measurement.instrument, Ballbar):
+    if measurement.instrument.OBSERVES != "distance":
         raise UserError(f"{measurement.source}: circles need the measurement of a ballbar (# instrument: ballbar)")
 
 
@@ -63,7 +62,7 @@ def circles_of(measurement: Measurement) -> list[Circle]:
     assert measurement.feed is not None
     residual, registration = misfit(measurement)
     good = np.abs(residual[:, 0]) < GROSS_MM
-    points = target_points(measurement, None, measurement.tool)
+    points = nominal_points(measurement)
     centres = registration.sphere_centres
     arms = points - np.array([centres[name] for name in measurement.groups.tolist()])
     runs = list(dict.fromkeys(measurement.run.tolist()))

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from calibration.circles.circles import Circle
-from calibration.measurement.instruments import Ballbar
+from calibration.instruments import Ballbar
+from calibration.instruments.ballbar import LENGTH_ERROR
 from calibration.measurement.measurement import Measurement
-from calibration.observation.equations import LENGTH
-from calibration.plausibility.recording_mistakes import misfit
+from calibration.plausibility.misfit import misfit
 from kinematics.transforms import Array
 
 SECTORS = 720
@@ -59,10 +59,10 @@ def circular_tests(measurement: Measurement, circles: Sequence[Circle]) -> list[
 
 def _test(measurement: Measurement, plane: str, feed: float, circles: tuple[Circle, ...]) -> CircularTest:
     instrument = measurement.instrument
-    assert isinstance(instrument, Ballbar)
+    assert instrument.OBSERVES == "distance"
     residual, registration = misfit(measurement)
     # deviations from the nominal radius about the common centre; the error of the bar's length is in them
-    off = [1e3 * (residual[each.rows, 0] + registration.zeros[LENGTH]) for each in circles]
+    off = [1e3 * (residual[each.rows, 0] + registration.zeros[LENGTH_ERROR]) for each in circles]
     together = np.concatenate([each.angles for each in circles])
     radius, about = _least_squares(together, np.concatenate(off))
     own = [values - radius - _shift(each.angles, about) for each, values in zip(circles, off, strict=True)]

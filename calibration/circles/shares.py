@@ -8,7 +8,7 @@ dropped. A cause is tied with another one that explains the data nearly as well 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,10 +29,10 @@ from calibration.circles.result import Limit, Share, Shares
 from calibration.circles.spikes import SpikeAtFeed, spikes_by_feed
 from calibration.fit.linear import singular_values
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from calibration.observation.normal_equations import residuals
-from calibration.plausibility.recording_mistakes import misfit
+from calibration.plausibility.misfit import misfit
+from calibration.registration.registration import Registration
 from kinematics.error_model.model import no_errors
 from kinematics.transforms import Array
 
@@ -79,14 +79,16 @@ class _Selection:
     u_um: float
     candidates: tuple[Group, ...]
     chosen: tuple[Group, ...] = ()
+    gains: dict[tuple[tuple[Group, ...], Group, float], float] = field(default_factory=dict)
+    """Gains that have been worked out, by the causes in the model, the cause and the share of independent rows."""
 
     @classmethod
     def of(cls, measurement: Measurement, rows: np.ndarray, circles: Sequence[Circle]) -> _Selection:
         """The selection before its first step."""
         _, registration = misfit(measurement)
         residual = residuals(measurement, no_errors(measurement.machine), registration)[rows, 0] * 1e3
-        base = equations.registration_design(measurement, registration)[rows, 0] * 1e3
-        transform = equations.transform(measurement, registration)[:, 0] * 1e3
+        base = measurement.instrument.registration_design(measurement, registration)[rows, 0] * 1e3
+        transform = measurement.instrument.transform(measurement, registration)[:, 0] * 1e3
         u = float(np.sqrt(equations.covariance(measurement)[0, 0, 0])) * 1e3
         groups = (*candidates(measurement, transform, rows), *other_motions(measurement, rows, circles))
         return cls(measurement, rows, residual, registration, base, transform, u, groups)
@@ -158,15 +160,20 @@ class _Selection:
     def gain(self, group: Group, share_of_rows: float = 1.0) -> float:
         """Fall of BIC by a cause in addition; its noise is that of the residuals where these exceed the specified.
 
-        share_of_rows: number of independent rows as a share of all.
+        share_of_rows: number of independent rows as a share of all. Minus infinity of a cause that is hidden.
         """
-        basis, left = self._basis, self.left
-        own = _visible(group.columns - basis @ (basis.T @ group.columns), group.columns)
+        key = self.chosen, group, share_of_rows
+        if key not in self.gains:
+            self.gains[key] = self._gain(group, share_of_rows)
+        return self.gains[key]
+
+    def _gain(self, group: Group, share_of_rows: float) -> float:
+        left, own = self.left, self._visible(group)
         if not own.shape[1]:
             return -np.inf
         n, variance = len(left) * share_of_rows, self.u_um**2
         smallest = 1e-6 * len(left) * variance
-        before, removed = float(left @ left), float(np.sum((own.T @ left) ** 2))
+        before, removed = float(left @ left), float(((own.T @ left) ** 2).sum())
         specified = removed / variance
         relative = n * float(np.log(max(before, smallest) / max(before - removed, smallest)))
         cost = own.shape[1] * np.log(n) + 2.0 * np.log(group.trials)
@@ -274,12 +281,8 @@ class _Selection:
 
     def _hidden(self) -> tuple[str, ...]:
         """Candidates whose signal centre and length imitate."""
-        basis = self._orthonormal(self.base)
-        hidden = []
-        for group in self.candidates:
-            if not _visible(group.columns - basis @ (basis.T @ group.columns), group.columns).shape[1]:
-                hidden.append(group.name)
-        return tuple(dict.fromkeys(hidden))
+        bare = replace(self, chosen=())
+        return tuple(dict.fromkeys(group.name for group in self.candidates if bare.gain(group) == -np.inf))
 
     def _limits(self, noise_um: float) -> tuple[Limit, ...]:
         """Detection limits of the causes that are not in the model, of both ends alike, beside those that are."""
@@ -305,6 +308,12 @@ class _Selection:
         offset = {"xyz"[k]: float(shift[k] - 1e3 * solution[k]) for k in seen}
         return offset, {"xyz"[k]: float(1e3 * sizes[k]) for k in seen}
 
+    def _visible(self, group: Group) -> Array:
+        """Orthonormal directions `(n, k)` of the part of a cause that the model does not imitate."""
+        rest = group.columns - self._basis @ (self._basis.T @ group.columns)
+        u, values, _ = singular_values(rest / group.norms)
+        return np.asarray(u[:, values > HIDDEN])
+
     @cached_property
     def _basis(self) -> Array:
         """Orthonormal columns of centre, length and the causes in the model."""
@@ -316,13 +325,6 @@ class _Selection:
         norms = np.linalg.norm(columns, axis=0)
         u, values, _ = singular_values(columns / np.where(norms > 0.0, norms, 1.0))
         return np.asarray(u[:, values > 1e-7 * max(values[0], 1e-300)])
-
-
-def _visible(rest: Array, columns: Array) -> Array:
-    """Orthonormal directions `(n, k)` of the part of columns that others do not imitate."""
-    norms = np.linalg.norm(columns, axis=0)
-    u, values, _ = singular_values(rest / np.where(norms > 0.0, norms, 1.0))
-    return np.asarray(u[:, values > HIDDEN])
 
 
 def _rms(values: Array) -> float:

@@ -21,16 +21,16 @@ import numpy as np
 from calibration.continuous.estimate import Estimate, TableRows, estimate
 from calibration.continuous.reading import Data
 from calibration.continuous.records import QuasiStatic
-from calibration.measurement.instruments import Interferometer
+from calibration.instruments import Interferometer
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.registration import Registration
-from calibration.observation.equations import expected, transform
 from calibration.observation.mean_lines import mean_line
+from calibration.registration.registration import Registration
 from kinematics.basis import BSpline
-from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, QuantisedCompensation, Reversal
+from kinematics.effects import Backlash, Effect, ErrorMotion, Reversal
 from kinematics.effects.base import own_component, own_motion
 from kinematics.error_model.covariance import propagated
-from kinematics.error_model.model import SIMULATED, ErrorModel, Provenance, reference
+from kinematics.error_model.model import ErrorModel
+from kinematics.error_model.provenance import SIMULATED, Provenance, reference
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -278,18 +278,15 @@ def _joined(
     """Names of the replaced effects of `base`, and `base` with the effects of the axis in their stead."""
     is_replaced = _replaced_by(axis, both)
     unchanged = base.part(lambda effect: not is_replaced(effect))
-    motion = own.effects[0]
-    assert isinstance(motion, ErrorMotion)
+    motion = own.error_motions[0][0]
     nodes = np.array(motion.basis.nodes) if isinstance(motion.basis, BSpline) else np.zeros(0)
     line_readings = _along(machine, axis, nodes, line)
     registration = Registration(zeros={str(line_readings.groups[0]): 0.0})
     forward = own_motion(machine, axis)[2]
-    shown = (
-        forward * 1e3 * expected(line_readings, registration, unchanged.observation(machine, line_readings.state))[:, 0]
-    )
-    design = unchanged.observation_design(machine, line_readings.state, transform(line_readings, registration))[
-        :, 0
-    ] * (forward * 1e3)
+    effects, instrument = unchanged.observation(machine, line_readings.state), line_readings.instrument
+    shown = forward * 1e3 * instrument.expected(line_readings, registration, effects)[:, 0]
+    transform = instrument.transform(line_readings, registration)
+    design = unchanged.observation_design(machine, line_readings.state, transform)[:, 0] * (forward * 1e3)
     centred = np.eye(len(nodes)) - mean_line(motion.basis).mean
     n, old = len(own.parameters), len(unchanged.parameters)
     sensitivity = np.zeros((n, old))
@@ -311,17 +308,12 @@ def _variances(model: ErrorModel) -> Array:
 
 def _replaced_by(axis: str, both: bool) -> Callable[[Effect], bool]:
     """Condition for the effects to replace: the positioning error of the axis, and its reversal if that is known."""
-    own = own_component(axis)
 
     def is_replaced(effect: Effect) -> bool:
         """True for an effect of the present model in whose place the measured errors of the axis come."""
-        if isinstance(effect, ErrorMotion | Cyclic) and effect.component == own:
-            return effect.axis == axis
-        if isinstance(effect, Reversal) and effect.component == own:
-            return both and effect.axis == axis
-        if isinstance(effect, Backlash):
-            return both and effect.axis == axis
-        return isinstance(effect, QuantisedCompensation) and effect.axis == axis
+        if not effect.IN_POSITIONING or effect.axes != (axis,) or effect.part != "own":
+            return False
+        return both or effect.IN_POSITIONING == "mean"
 
     return is_replaced
 

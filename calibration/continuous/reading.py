@@ -67,6 +67,8 @@ def read_all(paths: Sequence[Path], header: Mapping[str, str]) -> Data:
 
     `header`: values of header keys that are missing in the files or replace those in the files.
     """
+    if not paths:
+        raise UserError("data: no file is given: name the continuous runs and the quasi-static data")
     files = [_read(path, header) for path in paths]
     runs = [file.table for file in files if file.table is not None and file.continuous]
     names = ", ".join(map(str, paths))

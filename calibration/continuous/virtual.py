@@ -16,7 +16,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from calibration.continuous.records import DIRECTION_NAMES, Record
-from calibration.measurement.instruments import Interferometer
+from calibration.instruments import Interferometer
 from calibration.measurement.measurement import Measurement
 from calibration.simulation.simulate import observe, read_out
 from kinematics.basis import BSpline
@@ -94,7 +94,9 @@ class Measured(NamedTuple):
     """Data of the virtual laser."""
 
     records: tuple[Record, ...]
+    """The continuous runs: times, s, and displacements, mm."""
     quasi: Measurement
+    """The readings at targets."""
 
 
 def measure(

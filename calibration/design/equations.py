@@ -18,7 +18,6 @@ from calibration.design.random_machines import TrueModels
 from calibration.design.volume import Volume
 from calibration.fit.linear import Part, column_space
 from calibration.measurement.measurement import Measurement
-from calibration.observation import equations
 from calibration.observation.full_model import axis_effects, least_priors, parse_basis, priors
 from kinematics.effects import Effect
 from kinematics.error_model.effect_sums import Design
@@ -51,8 +50,8 @@ class Columns:
 
     def __init__(self, setup: Setup, volumes: Sequence[Volume], other_effects: Sequence[Effect]) -> None:
         self.measurement, self.volumes, self.other_effects = setup.measurement, tuple(volumes), tuple(other_effects)
-        self._transform = setup.white @ equations.transform(setup.measurement, setup.registration)
-        own = setup.white @ equations.registration_design(setup.measurement, setup.registration)
+        self._transform = setup.white @ setup.measurement.instrument.transform(setup.measurement, setup.registration)
+        own = setup.white @ setup.measurement.instrument.registration_design(setup.measurement, setup.registration)
         self._stated = setup.stated
         flat = np.concatenate([own.reshape(-1, own.shape[2]), setup.stated])
         self._units = np.linalg.norm(flat, axis=0)

@@ -8,14 +8,13 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, TouchProbe
+from calibration.instruments import Instrument
 from calibration.measurement.measurement import Distance, Measurement
 from calibration.measurement.plan import Plan
-from calibration.measurement.registration import Registration
 from calibration.observation import equations
-from calibration.observation.equations import start
 from calibration.observation.normal_equations import whiteners
 from calibration.observation.reach import Reach, in_reach
+from calibration.registration.registration import Registration
 from calibration.simulation.simulate import at_stations, observe, tracker_pose, with_temperatures
 from kinematics.error_model.model import no_errors
 from kinematics.machine import Vector
@@ -47,7 +46,7 @@ class Setup:
     @property
     def stated(self) -> Array:
         """Derivatives `(k, registration)` of stated values, such as calibrated distances, in standard uncertainties."""
-        return equations.stated_design(self.measurement, self.registration).reshape(-1, len(self.registration.names))
+        return self.measurement.instrument.stated_design(self.measurement, self.registration)
 
 
 def laid_out(
@@ -69,7 +68,7 @@ def laid_out(
     if temperatures:
         state = with_temperatures(state, temperatures)
     repeat = len(state) // len(plan)
-    axis = np.tile(plan.axis, repeat) if isinstance(instrument, Interferometer) and plan.axis is not None else None
+    axis = np.tile(plan.axis, repeat) if instrument.OBSERVES == "deviation" and plan.axis is not None else None
     run, rows, notes = np.tile(plan.run, repeat), np.arange(len(state)), plan.notes
     if trackers and poses is not None and reach is not None:
         rows, out_of_reach = _in_reach(plan, instrument, state, poses, reach)
@@ -80,9 +79,9 @@ def laid_out(
         axis=None if axis is None else axis[rows], run=run[rows], noise_scale=0.0,
     )  # fmt: skip
     nominal = replace(nominal, source=plan.strategy, spheres=plan.spheres, distances=tuple(distances))
-    if isinstance(instrument, LaserTracker) and np.linalg.norm(nominal.observed, axis=1).min() < NEAREST_MM:
+    if instrument.STATIONED and np.linalg.norm(nominal.observed, axis=1).min() < NEAREST_MM:
         raise UserError(f"a target comes closer than {NEAREST_MM:g} mm to the tracker: move the tracker")
-    registration = start(nominal, np.ones(len(nominal), bool))
+    registration = nominal.instrument.first_registration(nominal, np.ones(len(nominal), bool))
     # rows out of reach cost no time
     minutes = plan.minutes * max(len(trackers), 1) * (len(rows) / len(state))
     return Setup(nominal, registration, poses, *_weights(nominal, weighting), minutes, tuple(notes))
@@ -93,7 +92,7 @@ def _poses(plan: Plan, instrument: Instrument, trackers: Sequence[Vector]) -> Ma
 
     UserError for a tracker without a position, and for a position of another instrument.
     """
-    if isinstance(instrument, LaserTracker):
+    if instrument.STATIONED:
         if not trackers:
             raise UserError("the position of the laser tracker is missing: state tracker = [x, y, z]")
         # the rotation of a levelled tracker about its vertical has no effect: it need not be drawn
@@ -102,7 +101,7 @@ def _poses(plan: Plan, instrument: Instrument, trackers: Sequence[Vector]) -> Ma
         raise UserError(
             f"a position of a tracker is not allowed in a measurement by {type(instrument).__name__.lower()}"
         )
-    if isinstance(instrument, TouchProbe):
+    if instrument.OBSERVES == "offset":
         return {name: Pose(np.eye(3)[None], -np.array([centre])) for name, centre in plan.spheres.items()}
     return None
 

@@ -9,7 +9,7 @@ calibration is as good, and no cause is missing, these data confirm it, and it s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import msgspec
@@ -25,11 +25,12 @@ from calibration.fit.fit import Fit, fit
 from calibration.fit.problem import FIXED
 from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import distinct_positions, moving_axes, priors
+from calibration.observation.full_model import priors
 from calibration.observation.normal_equations import whiteners
 from calibration.observation.stops_and_lines import inner_positions
 from kinematics.effects import LocationJump, StationShift
 from kinematics.error_model.model import ErrorModel
+from kinematics.files.number_text import rounded
 from kinematics.transforms import Array
 
 ESTABLISHED = 0.75
@@ -48,6 +49,8 @@ class _Comparison(NamedTuple):
     after: Stage
     none: CrossValidation | None
     present: CrossValidation | None
+    as_it_is: CrossValidation | None
+    """The calibration as it was given beside the nominal machine; None without one of other data."""
 
     @classmethod
     def of(cls, before: Stage, after: Stage, given: ErrorModel | None, less: Array | None) -> _Comparison:
@@ -59,10 +62,11 @@ class _Comparison(NamedTuple):
         freed_after, nominal = after.less(less), nominal_residuals(after.fit, less)
         none = _compared(freed_after, _of_all_rows(after, nominal))
         if given is not None:
-            present = _compared(freed_after, _of_all_rows(after, _unchanged(after, given, less)))
-        else:
-            present = None if after is before else _compared(freed_after, _held_out(before.less(less)))
-        return cls(nominal, freed_after, none, present)
+            unchanged = _unchanged(after, given, less)
+            present = _compared(freed_after, _of_all_rows(after, unchanged))
+            return cls(nominal, freed_after, none, present, _beside(after, unchanged, nominal))
+        present = None if after is before else _compared(freed_after, _held_out(before.less(less)))
+        return cls(nominal, freed_after, none, present, None)
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,13 @@ class Acceptance(Judged):
     """True where it is accepted nevertheless."""
     confirmed: bool
     """True where these data confirm the present calibration, which stays."""
+    as_it_is: CrossValidation | None = None
+    """The present calibration as it was given against the nominal machine; None without one of other data."""
+
+    @property
+    def worse_than_none(self) -> CrossValidation | None:
+        """`as_it_is` where the machine is better without the present calibration; else None."""
+        return self.as_it_is if self.as_it_is is not None and self.as_it_is.gains.worse else None
 
     @classmethod
     def of(
@@ -103,7 +114,7 @@ class Acceptance(Judged):
         given = calibration if updated else None
         shown = _Comparison.of(before, after, given, None)
         less = None if unseen is None else unseen.function
-        nominal, after, none, present = shown if less is None else _Comparison.of(before, after, given, less)
+        nominal, after, none, present, _ = shown if less is None else _Comparison.of(before, after, given, less)
         too_many = _disagreement(after)
         causes = [each for each in after.accepted if each.candidate.effect.ACTS_ON != "instrument"]
         confirmed = updated and not causes and present is not None and not present.gains.better
@@ -119,7 +130,8 @@ class Acceptance(Judged):
             reason = f"{not_better('the present calibration, updated,', none, 'the nominal machine')}. {ADVICE}"
         if reason and less is not None:
             reason += f". {FREED}"
-        return cls(shown.none, shown.present, too_many or reason, force, confirmed and not (too_many or reason))
+        confirmed = confirmed and not (too_many or reason)
+        return cls(shown.none, shown.present, too_many or reason, force, confirmed, shown.as_it_is)
 
 
 def _disagreement(after: Stage) -> str:
@@ -149,7 +161,8 @@ def against_imitation(present: CrossValidation, unexplained_um: float) -> str:
     if learned_um >= unexplained_um:
         return ""
     return (
-        f"an update of the present calibration explains {learned_um:.3g} um RMS, less than the {unexplained_um:.3g} um "
+        f"an update of the present calibration explains {rounded(learned_um, 3)} um RMS, less than the "
+        f"{rounded(unexplained_um, 3)} um "
         "of the residuals that depend on recorded variables without a known cause: it would hold a part of these. "
         f"{ADVICE}"
     )
@@ -167,7 +180,7 @@ def against_learned(unseen: UnseenErrors) -> str:
     return (
         "the residuals depend on recorded variables without a known cause, and a fit with a function of these beside "
         f"the model shows that the new model has learned a part of it: at unseen poses it would leave errors of "
-        f"{unseen.with_um:.3g} um RMS, {unseen.without_um:.3g} um are left without it. {ADVICE}"
+        f"{rounded(unseen.with_um, 3)} um RMS, {rounded(unseen.without_um, 3)} um are left without it. {ADVICE}"
     )
 
 
@@ -179,7 +192,7 @@ def _against_uncertain(unseen: UnseenErrors) -> str:
     return (
         "the residuals depend on recorded variables without a known cause, and a fit with a function of these beside "
         "the model leaves open whether the new model is an improvement: at unseen poses it should remove errors "
-        f"of {removed_um:.3g} um RMS, and it is uncertain by {unseen.uncertain_um:.3g} um. {ADVICE}"
+        f"of {rounded(removed_um, 3)} um RMS, and it is uncertain by {rounded(unseen.uncertain_um, 3)} um. {ADVICE}"
     )
 
 
@@ -194,8 +207,8 @@ def against_undecided(new: ErrorModel, measurement: Measurement, undecided_um: f
         return ""
     return (
         "causes that the data neither name nor exclude leave open whether the new model is an improvement: at unseen "
-        f"poses within the measured ranges the correction is {correction_um:.3g} um RMS, and errors of "
-        f"{undecided_um:.3g} um are expected by these causes. {ADVICE}"
+        f"poses within the measured ranges the correction is {rounded(correction_um, 3)} um RMS, and errors of "
+        f"{rounded(undecided_um, 3)} um are expected by these causes. {ADVICE}"
     )
 
 
@@ -206,7 +219,7 @@ def against_positions(stage: Stage, nominal: Array, less: Array | None = None) -
     position inside the range is predicted by a fit of the others instead. Bases that are fine for the positions predict
     poorly there; where the model becomes curves, these may predict better. nominal, less: as of `nominal_residuals`.
     """
-    for axis in moving_axes(stage.fit.measurement):
+    for axis in stage.fit.measurement.moving:
         labels = inner_positions(stage.fit.measurement, axis)
         if labels is None:
             continue
@@ -215,7 +228,7 @@ def against_positions(stage: Stage, nominal: Array, less: Array | None = None) -
         none = _compared(by_position, _of_all_rows(stage, nominal))
         if none is None or none.gains.better or (stage.base.curves and _clear(_by_curves(stage.fit, labels, less))):
             continue
-        count = distinct_positions(stage.fit.measurement, axis)
+        count = stage.fit.measurement.distinct_positions[axis]
         return (
             f"{not_better('the fit of the others', none, 'the nominal machine')}. The present model stays: the {count} "
             f"positions of {axis} do not show the errors between them; measure at about {2 * count - 1}, or at "
@@ -264,16 +277,28 @@ def _of_all_rows(stage: Stage, kept: Array) -> Array:
 
 
 def _unchanged(stage: Stage, calibration: ErrorModel, less: Array | None) -> Array:
-    """Residuals `(kept, d)`, mm and rad, of the calibration as it was given, with a registration of its own.
+    """Residuals `(kept, d)`, mm and rad, of the calibration as it was given, registered as in `nominal_residuals`.
 
     Effects of the instrument are fitted as in the new model. less: as of `nominal_residuals`.
     """
-    kept = freed(stage.fit, less)
+    kept = replace(freed(stage.fit, less), noise=None)
     machine = calibration.part(lambda effect: effect.ACTS_ON != "instrument")
     instrument = uncorrected(stage.fit.model)
     model = msgspec.structs.replace(machine, effects=(*machine.effects, *instrument.effects), covariance=None)
     prior = np.concatenate([np.full(len(machine.parameters), FIXED), priors(instrument)])
     return fit(kept, model, prior=prior).residual
+
+
+def _beside(stage: Stage, own: Array, other: Array) -> CrossValidation | None:
+    """Residuals `(kept, d)` of one model that these data did not make against those of another, by held-out block."""
+    labels, name = stage.linearised.held_out
+    labels = labels[stage.fit.kept]
+    rows = np.flatnonzero(labels >= 0)
+    if not len(rows):
+        return None
+    some = stage.fit.measurement.rows(np.flatnonzero(stage.fit.kept)[rows])
+    white = whiteners(replace(some, noise=None))
+    return summed_up(np.stack([own[rows], other[rows]]), white, some.per_micro, labels[rows], name)
 
 
 def _compared(stage: Stage, other: Array) -> CrossValidation | None:

@@ -51,6 +51,10 @@ class Conclusion:
     """Name of the model without the causes."""
     undecided: bool = False
     """True where noise larger than specified was estimated, and too few visits show whether it is noise."""
+    unit: str = "um"
+    """Unit of the residuals."""
+    between: tuple[str, ...] = ()
+    """Clauses on the axes whose errors are uncertain between their measured positions."""
     at_an_end: bool = False
     """True where the outliers lie at one end and are off alike, as after a knock."""
 
@@ -74,7 +78,7 @@ class Conclusion:
             them = "it" if len(self.verdicts) == 1 else "them"
             text = f"Missing in the present model: {named}. With {them}: {improvement}."
             return " ".join([text, *self._still(), *self._not_used()])
-        return " ".join([f"{self._without_causes()}; {improvement}.", *self._not_used()])
+        return " ".join([f"{improvement[0].upper()}{improvement[1:]}. {self._without_causes()}.", *self._not_used()])
 
     def _still(self) -> Iterator[str]:
         """Sentence on the residual beside named causes; none for noise."""
@@ -117,18 +121,18 @@ class Conclusion:
 
     def residual(self, rms_um: float, noise_um: float) -> str:
         """Size and property of the residual; the ratio to the noise only where the residual may be noise."""
-        size = f"{rms_um:.2f} um RMS"
+        size = f"{rms_um:.2f} {self.unit} RMS"
         if self.condition == "depends":
             return (
                 f"{size}; {self.dependence}{'; this dependence was added as an unnamed effect' if self.added else ''}"
             )
         if self.condition == "not noise":
-            return f"{size}; it is not noise ({self._failing}), and no function of the recorded variables explains it"
+            return f"{size}; it is not noise, and no function of the recorded variables explains it"
         size = f"{size}, {rms_um / max(noise_um, 1e-12):.2f} times the noise"
         if self.condition == "too large":
-            return f"{size}; it is larger than the specified noise ({self._failing})"
+            return f"{size}; it is larger than the specified noise"
         if self.condition == "untested":
-            return f"{size}; too few data are left for a test of it ({self._freedom})"
+            return f"{size}; too few data are left for a test of it"
         return f"{size}; it depends on no recorded variable"
 
     @property
@@ -182,10 +186,11 @@ class Conclusion:
             yield "No measurement that can be planned from these data separates the tied causes."
         if "weak" in self.verdicts:
             yield "Measure the same positions again: the data confirm a weak cause, or it disappears."
-        yield (
-            "No further measurement is needed: no cause is weak or tied, and the residuals depend on no recorded "
-            "variable."
-        )
+        needless = "no cause is weak or tied, and the residuals depend on no recorded variable"
+        if self.between:
+            yield f"Causes need no further measurement: {needless}. But {'; '.join(self.between)}."
+        else:
+            yield f"No further measurement is needed: {needless}."
 
     @property
     def notes(self) -> Iterator[str]:

@@ -47,7 +47,7 @@ from calibration.fit.set_up.target_positions import TargetPosition
 from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
-from calibration.plausibility.checks import Finding
+from calibration.plausibility.finding import Finding
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress, numbered, silent
@@ -187,7 +187,7 @@ def _concluded(
         causes=tuple(given.causes),
         finer=evidence.finer,
         unexplained_share=after.linearised.squares / in_terms_of(evidence.bare, after.linearised),
-        not_visible=(*not_visible(evidence.evaluated), *below_spacing(measurement)),
+        not_visible=(*not_visible(evidence.evaluated, measurement), *below_spacing(measurement)),
         untested=tuple(start.untested),
         identifiability=identifiability(after.fit) if after.fit.prior.ndim == 1 else None,
         unexplained=dependence,

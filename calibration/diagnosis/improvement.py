@@ -13,8 +13,6 @@ from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.fit.acceptance import ARM, measures_angles
 from calibration.fit.fit import Fit
 from calibration.fit.linear import pseudo_inverse
-from calibration.measurement.instruments import LaserTracker
-from calibration.observation.full_model import distinct_positions, moving_axes
 from calibration.observation.normal_equations import whitened, whiteners
 from kinematics.basis import BSpline
 from kinematics.deviation import exact_deviation
@@ -95,7 +93,7 @@ def in_micro(fit: Fit, values: Array) -> Array:
     A tracker's are in x, y, z of the part on which it is set up.
     """
     measurement = fit.measurement
-    if isinstance(measurement.instrument, LaserTracker):
+    if measurement.instrument.BY_BEAM:
         values = np.einsum("nji,nj->ni", fit.registration.rotations(measurement), values)
     return np.asarray(values * measurement.per_micro)
 
@@ -127,10 +125,10 @@ def closure(linearised: LinearisedFit) -> float | None:
     if beyond <= 3.0 * np.sqrt(2.0 * linearised.degrees_of_freedom):
         return 0.0
     columns = []
-    for axis, interval in moving_axes(measurement).items():
-        size = max(2, min(FINEST, distinct_positions(measurement, axis) // 2))
+    for axis, interval in measurement.moving.items():
+        size = max(2, min(FINEST, measurement.distinct_positions[axis] // 2))
         basis = BSpline(tuple(np.linspace(*interval, size).tolist()), 1)
-        motions = {e.component for e in linearised.fit.model.effects if isinstance(e, ErrorMotion) and e.axis == axis}
+        motions = {e.component for e, _ in linearised.fit.model.error_motions if e.axis == axis}
         columns += [
             linearised.columns(ErrorMotion(c, axis, basis, (0.0,) * size, u=(0.0,) * size)) for c in sorted(motions)
         ]

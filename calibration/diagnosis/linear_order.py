@@ -16,8 +16,9 @@ from calibration.fit.bases.search import Choice
 from calibration.fit.cross_validation import CrossValidation, Gains, predicted_by_others
 from calibration.fit.fit import Fit, fit
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes, with_effects
+from calibration.observation.full_model import with_effects
 from calibration.observation.stops_and_lines import held_out_blocks
+from kinematics.files.number_text import rounded
 
 MISFIT = 4.0
 """chi2 per degree of freedom, by the instrument specification, below which the order is not doubted."""
@@ -48,9 +49,9 @@ def other_order(measurement: Measurement, choice: Choice) -> str:
         return ""
     return (
         f"the data fit the chain {best.measurement.machine.chain} better than {measurement.machine.chain} of the "
-        f"machine's file: held-out {after.name} {before.rms_um:.3g} -> {after.rms_um:.3g} um RMS, chi2/dof "
-        f"{own.chi2_reduced:.3g} -> {best.chi2_reduced:.3g}. Check the order of the axes: the file's order is used, "
-        "and a cross-axis error may be a consequence of it"
+        f"machine's file: held-out {after.name} {rounded(before.rms_um, 3)} -> {rounded(after.rms_um, 3)} um RMS, "
+        f"chi2/dof {own.chi2_reduced:.3g} -> {best.chi2_reduced:.3g}. Check the order of the axes: the file's order is "
+        "used, and a cross-axis error may be a consequence of it"
     )
 
 
@@ -60,7 +61,7 @@ def _fitted(measurement: Measurement, choice: Choice) -> Fit:
 
 
 def _held_out(found: Fit, choice: Choice) -> CrossValidation | None:
-    good = found.measurement.rows(np.flatnonzero(found.kept))
+    good = found.good
     return predicted_by_others(
         good, *held_out_blocks(good), lambda others: _fitted(good.rows(np.flatnonzero(others)), choice)
     )
@@ -68,7 +69,7 @@ def _held_out(found: Fit, choice: Choice) -> CrossValidation | None:
 
 def _exchanged(measurement: Measurement) -> Iterator[Measurement]:
     """The measurement as one of machines with two linear axes exchanged."""
-    machine, moving = measurement.machine, moving_axes(measurement)
+    machine, moving = measurement.machine, measurement.moving
     for i, (one, other) in enumerate(zip(machine.axes[:-1], machine.axes[1:], strict=True)):
         linear = not (one.rotary or other.rotary) and one.side == other.side
         if linear and one.name in moving and other.name in moving:

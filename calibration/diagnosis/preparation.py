@@ -22,11 +22,11 @@ from calibration.fit.acceptance import refuse_few, too_few
 from calibration.fit.identifiability import identifiability
 from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
-from calibration.measurement.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import is_log, moving_axes
+from calibration.observation.full_model import is_log
 from calibration.observation.outliers import Variance
-from calibration.plausibility.checks import Finding, usable
+from calibration.plausibility.checks import usable
+from calibration.plausibility.finding import Finding
 from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress
 from kinematics.user_error import UserError
@@ -75,7 +75,7 @@ def prepared(
         free = [line.name for line in base.lines]
         candidates += [each for each in changes(base.present.model) if each.effect.name not in free]
     # in the log of a moving axis waves are no rare causes, and larger than others
-    log = all(is_log(measurement, axis) for axis in moving_axes(measurement))
+    log = all(is_log(measurement, axis) for axis in measurement.moving)
     search = Search(proposed_shapes.proposals)
     if not log:
         search = Search(proposed_shapes.dominant, by_chance=ByChance(candidates, PERIODIC))
@@ -101,7 +101,7 @@ def _determined(selector: Selector) -> Selector:
     moved = moved_spheres(measurement)
     if moved:
         raise UserError(f"{measurement.source}: {moved}")
-    of_spheres = isinstance(measurement.instrument, TouchProbe)
+    of_spheres = measurement.instrument.OBSERVES == "offset"
     base = selector.base
     coarser = selector.on(base.coarsest(measurement) if of_spheres else base.coarser(measurement, selector.progress))
     refuse_few([coarser.bare.fit], identifiability(coarser.bare.fit))
@@ -126,7 +126,7 @@ def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding], list
 
 def _with_station(measurement: Measurement) -> Measurement:
     """The measurement; where it names no station of a tracker, all rows are of one, which may have been knocked."""
-    if measurement.state.station is not None or not isinstance(measurement.instrument, LaserTracker):
+    if measurement.state.station is not None or not measurement.instrument.STATIONED:
         return measurement
     return replace(measurement, state=replace(measurement.state, station=measurement.groups))
 

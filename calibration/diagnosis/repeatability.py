@@ -16,7 +16,6 @@ from scipy import special
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from calibration.measurement.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.normal_equations import whitened, whiteners
@@ -78,7 +77,7 @@ def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
     own = measurement.rows(np.flatnonzero(kept))
     if not len(own):
         return None
-    if isinstance(own.instrument, TouchProbe):
+    if own.instrument.OBSERVES == "offset":
         own = _as_readings(own)
     states = position_numbers(own)
     close = _repeated(own, _clusters(own, states))
@@ -183,7 +182,7 @@ def _components(measurement: Measurement, deviations: Array, degrees_of_freedom:
     """Noise by direction, separately for rows of linear and of rotary axes."""
     covariance = equations.covariance(measurement)
     share = degrees_of_freedom / len(deviations)
-    if not isinstance(measurement.instrument, LaserTracker):
+    if not measurement.instrument.BY_BEAM:
         names = ["deviation"] if measurement.instrument.components == 1 else list("xyz")[: deviations.shape[1]]
         micro = measurement.per_micro[:, 0]
         found = []

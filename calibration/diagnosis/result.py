@@ -31,21 +31,24 @@ from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.identifiability import Identifiability
 from calibration.measurement.estimated_noise import EstimatedNoise
 from calibration.measurement.measurement import Measurement
-from calibration.plausibility.checks import Finding
-from kinematics.effects import Effect, Unnamed
+from calibration.plausibility.finding import Finding
+from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
-from kinematics.files.number_text import probability
+from kinematics.files.number_text import amount, probability
+from rendering.shown import Shown
 
 LEFT = 0.01
 """Chance that residuals of pure noise are found to depend on something."""
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Shown):
     """Result of a diagnosis: the data, the fits before and after, the causes and the new calibration."""
 
     measurement: Measurement
+    """The measurement."""
     base: Base
+    """The model at the beginning."""
     before: Stage
     """Fit of the present model; of a calibration of other data as it is."""
     named: Stage
@@ -55,17 +58,23 @@ class Diagnosis:
     model: ErrorModel
     """The new calibration: the machine's effects, without the instrument's; the present one where it is confirmed."""
     findings: tuple[Finding, ...]
+    """Anomalies of the data."""
     repeats: Repeats | None
+    """Scatter of rows that were measured again; None without such rows."""
     tests: tuple[Test, ...]
     """Whiteness tests of the residuals of the present model."""
     tests_after: tuple[Test, ...]
+    """Whiteness tests of the residuals with the causes."""
     causes: tuple[Named, ...]
+    """Causes that the data support, with sizes, um or their own unit, and standard uncertainties."""
     finer: tuple[Effect, ...]
     """Error motions whose bases the search has refined beyond those of their axes."""
     unexplained_share: float
     """Squares of the residuals with all causes, as a share of those without any; reference as of the causes' shares."""
     not_visible: tuple[NotVisible, ...]
+    """Errors that the data do not show, by name."""
     untested: tuple[Untested, ...]
+    """Causes that the data cannot show, with the reason."""
     identifiability: Identifiability | None
     """Identifiability of the error motions; None where a calibration of other data is the prior knowledge."""
     unexplained: Unexplained | None
@@ -90,6 +99,7 @@ class Diagnosis:
     closure: float | None
     """Share of the residual beyond the noise that no rigid chain can explain; None where the data are too few."""
     volume: Volume
+    """Errors of the machine over its volume, um."""
     proposed_measurements: tuple[ProposedMeasurement, ...]
     """Proposed measurements: first for an unexplained dependence, then by predicted information per minute."""
     acceptance: Acceptance
@@ -100,6 +110,14 @@ class Diagnosis:
     """Uncertainty between the positions of each axis that was measured at few."""
     machine_change: MachineChange | None
     """Change of the machine since its present calibration; None without one of other data."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        causes = ", ".join(cause.effect.name for cause in self.causes) or "no cause found"
+        return (
+            f"{self.model.machine.name}, {self.before.fit.rms_um:.3g} -> {self.after.fit.rms_um:.3g} um RMS: {causes}"
+        )
 
     @property
     def reason(self) -> str:
@@ -114,13 +132,12 @@ class Diagnosis:
     @cached_property
     def significant_share(self) -> float:
         """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
-        kept = self.after.fit.measurement.rows(np.flatnonzero(self.after.fit.kept))
-        return significant_share(relative_deviations(self.model, kept))
+        return significant_share(relative_deviations(self.model, self.after.fit.good))
 
     @property
     def with_unnamed(self) -> bool:
         """True where the new model has unnamed effects."""
-        return any(isinstance(each.candidate.effect, Unnamed) for each in self.after.accepted)
+        return any(not each.candidate.effect.NAMES_CAUSE for each in self.after.accepted)
 
     @property
     def unexplained_um(self) -> float:
@@ -132,7 +149,8 @@ class Diagnosis:
     def _depends_on(self, left: Unexplained) -> str:
         """`9.1 um depend on X, time (p = 0.005)`, and the period of a swing."""
         swings = "" if self.swing is None else f" and swing with a period of {self.swing.period:.4g} s"
-        return f"{self.unexplained_um:.2f} um depend on {left.listed} ({probability(left.p_value, 2)}){swings}"
+        size = amount(self.unexplained_um, self.measurement.unit)
+        return f"{size} depend on {left.listed} ({probability(left.p_value, 2)}){swings}"
 
     @cached_property
     def one_by_one(self) -> list[Dependence]:
@@ -190,6 +208,8 @@ class Diagnosis:
             fit.degrees_of_freedom,
             "the present model" if self.base.present is None else "the present calibration, updated by these data,",
             fit.measurement.noise is not None and fit.measurement.noise.undecided,
+            fit.measurement.unit,
+            tuple(str(each) for each in self.between_positions if each.exceeds(fit.rms_um, fit.measurement.unit)),
             any(cause.kind == "outliers" and cause.verdict == "tied" for cause in self.causes),
         )
 

@@ -200,7 +200,7 @@ def _with_bases(selector: Selector, known: Sequence[Accepted]) -> Found:
 
 def _forms(accepted: Sequence[Accepted]) -> list[tuple[object, ...]]:
     """Forms of causes, and the moments of those that begin at one: a fit refines their other shapes."""
-    return [(*each.candidate.form, getattr(each.candidate.effect, "since_s", None)) for each in accepted]
+    return [(*each.candidate.form, each.candidate.effect.moment) for each in accepted]
 
 
 def _noisier(stage: Stage) -> bool:

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.not_visible import REMEDIES
+from calibration.diagnosis.not_visible import shown_by
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.evaluation import EVEN, SEEN, complexity
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
@@ -61,7 +61,7 @@ def separability(linearised: LinearisedFit, library: Sequence[Candidate]) -> lis
             "not visible" if one.visible < SEEN else "tied" if ties[i] else "visible",
             one.visible,
             tuple(sorted(ties[i], key=lambda tie: -tie[1])),
-            REMEDIES.get(each.kind, "other positions"),
+            shown_by(each),
         )
         for i, (each, one) in enumerate(zip(causes, apart, strict=True))
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -16,9 +16,11 @@ from calibration.fit.datum import to_datum
 from calibration.fit.fit import Fit
 from calibration.fit.location_errors import split_locations, transformed
 from calibration.observation.full_model import priors
-from kinematics.effects import UM, Effect, ErrorMotion, LocationJump, Scale
+from calibration.observation.mean_lines import AT_ORIGIN, about_own_points, arms_of
+from kinematics.effects import UM, Effect, ErrorMotion, Scale
 from kinematics.effects.base import own_component, own_motion
-from kinematics.error_model.model import SIMULATED, ErrorModel, Provenance
+from kinematics.error_model.model import ErrorModel
+from kinematics.error_model.provenance import SIMULATED, Provenance, plugin_inputs
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.version import VERSION
@@ -32,31 +34,24 @@ def new_calibration(
     beside: variables of a function beside which the model was fitted, as a list in words; empty without one.
     """
     calibrated = base.present
-    if calibrated is None:
-        model = in_datum(fit)
-    else:
-        model = merged(fit.measurement.machine, fit.model, len(calibrated.model.effects))
+    model = in_datum(fit) if calibrated is None else _merged(fit, len(calibrated.model.effects))
     found = f"; added: {', '.join(causes)}" if causes else ""
     found += f"; beside a function of {beside}" if beside else ""
     before = {} if present is None else {**present.provenance.inputs, "present calibration": present.id}
     simulated = fit.measurement.simulated or (present is not None and present.invented)
+    own = model.part(lambda effect: effect.ACTS_ON != "instrument")
     provenance = Provenance(
         made_by=f"ncomp {VERSION}",
         made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
         source=f"diagnosis of {fit.observations} observations, chi2/dof {fit.chi2_reduced:.3g}{found}"
         f"{f', {SIMULATED}' if simulated else ''}",
-        inputs={**before, fit.measurement.source: fit.measurement.fingerprint},
+        inputs={**before, fit.measurement.source: fit.measurement.fingerprint, **plugin_inputs(own.effects)},
         valid_days=msgspec.UNSET if present is None else present.provenance.valid_days,
+        measured_on=msgspec.UNSET if fit.measurement.measured is None else fit.measurement.measured,
         temperatures_degC=_temperatures(fit, present) or msgspec.UNSET,
     )
-    own = model.part(lambda effect: effect.ACTS_ON != "instrument")
-    effects = tuple(map(lasting, own.effects))
+    effects = tuple(effect.lasting() for effect in own.effects)
     return msgspec.structs.replace(own, effects=effects, provenance=provenance, demonstration=False)
-
-
-def lasting(effect: Effect) -> Effect:
-    """The effect as a calibration has it: after its moment a jump is permanent, whenever later data begin."""
-    return msgspec.structs.replace(effect, since_s=None) if isinstance(effect, LocationJump) else effect
 
 
 def _temperatures(fit: Fit, present: ErrorModel | None) -> dict[str, tuple[float, float]]:
@@ -69,22 +64,29 @@ def _temperatures(fit: Fit, present: ErrorModel | None) -> dict[str, tuple[float
     return ranges
 
 
-def merged(machine: Machine, model: ErrorModel, calibrated: int) -> ErrorModel:
+def _merged(fit: Fit, calibrated: int) -> ErrorModel:
+    """The fitted model as of `merged`."""
+    return merged(fit.measurement.machine, fit.model, calibrated, arms_of(fit.measurement))
+
+
+def merged(machine: Machine, model: ErrorModel, calibrated: int, arms: Mapping[str, Array] = AT_ORIGIN) -> ErrorModel:
     """The model with one error motion for each axis and component, in the finest of its nested bases.
 
     A scale becomes part of the positioning error. Effects that differ only in linear parameters are one, with the sum
     of their parameters. calibrated: number of effects of the present calibration, which come first and keep their
-    datum. The additional errors are moved into the datum, and its mean lines become location errors.
+    datum. The additional errors are moved into the datum, and its mean lines become location errors. arms: those of the
+    measured points, as `arms_of`.
     """
-    kept, into = _joined(machine, model.effects)
+    own_points, turned = about_own_points(model)
+    kept, into = _joined(machine, own_points)
     whole = msgspec.structs.replace(model, effects=kept, covariance=None)
-    located, split = split_locations(machine, whole)
+    located, split = split_locations(machine, whole, arms)
     matrix = np.eye(len(split), len(into), len(into) - len(split)) @ into
     end = sum(len(effect.parameters) for effect in model.effects[:calibrated])
     if any(isinstance(effect, (ErrorMotion, Scale)) for effect in model.effects[calibrated:]):
-        matrix[:, end:] = split @ to_datum(machine, whole, priors(whole)) @ into[:, end:]
+        matrix[:, end:] = split @ to_datum(machine, whole, priors(whole), arms) @ into[:, end:]
     final, together = _joined(machine, located)
-    return transformed(model, final, together @ matrix)
+    return transformed(model, final, together @ matrix @ turned)
 
 
 def _joined(machine: Machine, effects: Sequence[Effect]) -> tuple[tuple[Effect, ...], Array]:

@@ -19,22 +19,13 @@ from calibration.diagnosis.search.shapes.spectra import aliases
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.diagnosis.search.sudden_changes import like_outliers
 from calibration.fit.fit import Fit
-from calibration.measurement.instruments import Part
 from kinematics.effects import (
-    Backlash,
-    CrossAxis,
     Cyclic,
     Effect,
     ErrorMotion,
-    LocationError,
     Outliers,
     QuantisedCompensation,
-    Scale,
-    Settling,
-    TargetOffset,
-    TrackerDrift,
     UnknownApproach,
-    Unnamed,
 )
 from kinematics.error_model.model import ErrorModel
 
@@ -74,17 +65,23 @@ class Named:
     """A cause that the data support."""
 
     kind: str
+    """Kind of the cause (docs/diagnosis.md)."""
     effect: Effect
     """The effect with its parameters and standard uncertainties."""
     delta_bic: float
+    """Change of the BIC by this cause."""
     heldout_gain_um: float
+    """Improvement of the prediction of held-out data, um RMS."""
     share: float
     """Share of the squares without any cause that this cause explains; squares in units of the noise."""
     verdict: Verdict
+    """How sure the cause is: strong, tied or weak."""
     visible: float
     """Share of its signal that neither the model nor the registration can imitate."""
     alternatives: tuple[Alternative, ...] = ()
+    """Causes that explain the data about as well."""
     notes: tuple[str, ...] = ()
+    """Notes for the user."""
     present: Effect | None = None
     """Effect of the present calibration that it changes; None where it is a cause of its own."""
 
@@ -128,8 +125,7 @@ def named(stage: Stage, before: LinearisedFit, model: ErrorModel) -> list[Named]
     """The accepted causes of a stage, the best first, unnamed effects last.
 
     before: the linearised fit without any of them. model: that of the stage, with the sizes of the result; its error
-    motions are curves. A line that is tied, and may be the mean of a cross-axis error that is a cause, is no further
-    one.
+    motions are curves.
     """
     found = []
     whole = in_terms_of(before, stage.linearised)
@@ -156,44 +152,19 @@ def named(stage: Stage, before: LinearisedFit, model: ErrorModel) -> list[Named]
                 each.candidate.changes,
             )
         )
-    apart = [cause for cause in found if cause.verdict != "tied" or not _is_mean_of_another(cause, found)]
-    return sorted(apart, key=lambda cause: (isinstance(cause.effect, Unnamed), cause.delta_bic))
-
-
-def _is_mean_of_another(cause: Named, others: Sequence[Named]) -> bool:
-    """True for a scale or a location error that may be the mean of a cross-axis error among other causes."""
-    line = cause.effect
-    return isinstance(line, LocationError | Scale) and any(may_be_mean(line, other.effect) for other in others)
+    return sorted(found, key=lambda cause: (not cause.effect.NAMES_CAUSE, cause.delta_bic))
 
 
 def with_changed_lines(causes: Sequence[Named], change: MachineChange, given: Stage, after: Stage) -> list[Named]:
     """The causes, and the scales and location errors that differ from the calibration as it was given.
 
-    Where a line is a cause already, its size becomes that of the whole difference. The mean of a cross-axis error that
-    is a cause is no further one.
+    Where a line is a cause already, its size becomes that of the whole difference.
     """
     lines = {line.name: line for line in change.lines}
     sized = [replace(cause, effect=lines.get(cause.effect.name, cause.effect)) for cause in causes]
     known = {cause.effect.name for cause in causes}
     new = [line for line in change.lines if line.name not in known]
-    new = [line for line in new if not any(may_be_mean(line, cause.effect) for cause in causes)]
     return [*sized, *(each for each in _changed_lines(change, given, after) if each.effect in new)]
-
-
-def may_be_mean(line: LocationError | Scale, effect: Effect) -> bool:
-    """True if an error of the kind of a cross-axis effect, which leaves out its mean, may have a line as its mean.
-
-    The mean over one of its axes displaces along the component, by the position of the other: a scale, or a squareness.
-    """
-    if not isinstance(effect, CrossAxis) or effect.component in ANGLES:
-        return False
-    if isinstance(line, Scale):
-        return line.axis == effect.component and line.axis in (effect.axis, effect.other)
-    if line.component not in ANGLES:
-        return False
-    # E_B0Z: Z and X are not square, X moves along Z or Z along X
-    plane = set(LINEAR) - {LINEAR[ANGLES.index(line.component)]}
-    return line.axis in plane and any({effect.component, axis} == plane for axis in (effect.axis, effect.other))
 
 
 def _changed_lines(change: MachineChange, given: Stage, after: Stage) -> Iterator[Named]:
@@ -306,41 +277,15 @@ def _with_uncertainty(effect: Effect, without: LinearisedFit) -> Effect:
 
 def notes(linearised: LinearisedFit, effect: Effect) -> Iterator[str]:
     """Notes on a cause: other periods that fit as well, and the meaning of a size with an unusual sign."""
-    if isinstance(effect, Backlash) and effect.width < 0.0:
-        yield (
-            "a negative width: the axis runs beyond its command after a reversal; the control's own backlash value is "
-            f"probably larger than the real backlash by {-effect.width:.2g} {_unit(effect)}: check it, and measure "
-            "a reversal while it is set to 0"
-        )
-    if isinstance(effect, Settling) and effect.share_ppm < 0.0:
-        yield (
-            f"a negative share: the axis is beyond its command by {-effect.share_ppm:.2g} ppm of its last move; the "
-            "position loop overshoots, or the reading came early, while the axis still swung back: check the dwell "
-            "time before a reading, and the gain of the position loop"
-        )
-    if isinstance(effect, TrackerDrift) and isinstance(linearised.measurement.instrument, Part):
-        yield (
-            "the part, or the measuring machine, drifted while it measured; the machine tool has no part in it: let "
-            "the part reach the temperature of the room, and measure some features once more at the end"
-        )
-    if isinstance(effect, TargetOffset) and effect.since_s is None:
-        size = ", ".join(f"{1e-3 * value:.3f}" for value in effect.offset_um)
-        u = 2e-3 * max(effect.uncertainties)
-        yield (
-            f"target {effect.target}: its position on the tool differs by ({size}) mm +- {u:.2g} mm (k=2) from the "
-            "stated one: measure it, and correct the header"
-        )
+    yield from effect.remarks
+    if effect.ON_PART and not linearised.measurement.instrument.CLOCK_OF_MACHINE:
+        yield effect.ON_PART
     if isinstance(effect, Cyclic):
         others = aliases(linearised.positions(effect.axis), effect.period)
         if others:
             unit = "deg" if effect.axis[0] in "ABC" else "mm"
             listed = ", ".join(f"{p:.4g}" for p in others)
             yield f"positions on a lattice do not distinguish its period from {listed} {unit}"
-
-
-def _unit(effect: Effect) -> str:
-    """Unit of the first parameter of an effect."""
-    return effect.parameter_table[0].unit
 
 
 def _covariances(fit: Fit, rows: np.ndarray) -> np.ndarray:

@@ -15,15 +15,14 @@ from calibration.fit.cross_validation import CrossValidation, uncorrected
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability
 from calibration.fit.prediction import RelativeDeviation, relative_at_most
-from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes
-from calibration.observation.normal_equations import whitened, whiteners
+from calibration.observation.normal_equations import decorrelation_of, whitened, whiteners
 from calibration.observation.outliers import MOST, too_many
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS
 from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import error_transform_with_tool
+from kinematics.files.number_text import rounded
 from kinematics.forward import forward
 from kinematics.state import State
 from kinematics.transforms import Array, by_turn
@@ -83,9 +82,9 @@ def too_few(fits: Sequence[Fit], identified: Identifiability) -> str:
             "registration absorbs every motion; measure positions at which an axis moves"
         )
     # the priors determine the parameters of a basis finer than cubics where the rows do not
-    moving = {axis for found in fits for axis in moving_axes(found.measurement)}
+    moving = {axis for found in fits for axis in found.measurement.moving}
     unknown = registered + min(identified.parameters - identified.by_convention, CUBIC * len(COMPONENTS) * len(moving))
-    information = sum(_information(found.measurement.rows(np.flatnonzero(found.kept))) for found in fits)
+    information = sum(_information(found.good) for found in fits)
     observations = sum(found.observations for found in fits)
     components = max(found.measurement.components for found in fits)
     determined = registered + identified.rank_registered
@@ -135,17 +134,16 @@ def disagreement(found: Fit) -> str:
 def nominal_residuals(found: Fit, less: Array | None = None) -> Array:
     """Residuals `(kept, d)`, mm and rad, of the nominal machine in the kept rows, with a registration of its own.
 
-    Effects of the instrument are fitted as in the model found. less: values `(n, d)`, mm and rad, of all rows, of which
-    the observations are freed.
+    The registration is that of the instrument's specification: estimated noise describes what the model found leaves,
+    and would register another model by it. Effects of the instrument are fitted as in the model found. less: values
+    `(n, d)`, mm and rad, of all rows, of which the observations are freed.
     """
-    return fit(freed(found, less), uncorrected(found.model)).residual
+    return fit(replace(freed(found, less), noise=None), uncorrected(found.model)).residual
 
 
 def freed(found: Fit, less: Array | None) -> Measurement:
     """The kept rows of a fit, their observations less values `(n, d)`, mm and rad, of all rows; None for none."""
-    whole = found.measurement
-    measurement = whole if less is None else replace(whole, observed=whole.observed - less)
-    return measurement.rows(np.flatnonzero(found.kept))
+    return found.good if less is None else replace(found.good, observed=found.good.observed - less[found.kept])
 
 
 def refuse_worse(found: Fit, before: Array, held_out: CrossValidation | None) -> None:
@@ -167,12 +165,12 @@ def reason_against(found: Fit, before: Array, held_out: CrossValidation | None) 
             f"; chi2/dof is {found.chi2_reduced:.2g}: the stated uncertainty of the instrument is too large for these "
             "data; 'ncomp fit --noise estimate' takes it from the residuals"
         )
-    kept = found.measurement.rows(np.flatnonzero(found.kept))
+    kept = found.good
     rms_um = float(np.sqrt(np.mean((before * kept.per_micro) ** 2)))
-    white = whiteners(kept)
-    squares = float(np.sum(Decorrelation.of(kept.noise, white).apply(whitened(white, before)) ** 2))
+    squares = float(np.sum(decorrelation_of(kept).apply(whitened(whiteners(kept), before)) ** 2))
     if found.rms_um > rms_um and found.chi2 > squares:
-        return f"the fit leaves {found.rms_um:.3g} um RMS, more than the nominal machine ({rms_um:.3g} um). {advice}"
+        sizes = rounded(found.rms_um, 3), rounded(rms_um, 3)
+        return f"the fit leaves {sizes[0]} um RMS, more than the nominal machine ({sizes[1]} um). {advice}"
     if held_out is not None and not held_out.gains.better:
         return f"{not_better('the fit of the others', held_out, 'the nominal machine')}. {advice}"
     return ""
@@ -180,7 +178,11 @@ def reason_against(found: Fit, before: Array, held_out: CrossValidation | None) 
 
 def not_better(model: str, held_out: CrossValidation, other: str) -> str:
     """Clause that a model does not predict the held-out blocks better than another one, with both figures."""
-    own, others, name = f"{held_out.rms_um:.3g} um RMS", f"{held_out.other_rms_um:.3g} um", held_out.name
+    own, others, name = (
+        f"{rounded(held_out.rms_um, 3)} um RMS",
+        f"{rounded(held_out.other_rms_um, 3)} um",
+        held_out.name,
+    )
     if held_out.gains.worse:
         weighted = held_out.rms_um < held_out.other_rms_um
         units = ", in units of the instrument's uncertainty" if weighted else ""
@@ -231,8 +233,8 @@ def refuse_uncertain(model: ErrorModel, measurement: Measurement) -> None:
     rms_um, u_um = (1e3 * float(np.sqrt(np.sum(each**2) / ANYWHERE)) for each in (deviation, u))
     if 0.0 < rms_um < math.sqrt(2.0) * u_um:
         raise UserError(
-            f"{measurement.source}: within the measured ranges of all axes the correction is {rms_um:.3g} um RMS, with "
-            f"a standard uncertainty of {u_um:.3g} um: it would add more error than it removes "
+            f"{measurement.source}: within the measured ranges of all axes the correction is {rounded(rms_um, 3)} um "
+            f"RMS, with a standard uncertainty of {rounded(u_um, 3)} um: it would add more error than it removes "
             f"({math.sqrt(max(rms_um**2 - u_um**2, 0.0)):.3g} um). No calibration is written: measure from more "
             "stations, with targets farther from each other, in more rounds, or only the ranges that are used"
         )

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.basis import Interval
-from kinematics.effects import COMPONENTS, Effect, LocationError
+from kinematics.effects import COMPONENTS, Effect
 from kinematics.effects.base import unit_of
 from kinematics.error_model.model import ErrorModel, encode_model
 from kinematics.machine import TURN, Axis, Machine
@@ -88,7 +88,7 @@ def _depends_on_positions(effect: Effect) -> bool:
     """True for effects of the machine at rest, except location errors: these hold outside the measured range too."""
     return (
         effect.ACTS_ON != "instrument"
-        and not isinstance(effect, LocationError)
+        and effect.part != "line"
         and not effect.HAS_MEMORY
         and set(effect.needs) <= {"approach"}
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -38,26 +38,33 @@ from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.fit.two_explanations import with_other
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import with_effects
+from calibration.observation.mean_lines import about_own_points, arms_of
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import Variance
-from calibration.plausibility.checks import Finding, usable
+from calibration.plausibility.checks import usable
+from calibration.plausibility.finding import Finding
 from kinematics.effects import Effect
-from kinematics.error_model.model import SIMULATED, ErrorModel, Provenance
+from kinematics.error_model.model import ErrorModel
+from kinematics.error_model.provenance import SIMULATED, Provenance, plugin_inputs
 from kinematics.running.progress import Progress, numbered, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
+from rendering.shown import Shown
 
 
-@dataclass(frozen=True)
-class Calibration(Judged):
+@dataclass(frozen=True, repr=False)
+class Calibration(Shown, Judged):
     """A calibration with its fit and its checks."""
 
     fit: Fit
+    """The fit: residuals, um, outliers, and the registration of the instrument."""
     model: ErrorModel
     """The model to be written: in the datum, location errors as separate effects, with covariance."""
     choice: Choice
+    """Bases of the error motions, and the evidence for them."""
     identifiability: Identifiability
+    """Errors that the data do not show, by name."""
     before_rms_um: float
     """RMS residual per scalar, um, of the nominal machine with a registration of its own."""
     before_max_um: float
@@ -67,6 +74,7 @@ class Calibration(Judged):
     dependences: tuple[DependenceTest, ...]
     """Variables on which the residuals depend."""
     cross_validation: CrossValidation | None
+    """Prediction of held-out lines, regions of stops or cycles, um; None without one."""
     between_positions: tuple[BetweenPositions, ...]
     """Uncertainty between the positions of each axis that was measured at few; none for stated bases."""
     findings: tuple[Finding, ...]
@@ -79,6 +87,15 @@ class Calibration(Judged):
     """Reason against the calibration: too many rows disagree, or it is no improvement; empty without one."""
     forced: bool
     """True where it is accepted nevertheless."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        state = "accepted" if self.accepted else "not accepted"
+        return (
+            f"{self.model.machine.name}, {self.fit.observations} observations, residual {self.before_rms_um:.3g} -> "
+            f"{self.fit.rms_um:.3g} um RMS, {len(self.model.effects)} effects, {state}"
+        )
 
     @property
     def significant_share(self) -> float:
@@ -129,11 +146,7 @@ def calibrate(
     before = nominal_residuals(found)
     before_rms_um, before_max_um, before_chi2_reduced = _sizes(found, before)
     too_many = disagreement(found)
-    curved, between, waves = with_curves_and_waves(found, chosen=wanted.automatic)
-    written = drift.left_out(_written(curved, valid_days))
-    if drift.other is not None:
-        other = drift.other.left_out(in_datum(with_curves_and_waves(drift.other.fit, chosen=wanted.automatic)[0]))
-        written = with_other(written, other, 1.0 - drift.probability)
+    written, between, waves = _model_of(drift, valid_days, chosen=wanted.automatic)
     result = Calibration(
         fit=found,
         model=written,
@@ -145,15 +158,31 @@ def calibrate(
         dependences=tuple(dependences(found)),
         cross_validation=held_out,
         between_positions=between,
-        findings=(*findings, *_findings(drift, too_many, waves)),
+        findings=(*findings, *_findings(drift, too_many, waves, chosen=wanted.automatic)),
         targets=tuple(positions),
-        relative_deviation=relative_deviations(written, found.measurement.rows(np.flatnonzero(found.kept))),
+        relative_deviation=relative_deviations(written, found.good),
         objection=too_many or reason_against(found, before, held_out),
         forced=force,
     )
     if not result.accepted:
         raise NotAccepted(result)
     return result
+
+
+def _model_of(
+    drift: Drift, valid_days: float | None, *, chosen: bool
+) -> tuple[ErrorModel, tuple[BetweenPositions, ...], OmittedWaves | None]:
+    """The model to be written, the uncertainty between measured positions, and the waves that its bases lack.
+
+    Where drift and machine may be exchanged, its uncertainty contains the difference of both explanations. chosen: the
+    evidence has selected the bases.
+    """
+    curved, between, waves = with_curves_and_waves(drift.fit, chosen=chosen)
+    written = drift.left_out(_written(curved, valid_days))
+    if drift.other is not None:
+        other = drift.other.left_out(in_datum(with_curves_and_waves(drift.other.fit, chosen=chosen)[0]))
+        written = with_other(written, other, 1.0 - drift.probability)
+    return written, between, waves
 
 
 def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], list[TargetPosition]]:
@@ -170,12 +199,23 @@ def checked(measurement: Measurement, *, force: bool) -> tuple[list[Finding], li
     return [*findings, *target_findings(measurement, positions)], positions
 
 
-def _findings(drift: Drift, too_many: str, waves: OmittedWaves | None) -> list[Finding]:
-    """Anomalies of the data that a fit shows; too_many: the statement that too many rows disagree, or empty."""
+def _findings(drift: Drift, too_many: str, waves: OmittedWaves | None, *, chosen: bool) -> list[Finding]:
+    """Anomalies of the data that a fit shows; too_many: the statement that too many rows disagree, or empty.
+
+    chosen: the evidence has selected the bases.
+    """
     found = drift.fit
     outliers = [Finding("outliers", too_many, False)] if too_many else []
-    lacking = [] if waves is None else waves.findings()
-    return [*zero_findings(run_zeros(found)), *distance_findings(found), *drift.findings, *lacking, *outliers]
+    lacking = [] if waves is None else waves.findings(chosen=chosen)
+    negative = [Finding("backlash", note, False) for effect in found.model.effects if (note := effect.finding)]
+    return [
+        *zero_findings(run_zeros(found)),
+        *distance_findings(found),
+        *drift.findings,
+        *lacking,
+        *negative,
+        *outliers,
+    ]
 
 
 def _held_out(found: Fit, choice: Choice, wanted: Wanted, progress: Progress) -> CrossValidation | None:
@@ -183,7 +223,7 @@ def _held_out(found: Fit, choice: Choice, wanted: Wanted, progress: Progress) ->
     progress("held-out residuals")
     start, _ = with_effects(found.measurement, choice.bases, wanted.effects, *choice.scales)
     variance = wanted.variance if found.measurement.noise is None else "sheet"
-    return cross_validate(found.measurement, start, found.prior, found.kept, variance, found, progress)
+    return cross_validate(found.good, start, found.prior, variance, found, progress)
 
 
 def _sizes(found: Fit, residual: Array) -> tuple[float, float, float]:
@@ -191,9 +231,8 @@ def _sizes(found: Fit, residual: Array) -> tuple[float, float, float]:
 
     found: another fit of the same registration, which kept these rows; chi2 is by the instrument specification.
     """
-    kept = found.measurement.rows(np.flatnonzero(found.kept))
-    in_um = residual * kept.per_micro
-    chi2 = float(np.sum(whitened(whiteners(replace(kept, noise=None)), residual) ** 2))
+    in_um = residual * found.good.per_micro
+    chi2 = float(np.sum(whitened(whiteners(replace(found.good, noise=None)), residual) ** 2))
     degrees_of_freedom = max(found.observations - len(found.registration.names), 1)
     rms, largest = float(np.sqrt(np.mean(in_um**2))), float(np.linalg.norm(in_um, axis=1).max())
     return rms, largest, chi2 / degrees_of_freedom
@@ -201,20 +240,25 @@ def _sizes(found: Fit, residual: Array) -> tuple[float, float, float]:
 
 def in_datum(found: Fit) -> ErrorModel:
     """The fitted model in the datum, with its location errors."""
-    machine = found.measurement.machine
-    moved = transformed(found.model, found.model.effects, to_datum(machine, found.model, found.prior))
-    effects, matrix = split_locations(machine, moved)
+    machine, arms = found.measurement.machine, arms_of(found.measurement)
+    moved = transformed(found.model, found.model.effects, to_datum(machine, found.model, found.prior, arms))
+    moved = transformed(moved, *about_own_points(moved))
+    effects, matrix = split_locations(machine, moved, arms)
     return transformed(moved, effects, matrix)
 
 
 def _written(found: Fit, valid_days: float | None) -> ErrorModel:
     """The fitted model in the datum, with its location errors and its provenance."""
     source = f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}"
-    return msgspec.structs.replace(in_datum(found), provenance=provenance([found.measurement], source, valid_days))
+    model = in_datum(found)
+    made = provenance([found.measurement], model.effects, source, valid_days)
+    return msgspec.structs.replace(model, provenance=made)
 
 
-def provenance(measurements: Sequence[Measurement], source: str, valid_days: float | None) -> Provenance:
-    """Provenance of a calibration from measurements; source: the fit in words."""
+def provenance(
+    measurements: Sequence[Measurement], effects: Iterable[Effect], source: str, valid_days: float | None
+) -> Provenance:
+    """Provenance of a calibration with some effects from measurements; source: the fit in words."""
     known = [name for each in measurements for name in each.temperatures]
     ranges = {name: [each.temperatures[name] for each in measurements if name in each.temperatures] for name in known}
     temperatures = {name: (min(low for low, _ in own), max(high for _, high in own)) for name, own in ranges.items()}
@@ -222,7 +266,8 @@ def provenance(measurements: Sequence[Measurement], source: str, valid_days: flo
         made_by=f"ncomp {VERSION}",
         made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
         source=f"{source}, {SIMULATED}" if any(each.simulated for each in measurements) else source,
-        inputs={each.source: each.fingerprint for each in measurements},
+        inputs={each.source: each.fingerprint for each in measurements} | plugin_inputs(effects),
         valid_days=msgspec.UNSET if valid_days is None else valid_days,
+        measured_on=min((each.measured for each in measurements if each.measured is not None), default=msgspec.UNSET),
         temperatures_degC=temperatures or msgspec.UNSET,
     )

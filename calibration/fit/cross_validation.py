@@ -17,10 +17,7 @@ import numpy as np
 from calibration.fit.fit import Fit, fit
 from calibration.fit.problem import Point, Problem
 from calibration.measurement.estimated_noise import Decorrelation
-from calibration.measurement.instruments import Ballbar
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.registration import Registration
-from calibration.observation import equations
 from calibration.observation.full_model import priors
 from calibration.observation.normal_equations import (
     Derivatives,
@@ -32,6 +29,7 @@ from calibration.observation.normal_equations import (
 )
 from calibration.observation.outliers import Variance, refuse_lines
 from calibration.observation.stops_and_lines import held_out_blocks, lines
+from calibration.registration.registration import Registration
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array
@@ -122,20 +120,18 @@ Refit = Callable[[np.ndarray], Fitted]
 
 
 def cross_validate(
-    measurement: Measurement,
+    good: Measurement,
     model: ErrorModel,
     prior: Array,
-    kept: np.ndarray,
     variance: Variance = "sheet",
     near: Fit | None = None,
     progress: Progress = silent,
 ) -> CrossValidation | None:
     """Residuals of each block under a fit of the others; None when there are too few rows for blocks.
 
-    kept: mask `(n,)` of the rows to be used, outliers left out. near: a fit of the same model to all of them. progress
-    gets the present block and the number of blocks.
+    good: without outliers and copies. near: a fit of the same model to all of these rows. progress gets the present
+    block and the number of blocks.
     """
-    good = measurement.rows(np.flatnonzero(kept))
     refit = _refit(good, model, prior, variance, near)
     return predicted_by_others(good, *held_out_blocks(good), refit, uncorrected(model), progress)
 
@@ -155,7 +151,7 @@ def _refit(
     near: a fit of which these are the kept rows. An interferometer's runs have zeros that their own rows determine.
     Circles in one plane leave the table ball free across it, where the distance is not linear.
     """
-    linear = good.axis is None and not isinstance(good.instrument, Ballbar) and _is_linear(model)
+    linear = good.axis is None and good.instrument.OBSERVES != "distance" and _is_linear(model)
     if variance == "sheet" and linear:
         with suppress(UserError):
             whole = fit(good, model, prior=prior) if near is None else near
@@ -246,7 +242,7 @@ def predicted_by_others(
     """
     unexplained = np.full((2, len(good), good.components), np.nan)
     other = no_errors(good.machine) if other is None else other
-    refits = refit, _refit(good, other, priors(other))
+    refits = refit, _refit(replace(good, noise=None), other, priors(other))
     blocks = np.unique(labels[labels >= 0])
     for number, label in enumerate(blocks, start=1):
         progress(f"held-out residuals: {number} of {len(blocks)} blocks", (number - 1) / len(blocks))
@@ -293,10 +289,10 @@ def _with_own_zeros(measurement: Measurement, block: np.ndarray, found: Fitted) 
     if not len(missing):
         return residuals(measurement, found.model, found.registration)
     some = measurement.rows(missing)
-    own = equations.start(some, np.ones(len(some), bool))
+    own = some.instrument.first_registration(some, np.ones(len(some), bool))
     zeros = {**found.registration.zeros, **dict.fromkeys(own.zeros, 0.0)}
     residual = residuals(measurement, found.model, replace(found.registration, zeros=zeros))
-    residual[missing] = less_columns(residual[missing], equations.registration_design(some, own)[:, 0])
+    residual[missing] = less_columns(residual[missing], some.instrument.registration_design(some, own)[:, 0])
     return residual
 
 

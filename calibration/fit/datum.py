@@ -11,22 +11,23 @@ moved (S-transformation of geodesy) until
 - a rotary axis has no mean shift along, and no mean rotation about, its own line, and no first harmonic that rotates
   with the part it carries: such a harmonic is a shift, or a tilt, of that part
 
-as nearly as the gauge allows. The uncertainties are then relative to this datum.
+as nearly as the gauge allows. The translations of a linear axis are taken at the centre of the measured points, so that
+the datum does not depend on the origin of the frame. The uncertainties are then relative to this datum.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import msgspec
 import numpy as np
 
 from calibration.fit.linear import pseudo_inverse, singular_values
 from calibration.fit.problem import Problem, Solved
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.registration import Registration
-from calibration.observation.mean_lines import mean_line
+from calibration.observation.mean_lines import AT_ORIGIN, line_at_centre
+from calibration.registration.registration import Registration
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel
@@ -52,13 +53,6 @@ GAUGE = 1e-2
 """Largest information of the ideal measurement, to 1 um, on the gauge, with parameters in units of their priors."""
 
 
-def error_motions(model: ErrorModel) -> Iterator[tuple[ErrorMotion, slice]]:
-    """The error motions of a model, with the columns of their parameters."""
-    for effect, part in zip(model.effects, model.slices, strict=True):
-        if isinstance(effect, ErrorMotion):
-            yield effect, part
-
-
 def null_space(information: Array) -> Array:
     """Orthonormal directions `(p, k)` on which an information matrix has no information."""
     return pseudo_inverse(information, NULL, 1.0).null
@@ -66,7 +60,7 @@ def null_space(information: Array) -> Array:
 
 def gauge(machine: Machine, model: ErrorModel, prior: Array) -> Array:
     """Directions `(p, k)` of the parameters, in prior units and orthonormal, that no measurement can show."""
-    motions = list(error_motions(model))
+    motions = model.error_motions
     columns = np.concatenate([np.arange(part.start, part.stop) for _, part in motions] or [np.zeros(0, int)])
     found = np.zeros((len(prior), 0))
     if len(columns):
@@ -78,7 +72,7 @@ def gauge(machine: Machine, model: ErrorModel, prior: Array) -> Array:
     return _with_constants(found, motions, prior)
 
 
-def _with_constants(found: Array, motions: list[tuple[ErrorMotion, slice]], prior: Array) -> Array:
+def _with_constants(found: Array, motions: Sequence[tuple[ErrorMotion, slice]], prior: Array) -> Array:
     """The directions, and the constants of axes with a positioning error alone, which is relative to their own zero."""
     axes = [effect.axis for effect, _ in motions]
     constants = np.zeros((len(prior), 0))
@@ -95,13 +89,16 @@ def _with_constants(found: Array, motions: list[tuple[ErrorMotion, slice]], prio
     return np.asarray(u[:, values > NULL])
 
 
-def to_datum(machine: Machine, model: ErrorModel, prior: Array) -> Array:
-    """The matrix `(p, p)` that moves parameters, in their units, along the gauge into the datum."""
+def to_datum(machine: Machine, model: ErrorModel, prior: Array, arms: Mapping[str, Array] = AT_ORIGIN) -> Array:
+    """The matrix `(p, p)` that moves parameters, in their units, along the gauge into the datum.
+
+    arms: those of the measured points, as `arms_of`.
+    """
     free = gauge(machine, model, prior)
     if not free.shape[1]:
         return np.eye(len(prior))
     scale = np.where(np.isfinite(prior), prior, 1.0)
-    rules = _rules(machine, model) * scale
+    rules = _rules(machine, model, arms) * scale
     u, values, directions = np.linalg.svd(rules @ free)
     ruled = int(np.sum(values > RULED * values.max(initial=0.0)))
     by_rules = (u[:, :ruled] / values[:ruled]).T @ rules
@@ -110,33 +107,28 @@ def to_datum(machine: Machine, model: ErrorModel, prior: Array) -> Array:
     return np.asarray((np.eye(len(prior)) - free @ along) * scale[:, None] / scale)
 
 
-def _rules(machine: Machine, model: ErrorModel) -> Array:
+def _rules(machine: Machine, model: ErrorModel, arms: Mapping[str, Array]) -> Array:
     """Linear functions `(rules, p)` of the parameters, um and urad, that are zero in the datum."""
     rows = []
-    known = {effect.axis for effect, _ in error_motions(model)}
+    known = {effect.axis for effect, _ in model.error_motions}
     last = [axis.name for axis in machine.axes if not axis.rotary and axis.name in known][-1:]
-    for effect, part in error_motions(model):
-        line = mean_line(effect.basis)
+    for effect, _ in model.error_motions:
+        line = line_at_centre(model, effect, arms)
         axis = machine.axes[machine.index(effect.axis)]
-        properties = []
         if (
             effect.component in along_own_line(effect.axis)
             if axis.rotary
             else not (effect.axis in last and effect.angular)
         ):
-            properties.append(line.mean)
+            rows.append(line.mean)
         if effect.name in DATUM_SLOPES:
-            properties.append(line.slope * (effect.basis.interval[1] - effect.basis.interval[0]))
-        for values in properties:
-            row = np.zeros(len(model.parameters))
-            row[part] = values
-            rows.append(row)
+            rows.append(line.slope * (effect.basis.interval[1] - effect.basis.interval[0]))
     return np.array([*rows, *_carried_harmonics(machine, model)]).reshape(-1, len(model.parameters))
 
 
 def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
     """First harmonics of rotary axes that rotate with the carried part, as functions `(p,)` of the parameters."""
-    by_name = {effect.name: (effect, part) for effect, part in error_motions(model)}
+    by_name = {effect.name: (effect, part) for effect, part in model.error_motions}
     for axis in machine.axes:
         for letters in ("XYZ", "ABC"):
             found = [by_name.get(f"E_{letter}{axis.name}") for letter in letters]
@@ -185,7 +177,7 @@ def _ideal(machine: Machine, model: ErrorModel, prior: Array) -> Solved:
         {name: Target(vector) for name, vector in targets.items()},
     )
     registration = Registration({"1": IDENTITY}, {"1": np.zeros(3)})
-    problem = Problem(ideal, model, np.broadcast_to(1e3 * np.eye(3), (n, 3, 3)), prior)
+    problem = Problem(ideal, model, np.broadcast_to(1e3 * np.eye(3), (n, 3, 3)), ideal.stops, prior)
     return problem.solve(problem.point(np.array(model.parameters), registration), np.ones(n), 1.0)
 
 

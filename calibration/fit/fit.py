@@ -16,12 +16,9 @@ import numpy as np
 from scipy import special
 
 from calibration.fit.problem import Point, Problem, Solved
-from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.registration import Registration
-from calibration.observation.equations import stated_residuals
 from calibration.observation.full_model import priors
-from calibration.observation.normal_equations import whitened, whiteners
+from calibration.observation.normal_equations import decorrelation_of, whitened, whiteners
 from calibration.observation.outliers import (
     LeftOut,
     Variance,
@@ -33,7 +30,7 @@ from calibration.observation.outliers import (
     refuse_lines,
     robust_factor,
 )
-from calibration.observation.stops_and_lines import stops
+from calibration.registration.registration import Registration
 from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array
@@ -61,9 +58,11 @@ class Fit:
     """The fitted model and registration; parameters in the units of the model, residuals in mm and rad."""
 
     measurement: Measurement
+    """The measurement that was fitted."""
     model: ErrorModel
     """The model with fitted parameters, their standard uncertainties and their covariance."""
     registration: Registration
+    """Position and orientation of the instrument at each station, mm and rad."""
     residual: Array
     """Observed minus expected `(n, d)`, of all rows."""
     kept: np.ndarray
@@ -79,10 +78,16 @@ class Fit:
     prior: Array
     """Prior standard deviations `(p,)`, infinite for none; or a root `(p, p)` of their covariance."""
     solved: Solved
+    """Parameters with their covariance."""
     chi2: float
     """Sum of squares of the white residuals of the kept rows, by the noise of the measurement."""
     variance_factor: float
     """Factor on the variances of the instrument specification in the fit: 1, or estimated from the residuals."""
+
+    @cached_property
+    def good(self) -> Measurement:
+        """The measurement with the rows that were kept."""
+        return self.measurement.rows(np.flatnonzero(self.kept))
 
     @property
     def observations(self) -> int:
@@ -125,9 +130,8 @@ class Fit:
     @property
     def white(self) -> Array:
         """Residuals `(n, d)` of all rows in units of the noise of the fit; those of one stop are independent."""
-        own = whiteners(self.measurement)
-        decorrelation = Decorrelation.of(self.measurement.noise, own)
-        return np.asarray(decorrelation.apply(whitened(own, self.residual)) / self.variance_factor**0.5)
+        own = whitened(whiteners(self.measurement), self.residual)
+        return np.asarray(decorrelation_of(self.measurement).apply(own) / self.variance_factor**0.5)
 
     @property
     def rms_um(self) -> float:
@@ -161,7 +165,8 @@ class Fit:
 
         Calibrated distances between spheres count as priors of the registration.
         """
-        own = float(np.sum(self.away**2)) + float(np.sum(stated_residuals(self.measurement, self.registration) ** 2))
+        stated = self.measurement.instrument.stated_residuals(self.measurement, self.registration)
+        own = float(np.sum(self.away**2)) + float(np.sum(stated**2))
         scale = self.observations * float(np.log(self.variance_factor))
         return -0.5 * (self.chi2 / self.variance_factor + own + self.solved.log_determinant + scale)
 
@@ -173,7 +178,7 @@ class Fit:
         """
         white = whiteners(self.measurement)
         volume = float(np.sum(np.linalg.slogdet(white[~self.copies])[1]))
-        volume += Decorrelation.of(self.measurement.noise, white, self.kept.astype(float)).log_determinant
+        volume += decorrelation_of(self.measurement, self.kept.astype(float)).log_determinant
         lost = np.count_nonzero(~self.kept & ~self.copies)
         return self.log_evidence + volume - 0.5 * lost * largest_distance(len(self.kept), self.residual.shape[1])
 
@@ -196,11 +201,10 @@ def fit(
     """
     problem = Problem.of(measurement, model, priors(model) if prior is None else prior)
     refuse_lines(measurement)
-    copies, stop = duplicates(measurement), stops(measurement)
     progress("iterating")
-    first, least = _converged(problem, copies, stop, variance, near)
+    first, least = _converged(problem, variance, near)
     progress("solving")
-    solution, kept, left_out = _of_all_rows(problem, first, least, copies, stop, variance)
+    solution, kept, left_out = _of_all_rows(problem, first, least, variance)
     point, factor, solved = solution
     found = Fit(
         measurement,
@@ -208,7 +212,7 @@ def fit(
         point.registration,
         point.residual,
         kept,
-        copies,
+        duplicates(measurement),
         left_out.suspected,
         left_out.failed,
         problem.away(point.parameters),
@@ -229,40 +233,35 @@ class _Solution(NamedTuple):
     solved: Solved
 
 
-def _converged(
-    problem: Problem, copies: np.ndarray, stop: np.ndarray, variance: Variance, near: Fit | None
-) -> tuple[_Solution, float]:
-    """The solution by at most ENOUGH_ROWS of the trusted rows, and the smallest variance factor that they permit.
-
-    stop: number `(n,)` of the stop of each row.
-    """
+def _converged(problem: Problem, variance: Variance, near: Fit | None) -> tuple[_Solution, float]:
+    """The solution by at most ENOUGH_ROWS of the trusted rows, and the smallest variance factor that they permit."""
     registration, trusted = first_registration(problem.measurement)
-    some = _some(np.flatnonzero(trusted & ~copies))
+    some = _some(np.flatnonzero(trusted & ~duplicates(problem.measurement)))
     iterated = problem.rows(some)
     if near is None:
         first = iterated.point(np.array(problem.model.parameters), registration)
     else:
         first = iterated.point(near.model.parameters, near.registration)
-    found = _iterate(iterated, first, variance, stop[some], shapes_held=near is None)
+    found = _iterate(iterated, first, variance, shapes_held=near is None)
     return found, _least(found.solved, len(some) * problem.measurement.components, variance)
 
 
 def _of_all_rows(
-    problem: Problem, first: _Solution, least: float, copies: np.ndarray, stop: np.ndarray, variance: Variance
+    problem: Problem, first: _Solution, least: float, variance: Variance
 ) -> tuple[_Solution, np.ndarray, LeftOut]:
     """The solution by all rows but the outliers, the kept rows `(n,)`, and the rows that the solution leaves out."""
     point, factor, solved = problem.point(first.point.parameters, first.point.registration), first.factor, first.solved
-    left_out = _left_out(problem, point, copies, solved.effective_parameters, least, stop)
+    left_out = _left_out(problem, point, solved.effective_parameters, least)
     for _ in range(STEPS_OF_OUTLIERS):
         kept = ~left_out.rows
         _refuse_too_few(problem.measurement, kept, point)
-        weights = kept * _weights(problem, point, solved.effective_parameters, least, left_out, stop)
+        weights = kept * _weights(problem, point, solved.effective_parameters, least, left_out)
         solved = problem.solve(point, weights, factor)
         point = problem.moved(point, solved.step)
         if variance == "estimate":
             factor = max(_estimated(problem, point, kept, solved), least)
         stay = bool(left_out.suspected.any())
-        again = _left_out(problem, point, copies, solved.effective_parameters, least, stop, stay=stay)
+        again = _left_out(problem, point, solved.effective_parameters, least, stay=stay)
         # a fit of all rows hides some of those that disagree
         left_out = again._replace(suspected=left_out.suspected) if stay else again
         if np.array_equal(left_out.rows, ~kept):
@@ -270,12 +269,12 @@ def _of_all_rows(
     return _Solution(point, factor, solved), kept, left_out
 
 
-def _iterate(problem: Problem, point: Point, variance: Variance, stop: np.ndarray, *, shapes_held: bool) -> _Solution:
+def _iterate(problem: Problem, point: Point, variance: Variance, *, shapes_held: bool) -> _Solution:
     """The point to which Gauss-Newton with Huber's weights converges.
 
-    stop: number `(n,)` of the stop of each row. shapes_held: in the first step, which begins with no amplitudes.
+    shapes_held: in the first step, which begins with no amplitudes.
     """
-    components = problem.measurement.components
+    components, stop = problem.measurement.components, problem.stop
     factor, effective_parameters, least = 1.0, 0.0, 1.0
     shaped = not problem.linear.all()
     derivatives, last, taken = None, np.zeros(0), np.zeros(0)
@@ -331,31 +330,22 @@ def _least(solved: Solved, scalars: int, variance: Variance) -> float:
 
 
 def _left_out(
-    problem: Problem,
-    point: Point,
-    copies: np.ndarray,
-    effective_parameters: float,
-    least: float,
-    stop: np.ndarray,
-    *,
-    stay: bool = False,
+    problem: Problem, point: Point, effective_parameters: float, least: float, *, stay: bool = False
 ) -> LeftOut:
     """The rows to leave out, and the stations that failed as a whole; stay: no single rows."""
-    components = problem.measurement.components
+    components, copies = problem.measurement.components, duplicates(problem.measurement)
     distances = problem.distances(point)
-    factor = robust_factor(distances[~copies], components, effective_parameters, least, stop[~copies])
-    return LeftOut.of(problem.measurement, outlying(distances, components, factor) & ~copies, copies, stay=stay)
+    factor = robust_factor(distances[~copies], components, effective_parameters, least, problem.stop[~copies])
+    return LeftOut.of(problem.measurement, outlying(distances, components, factor) & ~copies, stay=stay)
 
 
-def _weights(
-    problem: Problem, point: Point, effective_parameters: float, least: float, left_out: LeftOut, stop: np.ndarray
-) -> Array:
+def _weights(problem: Problem, point: Point, effective_parameters: float, least: float, left_out: LeftOut) -> Array:
     """Weights `(n,)` of the rows in the last steps: 1, or Huber's where too many rows disagree to leave them out."""
     components, distances = problem.measurement.components, problem.distances(point)
     if not left_out.suspected.any():
         return np.ones(len(distances))
     some = ~left_out.rows
-    factor = robust_factor(distances[some], components, effective_parameters, least, stop[some])
+    factor = robust_factor(distances[some], components, effective_parameters, least, problem.stop[some])
     return huber_weights(distances, components, factor)
 
 

@@ -11,10 +11,8 @@ import numpy as np
 from calibration.fit.datum import gauge, null_space
 from calibration.fit.fit import Fit
 from calibration.fit.linear import singular_values
-from calibration.measurement.instruments import Ballbar, TouchProbe
 from calibration.measurement.measurement import Measurement
-from kinematics.effects import Effect, ErrorMotion
-from kinematics.effects.base import own_component
+from kinematics.effects import Effect
 from kinematics.transforms import Array
 
 WHOLE = 1e-6
@@ -26,8 +24,7 @@ ON_TABLE = (
     "targets on the table (# table.NAME: x y z) would show it: from the bed, targets on the tool do not move with it"
 )
 UNLIKE_LINES = (
-    "lines that are not alike about the middle would show it (ncomp plan --strategy on-the-fly); another tool vector "
-    "would not"
+    "lines that are not alike about the middle would show it (ncomp plan path); another tool vector would not"
 )
 INDEPENDENT = "positions in which the axes move independently of each other, over their whole travel, would show it"
 """Measurements that would determine effects."""
@@ -117,7 +114,7 @@ def _named(fit: Fit, null: Array, conventional: Array) -> list[Unidentifiable]:
 
 def _along_itself(effect: Effect) -> bool:
     """True for the positioning error of a linear axis; a path may not determine a function common to all of them."""
-    return isinstance(effect, ErrorMotion) and not effect.angular and effect.component == own_component(effect.axis)
+    return effect.OF_ISO_230 and effect.part == "own" and not effect.angular
 
 
 def _inside(null: Array, part: np.ndarray) -> Array:
@@ -159,9 +156,9 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
         return ON_TABLE
     if measurement.across is not None and not any(effect.angular for effect in effects):
         return UNLIKE_LINES
-    if isinstance(measurement.instrument, TouchProbe | Ballbar):
-        of = _remedy_of_probe if isinstance(measurement.instrument, TouchProbe) else _remedy_of_ballbar
-        return of(measurement, effects)
+    own = {"offset": _remedy_of_probe, "distance": _remedy_of_ballbar}.get(measurement.instrument.OBSERVES)
+    if own is not None:
+        return own(measurement, effects)
     if measurement.instrument.components < 3:
         return "a measurement in all three directions of space would show it"
     if any(effect.angular for effect in effects) and spread < 2:
@@ -180,7 +177,7 @@ def _remedy_of_ballbar(measurement: Measurement, effects: Sequence[Effect]) -> s
     bar, machine = measurement.instrument, measurement.machine
     moved = np.ptp(measurement.state.positions, axis=0) > 0.0
     still = [axis.name for axis, own in zip(machine.axes, moved.tolist(), strict=True) if not own and not axis.rotary]
-    if isinstance(bar, Ballbar) and bar.length_u_um is None and all(_along_itself(effect) for effect in effects):
+    if bar.fits_length and all(_along_itself(effect) for effect in effects):
         return (
             "a bar whose length is fitted shows no scale, only differences of the axes' scales: calibrate its length "
             "(# length_u_um: u), or use an interferometer"

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import combinations_with_replacement, pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 from kinematics.transforms import Array, read_only
 
@@ -138,11 +139,22 @@ def singular_values(matrix: Array) -> tuple[Array, Array, Array]:
     """Thin singular value decomposition U, s, V' of a matrix.
 
     By QR iteration: divide and conquer, as in `numpy.linalg.svd`, fails to converge for some of deficient rank.
+    LAPACK is called directly: for few columns the way through `scipy.linalg.svd` takes longer than the decomposition.
     """
     if not matrix.size:
         return np.linalg.svd(matrix, full_matrices=False)
-    u, values, v = linalg.svd(matrix, full_matrices=False, lapack_driver="gesvd")
+    finite, memory = np.asarray_chkfinite(matrix), _memory(*matrix.shape)
+    u, values, v, status = lapack.dgesvd(finite, compute_uv=True, full_matrices=False, lwork=memory)
+    if status:
+        raise linalg.LinAlgError("the singular values of a matrix do not converge")
     return u, values, v
+
+
+@cache
+def _memory(rows: int, columns: int) -> int:
+    """Working memory of `dgesvd` for a matrix of this shape, in numbers."""
+    best, _ = lapack.dgesvd_lwork(rows, columns, compute_uv=True, full_matrices=False)
+    return int(best.real)
 
 
 def column_space(columns: Array, share: float) -> ColumnSpace:

@@ -1,19 +1,20 @@
 """Location errors from error motions: the mean lines of the axes, by ISO 230-1.
 
 The mean of the error motions of a rotary axis across its line is the location error of its axis average line. The slope
-of a straightness is the orientation of a linear axis. Both become separate effects, with their covariance.
+of a straightness at the centre of the measured points is the orientation of a linear axis. Both become separate
+effects, with their covariance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import get_args
 
 import msgspec
 import numpy as np
 
-from calibration.fit.datum import DATUM_SLOPES, along_own_line, error_motions
-from calibration.observation.mean_lines import mean_line
+from calibration.fit.datum import DATUM_SLOPES, along_own_line
+from calibration.observation.mean_lines import AT_ORIGIN, line_at_centre
 from kinematics.effects import Component, Effect, ErrorMotion, LocationError
 from kinematics.error_model.covariance import propagated
 from kinematics.error_model.model import ErrorModel
@@ -26,21 +27,21 @@ IN_SPAN = 1e-9
 """Largest relative misfit of a line that a basis represents."""
 
 
-def split_locations(machine: Machine, model: ErrorModel) -> tuple[tuple[Effect, ...], Array]:
+def split_locations(
+    machine: Machine, model: ErrorModel, arms: Mapping[str, Array] = AT_ORIGIN
+) -> tuple[tuple[Effect, ...], Array]:
     """Effects with the location errors, still zero, in front; and the matrix `(q, p)` from old to new parameters.
 
-    Linear axes that do not lie along x, y or z keep their slopes.
+    Linear axes that do not lie along x, y or z keep their slopes. arms: those of the measured points, as `arms_of`.
     """
     matrix = np.eye(len(model.parameters))
     found: list[LocationError] = []
     rows: list[Array] = []
-    for effect, part in error_motions(model):
-        located = None if effect.name in DATUM_SLOPES else _location(machine, effect)
+    for effect, part in model.error_motions:
+        located = None if effect.name in DATUM_SLOPES else _location(machine, model, effect, arms)
         if located is None:
             continue
-        location, own, function = located
-        row = np.zeros(len(model.parameters))
-        row[part] = own
+        location, row, function = located
         matrix[part] -= np.outer(function, row)
         found.append(location)
         rows.append(row)
@@ -53,12 +54,14 @@ def transformed(model: ErrorModel, effects: tuple[Effect, ...], matrix: Array) -
     return moved.with_parameters(matrix @ model.parameters, propagated(matrix, np.array(model.covariance)))
 
 
-def _location(machine: Machine, effect: ErrorMotion) -> tuple[LocationError, Array, Array] | None:
-    """Location error in an error motion, its value as a function `(size,)` of the parameters, and those of one unit.
+def _location(
+    machine: Machine, model: ErrorModel, effect: ErrorMotion, arms: Mapping[str, Array]
+) -> tuple[LocationError, Array, Array] | None:
+    """Location error in an error motion, its value as a function `(p,)` of all parameters, and `(size,)` of one unit.
 
     None where there is none, or the basis cannot represent it.
     """
-    axis, line = machine.axes[machine.index(effect.axis)], mean_line(effect.basis)
+    axis, line = machine.axes[machine.index(effect.axis)], line_at_centre(model, effect, arms)
     if axis.rotary:
         if effect.component in along_own_line(effect.axis):
             return None

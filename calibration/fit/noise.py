@@ -21,10 +21,8 @@ from calibration.fit.linear import Posterior
 from calibration.measurement.estimated_noise import Decorrelation, EstimatedNoise
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
-from calibration.observation.full_model import moving_axes
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import outlying, robust_factor
-from calibration.observation.stops_and_lines import stops
 from kinematics.effects.base import own_motion, unit_of
 from kinematics.error_model.effect_sums import Design
 from kinematics.transforms import Array, blocks
@@ -93,7 +91,7 @@ def _estimated(found: Fit, near: Array | None) -> tuple[EstimatedNoise, Estimate
     near: variances `(1 + axes,)` at which the estimate begins.
     """
     measurement = replace(found.measurement, noise=None)
-    axes = list(moving_axes(measurement))
+    axes = list(measurement.moving)
     if measurement.components == 1 or measurement.across is not None or not axes:
         return None
     every = _Components.of(found, measurement, axes)
@@ -121,7 +119,7 @@ def _estimated(found: Fit, near: Array | None) -> tuple[EstimatedNoise, Estimate
         own = arms[:, :, kept] * np.sqrt(of.of_axes[kept])
         misfit = sizes(estimate.of_axes - visits.of_axes)
         shown, repeating = visits.factor, sizes(visits.of_axes)
-        return EstimatedNoise(of.factor, repeating, stops(measurement), own, misfit, shown, every.rows(good).revisited)
+        return EstimatedNoise(of.factor, repeating, measurement.stops, own, misfit, shown, every.rows(good).revisited)
 
     return noise(estimate), noise(visits), start
 
@@ -242,7 +240,7 @@ def _arms(found: Fit, measurement: Measurement, axes: Sequence[str]) -> Array:
         columns.append(6 * i + component)
         units.append(TYPICAL * unit_of(axis)[1])
     arms = [
-        equations.transform(measurement.rows(rows), found.registration)[:, :, columns]
+        measurement.rows(rows).instrument.transform(measurement.rows(rows), found.registration)[:, :, columns]
         for rows in blocks(len(measurement))
     ]
     return np.asarray(np.concatenate(arms) * np.array(units))
@@ -333,16 +331,16 @@ class _Components:
     @classmethod
     def of(cls, found: Fit, measurement: Measurement, axes: Sequence[str]) -> _Components:
         """The rows of a fit, outliers too."""
-        numbers = stops(measurement)
+        numbers = measurement.stops
         rows = np.flatnonzero(~found.copies & ~np.isin(measurement.groups, found.failed))
         if len(rows) > ROWS:
             chosen = np.unique(numbers[rows])
             chosen = chosen[np.linspace(0, len(chosen) - 1, len(chosen) * ROWS // len(rows)).astype(int)]
             rows = rows[np.isin(numbers[rows], chosen)]
         some = measurement.rows(rows)
-        own = equations.registration_design(some, found.registration)
+        own = some.instrument.registration_design(some, found.registration)
         own = own / np.maximum(np.linalg.norm(own.reshape(-1, own.shape[2]), axis=0), 1e-300)
-        transform = equations.transform(some, found.registration)
+        transform = some.instrument.transform(some, found.registration)
         model = Design(found.model.effects, some.machine, measurement.state, with_instrument=True).of(rows, transform)
         finite = np.isfinite(found.prior)
         model = model * np.where(finite, found.prior, 1.0) if found.prior.ndim == 1 else model @ found.prior

@@ -20,10 +20,9 @@ from calibration.fit.curves.between_positions import BetweenPositions, with_curv
 from calibration.fit.fit import Fit
 from calibration.fit.linear import Posterior
 from calibration.fit.problem import Problem
-from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import ROTARY
-from calibration.plausibility.checks import Finding
+from calibration.plausibility.finding import Finding
 from kinematics.basis import Basis, Fourier, Harmonics
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.error_model.model import ErrorModel
@@ -83,8 +82,9 @@ class OmittedWaves:
         """The fit with this model, and the covariance of its errors."""
         return replace(self.beside(found), model=self.uncertain(self.model))
 
-    def findings(self) -> Iterator[Finding]:
-        """A finding for each axis whose next wave is LIKELY times as likely as none."""
+    def findings(self, *, chosen: bool) -> Iterator[Finding]:
+        """A finding for each axis whose next wave is LIKELY times as likely as none; chosen: as of `left_out`."""
+        other = "" if chosen else ", or leave out --basis"
         waves = list(self._waves())
         for axis in dict.fromkeys(effect.axis for effect, _ in waves):
             motions = [(effect, part) for effect, part in waves if effect.axis == axis]
@@ -100,15 +100,15 @@ class OmittedWaves:
             yield Finding(
                 "waves",
                 f"the rows show wave number {number} per turn of {axis} ({size}), which its basis lacks: {times} times "
-                f"as likely as none. The fit leaves it out, and U contains it: state {axis}=fourier:{number}, or "
-                "leave out --basis",
+                f"as likely as none. The fit leaves it out, and U contains it: state --basis {axis}=fourier:{number}"
+                f"{other}",
                 False,
             )
 
     def _waves(self) -> Iterator[tuple[ErrorMotion, slice]]:
-        for effect, part in zip(self.model.effects, self.model.slices, strict=True):
-            if isinstance(effect, ErrorMotion) and self.own[part].any():
-                yield effect, part
+        for motion, part in self.model.error_motions:
+            if self.own[part].any():
+                yield motion, part
 
     def _odds(self, rows: np.ndarray) -> float:
         """Logarithm of the odds of some of the waves against none: evidence with and without them."""
@@ -159,7 +159,7 @@ def left_out(
     """
     if chosen:
         return with_next_waves(model, prior, PART_DEG)
-    spheres = any(isinstance(each.instrument, TouchProbe) for each in measurements)
+    spheres = any(each.instrument.OBSERVES == "offset" for each in measurements)
     return with_next_waves(model, prior, np.inf if spheres else 0.0)
 
 
@@ -194,8 +194,8 @@ def _sizes(model: ErrorModel, widened: Sequence[bool]) -> dict[str, float]:
 
 
 def _class_of(effect: Effect) -> str:
-    """Axis and kind of an error motion; empty for other effects."""
-    return f"{effect.axis} {effect.angular}" if isinstance(effect, ErrorMotion) else ""
+    """Axis and kind of an error motion."""
+    return f"{effect.axes[0]} {effect.angular}"
 
 
 def _with_next_wave(effect: Effect, most_deg: float) -> Effect:

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.measurement.balls.touch_probe import is_sphere_key
-from calibration.measurement.file import KEYS, KINDS, OBSERVED, uncertainty_keys
+from calibration.instruments import KINDS
+from calibration.measurement.measuring_date import MEASURED
 from calibration.measurement.states import (
     MeasurementStates,
     allow_columns,
@@ -32,10 +32,13 @@ from kinematics.error_model.beyond_range import beyond_range
 from kinematics.error_model.effect_sums import Design
 from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import error_transform_with_tool
+from kinematics.files.mistaken import kind_of_program
+from kinematics.files.number_text import uncertainty
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array, blocks
 from kinematics.user_error import UserError
+from rendering.shown import Shown
 
 ADDED = ("dx_um", "dy_um", "dz_um", "u_dx_um", "u_dy_um", "u_dz_um")
 """Columns of a prediction."""
@@ -65,15 +68,31 @@ class Predicted(NamedTuple):
     """Standard uncertainties `(n, 3)`, um, k = 1."""
 
 
-@dataclass(frozen=True)
-class Prediction:
+@dataclass(frozen=True, repr=False)
+class Prediction(Shown):
     """The deviations that a calibration predicts at a table of states, computed a block at a time."""
 
     machine: Machine
+    """The machine."""
     model: ErrorModel
+    """The calibration."""
     state: State
+    """The states of the machine."""
     tool: Array
     """Tool vectors `(n, 3)`, mm."""
+    given_notes: tuple[str, ...] = ()
+    """Notes on the states."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        return f"{len(self.state)} states of {self.machine.name}, calibration {self.model.id}"
+
+    @property
+    def columns(self) -> dict[str, Array]:
+        """Axis positions, mm and degrees, deviations and their standard uncertainties (k = 1), um, by name `(n,)`."""
+        axes = zip(self.machine.names, (self.state.positions / self.machine.scale).T, strict=True)
+        return dict(axes) | dict(zip(ADDED, np.hstack([self.deviation_um, self.u_um]).T, strict=True))
 
     def blocks(self) -> Iterator[Predicted]:
         """The predictions, a block of rows at a time."""
@@ -101,7 +120,7 @@ class Prediction:
     @property
     def notes(self) -> list[str]:
         """Notes on positions beyond the calibrated range, and on a calibration without uncertainties."""
-        notes = beyond_range(self.model.outside(self.machine, self.state))
+        notes = [*self.given_notes, *beyond_range(self.model.outside(self.machine, self.state))]
         effects = self.model.effects
         if effects and self.model.covariance is None and not any(any(effect.uncertainties) for effect in effects):
             notes.append("the calibration has no uncertainties: every deviation counts as significant")
@@ -128,7 +147,9 @@ class RelativeDeviation(NamedTuple):
     def __str__(self) -> str:
         known = (self.u_between > 0.0) | (self.u_shift > 0.0)
         known = known if known.any() else ~known  # a calibration without uncertainties
-        between, shift = (", ".join(f"{u:.2f}" for u in values[known]) for values in (self.u_between, self.u_shift))
+        between, shift = (
+            ", ".join(uncertainty(u, 2) for u in values[known].tolist()) for values in (self.u_between, self.u_shift)
+        )
         inside, outside = (
             ", ".join(name for name, shown in zip("xyz", mask, strict=True) if shown) for mask in (known, ~known)
         )
@@ -172,16 +193,18 @@ def evenly_spread(state: State, tool: Array, most: int = STATES) -> tuple[State,
 
 def read_points(path: Path, machine: Machine) -> Points:
     """The states in a file with columns of the measurement file, of any instrument or of none."""
+    if kind := kind_of_program(path):
+        raise UserError(f"file of points {path}: this is {kind}: give a table of axis positions (X,Y,Z, ...)")
     table = read_table(path, "file of points")
     notes: list[str] = []
     check_machine(table, machine, notes)
-    uncertainties = [key for kind in KINDS.values() for key in uncertainty_keys(kind)]
-    keys = ["machine", "instrument", *uncertainties, *(key for keys in KEYS.values() for key in keys)]
-    note_unknown_keys(table, lambda key: key in keys or is_sphere_key(key), notes)
+    keys, kinds = ["machine", "instrument", MEASURED], KINDS.values()
+    note_unknown_keys(table, lambda key: key in keys or any(kind.is_header_key(key) for kind in kinds), notes)
     again = [name for name in ADDED if name in table.names]
     if again:
         raise UserError(f"{table.head} column {again[0]}: these points already have a prediction")
-    observed = dict.fromkeys(name for names in (*OBSERVED.values(), ["scatter_um"]) for name in names)
+    columns = [*(kind.OBSERVED for kind in kinds), *(kind.OPTIONAL for kind in kinds)]
+    observed = dict.fromkeys(name for names in columns for name in names)
     allow_columns(table, [*state_columns(machine), *observed])
     states = read_states(table, machine, notes)
     refuse_unstated(table, states.targets, "a prediction")

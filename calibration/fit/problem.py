@@ -13,8 +13,6 @@ from scipy.linalg import LinAlgError
 from calibration.fit.linear import Posterior, effective_parameters, pseudo_inverse
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.registration import Registration
-from calibration.observation.equations import stated_residuals
 from calibration.observation.normal_equations import (
     Derivatives,
     NormalEquations,
@@ -24,6 +22,7 @@ from calibration.observation.normal_equations import (
     whitened,
     whiteners,
 )
+from calibration.registration.registration import Registration
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -118,17 +117,20 @@ class Problem:
     """The model with its parameters at the start."""
     white: Array
     """Matrices `(n, d, d)` of `calibration.observation.normal_equations.whiteners`."""
+    stop: np.ndarray
+    """Number `(n,)` of the stop of each row in the whole measurement."""
     prior: Array
     """Standard deviations `(p,)` about the start, infinite for none; or a root L `(p, p)` of their covariance L L'."""
 
     @classmethod
     def of(cls, measurement: Measurement, model: ErrorModel, prior: Array) -> Problem:
         """The problem, whitened by the covariance of the measurement."""
-        return cls(measurement, model, whiteners(measurement), prior)
+        return cls(measurement, model, whiteners(measurement), measurement.stops, prior)
 
     def rows(self, index: np.ndarray) -> Problem:
         """The problem with some of its rows."""
-        return replace(self, measurement=self.measurement.rows(index), white=self.white[index])
+        rows = self.measurement.rows(index)
+        return replace(self, measurement=rows, white=self.white[index], stop=self.stop[index])
 
     def shapes_fixed(self) -> Problem:
         """The problem with its periods and time constants held."""
@@ -177,7 +179,8 @@ class Problem:
         """
 
         def objective(at: Point) -> float:
-            away, distances = self.away(at.parameters), stated_residuals(self.measurement, at.registration)
+            away = self.away(at.parameters)
+            distances = self.measurement.instrument.stated_residuals(self.measurement, at.registration)
             squares = self.squares(at, weights, decorrelation) / factor
             return squares + float(distances @ distances) + float(away @ away)
 

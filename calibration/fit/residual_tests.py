@@ -9,7 +9,6 @@ import numpy as np
 from scipy import special
 
 from calibration.fit.fit import Fit
-from calibration.measurement.instruments import Part
 from kinematics.transforms import Array
 
 SIGNIFICANCE = 1e-3
@@ -52,7 +51,7 @@ def _variables(fit: Fit) -> Iterator[tuple[str, Array, str]]:
             yield f"the direction of {axis}", state.approach[:, i], f"--effect backlash:axis={axis},width=0"
     if state.time is not None:
         hint = "--effect thermal-drift:component=Z,rate=0 or thermal-scale:axis=...,rate=0"
-        if isinstance(fit.measurement.instrument, Part):  # its clock is that of the measuring machine
+        if not fit.measurement.instrument.CLOCK_OF_MACHINE:  # its clock is that of the measuring machine
             hint = "--effect tracker-drift, a drift of the part on the measuring machine"
         yield "time", state.time, hint
     for name, temperature in state.temperatures.items():

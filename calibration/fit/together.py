@@ -12,8 +12,7 @@ distribution with the rank of P. The prior has no part in it.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import chain
@@ -24,10 +23,10 @@ import numpy as np
 from scipy import special
 
 from calibration.fit.acceptance import Judged, disagreement, nominal_residuals, reason_against, refuse_few
+from calibration.fit.bases.common import common_basis
 from calibration.fit.bases.search import AUTO, Choice, scale_of
 from calibration.fit.calibrate import checked, in_datum, provenance
 from calibration.fit.cross_validation import CrossValidation, cross_validate
-from calibration.fit.datum import error_motions
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.linear import Posterior, pseudo_inverse
@@ -41,15 +40,17 @@ from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import at_positions
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import least_priors, priors, with_effects
+from calibration.observation.mean_lines import arms_of, centred
 from calibration.observation.outliers import Variance
-from calibration.plausibility.checks import Finding
-from kinematics.basis import Basis, BSpline, Fourier, Harmonics
+from calibration.plausibility.finding import Finding
+from kinematics.basis import Basis
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.error_model.model import ErrorModel, no_errors
-from kinematics.machine import TURN, Machine
+from kinematics.machine import Machine
 from kinematics.running.progress import Progress, numbered, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
+from rendering.shown import Shown
 
 STEPS, CONVERGED = 8, 1e-3
 """Most steps of the fit, and the length of a step, in units of the priors, at which it ends."""
@@ -79,8 +80,7 @@ class Part:
     @property
     def before_um(self) -> float:
         """RMS residual per scalar, um, of the nominal machine in the rows that the fit of all kept."""
-        kept = self.together.measurement.rows(np.flatnonzero(self.together.kept))
-        return float(np.sqrt(np.mean((self.before * kept.per_micro) ** 2)))
+        return float(np.sqrt(np.mean((self.before * self.together.good.per_micro) ** 2)))
 
     @property
     def contradicts(self) -> bool:
@@ -94,26 +94,35 @@ class Part:
         return f"{self.alone.measurement.source}: {reason}" if reason else ""
 
 
-@dataclass(frozen=True)
-class Together(Judged):
+@dataclass(frozen=True, repr=False)
+class Together(Shown, Judged):
     """The fit of several measurements, with its checks."""
 
     parts: tuple[Part, ...]
+    """Each measurement alone, with the others, and predicted by them."""
     fit: Fit
     """The fit of the measurement with the most observations, with the information of all."""
     model: ErrorModel
     """The model to be written: in the datum, location errors as separate effects, with covariance."""
     identifiability: Identifiability
+    """Errors that the data do not show, by name."""
     findings: tuple[Finding, ...]
+    """Anomalies of the data."""
     objection: str
     """Reason against the calibration; empty without one."""
     forced: bool
     """True where it is accepted nevertheless."""
 
     @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        names = ", ".join(part.together.measurement.source for part in self.parts)
+        return f"{self.model.machine.name}, {names}, {'accepted' if self.accepted else 'not accepted'}"
+
+    @property
     def bases(self) -> dict[str, Basis]:
         """The basis of each error motion, by its name."""
-        return {effect.name: effect.basis for effect in self.fit.model.effects if isinstance(effect, ErrorMotion)}
+        return {motion.name: motion.basis for motion, _ in self.fit.model.error_motions}
 
 
 class TogetherNotAccepted(UserError):
@@ -153,7 +162,7 @@ def calibrate_together(
         step(f"fitting {measurement.source} alone")
         wanted = Wanted(basis, 0, tuple(effects), prior_scale, variance, step)
         singles.append(_Single.of(measurement, wanted, force=force))
-    model = _model(machine, [single.start for single in singles])
+    model = _model(machine, [single.start for single in singles], _arms(measurements))
     prior = _prior(model, singles, measurements)
     numbered(progress, steps - 1, steps)("fitting all measurements together")
     joint = _Joint.fitted([_Share.of(single.fit, model, prior) for single in singles], model, prior)
@@ -204,7 +213,7 @@ class _Single:
 def _prior(model: ErrorModel, singles: Sequence[_Single], measurements: Sequence[Measurement]) -> Array:
     """Prior standard deviations `(p,)` of the parameters: the largest that one of the measurements has alone."""
     prior = priors(model)
-    for motion, part in error_motions(model):
+    for motion, part in model.error_motions:
         prior[part] *= max(scale_of(single.choice.scales, motion.axis) for single in singles)
     return np.asarray(np.maximum.reduce([prior, *(least_priors(each, model) for each in measurements)]))
 
@@ -213,8 +222,9 @@ def _written(whole: Fit, parts: Sequence[Part], valid_days: float | None) -> Err
     """The fitted model in the datum, with its location errors and its provenance."""
     observations = sum(part.together.observations for part in parts)
     source = f"fit of {observations} observations by {len(parts)} instruments"
-    made = provenance([part.alone.measurement for part in parts], source, valid_days)
-    return msgspec.structs.replace(in_datum(whole), provenance=made)
+    model = in_datum(whole)
+    made = provenance([part.alone.measurement for part in parts], model.effects, source, valid_days)
+    return msgspec.structs.replace(model, provenance=made)
 
 
 @dataclass(frozen=True)
@@ -287,7 +297,7 @@ class _Joint:
         own = self.shares[number]
         model, root = self.by([*self.shares[:number], *self.shares[number + 1 :]])
         together, by_others = _registered(own.alone, self.result), _registered(own.alone, model)
-        held_out = cross_validate(own.alone.measurement, model, root, own.alone.kept) if hold_out else None
+        held_out = cross_validate(own.alone.good, model, root) if hold_out else None
         return Part(own.alone, together, nominal_residuals(together), by_others, self._p_value(number), held_out)
 
     @property
@@ -335,43 +345,30 @@ def _machine(measurements: Sequence[Measurement]) -> Machine:
     return first.machine
 
 
-def _model(machine: Machine, models: Sequence[ErrorModel]) -> ErrorModel:
+def _model(machine: Machine, models: Sequence[ErrorModel], arms: Mapping[str, Array]) -> ErrorModel:
     """The start of the fit: the effects of all models, each error motion in the finest basis of those that have it."""
     motions: dict[str, list[ErrorMotion]] = {}
     others: dict[str, Effect] = {}
+    for motion, _ in chain.from_iterable(model.error_motions for model in models):
+        motions.setdefault(motion.name, []).append(motion)
     for effect in chain.from_iterable(model.effects for model in models):
-        if isinstance(effect, ErrorMotion):
-            motions.setdefault(effect.name, []).append(effect)
-        else:
+        if effect.name not in motions:
             others.setdefault(effect.name, effect)
     found = []
     for same in motions.values():
         axis = same[0].axis
-        basis = _common([each.basis for each in same], turning=machine.axes[machine.index(axis)].turns_fully)
+        basis = common_basis([each.basis for each in same], turning=machine.axes[machine.index(axis)].turns_fully)
         zero = (0.0,) * basis.size
         found.append(ErrorMotion(same[0].component, axis, basis, zero, u=zero))
     found.sort(key=lambda motion: machine.names.index(motion.axis))
-    return msgspec.structs.replace(no_errors(machine), effects=(*found, *others.values()))
+    return msgspec.structs.replace(no_errors(machine), effects=(*centred(found, arms), *others.values()))
 
 
-def _common(bases: Sequence[Basis], *, turning: bool) -> Basis:
-    """The finest of the bases of one error motion, over the range of all; `turning`: its axis turns fully."""
-    finest = min(bases, key=lambda basis: (basis.feature_length, -basis.size))
-    low, high = min(basis.interval[0] for basis in bases), max(basis.interval[1] for basis in bases)
-    if isinstance(finest, Harmonics) or (low, high) == finest.interval:
-        return finest
-    own_low, own_high = finest.interval
-    if turning:
-        return Harmonics((low, low + TURN), max(finest.size // 2, 1))
-    if isinstance(finest, BSpline):
-        spacing = (own_high - own_low) / (len(finest.nodes) - 1)
-        before = np.linspace(low, own_low, math.ceil((own_low - low) / spacing) + 1)[:-1]
-        behind = np.linspace(own_high, high, math.ceil((high - own_high) / spacing) + 1)[1:]
-        return BSpline((*before.tolist(), *finest.nodes, *behind.tolist()), finest.degree)
-    longer = (high - low) / (own_high - own_low)
-    if isinstance(finest, Fourier):
-        return Fourier((low, high), tuple(longer * waves for waves in finest.harmonics))
-    return type(finest)((low, high), math.ceil(longer * finest.degree))
+def _arms(measurements: Sequence[Measurement]) -> dict[str, Array]:
+    """The mean arms of the centres of all measurements, as `arms_of`."""
+    every = [arms_of(each) for each in measurements]
+    axes = dict.fromkeys(axis for own in every for axis in own)
+    return {axis: np.mean([own[axis] for own in every if axis in own], axis=0) for axis in axes}
 
 
 def _registered(own: Fit, model: ErrorModel) -> Fit:

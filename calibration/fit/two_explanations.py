@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinematics.effects import Effect, ErrorMotion
+from kinematics.basis import Basis
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
@@ -32,18 +32,19 @@ def with_other(model: ErrorModel, other: ErrorModel, probability: float) -> Erro
 
 def _into(model: ErrorModel, other: ErrorModel) -> Array:
     """Matrix `(p, q)` from the parameters of another model to those of a model, effect by effect."""
-    parts = {effect.name: (effect, part) for effect, part in zip(other.effects, other.slices, strict=True)}
+    parts = {effect.name: part for effect, part in zip(other.effects, other.slices, strict=True)}
+    bases = {motion.name: motion.basis for motion, _ in model.error_motions}
+    theirs = {motion.name: motion.basis for motion, _ in other.error_motions}
     matrix = np.zeros((len(model.parameters), len(other.parameters)))
     for effect, part in zip(model.effects, model.slices, strict=True):
-        if effect.name in parts:
-            theirs, columns = parts[effect.name]
-            matrix[part, columns] = _from(effect, theirs)
+        name = effect.name
+        if name in parts:
+            same = name not in bases or name not in theirs or bases[name] == theirs[name]
+            matrix[part, parts[name]] = np.eye(len(effect.parameters)) if same else _from(bases[name], theirs[name])
     return matrix
 
 
-def _from(effect: Effect, other: Effect) -> Array:
-    """Matrix from the parameters of another effect of the same name: curves by least squares over the interval."""
-    if not (isinstance(effect, ErrorMotion) and isinstance(other, ErrorMotion)) or effect.basis == other.basis:
-        return np.eye(len(effect.parameters))
-    x = np.linspace(*effect.basis.interval, POSITIONS)
-    return np.asarray(np.linalg.lstsq(effect.basis.columns(x), other.basis.columns(x))[0])
+def _from(basis: Basis, other: Basis) -> Array:
+    """Matrix from the parameters of a curve in another basis: by least squares over the interval."""
+    x = np.linspace(*basis.interval, POSITIONS)
+    return np.asarray(np.linalg.lstsq(basis.columns(x), other.columns(x))[0])

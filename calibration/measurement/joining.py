@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.measurement.balls.touch_probe import TIP
-from calibration.measurement.instruments import TouchProbe
+from calibration.instruments.touch_probe import TIP
 from calibration.measurement.measurement import Distance, Measurement, Target
 from kinematics.files import fingerprint
 from kinematics.state import State
@@ -65,6 +64,7 @@ def joined(measurements: Sequence[Measurement]) -> Measurement:
         fingerprint=fingerprint("\n".join(m.fingerprint for m in measurements).encode()),
         notes=tuple(notes),
         simulated=any(m.simulated for m in measurements),
+        measured=min((m.measured for m in measurements if m.measured is not None), default=None),
     )
 
 
@@ -97,7 +97,7 @@ def _names(measurements: Sequence[Measurement]) -> list[str]:
     for names in ([Path(m.source).name for m in measurements], [m.source for m in measurements]):
         if len(set(names)) == len(names) and all(names):
             return names
-    return [f"{m.source or 'file'}({number})" for number, m in enumerate(measurements, start=1)]
+    return [f"{m.source}({number})" for number, m in enumerate(measurements, start=1)]
 
 
 def _state(measurements: Sequence[Measurement], names: list[str], notes: list[str]) -> State:
@@ -172,7 +172,7 @@ def _with_own_tips(measurements: Sequence[Measurement], names: list[str]) -> Seq
     """The measurements; tips of touch probes that differ become targets `file:probe`."""
     if len({m.targets.get(TIP) for m in measurements}) == 1:
         return measurements
-    if not all(isinstance(m.instrument, TouchProbe) for m in measurements):
+    if not measurements[0].instrument.OWN_TIP:
         return measurements
     result = []
     for name, m in zip(names, measurements, strict=True):

@@ -2,58 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import datetime
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
+from calibration.instruments import Instrument
+from calibration.instruments.targets import SPINDLE_NOSE, Carrier, Distance, Target
 from calibration.measurement.estimated_noise import EstimatedNoise
-from calibration.measurement.instruments import Instrument
 from kinematics.basis import Interval
 from kinematics.effects.base import own_component
 from kinematics.machine import Machine, Vector
-from kinematics.state import REFERENCE, State
+from kinematics.state import REFERENCE, State, with_moves
 from kinematics.transforms import Array, read_only
 from kinematics.turn import measured_arc, swept_arc
+from rendering.shown import Shown
+
+__all__ = [
+    "SPINDLE_NOSE",
+    "STANDSTILL",
+    "AcrossPath",
+    "Carrier",
+    "Distance",
+    "Measurement",
+    "Target",
+    "changed",
+    "in_space",
+    "with_moves",
+]
 
 STANDSTILL = 1e-6
 """Range, mm or degrees, up to which an axis does not move."""
-Carrier = Literal["tool", "table", "bed"]
-
-
-@dataclass(frozen=True)
-class Target:
-    """A reflector and its position on its carrier."""
-
-    position: Vector
-    """Position, mm: from the tool reference point, in the tool's directions; on the table or the bed, in the workpiece
-    frame at zero pose of the machine."""
-    carrier: Carrier = "tool"
-    free: bool = False
-    """True for a target on the tool whose position the registration also estimates."""
-    spindle_deg: float = 0.0
-    """Angle by which the spindle was turned about +z when a touch probe measured, degrees; `position` is turned too."""
-
-    @property
-    def known(self) -> bool:
-        """False where the position is a first value for the registration: on the table, on the bed, and where free."""
-        return self.carrier == "tool" and not self.free
-
-
-SPINDLE_NOSE = Target((0.0, 0.0, 0.0))
-
-
-class Distance(NamedTuple):
-    """A calibrated distance between the centres of two spheres, such as the length of a scale bar."""
-
-    one: str
-    other: str
-    length: float
-    """Distance, mm."""
-    u: float
-    """Standard uncertainty of the distance, mm."""
+SAME_MM, SAME_DEG = 1e-3, 1e-4
+"""Differences within which axis positions are the same."""
+STILL = 1e-9
+"""Difference, mm or rad, below which an axis has not moved."""
 
 
 @dataclass(frozen=True)
@@ -80,12 +66,19 @@ class AcrossPath:
         return np.asarray(self.directions @ vectors)
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """States and observations, one row per observation, in the order of acquisition; mm and rad."""
+@dataclass(frozen=True, repr=False)
+class Measurement(Shown):
+    """States and observations, one row per observation, in the order of acquisition; mm and rad.
+
+    A column that is derived from these fields is calculated once, when it is first needed, and is read-only. It is
+    derived here, or by a function that is marked `derived` (`calibration/registration/derived.py`) in the module to
+    which the derivation belongs.
+    """
 
     machine: Machine
+    """The machine."""
     instrument: Instrument
+    """The instrument with its standard uncertainties (k = 1), um."""
     state: State
     """State with approach, last move, run as cycle, station and target; for a tracker and a part also `observed`."""
     observed: Array
@@ -108,7 +101,7 @@ class Measurement:
     """Zero of a part's frame in the workpiece frame at zero pose of the machine, mm; a first value."""
     lines: np.ndarray | None = None
     """Line number in the file `(n,)`, for messages."""
-    source: str = ""
+    source: str = "measurement"
     """Name of the file."""
     fingerprint: str = ""
     """Fingerprint of the file's content."""
@@ -132,6 +125,14 @@ class Measurement:
     """Noise estimated from the data; None for that of the instrument's specification."""
     simulated: bool = False
     """True for data of a virtual machine."""
+    measured: datetime.date | None = None
+    """Date of the measurement, of several the earliest; None where it is not known."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        kind = type(self.instrument).__name__
+        return f"{self.machine.name}, {len(self)} observations by {kind}, {self.source}"
 
     def __len__(self) -> int:
         return len(self.observed)
@@ -141,10 +142,14 @@ class Measurement:
         """Number d of scalars that count in an observation."""
         return self.instrument.components if self.across is None else 2
 
-    @property
+    @cached_property
     def counted(self) -> Array:
         """Components of the observations that count `(n, d)`, mm and rad."""
-        return self.observed if self.across is None else self.across.of(self.observed)
+        return self.observed if self.across is None else read_only(self.across.of(self.observed))
+
+    def components_of(self, vectors: Array) -> Array:
+        """The components that count `(n, d, ...)` of vectors or matrices `(n, 3, ...)` in the instrument's frame."""
+        return vectors[:, : self.components] if self.across is None else self.across.of(vectors)
 
     @cached_property
     def groups(self) -> np.ndarray:
@@ -158,17 +163,17 @@ class Measurement:
         station = self.state.station
         return read_only(np.full(len(self), "1") if station is None else station.astype(str))
 
-    @property
+    @cached_property
     def temperatures(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest temperature, degC, of each sensor with a value in every row."""
         known = {sensor: kelvin for sensor, kelvin in self.state.temperatures.items() if np.isfinite(kelvin).all()}
         ends = {sensor: np.round([kelvin.min(), kelvin.max()], 6) + REFERENCE for sensor, kelvin in known.items()}
         return {sensor: (float(low), float(high)) for sensor, (low, high) in ends.items()}
 
-    @property
+    @cached_property
     def tool(self) -> Array:
         """Nominal positions `(n, 3)`, mm, of the targets on their carriers."""
-        return np.asarray(np.array([target.position for target in self.targets.values()])[self.target_number])
+        return read_only(np.array([target.position for target in self.targets.values()])[self.target_number])
 
     @cached_property
     def target_number(self) -> np.ndarray:
@@ -196,32 +201,80 @@ class Measurement:
         moved = zip(names, ends, strict=True)
         return {name: (a, b) for name, (a, b) in moved if b - a > STANDSTILL and name in measured}
 
-    @property
+    @cached_property
+    def distinct_positions(self) -> Mapping[str, int]:
+        """Number of different positions of each axis, to 1 um or a thousandth of a degree."""
+        rounded = {name: np.round(self.state.position(self.machine, name), 3) for name in self.machine.names}
+        return {name: len(np.unique(positions)) for name, positions in rounded.items()}
+
+    @cached_property
+    def positions_in_tolerances(self) -> Array:
+        """Axis positions `(n, axes)` in units of the differences within which they are the same."""
+        same = np.where(self.machine.rotary, np.radians(SAME_DEG), SAME_MM)
+        return read_only(np.asarray(self.state.positions / same))
+
+    @cached_property
+    def stops(self) -> np.ndarray:
+        """Numbers `(n,)` of the stops, from 0, in the order of the rows.
+
+        A stop ends where a position, a direction of approach, the set-up or the run changes; the target may change.
+        """
+        state = self.state
+        new = changed(self.positions_in_tolerances)
+        if state.approach is not None:  # a stated one: a move of a fraction of SAME_MM has a direction too
+            still = np.append(False, np.abs(np.diff(state.positions, axis=0)).max(axis=1, initial=0.0) < STILL)
+            new |= still[: len(state)] & changed(2.0 * state.approach)
+        for names in (state.station, self.run, self.axis, self.file):
+            if names is not None:
+                new |= np.append(True, names[1:] != names[:-1])
+        return read_only(np.asarray(np.cumsum(new) - 1))
+
+    @cached_property
+    def axis_column(self) -> np.ndarray:
+        """Column `(n,)` of the measured axis among the positions, for an interferometer."""
+        assert self.axis is not None
+        names = self.axis.tolist()
+        columns = {name: self.machine.index(name) for name in set(names)}
+        return read_only(np.array([columns[name] for name in names], int))
+
+    @cached_property
+    def axis_position(self) -> Array:
+        """Position `(n,)` of the measured axis, mm or rad, for an interferometer."""
+        return read_only(np.asarray(self.state.positions[np.arange(len(self)), self.axis_column]))
+
+    @cached_property
     def per_micro(self) -> Array:
         """Factors `(n, 1)` from mm to um, and from rad to urad, of each observation."""
         if self.axis is None:
-            return np.full((len(self), 1), 1e3)
-        return np.where(self.angular, 1e6, 1e3)[:, None]
+            return read_only(np.full((len(self), 1), 1e3))
+        return read_only(np.where(self.angular, 1e6, 1e3)[:, None])
 
     @property
+    def unit(self) -> str:
+        """Unit of its residuals on screens: um, urad where angles are observed, or both."""
+        if not self.angular.any():
+            return "um"
+        return "urad" if self.angular.all() else "um or urad"
+
+    @cached_property
     def angular(self) -> np.ndarray:
         """Mask `(n,)` of the observations of angles: of rotary axes, and angular error motions of linear ones."""
         rotary = [axis.name for axis in self.machine.axes if axis.rotary]
         mask = np.isin(self.axis, rotary) if self.axis is not None else np.zeros(len(self), bool)
-        return mask if self.component is None else mask | np.isin(self.component, list("ABC"))
+        return read_only(mask if self.component is None else mask | np.isin(self.component, list("ABC")))
 
-    @property
+    @cached_property
     def positioning(self) -> np.ndarray:
         """Mask `(n,)` of the observations of an axis along, or about, its own line."""
         if self.axis is None or self.component is None:
-            return np.ones(len(self), bool)
+            return read_only(np.ones(len(self), bool))
         own = np.array([own_component(name) for name in self.axis.tolist()])
-        return np.asarray((self.component == "") | (self.component == own))
+        return read_only(np.asarray((self.component == "") | (self.component == own)))
 
-    @property
+    @cached_property
     def straightness(self) -> np.ndarray:
         """Mask `(n,)` of the observations across the line of a linear axis."""
-        return np.asarray(~self.positioning & ~self.angular)
+        return read_only(np.asarray(~self.positioning & ~self.angular))
 
     def rows(self, index: slice | np.ndarray) -> Measurement:
         """The measurement with some of its rows; approach and last move do not change."""
@@ -253,17 +306,16 @@ class Measurement:
         source = self.source if self.file is None else str(self.file[row])
         return source if self.lines is None else f"{source}:{self.lines[row]}"
 
+    @cached_property
+    def _derived(self) -> dict[Callable[[Measurement], Any], Any]:
+        """Results of the functions that are `derived`, by function."""
+        return {}
 
-def with_moves(state: State, approach: Array | None = None) -> State:
-    """The state with the last move of each axis, from the order of its rows, and the approach unless given.
 
-    A row that does not move an axis keeps its last move and its approach; both are 0 before the first move.
-    """
-    moves = np.diff(state.positions, axis=0, prepend=state.positions[:1])
-    moves[np.abs(moves) < 1e-9] = 0.0
-    moved = np.where(moves != 0.0, np.arange(len(state))[:, None], 0)
-    last = np.take_along_axis(moves, np.maximum.accumulate(moved, axis=0), axis=0)
-    return replace(state, last_move=last, approach=np.sign(last) if approach is None else approach)
+def changed(values: Array) -> np.ndarray:
+    """True `(n,)` for rows in which a value differs from the row before by more than 1, or that are the first."""
+    differs = np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0) > 1.0
+    return np.append(np.ones(min(len(values), 1), bool), differs)
 
 
 def in_space(observed: Array) -> Array | None:

@@ -12,6 +12,7 @@ from calibration.measurement.measurement import SPINDLE_NOSE, Target
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array
+from rendering.shown import Shown
 
 Order = Literal["given", "shuffled", "retraced"]
 Rotary = Literal["fixed", "swept", "random", "simultaneous"]
@@ -24,7 +25,9 @@ class Timing:
     """Duration of a measurement; the virtual calibration paper, 3.2, has 15 s per point and 20 min of set-up."""
 
     point_s: float = 15.0
+    """Time for each point, s."""
     setup_min: float = 20.0
+    """Time for the set-up, min."""
     dwell_s: float | None = None
     """Dwell at each point with a given feed, s; the time between points is added."""
     feed: float | None = None
@@ -46,17 +49,23 @@ class Choices:
     rotary_points: int = 13
     """Number of positions of each rotary axis that is swept or measured alone."""
     order: Order = "given"
+    """Order of the positions: as given, shuffled (drift apart from geometry), or there and back."""
     targets: Mapping[str, Target] = field(default_factory=lambda: {"1": SPINDLE_NOSE})
+    """Targets by name; positions, mm, from the spindle nose, on the table or on the bed."""
     target_order: TargetOrder = "in-turn"
     """Order of the targets: the whole sequence with each target in turn, or all targets at each position."""
     references: int = 0
     """Number of positions between measurements of the reference position, also at start and end; 0 for none."""
     approach: Approach = "any"
+    """Direction from which all axes approach each position."""
     overrun: float = 1.0
     """Distance of the approach to a position from a given side, mm or degrees."""
     runs: int = 1
+    """Number of repetitions of the whole sequence."""
     timing: Timing = Timing()
+    """Times of the measurement."""
     seed: int = 0
+    """Seed of random positions and orders."""
 
 
 class MeasuringSequence(NamedTuple):
@@ -77,19 +86,22 @@ class MeasuringSequence(NamedTuple):
         return MeasuringSequence(self.positions[index], self.names[index], axis, side)
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, repr=False)
+class Plan(Shown):
     """Plan with one row per observation `n`, in the order of measuring."""
 
     machine: Machine
+    """The machine."""
     strategy: str
+    """Name of the strategy."""
     state: State
     """Positions, approach, last move, time, run as cycle, and target."""
     names: np.ndarray
-    """Names of the points `(n,)`; a point that is measured again keeps its name."""
+    """Names of the points `(n,)`; a point that is measured again has a letter behind its name."""
     run: np.ndarray
     """Name of the run `(n,)`."""
     targets: Mapping[str, Target]
+    """Targets by name, mm."""
     axis: np.ndarray | None = None
     """Name of the axis `(n,)` that is measured alone."""
     before: Array | None = None
@@ -101,9 +113,22 @@ class Plan:
     position_count: int = 0
     """Number of positions of the strategy, without repetitions."""
     notes: tuple[str, ...] = field(default=())
+    """Notes for the user."""
     spheres: Mapping[str, Vector] = field(default_factory=dict)
     """Stated centres of the spheres of a touch probe by name, mm, workpiece frame at zero pose; `state.station` has the
     sphere of each row."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        return f"{self.machine.name}, {self.summary}"
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """Axis positions, mm and degrees, names, runs, targets and times, s, of the observations by name `(n,)`."""
+        axes = zip(self.machine.names, (self.positions / self.machine.scale).T, strict=True)
+        others = {"time_s": self.state.time, "target": self.state.target, "run": self.run, "point": self.names}
+        return dict(axes) | {name: column for name, column in others.items() if column is not None}
 
     def __len__(self) -> int:
         return len(self.state)

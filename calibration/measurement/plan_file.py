@@ -9,13 +9,12 @@ from typing import BinaryIO
 
 import numpy as np
 
-from calibration.measurement.balls.touch_probe import (
+from calibration.instruments import TouchProbe, instrument_in
+from calibration.instruments.touch_probe import (
     PLAN_ID,
     SPHERE,
     TIP,
-    TOUCH_PROBE,
     header_lines,
-    is_touch_probe,
     read_spheres,
 )
 from calibration.measurement.measurement import with_moves
@@ -30,11 +29,13 @@ from calibration.measurement.states import (
     refuse_unstated,
     state_columns,
 )
-from calibration.measurement.text_table import read_table
+from calibration.measurement.text_table import Table, read_table
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 from kinematics.version import VERSION
 
+MINUTES = "minutes"
+"""Header key of the duration, min."""
 POINT = "point"
 """Column with the names of points."""
 
@@ -42,7 +43,7 @@ POINT = "point"
 def write_plan(plan: Plan, file: BinaryIO) -> None:
     """Write the plan: mm, degrees, s; with directions of approach unless the order of the rows gives the same."""
     columns = _columns(plan)
-    head = [f"machine: {plan.machine.name}", f"strategy: {plan.strategy}", f"minutes: {plan.minutes:.1f}"]
+    head = [f"machine: {plan.machine.name}", f"strategy: {plan.strategy}", f"{MINUTES}: {plan.minutes:.1f}"]
     head.append(f"{MADE_BY}: ncomp {VERSION}")
     head += [f"{PLAN_ID}: {plan_id(plan)}", *_sphere_lines(plan)] if plan.spheres else _target_lines(plan)
     lines = [*(f"# {line}" for line in head), ",".join(columns)]
@@ -57,7 +58,7 @@ def plan_id(plan: Plan) -> int:
 
 
 def _sphere_lines(plan: Plan) -> list[str]:
-    return [f"instrument: {TOUCH_PROBE}", *header_lines(plan.targets[TIP], plan.spheres, ())]
+    return [f"instrument: {TouchProbe.kind()}", *header_lines(plan.targets[TIP], plan.spheres, ())]
 
 
 def _target_lines(plan: Plan) -> list[str]:
@@ -103,8 +104,9 @@ def read_plan(path: Path, machine: Machine) -> Plan:
     strategy = table.entries["strategy"].value if "strategy" in table.entries else path.name
     return Plan(
         machine, strategy, states.state, names.get(POINT, count), count if states.run is None else states.run,
-        states.targets, states.axis, minutes=_minutes(states.state.time), position_count=len(table), notes=tuple(notes),
-        spheres=read_spheres(table) if is_touch_probe(table) else {},
+        states.targets, states.axis, minutes=_minutes(table, states.state.time),
+        position_count=len(np.unique(np.round(states.state.positions, 9), axis=0)), notes=tuple(notes),
+        spheres=read_spheres(table) if instrument_in(table).SET_UP == SPHERE else {},
     )  # fmt: skip
 
 
@@ -125,5 +127,8 @@ def _measured(plan: Plan, axis: np.ndarray, columns: Mapping[str, list[str]]) ->
     return found
 
 
-def _minutes(time: np.ndarray | None) -> float:
+def _minutes(table: Table, time: np.ndarray | None) -> float:
+    """Duration as the header states it, with the set-up; otherwise that of the rows."""
+    if MINUTES in table.entries:
+        return table.header_numbers(MINUTES, 1)[0]
     return 0.0 if time is None else float(time[-1] - time[0]) / 60.0

@@ -9,18 +9,16 @@ from typing import Literal, NoReturn
 
 import numpy as np
 
+from calibration.instruments import KINDS, instrument_in
+from calibration.instruments.axis_columns import axis_columns, read_component
 from calibration.measurement.axis_positions import (
     SAME_POSITION,
-    axis_columns,
     observed_zero,
     of_axes,
     of_part,
     of_targets,
-    read_component,
 )
-from calibration.measurement.balls.ballbar import in_runs, is_ballbar, velocities_on_circles
-from calibration.measurement.balls.touch_probe import SPHERE, is_touch_probe, read_tip
-from calibration.measurement.measurement import SPINDLE_NOSE, Carrier, Target, with_moves
+from calibration.measurement.measurement import SPINDLE_NOSE, Carrier, Target
 from calibration.measurement.text_table import Table
 from calibration.measurement.velocity import velocities
 from kinematics.files.number_text import rounded
@@ -32,6 +30,8 @@ from kinematics.user_error import UserError
 
 CARRIERS: Mapping[str, Carrier] = {"target": "tool", "table": "table", "bed": "bed"}
 """Carrier of a target, by the first part of its header key."""
+SET_UPS = tuple(dict.fromkeys(kind.SET_UP for kind in KINDS.values()))
+"""Columns with the names of set-ups."""
 STANDS_ON: Mapping[str, Literal["workpiece", "bed"]] = {"workpiece": "workpiece", "bed": "bed"}
 MADE_BY = "made_by"
 """Header key of the program that wrote the file."""
@@ -119,6 +119,7 @@ def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[st
 def read_states(table: Table, machine: Machine, notes: list[str]) -> MeasurementStates:
     """The states and targets of a table; assumptions are added to the notes."""
     targets, target = read_targets(table, notes)
+    kind = instrument_in(table)
     tool = _tool(targets, target)
     part_zero: Vector = (0.0, 0.0, 0.0)
     given = [name for name in machine.names if name in table.names]
@@ -133,7 +134,7 @@ def read_states(table: Table, machine: Machine, notes: list[str]) -> Measurement
     else:
         _refuse_on_the_fly(table, machine)
     optional = table.numbers([name for name in ("time_s", "feed") if name in table.names])
-    texts = table.texts([name for name in ("station", SPHERE, "run", "axis") if name in table.names])
+    texts = table.texts([name for name in (*SET_UPS, "run", "axis") if name in table.names])
     run = texts.get("run")
     state = State(
         positions,
@@ -141,19 +142,18 @@ def read_states(table: Table, machine: Machine, notes: list[str]) -> Measurement
         temperatures=read_temperatures(table),
         spindle_speed=_spindle_speed(table, notes),
         cycle=None if run is None else _in_order(run).astype(float),
-        station=texts.get(SPHERE if is_touch_probe(table) else "station"),
+        station=texts.get(kind.SET_UP),
         target=target,
     )
     if "nominal_x" not in table.names:
-        state = (in_runs if is_ballbar(table) else with_moves)(state)
+        state = kind.in_order(state)
         feed = optional.get("feed")
-        if is_ballbar(table) and feed is not None:
-            velocity: Array | None = velocities_on_circles(machine, state, feed)
-        else:
+        velocity = None if feed is None else kind.own_velocities(machine, state, feed)
+        if velocity is None:
             velocity = _velocity(table, machine, positions, feed, notes)
         state = replace(state, velocity=velocity)
     state = replace(state, approach=_approach(table, machine, state.approach))
-    _note_travel(machine, positions, notes)
+    note_travel(machine, positions, notes)
     stands_on = read_stands_on(table)
     actual = _actual(table, machine)
     component = read_component(table, machine) if "axis" in table.names else None
@@ -169,8 +169,8 @@ def is_simulated(table: Table) -> bool:
 
 def read_targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndarray]:
     """The targets by name, and the name of the target of each row `(n,)`."""
-    if is_touch_probe(table):
-        return read_tip(table)
+    if (own := instrument_in(table).read_targets(table)) is not None:
+        return own
     targets: dict[str, Target] = {}
     for key in table.entries:
         first, dot, name = key.partition(".")
@@ -338,7 +338,8 @@ def _ordered(table: Table, time: Array | None, notes: list[str]) -> Array | None
     return time
 
 
-def _note_travel(machine: Machine, positions: Array, notes: list[str]) -> None:
+def note_travel(machine: Machine, positions: Array, notes: list[str]) -> None:
+    """Add a note for each axis whose positions `(n, axes)`, mm and rad, leave its travel."""
     for i, axis in enumerate(machine.axes):
         low, high = machine.travel[:, i]
         beyond = float(np.max(np.maximum(low - positions[:, i], positions[:, i] - high)))

@@ -115,6 +115,11 @@ class Table:
                 meant = f" (did you mean {near[0]}?)" if near else ""
                 raise UserError(f"{self.head} column {name}: not known{meant}; known are {', '.join(listed)}")
 
+    def with_rows(self, columns: Mapping[str, Sequence[str]], lines: Sequence[int]) -> Table:
+        """The table with other columns `(n,)` of texts, and the line in the file of each row; its header stays."""
+        other = table_of(self.source, self.fingerprint, self.entries, columns, lines)
+        return replace(other, remarks=self.remarks, names_line=self.names_line)
+
     def need_columns(self, names: Sequence[str], label: str) -> None:
         """UserError for missing columns."""
         missing = [name for name in names if name not in self.names]

@@ -20,12 +20,13 @@ from pathlib import Path
 import numpy as np
 from scipy import special
 
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.text_table import Table, parse_table
 from kinematics.files import read_input
 from kinematics.files.mistaken import kind_of_file
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
+from rendering.shown import Shown
 
 KINDS = ("ranging", "length", "two-face")
 PARAMETERS = ("u_range_um", "u_range_um_per_m", "u_angle_um", "u_angle_um_per_m")
@@ -76,16 +77,24 @@ class TrackerTests:
         return np.stack([part.sum(axis=1) for part in parts], axis=1)
 
 
-@dataclass(frozen=True)
-class Fitted:
+@dataclass(frozen=True, repr=False)
+class Fitted(Shown):
     """The tracker's parameters, um and um/m, k = 1."""
 
     tests: TrackerTests
+    """The tests that were fitted."""
     parameters: Array
+    """Standard uncertainties (k = 1) `(4,)` of range, um and um/m, and across the beam, um and um/m."""
     u: Array
     """Standard uncertainties of the parameters `(4,)`."""
     predicted: Array
     """Predicted RMS of each value `(n,)`, um."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        values = zip(PARAMETERS, self.parameters.tolist(), strict=True)
+        return ", ".join(f"{name} {value:.3g}" for name, value in values)
 
     @property
     def instrument(self) -> LaserTracker:

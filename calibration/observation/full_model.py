@@ -10,9 +10,8 @@ from typing import get_args
 import msgspec
 import numpy as np
 
-from calibration.measurement.instruments import Interferometer, TouchProbe
 from calibration.measurement.measurement import Measurement
-from calibration.observation.mean_lines import sizes_for_slope
+from calibration.observation.mean_lines import arms_of, centred, sizes_for_slope
 from kinematics.basis import Basis, BSpline, Fourier, Harmonics, Interval, Legendre, Polynomial
 from kinematics.effects import Backlash, Component, Effect, ErrorMotion
 from kinematics.effects.base import UM, own_component
@@ -93,38 +92,36 @@ def stated_bases(text: str, axes: Sequence[str]) -> dict[str, BasisChoice]:
     return {axis: bases[axis] for axis in axes}
 
 
-def moving_axes(measurement: Measurement) -> dict[str, Interval]:
-    """The axes that move, and are measured, in the data, with the interval that they cover, mm or degrees.
-
-    For an axis that turns fully, the interval is the measured arc.
-    """
-    return dict(measurement.moving)
-
-
 def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> ErrorModel:
     """The model of `axis_effects` of each axis that moves in the data; `bases` by axis. UserError where none moves."""
-    effects = [effect for axis in moving_axes(measurement) for effect in axis_effects(measurement, axis, bases[axis])]
+    effects = [effect for axis in measurement.moving for effect in axis_effects(measurement, axis, bases[axis])]
     if not effects:
         raise UserError(f"{measurement.source}: no axis moves in these data: measure at several positions")
     return msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
 
 
 def axis_effects(measurement: Measurement, axis: str, choice: BasisChoice) -> list[Effect]:
-    """The fitted effects of one axis that moves: its six error motions, all zero.
+    """The fitted effects of one axis that moves: its error motions, and the backlash for an interferometer."""
+    motions = axis_motions(measurement, axis, choice)
+    return [*motions, Backlash(axis, 0.0)] if measurement.instrument.OBSERVES == "deviation" else [*motions]
 
-    For an interferometer: the error motions that it observes, by default the positioning error, and the backlash.
+
+def axis_motions(measurement: Measurement, axis: str, choice: BasisChoice) -> list[Effect]:
+    """The six error motions of an axis, all zero, about the measured points' centre.
+
+    For an interferometer: those that it observes, by default the positioning error.
     """
-    arc, own = moving_axes(measurement)[axis], measurement.machine.axes[measurement.machine.index(axis)]
+    arc, own = measurement.moving[axis], measurement.machine.axes[measurement.machine.index(axis)]
     basis = choice.over(arc, closed=own.turns_fully and not gap_of(arc))
     if choice.kind == TARGETS:
         basis = _at_targets(measurement, axis, choice)
     zero = (0.0,) * basis.size
-    if isinstance(measurement.instrument, Interferometer):
-        motions = [
+    if measurement.instrument.OBSERVES == "deviation":
+        return [
             ErrorMotion(component, axis, basis, zero, u=zero) for component in observed_components(measurement, axis)
         ]
-        return [*motions, Backlash(axis, 0.0)]
-    return [ErrorMotion(component, axis, basis, zero, u=zero) for component in get_args(Component)]
+    six = [ErrorMotion(component, axis, basis, zero, u=zero) for component in get_args(Component)]
+    return list(centred(six, arms_of(measurement)))
 
 
 def _at_targets(measurement: Measurement, axis: str, choice: BasisChoice) -> Basis:
@@ -159,8 +156,8 @@ def with_effects(
     model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *effects))
     prior = priors(model)
     scales = np.full(len(prior), prior_scale)
-    for effect, part in zip(rigid.effects, rigid.slices, strict=True):
-        if rotary_scale is not None and isinstance(effect, ErrorMotion) and effect.axis[0] in ROTARY:
+    for motion, part in rigid.error_motions:
+        if rotary_scale is not None and motion.axis[0] in ROTARY:
             scales[part] = rotary_scale
     own = slice(0, len(rigid.parameters))
     prior[own] = np.maximum(prior[own] * scales[own], least_priors(measurement, rigid))
@@ -175,29 +172,23 @@ def least_priors(measurement: Measurement, model: ErrorModel) -> np.ndarray:
     leave combinations of them to the prior.
     """
     typical, instrument = priors(model), measurement.instrument
-    if not isinstance(instrument, TouchProbe):
+    if instrument.OBSERVES != "offset":
         return np.zeros(len(typical))
     least = np.where(_constants(measurement.machine, model), typical, 0.0)
-    for effect, part in zip(model.effects, model.slices, strict=True):
-        if isinstance(effect, ErrorMotion) and effect.component + effect.axis[0] in SQUARENESS:
+    for motion, part in model.error_motions:
+        if motion.component + motion.axis[0] in SQUARENESS:
             # 1 urad is 1e-3 um per mm
-            least[part] = sizes_for_slope(effect.basis, instrument.squareness_urad * UM)
+            least[part] = sizes_for_slope(motion.basis, instrument.squareness_urad * UM)
     return least
 
 
 def _constants(machine: Machine, model: ErrorModel) -> np.ndarray:
     """Mask `(parameters,)` of the constants of rotary axes' error motions, in bases that have one."""
-    return np.concatenate(
-        [
-            np.arange(len(effect.parameters)) == 0
-            if isinstance(effect, ErrorMotion)
-            and isinstance(effect.basis, Fourier | Harmonics)
-            and machine.axes[machine.index(effect.axis)].rotary
-            else np.zeros(len(effect.parameters), bool)
-            for effect in model.effects
-        ]
-        or [np.zeros(0, bool)]
-    )
+    mask = np.zeros(len(model.parameters), bool)
+    for motion, part in model.error_motions:
+        waves = isinstance(motion.basis, Fourier | Harmonics)
+        mask[part.start] = waves and machine.axes[machine.index(motion.axis)].rotary
+    return mask
 
 
 def repeated_targets(measurement: Measurement, axis: str) -> list[float]:
@@ -219,12 +210,7 @@ def is_log(measurement: Measurement, axis: str) -> bool:
 
     Its positions show waves of any length, so that no basis has to.
     """
-    return measurement.axis is not None and distinct_positions(measurement, axis) >= LOGGED
-
-
-def distinct_positions(measurement: Measurement, axis: str) -> int:
-    """Number of different positions of an axis in the data, to 1 um or a thousandth of a degree."""
-    return len(np.unique(np.round(measurement.state.position(measurement.machine, axis), 3)))
+    return measurement.axis is not None and measurement.distinct_positions[axis] >= LOGGED
 
 
 def priors(model: ErrorModel) -> np.ndarray:

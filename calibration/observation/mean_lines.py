@@ -1,16 +1,33 @@
-"""The mean line of a function in a basis, and the sizes of its parameters for a size of its slope."""
+"""Mean lines: of a function in a basis, and of an axis' translations at the centre of the measured points.
+
+The sizes of the parameters of a function for a size of its slope are here too.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from calibration.measurement.measurement import Measurement
+from calibration.registration.derived import derived
+from calibration.registration.observed_points import derivatives_by_errors
 from kinematics.basis import Basis
+from kinematics.effects import COMPONENTS, CentredMotion, Effect, ErrorMotion
+from kinematics.effects.base import UM, URAD
+from kinematics.error_model.model import ErrorModel
+from kinematics.error_transform import error_transform_with_tool
 from kinematics.transforms import Array
 
 SLOPING = 1e-6
 """Part in the slope, as a share of the largest one, from which a parameter counts."""
+
+
+MOST = 1000
+"""Largest number of rows, evenly spread, from which the centre of the measured points is calculated."""
+AT_ORIGIN: Mapping[str, Array] = {}
+"""The arms of points at the origin of the frame, about which the error motions of every linear axis are written."""
 
 
 class Line(NamedTuple):
@@ -38,3 +55,103 @@ def sizes_for_slope(basis: Basis, slope: float) -> Array:
     parts = np.abs(mean_line(basis).slope)
     parts[parts < SLOPING * parts.max(initial=0.0)] = 0.0
     return np.asarray(slope * parts / np.sqrt(np.sum(parts**4)))
+
+
+@derived
+def arms_of(measurement: Measurement) -> Mapping[str, Array]:
+    """Displacements `(3, 3)` of the centre of the measured points by the rotations A, B, C of each linear axis, mm/rad.
+
+    They are in the axis' error frame. With them the convention of a fit refers to the points that were measured,
+    wherever the origin of the frame lies. The centre is the middle between the ends, so that it does not depend on
+    copies of rows. Axes between which and the instrument no target lies are missing.
+    """
+    few = measurement.rows(np.unique(np.linspace(0, len(measurement) - 1, min(len(measurement), MOST)).astype(int)))
+    machine, state = few.machine, few.state
+    if few.instrument.OBSERVES == "deviation":
+        transform = error_transform_with_tool(machine, state.positions, few.tool)[:, :3]
+    else:
+        transform = derivatives_by_errors(few, few.tool)
+    found = {}
+    for i, axis in enumerate(machine.axes):
+        shifts, turns = transform[:, :, 6 * i : 6 * i + 3], transform[:, :, 6 * i + 3 : 6 * i + 6]
+        seen = shifts.any(axis=(1, 2))
+        if not axis.rotary and seen.any():
+            arms = np.swapaxes(shifts[seen], 1, 2) @ turns[seen]
+            found[axis.name] = (arms.min(axis=0) + arms.max(axis=0)) / 2.0
+    return found
+
+
+def centred(effects: Sequence[Effect], arms: Mapping[str, Array]) -> tuple[Effect, ...]:
+    """The effects with angular error motions of linear axes about the centre of the measured points.
+
+    arms: as `arms_of`. Only for axes whose error motions are all there in one basis, so that the same error is one
+    about the axis' own point (`about_own_points`).
+    """
+    motions = [effect for effect in effects if isinstance(effect, ErrorMotion)]
+    bases = {axis: {each.basis for each in motions if each.axis == axis} for axis in arms}
+    whole = [axis for axis, own in bases.items() if len(own) == 1 and _all_six(motions, axis)]
+    return tuple(
+        CentredMotion(each.component, each.axis, each.basis, each.parameters, u=each.u, about=point_of(arms[each.axis]))
+        if isinstance(each, ErrorMotion) and each.angular and each.axis in whole
+        else each
+        for each in effects
+    )
+
+
+def _all_six(motions: Sequence[ErrorMotion], axis: str) -> bool:
+    return sorted(each.component for each in motions if each.axis == axis) == sorted(COMPONENTS)
+
+
+def point_of(arms: Array) -> tuple[float, float, float]:
+    """The point `(3,)`, mm, with these arms."""
+    # a turn about B moves a point at height z along X by z
+    return float(arms[1, 2]), float(arms[2, 0]), float(arms[0, 1])
+
+
+def about_own_points(model: ErrorModel) -> tuple[tuple[Effect, ...], Array]:
+    """The effects of a model with all angular error motions about the axes' own points, and the matrix `(p, p)`.
+
+    It takes the parameters of the model to those of these effects.
+    """
+    matrix = np.eye(len(model.parameters))
+    effects = list(model.effects)
+    parts = list(zip(model.effects, model.slices, strict=True))
+    motions = model.error_motions
+    for i, (turn, rows) in enumerate(parts):
+        if isinstance(turn, CentredMotion):
+            effects[i] = turn.at_own_point()
+            for letter, arm in zip(COMPONENTS[:3], turn.shift * URAD / UM, strict=True):
+                own = [(each, part) for each, part in motions if each.name == f"E_{letter}{turn.axis}"]
+                # a diagnosis may have refined one error motion of the axis
+                shift, part = max(own, key=lambda one: (one[0].basis == turn.basis, one[0].basis.size))
+                matrix[part, rows] += arm * _written_in(shift.basis, turn.basis)
+    return tuple(effects), matrix
+
+
+def _written_in(basis: Basis, other: Basis) -> Array:
+    """Matrix `(q, p)` from the parameters of a function in another basis to those of the nearest one in a basis."""
+    if basis == other:
+        return np.eye(basis.size)
+    x = np.linspace(*other.interval, 801)
+    return np.asarray(np.linalg.lstsq(basis.columns(x), other.columns(x), rcond=None)[0])
+
+
+def line_at_centre(model: ErrorModel, motion: ErrorMotion, arms: Mapping[str, Array]) -> Line:
+    """Mean line of a translation of a linear axis at the centre of the measured points, by all parameters `(p,)`.
+
+    Of any other error motion: its own mean line. arms: as `arms_of`.
+    """
+    found = Line(np.zeros(len(model.parameters)), np.zeros(len(model.parameters)))
+    own = np.zeros((3, 3)) if motion.angular else arms.get(motion.axis, np.zeros((3, 3)))
+    direction = COMPONENTS.index(motion.component) % 3
+    for effect, part in model.error_motions:
+        if effect.axis == motion.axis:
+            weight = 1.0 if effect is motion else 0.0
+            if effect.angular and not motion.angular:
+                moved = own[direction, COMPONENTS.index(effect.component) % 3]
+                moved += effect.shift[direction]
+                weight = moved * URAD / UM
+            mean, slope = mean_line(effect.basis)
+            found.mean[part] += weight * mean
+            found.slope[part] += weight * slope
+    return found

@@ -11,9 +11,10 @@ import numpy as np
 
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.registration import Registration
 from calibration.observation import equations
 from calibration.observation.products import ModelProducts, Products, between
+from calibration.registration.derived import derived
+from calibration.registration.registration import Registration
 from kinematics.error_model.model import ErrorModel, Observation
 from kinematics.transforms import Array, blocks
 from kinematics.user_error import UserError
@@ -62,11 +63,11 @@ class NormalEquations:
 
     def add_stated(self, measurement: Measurement, registration: Registration) -> None:
         """Add the stated values of the registration, a whitened row each; the registration comes first."""
-        own, size = equations.stated_design(measurement, registration), len(registration.names)
+        own, size = measurement.instrument.stated_design(measurement, registration), len(registration.names)
         if not len(own):
             return
         self.matrix[:size, :size] += own.T @ own
-        self.right[:size] += own.T @ equations.stated_residuals(measurement, registration)
+        self.right[:size] += own.T @ measurement.instrument.stated_residuals(measurement, registration)
 
 
 class Derivatives(NamedTuple):
@@ -103,6 +104,7 @@ class Derivatives(NamedTuple):
         return normal.in_order(self.order)
 
 
+@derived
 def whiteners(measurement: Measurement) -> Array:
     """Matrices W `(n, d, d)` that make the noise of each row white: W C W' = 1; Montavon et al., weights by Cholesky.
 
@@ -121,6 +123,11 @@ def whiteners(measurement: Measurement) -> Array:
             f"its rows has no limit: state {', '.join(keys)} (k=1)"
         )
     return np.asarray(np.linalg.inv(root))
+
+
+def decorrelation_of(measurement: Measurement, weights: Array | None = None) -> Decorrelation:
+    """The transform that makes whitened rows of one stop independent; with weights `(n,)` of the rows."""
+    return Decorrelation.of(measurement.noise, whiteners(measurement), weights)
 
 
 def whitened(whitener: Array, residual: Array) -> Array:
@@ -170,10 +177,10 @@ def _parts(
 ) -> list[Products]:
     """Derivatives at some rows, not whitened: by the registration, and by the parts of a model."""
     some = measurement.rows(rows)
-    own = Products(equations.registration_design(some, registration))
+    own = Products(some.instrument.registration_design(some, registration))
     if not len(of_model.order):
         return [own]
-    parts = [own, *of_model.of(rows, equations.transform(some, registration))]
+    parts = [own, *of_model.of(rows, some.instrument.transform(some, registration))]
     if all(part.functions is None for part in parts):
         return [Products(np.concatenate([part.arms for part in parts], axis=2))]
     return parts
@@ -186,5 +193,5 @@ def residuals(measurement: Measurement, model: ErrorModel, registration: Registr
     for rows in blocks(len(measurement)):
         part = measurement.rows(rows)
         own = Observation(effects.errors[rows], effects.shift[rows])
-        result[rows] = part.counted - equations.expected(part, registration, own)
+        result[rows] = part.counted - part.instrument.expected(part, registration, own)
     return result

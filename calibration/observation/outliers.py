@@ -18,11 +18,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy import special
 
-from calibration.measurement.instruments import TouchProbe
+from calibration.instruments.of_points import IN_LINE, width
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import target_points
-from calibration.measurement.registration import Registration
-from calibration.observation import equations
+from calibration.registration.derived import derived
+from calibration.registration.observed_points import nominal_points
+from calibration.registration.registration import Registration
 from kinematics.error_model.model import Observation
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -53,9 +53,10 @@ class LeftOut(NamedTuple):
     """True `(n,)` for rows that disagree with the others but stay, because they are more than MOST of all."""
 
     @classmethod
-    def of(cls, measurement: Measurement, outlying: np.ndarray, copies: np.ndarray, *, stay: bool = False) -> LeftOut:
+    def of(cls, measurement: Measurement, outlying: np.ndarray, *, stay: bool = False) -> LeftOut:
         """Rows to leave out, of those `outlying` `(n,)`; stay: all rows but copies and failed stations stay."""
-        failed = failed_stations(measurement, outlying)
+        copies = duplicates(measurement)
+        failed = failed_stations(measurement.groups, outlying)
         lost = np.isin(measurement.groups, failed)
         if lost.mean() > FAILED:
             failed, lost = [], np.zeros(len(lost), bool)
@@ -112,13 +113,13 @@ def largest_distance(rows: int, components: int) -> float:
     return float(special.chdtri(components, SIGNIFICANCE / max(rows, 1)))
 
 
-def failed_stations(measurement: Measurement, bad: np.ndarray) -> list[str]:
-    """Names of the groups most of whose rows are bad; none where there is only one group."""
-    groups = measurement.groups
+def failed_stations(groups: np.ndarray, bad: np.ndarray) -> list[str]:
+    """Names of the groups `(n,)` most of whose rows are bad; none where there is only one group."""
     names = np.unique(groups).tolist()
     return [name for name in names if bad[groups == name].mean() > FAILED] if len(names) > 1 else []
 
 
+@derived
 def duplicates(measurement: Measurement) -> np.ndarray:
     """True `(n,)` for rows that repeat an earlier one to the last digit, observation included: copies, not repeats.
 
@@ -138,14 +139,17 @@ def duplicates(measurement: Measurement) -> np.ndarray:
     return copy
 
 
+@derived
 def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarray]:
     """A registration on the nominal machine without rows with gross errors, and a mask `(n,)` of the rows in it."""
     n = len(measurement)
     nominal = Observation(np.zeros((n, len(measurement.machine.axes) + 1, 6)), np.zeros((n, 3)))
     trusted = np.ones(n, bool)
     for _ in range(10):
-        registration = equations.start(measurement, trusted)
-        residual = np.linalg.norm(measurement.counted - equations.expected(measurement, registration, nominal), axis=1)
+        registration = measurement.instrument.first_registration(measurement, trusted)
+        residual = np.linalg.norm(
+            measurement.counted - measurement.instrument.expected(measurement, registration, nominal), axis=1
+        )
         closer = residual <= max(1.0, ASTRAY * float(np.median(residual)))
         if np.array_equal(closer, trusted):
             break
@@ -155,12 +159,12 @@ def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarr
 
 def refuse_lines(measurement: Measurement) -> None:
     """UserError where a station observed points on one line only: its rotation about the line is undetermined."""
-    if measurement.instrument.components < 3 or isinstance(measurement.instrument, TouchProbe):
+    if measurement.instrument.components < 3 or measurement.instrument.OBSERVES == "offset":
         return
-    points, groups = target_points(measurement, None, measurement.tool), measurement.groups
+    points, groups = nominal_points(measurement), measurement.groups
     for name in np.unique(groups).tolist():
         mine = points[groups == name]
-        if len(mine) > 2 and np.ptp(mine, axis=0).max() > equations.IN_LINE > equations.width(mine):
+        if len(mine) > 2 and np.ptp(mine, axis=0).max() > IN_LINE > width(mine):
             raise UserError(
                 f"{measurement.source}: all points of station {name} lie on one line: the rotation of the instrument "
                 "about it is unidentifiable, and errors across it would get wrong directions. Measure some points off "

@@ -216,7 +216,7 @@ class ModelProducts:
 
 def factored(model: ErrorModel, machine: Machine, state: State, transform: Array) -> Products:
     """All columns of a model, in the order of its parameters; products where all effects share a basis of an axis."""
-    motions = [effect for effect in model.effects if isinstance(effect, ErrorMotion)]
+    motions = [motion for motion, _ in model.error_motions]
     if len(motions) == len(model.effects) and len({(motion.axis, motion.basis) for motion in motions}) == 1:
         return error_motions(motions, machine, state, transform)
     return Products(Design(model.effects, machine, state, with_instrument=True).of(slice(None), transform))
@@ -228,4 +228,9 @@ def error_motions(motions: Sequence[ErrorMotion], machine: Machine, state: State
     columns = [6 * machine.index(axis) + COMPONENTS.index(motion.component) for motion in motions]
     units = np.array([unit_of(motion.component)[1] for motion in motions])
     functions = Functions.of(state.basis_columns(machine, axis, motions[0].basis))
-    return Products(transform[:, :, columns] * units, functions)
+    arms = transform[:, :, columns]
+    for number, motion in enumerate(motions):
+        if motion.shift.any():
+            own = slice(6 * machine.index(axis), 6 * machine.index(axis) + 3)
+            arms[:, :, number] += transform[:, :, own] @ motion.shift
+    return Products(arms * units, functions)

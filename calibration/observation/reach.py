@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import carried, target_points
-from calibration.measurement.registration import Registration
+from calibration.registration.observed_points import carried, nominal_points
+from calibration.registration.registration import Registration
 from kinematics.transforms import Array, Pose, turn
 
 
@@ -40,7 +40,7 @@ def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) 
 
     Each reflector is mounted so that its axis points to the tracker as well as possible over all its positions.
     """
-    points = target_points(measurement, None, measurement.tool)
+    points = nominal_points(measurement)
     own = Registration(poses).apply(measurement, points)
     length = np.linalg.norm(own, axis=1)
     reasons: dict[str, np.ndarray] = {}
@@ -51,16 +51,17 @@ def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) 
     if reach.range_mm is not None:
         reasons[f"farther than {reach.range_mm:g} mm"] = length > reach.range_mm
     if reach.incidence is not None:
-        angle = _incidence(measurement, poses, points)
+        angle = _incidence(measurement, poses)
         reasons[f"incidence above {reach.incidence:g} deg"] = angle > reach.incidence
     visible = ~np.any([*reasons.values(), np.zeros(len(points), bool)], axis=0)
     notes = [f"{int(rows.sum())} observations left out: {reason}" for reason, rows in reasons.items() if rows.any()]
     return InReach(visible, tuple(notes))
 
 
-def _incidence(measurement: Measurement, poses: Mapping[str, Pose], points: Array) -> Array:
+def _incidence(measurement: Measurement, poses: Mapping[str, Pose]) -> Array:
     """Angles `(n,)`, degrees, between beam and reflector."""
-    angle, groups = np.empty(len(points)), measurement.groups
+    points, groups = nominal_points(measurement), measurement.groups
+    angle = np.empty(len(points))
     back = np.swapaxes(carried(measurement), 1, 2)
     for station, pose in poses.items():
         origin = pose.inverse().translation[0]

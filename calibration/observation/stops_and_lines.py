@@ -14,13 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.measurement.measurement import Measurement
+from calibration.measurement.measurement import Measurement, changed
+from calibration.registration.derived import derived
 from kinematics.transforms import Array
 
-SAME_MM, SAME_DEG = 1e-3, 1e-4
-"""Differences within which axis positions are the same."""
-STILL = 1e-9
-"""Difference, mm or rad, below which an axis has not moved."""
 IN_LINE = 1e-3
 """Distance from a line, as a share of the range of each axis, within which positions lie on it."""
 LEAST_OF_LINE = 4
@@ -43,25 +40,11 @@ STRETCHES = 64
 """Stretches into which the positions of a continuous record along one axis are divided."""
 
 
-def stops(measurement: Measurement) -> np.ndarray:
-    """Numbers `(n,)` of the stops, from 0, in the order of the rows.
-
-    A stop ends where a position, a direction of approach, the set-up or the run changes; the target may change.
-    """
-    state = measurement.state
-    new = _changed(_positions(measurement))
-    if state.approach is not None:  # a stated one: a move of a fraction of SAME_MM has a direction too
-        still = np.append(False, np.abs(np.diff(state.positions, axis=0)).max(axis=1, initial=0.0) < STILL)
-        new |= still[: len(state)] & _changed(2.0 * state.approach)
-    for names in (state.station, measurement.run, measurement.axis, measurement.file):
-        if names is not None:
-            new |= np.append(True, names[1:] != names[:-1])
-    return np.asarray(np.cumsum(new) - 1)
-
-
+@derived
 def visited(measurement: Measurement) -> np.ndarray:
     """Numbers `(n,)` of the positions of all axes, from 0; all visits of a position share its number."""
-    return np.asarray(np.unique(np.round(_positions(measurement)), axis=0, return_inverse=True)[1].reshape(-1))
+    rounded = np.round(measurement.positions_in_tolerances)
+    return np.asarray(np.unique(rounded, axis=0, return_inverse=True)[1].reshape(-1))
 
 
 def whole_stops(stop: np.ndarray, most: int) -> np.ndarray:
@@ -72,13 +55,15 @@ def whole_stops(stop: np.ndarray, most: int) -> np.ndarray:
     return np.flatnonzero(np.isin(stop, chosen))
 
 
+@derived
 def lines(measurement: Measurement) -> np.ndarray:
     """Numbers `(n,)` of the lines, from 0 in the order of their first rows; -1 for rows on no line."""
-    visit = np.cumsum(_changed(_positions(measurement))) - 1
+    visit = np.cumsum(changed(measurement.positions_in_tolerances)) - 1
     first = np.unique(visit, return_index=True)[1]
     return np.asarray(_lines_of(_in_tolerances(measurement)[first])[visit])
 
 
+@derived
 def lines_or_positions(measurement: Measurement) -> np.ndarray:
     """Numbers `(n,)` of the units that keep their structure in surrogates: lines if there are several, else positions.
 
@@ -105,6 +90,7 @@ def cycles(measurement: Measurement) -> np.ndarray:
     return found
 
 
+@derived
 def held_out_blocks(measurement: Measurement) -> tuple[np.ndarray, str]:
     """Labels `(n,)` of the blocks of rows to be held out of a fit, -1 for rows of none; and their name, plural.
 
@@ -152,23 +138,12 @@ def inner_positions(measurement: Measurement, axis: str) -> np.ndarray | None:
     return np.where((number == 0) | (number == last), -1, number % REGIONS)
 
 
-def _positions(measurement: Measurement) -> Array:
-    """Axis positions `(n, axes)` in units of the differences within which they are the same."""
-    same = np.where(measurement.machine.rotary, np.radians(SAME_DEG), SAME_MM)
-    return np.asarray(measurement.state.positions / same)
-
-
+@derived
 def _in_tolerances(measurement: Measurement) -> Array:
     """Positions `(n, moving)` of the axes that move, in tolerances of a line, rounded to equal ones where the same."""
-    positions = np.round(_positions(measurement))
+    positions = np.round(measurement.positions_in_tolerances)
     ranges = np.ptp(positions, axis=0) if len(positions) else np.zeros(positions.shape[1])
     return np.asarray(positions[:, ranges > 1.0] / (IN_LINE * ranges[ranges > 1.0]))
-
-
-def _changed(values: Array) -> np.ndarray:
-    """True `(n,)` for rows in which a value differs from the row before by more than 1, or that are the first."""
-    differs = np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0) > 1.0
-    return np.append(np.ones(min(len(values), 1), bool), differs)
 
 
 def _numbered(names: np.ndarray) -> np.ndarray:
@@ -288,7 +263,7 @@ def _recurring(measurement: Measurement) -> np.ndarray:
         return found
     seen: set[tuple[float, float]] = set()
     before: tuple[float, float] | None = None
-    keys = zip(along[:, 0].tolist(), _directions(measurement, along[:, 0]).tolist(), strict=True)
+    keys = zip(along[:, 0].tolist(), _directions(measurement).tolist(), strict=True)
     for row, key in enumerate(keys):
         if key != before and key in seen:
             number, seen = number + 1, set()
@@ -298,9 +273,9 @@ def _recurring(measurement: Measurement) -> np.ndarray:
     return found
 
 
-def _directions(measurement: Measurement, along: Array) -> Array:
+def _directions(measurement: Measurement) -> Array:
     """Direction `(n,)` of the pass of each row: of the move to its stop, or from it for the later rows of a stop."""
-    stop = stops(measurement)
+    along, stop = _in_tolerances(measurement)[:, 0], measurement.stops
     _, first, count = np.unique(stop, return_index=True, return_counts=True)
     moves = np.sign(np.diff(along[first]))
     came, goes = np.append(0.0, moves), np.append(moves, 0.0)
@@ -320,7 +295,7 @@ def _sets_of_positions(measurement: Measurement) -> np.ndarray:
     labels = np.zeros(len(measurement), int)
     for name in np.unique(measurement.axis).tolist():
         rows = np.flatnonzero(measurement.axis == name)
-        position = np.round(_positions(measurement)[rows, measurement.machine.index(name)])
+        position = np.round(measurement.positions_in_tolerances[rows, measurement.machine.index(name)])
         number = np.unique(position, return_inverse=True)[1].reshape(-1)
         distinct = number.max() + 1
         labels[rows] = (number * STRETCHES // distinct if distinct > 2 * STRETCHES else number) % REGIONS

@@ -33,9 +33,13 @@ class OnTheFly:
     """A measurement in motion, and its reduction from the readings."""
 
     measurement: Measurement
+    """The readings, reduced to cells of the path."""
     reduction: Reduction
+    """Numbers of readings that were used and left out."""
     paths: Mapping[str, TargetPath]
     """Path of each target, by name."""
+    notes: tuple[str, ...] = ()
+    """Notes on the readings."""
 
 
 def on_path(

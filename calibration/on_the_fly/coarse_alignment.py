@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.measurement.registration import rigid
 from calibration.on_the_fly.nominal_path import TargetPath
+from calibration.registration.registration import rigid
 from kinematics.transforms import Array, Pose
 from kinematics.user_error import UserError
 

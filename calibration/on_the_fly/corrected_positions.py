@@ -13,8 +13,7 @@ import numpy as np
 
 from calibration.fit.fit import fit
 from calibration.measurement.measurement import Measurement
-from calibration.observation import equations
-from calibration.observation.full_model import BasisChoice, moving_axes, with_effects
+from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.on_the_fly.along_path import OnTheFly
 from kinematics.error_model.model import Observation
 from kinematics.transforms import blocks
@@ -29,7 +28,7 @@ def with_corrected_positions(taken: OnTheFly) -> Measurement:
     assert measurement.across is not None
     bases = {
         axis: BasisChoice("fourier", HARMONICS) if axis[0] in "ABC" else BasisChoice("cubic", NODES)
-        for axis in moving_axes(measurement)
+        for axis in measurement.moving
     }
     model, prior = with_effects(measurement, bases, (), 1.0)
     found = fit(measurement, model, prior=prior)
@@ -42,7 +41,7 @@ def with_corrected_positions(taken: OnTheFly) -> Measurement:
         along = np.cross(part.across.directions[:, 0], part.across.directions[:, 1])
         whole = replace(part, across=None)
         points = [
-            equations.expected(whole, found.registration, Observation(each.errors[rows], each.shift[rows]))
+            whole.instrument.expected(whole, found.registration, Observation(each.errors[rows], each.shift[rows]))
             for each in (effects, nothing)
         ]
         ahead[rows] = np.sum(along * (points[0] - points[1]), axis=1)

@@ -8,9 +8,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.observed_points import derivatives_by_positions, target_points
+from calibration.registration.observed_points import derivatives_by_positions, nominal_points
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -31,6 +31,7 @@ class NominalPath:
     """Vertices `m` in the order of the path; axis positions are linear between two of them."""
 
     machine: Machine
+    """The machine."""
     positions: Array
     """Axis positions `(m, axes)`, mm and rad."""
     feed_distance: Array
@@ -38,7 +39,11 @@ class NominalPath:
     feed_move: np.ndarray
     """True `(m,)` where the move to the vertex is a feed move; the path of a rapid move is unknown."""
     source: str = ""
+    """Name of the program."""
     fingerprint: str = ""
+    """Fingerprint of the program."""
+    notes: tuple[str, ...] = ()
+    """Notes on the program."""
 
     @property
     def ends(self) -> Array:
@@ -125,7 +130,7 @@ def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece
         return Measurement(path.machine, LaserTracker(), state, np.zeros((len(positions), 3)), {"1": target}, stands_on)
 
     corner = at(vertices)
-    chords = np.diff(target_points(corner, None, corner.tool), axis=0)
+    chords = np.diff(nominal_points(corner), axis=0)
     lengths = np.linalg.norm(chords, axis=1)
     lengths[lengths < STANDSTILL] = 0.0
     arc = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -145,7 +150,7 @@ def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece
         _vertex_index(segment, arc, s, lengths), np.arange(len(vertices)), _feed_distance(path, move)
     )
     return TargetPath(
-        length / count, positions, slopes, target_points(there, None, there.tool),
+        length / count, positions, slopes, nominal_points(there),
         tangents / np.linalg.norm(tangents, axis=1, keepdims=True), feed_distance, corners, usable,
     )  # fmt: skip
 

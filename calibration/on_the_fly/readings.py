@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.measurement.file import read_instrument, uncertainty_keys
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
+from calibration.measurement.file import read_instrument
 from calibration.measurement.measurement import Target
 from calibration.measurement.states import (
     MADE_BY,
@@ -88,7 +88,7 @@ def read_readings(table: Table, machine: Machine) -> Readings:
     if not isinstance(instrument, LaserTracker):
         raise UserError(f"{table.source}: data taken on the fly (--path) need a laser tracker")
     check_machine(table, machine, notes)
-    keys = ["machine", "instrument", "stands_on", MADE_BY, *uncertainty_keys(LaserTracker)]
+    keys = ["machine", "instrument", "stands_on", MADE_BY, *LaserTracker.uncertainty_keys()]
     note_unknown_keys(table, lambda key: key in keys, notes)
     positions = [name for name in machine.names if name in table.names]
     if positions:

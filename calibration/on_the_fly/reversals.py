@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from typing import get_args
 
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes
 from kinematics.basis import BSpline, Interval, Legendre
 from kinematics.effects import Backlash, Component, Effect, Reversal
 from kinematics.effects.base import own_component
@@ -27,7 +26,7 @@ def reversals(measurement: Measurement, mode: str) -> list[Effect]:
     if mode == "none":
         return []
     of_axis = _constants if mode == "constant" else _curves
-    return [effect for axis, interval in moving_axes(measurement).items() for effect in of_axis(axis, interval)]
+    return [effect for axis, interval in measurement.moving.items() for effect in of_axis(axis, interval)]
 
 
 def _constants(axis: str, interval: Interval) -> Iterator[Effect]:

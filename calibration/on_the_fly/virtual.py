@@ -10,10 +10,10 @@ from typing import BinaryIO, Literal
 
 import numpy as np
 
-from calibration.measurement.file import CHUNK, header_lines
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.measurement.states import MADE_BY
+from calibration.measurement.written_file import CHUNK, header_lines
 from calibration.on_the_fly.drive import Driven, PathDynamics, driven
 from calibration.on_the_fly.nominal_path import NominalPath
 from calibration.simulation.simulate import observe, with_temperatures

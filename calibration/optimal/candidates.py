@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.observed_points import target_points
 from calibration.measurement.plan import Choices
 from calibration.observation.reach import Reach, in_reach
 from calibration.planning.strategies import fixed_positions, limits, rounded
+from calibration.registration.observed_points import nominal_points
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array, Pose
@@ -113,7 +113,7 @@ def visible_from(
     stationed = replace(state, station=np.full(len(state), "s1"))
     nothing = np.zeros((len(state), 3))
     blank = Measurement(machine, LaserTracker(), stationed, nothing, targets)
-    points = target_points(blank, None, blank.tool)
+    points = nominal_points(blank)
     free = np.linalg.norm(points - position, axis=1) > NEAREST_MM
     for obstacle in obstacles:
         free &= ~obstacle.contains(points) & ~obstacle.between(np.array(position), points)
@@ -132,7 +132,7 @@ def positions_around(machine: Machine, choices: Choices, target: Target) -> list
     named = np.full(len(corners), "1")
     state = State(corners * machine.scale, target=named)
     blank = Measurement(machine, LaserTracker(), state, np.zeros((len(corners), 3)), {"1": target})
-    points = target_points(blank, None, blank.tool)
+    points = nominal_points(blank)
     least, most = points.min(axis=0), points.max(axis=0)
     middle = (least + most) / 2
     x, y = ((least[k] - OFF_MM, middle[k], most[k] + OFF_MM) for k in (0, 1))

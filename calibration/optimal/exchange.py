@@ -2,8 +2,8 @@
 
 The variance is tr(B V), V = (P + sum F'F)^-1 over the rows F of the chosen candidates. B = G'G / n over the evaluated
 positions; P is the information of the priors. Candidates are first chosen one by one, each with the largest reduction
-of the variance (rank-d updates of V). Then the least useful one is exchanged for the most useful one (Fedorov) until no
-exchange is an improvement.
+of the variance. Then the least useful one is exchanged for the most useful one (Fedorov) until no exchange is an
+improvement.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ LOOKED_AT = 48
 """Number of candidates whose improvement is computed anew at a time; earlier values are upper limits for all others."""
 TRIED = 12
 """Number of exchanges that are tried, from the least useful chosen candidate on, before the search ends."""
-RENEWED = 100
-"""Number of updates after which V is computed anew."""
 LEAST = 1e-4
 """Smallest reduction of the variance by an exchange, as a share of the variance."""
 
@@ -39,8 +37,8 @@ class Selection:
     """Mask `(candidates,)`."""
 
     def __post_init__(self) -> None:
-        self.spread = self.weighted = np.zeros(self.prior.shape)
-        self._updates = 0
+        some = self.rows[self.chosen].reshape(-1, self.rows.shape[2])
+        self._information = self.prior + some.T @ some
         self._renew()
 
     @property
@@ -50,39 +48,31 @@ class Selection:
 
     def improvements(self, which: np.ndarray) -> Array:
         """Reductions `(n,)` of the variance by each of these candidates."""
-        _, inner, outer = self._through(which)
+        inner, outer = self._through(which)
         return np.asarray(np.einsum("nij,nji->n", np.linalg.inv(np.eye(inner.shape[1]) + inner), outer))
 
     def losses(self, which: np.ndarray) -> Array:
         """Increases `(n,)` of the variance without each of these chosen candidates."""
-        _, inner, outer = self._through(which)
+        inner, outer = self._through(which)
         return np.asarray(np.einsum("nij,nji->n", np.linalg.inv(np.eye(inner.shape[1]) - inner), outer))
 
     def change(self, candidate: int, sign: int) -> None:
         """Add a candidate (+1), or remove it (-1)."""
-        across, inner, _ = self._through(np.array([candidate]))
-        F, U, size = self.rows[candidate], across[0].T, inner.shape[1]
-        K = U @ np.linalg.inv(np.eye(size) * sign + inner[0])
-        FW = F @ self.weighted
-        self.spread = self.spread - K @ U.T
-        self.weighted = self.weighted - K @ FW - FW.T @ K.T + K @ (FW @ F.T) @ K.T
+        F = self.rows[candidate]
+        self._information = self._information + sign * F.T @ F
         self.chosen[candidate] = sign > 0
-        self._updates += 1
-        if self._updates >= RENEWED:
-            self._renew()
+        self._renew()
 
-    def _through(self, which: np.ndarray) -> tuple[Array, Array, Array]:
-        """F V, F V F' and F W F' of some candidates."""
+    def _through(self, which: np.ndarray) -> tuple[Array, Array]:
+        """F V F' and F W F' of some candidates."""
         F = self.rows[which]
-        across = F @ self.spread
         back = np.swapaxes(F, 1, 2)
-        return across, across @ back, F @ self.weighted @ back
+        return F @ self.spread @ back, F @ self.weighted @ back
 
     def _renew(self) -> None:
-        some = self.rows[self.chosen].reshape(-1, self.rows.shape[2])
-        self.spread = np.linalg.inv(self.prior + some.T @ some)
+        """V and W from the information: without rank updates, in which the rounding of the first large V would stay."""
+        self.spread = np.linalg.inv(self._information)
         self.weighted = self.spread @ self.evaluated @ self.spread
-        self._updates = 0
 
 
 def filled(

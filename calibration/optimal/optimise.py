@@ -18,16 +18,16 @@ from calibration.design.basis_draws import with_other_effects
 from calibration.design.equations import Columns
 from calibration.design.layout import laid_out
 from calibration.design.volume import Volume
-from calibration.measurement.instruments import Instrument, LaserTracker
+from calibration.instruments import Instrument, LaserTracker
 from calibration.measurement.plan import Choices, Plan
-from calibration.observation.full_model import moving_axes, parse_basis
+from calibration.observation.full_model import parse_basis
 from calibration.observation.reach import Reach
 from calibration.optimal.candidates import Obstacle, positions, positions_around, visible_from, with_targets
 from calibration.optimal.exchange import Selection, exchanged, filled
 from calibration.optimal.measuring_order import plan_of
 from calibration.simulation.simulate import tracker_pose
 from kinematics.basis import Legendre
-from kinematics.effects import Effect, ErrorMotion
+from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, Vector
 from kinematics.running.progress import Progress, numbered, silent
@@ -186,9 +186,7 @@ def equations_of(
 
     free: prior information on the registration, whose columns have unit length.
     """
-    bases = {
-        axis: parse_basis(rotary_basis if axis[0] in "ABC" else basis) for axis in moving_axes(columns.measurement)
-    }
+    bases = {axis: parse_basis(rotary_basis if axis[0] in "ABC" else basis) for axis in columns.measurement.moving}
     model = columns.model(with_other_effects(columns, bases))
     table = [(effect.name, quantity) for effect in model.effects for quantity in effect.parameter_table]
     scale = np.array([quantity.typical if quantity.linear else 0.0 for _, quantity in table]) * _smooth(model)
@@ -209,14 +207,11 @@ def equations_of(
 
 def _smooth(model: ErrorModel) -> Array:
     """Sizes `(p,)` of the parameters, as shares of the typical one."""
-    return np.concatenate(
-        [
-            1.0 / np.arange(1, len(effect.parameters) + 1)
-            if isinstance(effect, ErrorMotion) and isinstance(effect.basis, Legendre)
-            else np.ones(len(effect.parameters))
-            for effect in model.effects
-        ]
-    )
+    sizes = np.ones(len(model.parameters))
+    for motion, part in model.error_motions:
+        if isinstance(motion.basis, Legendre):
+            sizes[part] = 1.0 / np.arange(1, len(motion.parameters) + 1)
+    return sizes
 
 
 def _number(machine: Machine, request: Request, found: _Field) -> int:

@@ -14,6 +14,9 @@ from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
+LETTERS = 26
+"""Largest number of measurements of a point that letters tell apart."""
+
 
 def measuring_plan(
     laid: MeasuringSequence, machine: Machine, strategy: str, choices: Choices, requested: int | None, reference: Array
@@ -67,6 +70,8 @@ def _finished(
     """The plan of a path: with all runs and targets, and the approach and times that follow from the order."""
     index, run, target = _repeated(len(sequence.positions), choices)
     sequence = sequence.rows(index)
+    if sequence.axis is None:
+        sequence = sequence._replace(names=_apart(sequence.names, target))
     positions = sequence.positions * machine.scale
     before = None
     if sequence.from_side is not None:
@@ -80,13 +85,26 @@ def _finished(
     time, minutes = times(machine, positions, before, choices.timing)
     state = replace(state, time=time, cycle=run - 1.0, target=np.array(list(choices.targets))[target])
     notes = []
-    if machine.rotary.any() and choices.rotary == "fixed":
+    if machine.rotary.any() and choices.rotary == "fixed" and not np.ptp(positions[:, machine.rotary], axis=0).any():
         fixed = (f"{a.name} {p:g}" for a, p in zip(machine.axes, sequence.positions[0], strict=True) if a.rotary)
         notes.append(f"the rotary axes do not move: {', '.join(fixed)} deg (--rotary moves them)")
     return Plan(
         machine, strategy, state, sequence.names, run.astype(str), choices.targets, sequence.axis, before, minutes,
         requested, position_count, tuple(notes),
     )  # fmt: skip
+
+
+def _apart(names: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Names `(n,)` that occur once for each target: `R9b` where R9 is measured again, then `R9c`, later `R9_27`.
+
+    An export of the instrument is joined with the plan by these names.
+    """
+    found, seen = [], dict[tuple[str, int], int]()
+    for name, number in zip(names.tolist(), target.tolist(), strict=True):
+        times = seen[name, number] = seen.get((name, number), 0) + 1
+        again = "" if times == 1 else chr(ord("a") + times - 1) if times <= LETTERS else f"_{times}"
+        found.append(f"{name}{again}")
+    return np.array(found)
 
 
 def _repeated(n: int, choices: Choices) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

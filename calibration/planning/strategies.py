@@ -88,12 +88,7 @@ def _volume(
     """Positions of patterns in the volume of the linear axes, with those of the rotary axes during and after these."""
     rng = np.random.default_rng(choices.seed)
     low, high = limits(machine, choices)
-    moving = [i for i, axis in enumerate(machine.axes) if not axis.rotary and low[i] < high[i]]
-    rotary = [i for i, axis in enumerate(machine.axes) if axis.rotary and low[i] < high[i]]
-    if not moving:
-        raise UserError(f"machine {machine.name}: no linear axis is left to move; 'axes' measures rotary axes alone")
-    for i in (*moving, *(rotary if choices.rotary != "fixed" else ())):
-        need_ends(machine, i, low, high)
+    moving, rotary = _moving_axes(machine, parts, choices, low, high)
     box = patterns.Box(low[moving], high[moving], choices.planes_at)
     sequences = []
     for part, number in zip(parts, _shared(points, parts), strict=True):
@@ -121,6 +116,24 @@ def _volume(
     return MeasuringSequence(
         rounded(positions, machine, choices), np.concatenate([sequence.names for sequence in sequences])
     )
+
+
+def _moving_axes(
+    machine: Machine, parts: list[str], choices: Choices, low: Array, high: Array
+) -> tuple[list[int], list[int]]:
+    """Columns of the axes that the patterns move, and of the rotary axes beside them; UserError without the former."""
+    moving = [i for i, axis in enumerate(machine.axes) if not axis.rotary and low[i] < high[i]]
+    rotary = [i for i, axis in enumerate(machine.axes) if axis.rotary and low[i] < high[i]]
+    if machine.rotary.all():
+        moving, rotary = rotary, []
+    if not moving or (machine.rotary.all() and not set(parts) <= set(patterns.SCATTERED)):
+        raise UserError(
+            f"machine {machine.name}: no linear axis is left to move; {', '.join(patterns.SCATTERED)} and axes measure "
+            "rotary axes alone"
+        )
+    for i in (*moving, *(rotary if choices.rotary != "fixed" else ())):
+        need_ends(machine, i, low, high)
+    return moving, rotary
 
 
 def _spaced(name: str, box: patterns.Box, points: int | None, spacing: float | None) -> patterns.Points:
@@ -252,6 +265,8 @@ def _check(machine: Machine, choices: Choices, points: int | Sequence[int] | Non
         machine.index(name)
     if points is not None and spacing is not None:
         raise UserError("either a number of points or a spacing, not both: give one of them")
+    if points is not None and not np.size(points):
+        raise UserError("points: the list is empty: give the number of positions of each strategy")
     if points is not None and not 1 <= np.min(points) <= np.max(points) <= patterns.LARGEST:
         raise UserError(f"{points} points: expected a number from 1 to {patterns.LARGEST}")
     if spacing is not None and not (spacing > 0 and np.isfinite(spacing)):

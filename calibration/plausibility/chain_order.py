@@ -6,21 +6,20 @@ can be exchanged without a change of the nominal points: their order shows in th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from calibration.measurement.measurement import STANDSTILL, Measurement
-from calibration.measurement.observed_points import target_points
-from calibration.plausibility.recording_mistakes import Alternative
+from calibration.plausibility.recording_mistakes import Reversed
+from calibration.registration.observed_points import nominal_points
 from kinematics.machine import split_chain
 
 SAME = 1e-6
 """Distance, mm, up to which the nominal points of two chains are the same."""
 
 
-def other_chains(measurement: Measurement) -> Iterator[Alternative]:
+def other_chains(measurement: Measurement) -> Reversed:
     """The measurement with each rotary axis that moves at any other position of the chain, also beyond the bed.
 
     Chains with the same nominal points are tried once.
@@ -28,23 +27,23 @@ def other_chains(measurement: Measurement) -> Iterator[Alternative]:
     machine = measurement.machine
     links = machine.chain.split()[1:-1]
     moving = np.ptp(measurement.state.positions / machine.scale, axis=0) > STANDSTILL
-    known = [target_points(measurement, None, measurement.tool)]
+    known = [nominal_points(measurement)]
     for axis, moves in zip(machine.axes, moving.tolist(), strict=True):
         others = [link for link in links if link != axis.name]
         for place in range(len(links) if axis.rotary and moves else 0):
-            other = _in_order(measurement, f"w {' '.join([*others[:place], axis.name, *others[place:]])} t")
-            points = target_points(other.measurement, None, other.measurement.tool)
+            chain = f"w {' '.join([*others[:place], axis.name, *others[place:]])} t"
+            other = _in_order(measurement, chain)
+            points = nominal_points(other)
             if all(np.abs(points - each).max() > SAME for each in known):
                 known.append(points)
-                yield other
+                by = f"with the axes in the order {chain}"
+                yield f"{by} (the machine's file has {machine.chain}: check it against the machine)", other
 
 
-def _in_order(measurement: Measurement, chain: str) -> Alternative:
+def _in_order(measurement: Measurement, chain: str) -> Measurement:
     """The measurement as one of the machine with this chain; columns of the state other than positions stay."""
     machine, state = measurement.machine, measurement.state
     places = split_chain(chain)
     axes = tuple(replace(machine.axes[machine.index(name)], side=side) for name, side in places)
     positions = state.positions[:, [machine.index(name) for name, _ in places]]
-    by = f"with the axes in the order {chain} (the machine's file has {machine.chain}: check it against the machine)"
-    other = replace(measurement, machine=replace(machine, axes=axes), state=replace(state, positions=positions))
-    return Alternative("chain", by, other)
+    return replace(measurement, machine=replace(machine, axes=axes), state=replace(state, positions=positions))

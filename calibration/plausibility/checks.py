@@ -1,8 +1,7 @@
 """Checks of the plausibility of a measurement, without a model of the machine's errors.
 
-A recording mistake, or a wrong order of the axes in the machine's file, is found if its reversal reduces the residual
-of the nominal machine by a factor of FALLS, to a value that is usual for machines (PLAUSIBLE). Machine errors of 0.1 mm
-and 0.1 mrad do not cause a finding.
+Mistakes that have alternatives are compared in `calibration.plausibility.mistakes`. Machine errors of 0.1 mm and
+0.1 mrad do not cause a finding.
 """
 
 from __future__ import annotations
@@ -10,47 +9,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
-from calibration.measurement.instruments import Ballbar, TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import duplicates, first_registration
-from calibration.plausibility.chain_order import other_chains
 from calibration.plausibility.circles import circle_mistakes
+from calibration.plausibility.finding import Finding
+from calibration.plausibility.misfit import centred
+from calibration.plausibility.mistakes import FALLS, SUSPICIOUS, gross_mistakes, noted_mistakes
 from calibration.plausibility.motion import LEAST, clock_lag, read_back
-from calibration.plausibility.r_test import wrong_readings
-from calibration.plausibility.recording_mistakes import (
-    FALLS,
-    PLAUSIBLE,
-    TIED,
-    Alternative,
-    alternatives,
-    centred,
-    misfit,
-    trimmed_rms,
-    worst_rms,
-)
 from calibration.plausibility.repeated_positions import position_numbers
-from calibration.plausibility.spheres import (
-    misplaced_or_zeros,
-    misplacements,
-    moved_spheres,
-    moved_tip,
-    sphere_notes,
-)
+from calibration.plausibility.spheres import sphere_notes
 from calibration.plausibility.times import paused, repeated_times
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
-SUSPICIOUS = 0.3
-"""RMS residual, mm, below which no mistake is searched for."""
-HOPELESS = 5.0
-"""Median residual, mm, above which the data cannot belong to the machine if no mistake explains it."""
-ROWS = 1500
-"""Largest number of rows, chosen at random, in the search for mistakes."""
 LEAST_POSITIONS = 5
 """Least number of measurement states common to all runs for a comparison of the first run with the others."""
 SLOPE = 1e-3
@@ -66,16 +41,6 @@ SMALL = 0.05
 """Share of the travel of linear axes below which their unit is questioned."""
 
 
-class Finding(NamedTuple):
-    """One result of the checks."""
-
-    check: str
-    message: str
-    """Message: one sentence, with numbers."""
-    fatal: bool
-    """True if the data cannot be used without a correction."""
-
-
 def sanity(measurement: Measurement) -> list[Finding]:
     """Findings on a measurement, fatal ones first; with a fatal finding most other checks are omitted."""
     copies = duplicates(measurement)
@@ -85,6 +50,8 @@ def sanity(measurement: Measurement) -> list[Finding]:
     if measurement.across is None:  # otherwise the alignment with the path finds them
         mistakes += _recording(own)
         mistakes += list(_distances(own))
+    if measurement.instrument.NEVER_SEEN:
+        odd.append(Finding("never seen", measurement.instrument.NEVER_SEEN, False))
     if measurement.across is None and not any(finding.fatal for finding in mistakes):
         odd += [*_spheres(own), *_small_volume(own), *_motion(own)]
     return sorted([*mistakes, *odd], key=lambda finding: not finding.fatal)
@@ -92,9 +59,9 @@ def sanity(measurement: Measurement) -> list[Finding]:
 
 def _motion(measurement: Measurement) -> Iterator[Finding]:
     """Observations and read-backs that do not follow the commands, and a first run that differs."""
-    yield from (Finding(*found) for found in clock_lag(measurement))
+    yield from clock_lag(measurement)
     yield from _first_cycle(measurement)
-    yield from (Finding(*found) for found in read_back(measurement))
+    yield from read_back(measurement)
 
 
 def usable(measurement: Measurement) -> list[Finding]:
@@ -108,12 +75,12 @@ def usable(measurement: Measurement) -> list[Finding]:
 
 def _of_instrument(measurement: Measurement) -> Iterator[Finding]:
     """Recording mistakes, as far as the kind of observation shows them."""
-    if isinstance(measurement.instrument, Ballbar):
-        yield from (Finding(*found) for found in circle_mistakes(measurement))
+    if measurement.instrument.OBSERVES == "distance":
+        yield from circle_mistakes(measurement)
     elif measurement.axis is not None:
         yield from _readings(measurement)
     else:
-        yield from _mistakes(measurement)
+        yield from gross_mistakes(measurement)
 
 
 def _copies(measurement: Measurement, copies: np.ndarray) -> Iterator[Finding]:
@@ -160,7 +127,7 @@ def _temperatures(measurement: Measurement) -> Iterator[Finding]:
 
 def _dead(measurement: Measurement) -> Iterator[Finding]:
     """Equal observations although the machine moves; a touch probe's are all zero where it found the centres."""
-    if isinstance(measurement.instrument, TouchProbe):
+    if measurement.instrument.OBSERVES == "offset":
         return
     moved = np.ptp(measurement.state.positions, axis=0).any()
     if moved and len(measurement) >= LEAST and not np.ptp(measurement.observed, axis=0).any():
@@ -237,12 +204,8 @@ def _named(part: Measurement, check: Callable[[Measurement], Iterator[Finding]])
 def _spheres(measurement: Measurement) -> Iterator[Finding]:
     yield from (Finding("spheres", text, False) for text in sphere_notes(measurement))
     files = _files(measurement)
-    yield from chain.from_iterable(_named(part, _misplacements) for part in files)
-    yield from _misplacements(measurement) if not files else ()
-
-
-def _misplacements(measurement: Measurement) -> Iterator[Finding]:
-    yield from (Finding(check, text, False) for check, text in misplacements(measurement))
+    yield from chain.from_iterable(_named(part, noted_mistakes) for part in files)
+    yield from noted_mistakes(measurement) if not files else ()
 
 
 def _small_volume(measurement: Measurement) -> Iterator[Finding]:
@@ -259,68 +222,6 @@ def _small_volume(measurement: Measurement) -> Iterator[Finding]:
             "(inch or m)? The calibration is valid in this small volume only",
             False,
         )
-
-
-def _mistakes(measurement: Measurement) -> Iterator[Finding]:
-    """Recording mistakes of points, and other chains, each tried in turn; otherwise stations that do not fit."""
-    rows = np.arange(len(measurement))
-    if len(rows) > ROWS:
-        rows = np.sort(np.random.default_rng(0).choice(rows, ROWS, replace=False))
-    some = measurement.rows(rows)
-    residual, _ = misfit(some)
-    before, readings = wrong_readings(some)
-    if readings:
-        yield _mistake(before, readings)
-        return
-    before = worst_rms(some, residual)
-    if before < SUSPICIOUS:
-        return
-    for kinds in (alternatives, other_chains, misplaced_or_zeros, moved_spheres, moved_tip):
-        tried = [(worst_rms(other.measurement, misfit(other.measurement)[0]), other) for other in kinds(some)]
-        best = min((after for after, _ in tried), default=np.inf)
-        if best < before / FALLS and best < PLAUSIBLE:
-            yield _mistake(before, [pair for pair in tried if pair[0] <= TIED * best])
-            return
-    lengths = np.linalg.norm(residual, axis=1)
-    if float(np.median(lengths)) > HOPELESS:
-        still = np.array(some.machine.names)[np.ptp(some.state.positions, axis=0) == 0.0]
-        column = f" {', '.join(still)} does not move in these data: is its column missing?" if len(still) == 1 else ""
-        yield Finding(
-            "unexplained",
-            f"the points differ from the commanded positions by {np.median(lengths):.4g} mm (median, instrument "
-            "registered), and no exchange of columns, targets, signs or units explains this: are these points of this "
-            f"machine and of these positions?{column}",
-            True,
-        )
-        return
-    yield from _stations(some, lengths)
-
-
-def _mistake(before: float, tied: list[tuple[float, Alternative]]) -> Finding:
-    after, first = min(tied, key=lambda pair: pair[0])
-    words = ", or ".join(other.by for _, other in tied)
-    open_end = "" if len(tied) == 1 else "; these data do not show which of them"
-    return Finding(
-        first.mistake,
-        f"the points differ from the commanded positions by {before:.4g} mm RMS, and by {after:.3g} mm "
-        f"{words}{open_end}",
-        True,
-    )
-
-
-def _stations(measurement: Measurement, lengths: Array) -> Iterator[Finding]:
-    """Stations with large residuals while others have small ones."""
-    groups, kind = measurement.groups, "sphere" if measurement.spheres else "station"
-    sizes = {name: trimmed_rms(lengths[groups == name]) for name in np.unique(groups).tolist()}
-    usual = float(np.median(list(sizes.values())))
-    for name, size in sizes.items():
-        if len(sizes) > 1 and size > max(FALLS * usual, PLAUSIBLE):
-            yield Finding(
-                "station",
-                f"the points of {kind} {name} differ from the commanded positions by {size:.3g} mm RMS, those of the "
-                f"others by {usual:.3g} mm: it moved while it measured, or its rows are of other positions",
-                False,
-            )
 
 
 def _readings(measurement: Measurement) -> Iterator[Finding]:

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from calibration.measurement.instruments import Ballbar
+from calibration.instruments.ballbar import LENGTH_ERROR
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import target_points
-from calibration.observation.equations import LENGTH
-from calibration.plausibility.recording_mistakes import misfit
+from calibration.plausibility.finding import Finding
+from calibration.plausibility.misfit import misfit
 from calibration.plausibility.reversed_runs import reversed_runs
+from calibration.registration.observed_points import nominal_points
 from kinematics.transforms import Array
 
 OFF_MM = 0.5
@@ -37,25 +37,25 @@ OTHER_FEED = 3.0
 """Factor between the feed and the speed by positions and times from which one of them is wrong."""
 
 
-def circle_mistakes(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
-    """Check, message, and whether it is fatal, for each mistake in the circles of a ballbar."""
+def circle_mistakes(measurement: Measurement) -> Iterator[Finding]:
+    """Findings for each mistake in the circles of a ballbar."""
     bar = measurement.instrument
-    if not isinstance(bar, Ballbar):
+    if bar.OBSERVES != "distance":
         return
     radius, length = float(np.median(measurement.observed)), bar.length_mm
     if abs(radius - length) > LENGTH_OFF_MM:
         read = f"radius_mm reads {radius:.6g} mm in the median, but the bar is {length:g} mm long"
-        yield "units", f"{read}{_why(radius / length)}", True
+        yield Finding("units", f"{read}{_why(radius / length)}", True)
         return
     distance = _distances(measurement, np.array(next(iter(measurement.spheres.values()))))
     driven = float(np.median(distance))
     if abs(driven - length) > LENGTH_OFF_MM and _best_centre(measurement)[1] > OFF_MM:
-        yield "radius", _wrong_radius(measurement, driven, length), True
+        yield Finding("radius", _wrong_radius(measurement, driven, length), True)
         return
     residual, registration = misfit(measurement)
     off = np.abs(residual[:, 0])
-    if float(np.median(off)) > OFF_MM or abs(registration.zeros[LENGTH]) > LENGTH_OFF_MM:
-        yield "radius", _wrong_radius(measurement, driven, length), True
+    if float(np.median(off)) > OFF_MM or abs(registration.zeros[LENGTH_ERROR]) > LENGTH_OFF_MM:
+        yield Finding("radius", _wrong_radius(measurement, driven, length), True)
         return
     mixed = list(_mixed_runs(measurement))
     yield from mixed
@@ -65,15 +65,17 @@ def circle_mistakes(measurement: Measurement) -> Iterator[tuple[str, str, bool]]
     yield from _other_centres(measurement)
     reverse, fatal = reversed_runs(measurement, np.array(next(iter(measurement.spheres.values()))))
     if reverse:
-        yield "order", reverse, fatal
+        yield Finding("order", reverse, fatal)
     for row in np.flatnonzero(off > OFF_MM).tolist()[:3]:
         away = f"radius_mm is {1e3 * residual[row, 0]:+.4g} um off its circle, and not used"
-        yield "outliers", f"{measurement.where(row)}: {away}", False
+        yield Finding("outliers", f"{measurement.where(row)}: {away}", False)
     for name, centre in registration.sphere_centres.items():
         apart = float(np.linalg.norm(centre - np.array(measurement.spheres[name])))
         if apart > FAR_MM:
             words = "correct the centre, or columns of axes that are exchanged"
-            yield "centre", f"the table ball is {apart:.4g} mm from its stated centre: {words}", apart > LOST_MM
+            yield Finding(
+                "centre", f"the table ball is {apart:.4g} mm from its stated centre: {words}", apart > LOST_MM
+            )
 
 
 def _why(ratio: float) -> str:
@@ -98,12 +100,12 @@ def _wrong_radius(measurement: Measurement, driven: float, length: float) -> str
 
 
 def _distances(measurement: Measurement, centre: Array) -> Array:
-    return np.asarray(np.linalg.norm(target_points(measurement, None, measurement.tool) - centre, axis=1))
+    return np.asarray(np.linalg.norm(nominal_points(measurement) - centre, axis=1))
 
 
 def _best_centre(measurement: Measurement) -> tuple[float, float]:
     """Radius, mm, of the sphere that fits the commanded positions best, and the RMS of their distances from it, mm."""
-    points = target_points(measurement, None, measurement.tool)
+    points = nominal_points(measurement)
     centre, radius = _sphere(points)
     away = np.linalg.norm(points - centre, axis=1) - radius
     return radius, float(np.sqrt(np.mean(away**2)))
@@ -117,10 +119,10 @@ def _sphere(points: Array) -> tuple[Array, float]:
     return middle + solution[:3], float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
 
 
-def _mixed_runs(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
+def _mixed_runs(measurement: Measurement) -> Iterator[Finding]:
     """Runs of more than one circle: the first that turns back, or that leaves its plane."""
     assert measurement.run is not None
-    points = target_points(measurement, None, measurement.tool)
+    points = nominal_points(measurement)
     for run in dict.fromkeys(measurement.run.tolist()):
         rows = np.flatnonzero(measurement.run == run)
         if len(rows) < 3:
@@ -138,16 +140,16 @@ def _mixed_runs(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
             row, what = int(rows[np.argmax(off)]), "leaves its plane"
         if what:
             why = f"run {run} {what}: give each circle, in each direction, a run of its own"
-            yield "order", f"{measurement.where(row)}: {why}", True
+            yield Finding("order", f"{measurement.where(row)}: {why}", True)
             return
 
 
-def _other_feeds(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
+def _other_feeds(measurement: Measurement) -> Iterator[Finding]:
     """Runs whose feed is not that of their positions and times."""
     time, feed = measurement.state.time, measurement.feed
     if time is None or feed is None or measurement.run is None:
         return
-    points = target_points(measurement, None, measurement.tool)
+    points = nominal_points(measurement)
     for run in dict.fromkeys(measurement.run.tolist()):
         rows = np.flatnonzero(measurement.run == run)
         steps, seconds = np.linalg.norm(np.diff(points[rows], axis=0), axis=1), np.diff(time[rows])
@@ -155,7 +157,7 @@ def _other_feeds(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
             continue
         driven, stated = 60.0 * float(np.median(steps / seconds)), float(np.median(feed[rows]))
         if not 1.0 / OTHER_FEED < driven / stated < OTHER_FEED:
-            yield (
+            yield Finding(
                 "units",
                 f"run {run}: column feed has {stated:g} mm/min, but its positions and times give {driven:.4g} mm/min: "
                 "correct the feed, the unit of one of them, or leave out time_s",
@@ -164,10 +166,10 @@ def _other_feeds(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
             return
 
 
-def _other_centres(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
+def _other_centres(measurement: Measurement) -> Iterator[Finding]:
     """Runs whose circle is about another point than that of the other runs."""
     assert measurement.run is not None
-    points = target_points(measurement, None, measurement.tool)
+    points = nominal_points(measurement)
     for run in np.unique(measurement.run).tolist():
         mine = measurement.run == run
         if mine.all() or mine.sum() < 6:
@@ -177,11 +179,11 @@ def _other_centres(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
         centre = next(iter(registration.sphere_centres.values()))
         arms = points[mine] - centre
         length = np.linalg.norm(arms, axis=1)
-        away = measurement.observed[mine, 0] - length - registration.zeros[LENGTH]
+        away = measurement.observed[mine, 0] - length - registration.zeros[LENGTH_ERROR]
         good = np.abs(away - np.median(away)) < 20.0
         shift = np.linalg.lstsq(-arms[good] / length[good, None], away[good], rcond=SEEN)[0]
         if float(np.linalg.norm(shift)) > OTHER_CENTRE_MM:
-            yield (
+            yield Finding(
                 "centre",
                 f"run {run} is about a point {np.linalg.norm(shift):.4g} mm from the centre of the other runs: the "
                 "table ball or a work offset was moved; give this run as a file of its own",

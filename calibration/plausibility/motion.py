@@ -7,14 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
-from calibration.plausibility.recording_mistakes import (
-    FALLS,
-    PLAUSIBLE,
-    TIED,
-    by_axes,
-    centred,
-    misfit,
-)
+from calibration.plausibility.finding import Finding
+from calibration.plausibility.misfit import centred, misfit
+from calibration.plausibility.mistakes import FALLS, PLAUSIBLE, TIED
 from kinematics.transforms import Array
 
 LEAST = 10
@@ -27,8 +22,8 @@ NOTICED_MM, NOTICED_RAD = 1e-3, 1e-5
 Rounding to 0.001 deg gives 5e-6 rad. 1e-5 rad is 3 um at a distance of 300 mm."""
 
 
-def clock_lag(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
-    """Check, message and whether it is fatal: rows in motion that are observed before or after their positions."""
+def clock_lag(measurement: Measurement) -> Iterator[Finding]:
+    """Findings: rows in motion that are observed before or after their positions."""
     velocity = measurement.state.velocity
     if velocity is None:
         return
@@ -37,7 +32,7 @@ def clock_lag(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
         return
     part = measurement.rows(moving)
     residual, registration = misfit(part)
-    residual, along = centred(part, residual), by_axes(part, registration)
+    residual, along = centred(part, residual), part.instrument.by_axes(part, registration)
     swept = centred(part, (along @ velocity[moving][:, :, None])[:, :, 0])
     size = float(np.sum(swept**2))
     if size <= 0.0:
@@ -51,7 +46,7 @@ def clock_lag(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
         causes = "two clocks, or following error" if follows else "two clocks, following error or backlash"
         micro = float(part.per_micro.max())
         unit = "um" if micro < 1e6 else "urad"
-        yield (
+        yield Finding(
             "clock",
             f"rows in motion were observed {abs(lag) * 1e3:.3g} ms {ahead} than their positions were noted: with that "
             f"lag their residual falls from {before * micro:.4g} to {after * micro:.3g} {unit} RMS ({causes})",
@@ -66,13 +61,13 @@ def _misfit_with_backlash(measurement: Measurement, residual: Array, behind: Arr
     return float(np.sqrt(np.mean((residual.reshape(-1) - design @ size) ** 2)))
 
 
-def read_back(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
-    """Check, message and whether it is fatal: read-backs that differ from the commands, and related variables."""
+def read_back(measurement: Measurement) -> Iterator[Finding]:
+    """Findings: read-backs that differ from the commands, and related variables."""
     if measurement.actual is None:
         return
     machine, state = measurement.machine, measurement.state
     residual, registration = misfit(measurement)
-    along = by_axes(measurement, registration)
+    along = measurement.instrument.by_axes(measurement, registration)
     for i, axis in enumerate(machine.axes):
         apart = measurement.actual[:, i] - state.positions[:, i]
         rows = np.isfinite(apart) & along[:, :, i].any(axis=1)
@@ -95,7 +90,7 @@ def read_back(measurement: Measurement) -> Iterator[tuple[str, str, bool]]:
             slope, r = _related(state.velocity[rows, i], apart[rows])
             if abs(r) > RELATED:
                 message.append(f"by {slope * 1e3:.3g} ms of the velocity: following error, or two clocks (r = {r:.2f})")
-        yield ("read-back", "; ".join(message), False)
+        yield Finding("read-back", "; ".join(message), False)
 
 
 def _related(one: Array, other: Array) -> tuple[float, float]:

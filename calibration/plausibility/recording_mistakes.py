@@ -1,7 +1,7 @@
-"""Mistakes in the recording of a measurement: each one reversed, and the resulting fit of the points.
+"""Mistakes in the recording of points, each reversed: of a tracker, a part or a touch probe.
 
-No model of the machine's errors is needed: the nominal machine is registered to the points as recorded, and to the
-points without the mistake. Only mistakes of points are considered: of a tracker, a part or a touch probe.
+Each function gives every way to reverse one kind of mistake: words, and the measurement with it reversed, also where
+the data cannot distinguish it from others. For the comparison of them see `calibration.plausibility.mistakes`.
 """
 
 from __future__ import annotations
@@ -9,27 +9,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 
-from calibration.measurement.instruments import Ballbar, TouchProbe
 from calibration.measurement.measurement import STANDSTILL, Measurement, Target
-from calibration.measurement.observed_points import carried, derivatives_by_positions, target_points
-from calibration.measurement.registration import Registration
-from calibration.observation.equations import along_bar
 from calibration.observation.normal_equations import residuals
-from calibration.observation.outliers import first_registration
+from calibration.plausibility.misfit import misfit
+from calibration.registration.observed_points import carried, nominal_points
 from kinematics.error_model.model import no_errors
 from kinematics.machine import Vector
 from kinematics.transforms import Array
 
-FALLS = 5.0
-"""Factor by which the residual must fall when a mistake is reversed."""
-PLAUSIBLE = 1.0
-"""Largest RMS residual of the nominal machine in data without a mistake, mm."""
-TIED = 2.0
-"""Factor of the residuals up to which two mistakes cannot be distinguished."""
+Reversed = Iterator[tuple[str, Measurement]]
+"""Each way to reverse a mistake: words, `with columns X and Y exchanged`, and the measurement with it reversed."""
+
 FACTORS = {25.4: "inch and mm", 1 / 25.4: "inch and mm", 1e3: "m, mm or um", 1e-3: "m, mm or um"}
 """Factors of wrong units, and the units that were confused."""
 NEAR = 5e-3
@@ -38,87 +31,24 @@ SCALE = 1e-3
 """Relative scale error above which the cause is not the machine."""
 ROUNDS = 8
 """Largest number of iterations of the registration and the position of a target."""
-TRIMMED = 50
-"""One row of so many, at least one, is ignored as a possible outlier."""
-
-
 SOME = 0.1
 """Least share of the rows of two targets that are exchanged at a moment, or are not."""
 
 
-class Alternative(NamedTuple):
-    """A measurement with one mistake reversed."""
-
-    mistake: str
-    """Kind of mistake."""
-    by: str
-    """Description of the reversal: `with columns X and Y exchanged`."""
-    measurement: Measurement
-
-
-def alternatives(measurement: Measurement) -> Iterator[Alternative]:
-    """The measurement with each mistake reversed in turn, also mistakes that the data cannot distinguish."""
-    yield from _units(measurement)
-    yield from _signs(measurement)
-    yield from _axes(measurement)
-    yield from _targets(measurement)
-
-
-def _signs(measurement: Measurement) -> Iterator[Alternative]:
-    """Points of a left-handed frame; for the readings of an R-test see `calibration.plausibility.r_test`."""
-    if isinstance(measurement.instrument, TouchProbe):
-        return
-    mirrored = measurement.observed * np.append(-1.0, np.ones(measurement.instrument.components - 1))
-    yield Alternative(
-        "mirrored", "with the points' frame mirrored (left-handed as it is)", replace(measurement, observed=mirrored)
-    )
-
-
-def misfit(measurement: Measurement) -> tuple[Array, Registration]:
-    """Residuals `(n, d)`, mm and rad, of the nominal machine, and its registration, robust to gross errors."""
-    registration, _ = first_registration(measurement)
-    return residuals(measurement, no_errors(measurement.machine), registration), registration
-
-
-def worst_rms(measurement: Measurement, residual: Array) -> float:
-    """Largest RMS length, mm, of residuals `(n, d)`: of all rows, and of each target and station with several rows."""
-    lengths, parts = np.linalg.norm(residual, axis=1), [np.ones(len(residual), bool)]
-    for names in (measurement.target_number, measurement.groups):
-        parts += [names == name for name in np.unique(names).tolist()]
-    return max(trimmed_rms(lengths[part]) for part in parts if part.sum() > 3 or part.all())
-
-
-def trimmed_rms(lengths: Array) -> float:
-    """RMS of lengths `(n,)` without the largest ones."""
-    spared = max(len(lengths) // TRIMMED, 1) if len(lengths) > 3 else 0
-    return float(np.sqrt(np.mean(np.sort(lengths)[: len(lengths) - spared] ** 2)))
-
-
-def by_axes(measurement: Measurement, registration: Registration) -> Array:
-    """Derivatives `(n, d, axes)` of the observations with respect to the axis positions, per mm and rad."""
-    if measurement.axis is not None:
-        own = np.equal(measurement.axis[:, None], np.array(measurement.machine.names))
-        return np.asarray((own & measurement.positioning[:, None])[:, None, :], float)
-    slopes = registration.rotations(measurement) @ derivatives_by_positions(measurement, registration.tool(measurement))
-    if isinstance(measurement.instrument, Ballbar):
-        return along_bar(measurement, registration)[:, None] @ slopes
-    return np.asarray(slopes[:, : measurement.instrument.components])
-
-
-def _units(measurement: Measurement) -> Iterator[Alternative]:
+def other_units(measurement: Measurement) -> Reversed:
     """Points or linear axes in another unit; points in any other scale."""
     scale = _scale(measurement)
     if scale is not None and abs(scale - 1.0) > SCALE and all(abs(scale / known - 1.0) > NEAR for known in FACTORS):
         by = f"with the points divided by {scale:.6g} (a scale {100 * (scale - 1):+.3g} % off)"
-        yield Alternative("units", by, replace(measurement, observed=measurement.observed / scale))
+        yield by, replace(measurement, observed=measurement.observed / scale)
     for factor, mixed in FACTORS.items():
         by = f"with the points divided by {factor:.6g} ({mixed} mixed up)"
-        yield Alternative("units", by, replace(measurement, observed=measurement.observed / factor))
+        yield by, replace(measurement, observed=measurement.observed / factor)
         by = f"with the commands of linear axes multiplied by {factor:.6g} ({mixed} mixed up)"
         linear = np.where(measurement.machine.rotary, 1.0, factor)
         # shorter moves leave smaller residuals of spheres, also where they are wrong
-        if factor > 1.0 or not isinstance(measurement.instrument, TouchProbe) or _beyond_travel(measurement):
-            yield Alternative("units", by, _with_positions(measurement, measurement.state.positions * linear))
+        if factor > 1.0 or measurement.instrument.OBSERVES != "offset" or _beyond_travel(measurement):
+            yield by, with_positions(measurement, measurement.state.positions * linear)
 
 
 def _beyond_travel(measurement: Measurement) -> bool:
@@ -130,9 +60,9 @@ def _beyond_travel(measurement: Measurement) -> bool:
 
 def _scale(measurement: Measurement) -> float | None:
     """Ratio of the distances between points to the commanded ones; None if there are none."""
-    if isinstance(measurement.instrument, TouchProbe):  # its readings are no coordinates
+    if measurement.instrument.OBSERVES == "offset":  # its readings are no coordinates
         return None
-    points = target_points(measurement, None, measurement.tool)[:, : measurement.instrument.components]
+    points = nominal_points(measurement)[:, : measurement.instrument.components]
     nominal_spread, observed_spread = _spread(measurement, points), _spread(measurement, measurement.observed)
     if min(nominal_spread, observed_spread) <= 0.0:
         return None
@@ -160,55 +90,75 @@ def _centred(measurement: Measurement, values: Array) -> Array:
     return result
 
 
-def _axes(measurement: Measurement) -> Iterator[Alternative]:
-    """Columns of axes that are exchanged, of wrong sign, or in rad; mm read as degrees and the reverse."""
-    machine, q = measurement.machine, measurement.state.positions
-    moving = np.flatnonzero(np.ptp(q / machine.scale, axis=0) > STANDSTILL).tolist()
-    for i, j in combinations(moving, 2):
-        if machine.rotary[i] == machine.rotary[j]:
-            order = np.arange(q.shape[1])
-            order[[i, j]] = j, i
-            by = f"with columns {machine.names[i]} and {machine.names[j]} exchanged"
-            yield Alternative("axes", by, _with_positions(measurement, q[:, order]))
-        elif isinstance(measurement.instrument, TouchProbe):
-            exchanged = q / machine.scale
+def mirrored_points(measurement: Measurement) -> Reversed:
+    """Points of a left-handed frame; for the readings of an R-test see `TouchProbe.other_readings`."""
+    mirrored = measurement.observed * np.append(-1.0, np.ones(measurement.instrument.components - 1))
+    yield "with the points' frame mirrored (left-handed as it is)", replace(measurement, observed=mirrored)
+
+
+def _moving(measurement: Measurement) -> list[int]:
+    """Numbers of the axes that move."""
+    q = measurement.state.positions / measurement.machine.scale
+    return np.flatnonzero(np.ptp(q, axis=0) > STANDSTILL).tolist()
+
+
+def exchanged_axes(measurement: Measurement) -> Reversed:
+    """Columns of two axes exchanged; of a linear and a rotary one for a touch probe only."""
+    machine = measurement.machine
+    for i, j in combinations(_moving(measurement), 2):
+        alike = machine.rotary[i] == machine.rotary[j]
+        if alike or measurement.instrument.OBSERVES == "offset":
+            scale = np.ones(len(machine.axes)) if alike else machine.scale
+            exchanged = measurement.state.positions / scale
             exchanged[:, [i, j]] = exchanged[:, [j, i]]
-            by = f"with columns {machine.names[i]} and {machine.names[j]} exchanged (mm and degrees)"
-            yield Alternative("axes", by, _with_positions(measurement, exchanged * machine.scale))
-    for i in moving:
-        signs = np.where(np.arange(q.shape[1]) == i, -1.0, 1.0)
-        yield Alternative(
-            "sign", f"with the sign of {machine.names[i]} reversed", _with_positions(measurement, q * signs)
-        )
-    rotary = [i for i in moving if machine.rotary[i]]
+            by = f"with columns {machine.names[i]} and {machine.names[j]} exchanged"
+            yield by if alike else f"{by} (mm and degrees)", with_positions(measurement, exchanged * scale)
+
+
+def reversed_axes(measurement: Measurement) -> Reversed:
+    """The column of an axis of wrong sign."""
+    for i in _moving(measurement):
+        yield f"with the sign of {measurement.machine.names[i]} reversed", _with_factor(measurement, [i], -1.0)
+
+
+def other_angles(measurement: Measurement) -> Reversed:
+    """Columns of rotary axes, all and single ones, in rad, or turned into degrees twice."""
+    machine = measurement.machine
+    rotary = [i for i in _moving(measurement) if machine.rotary[i]]
     for some in ([rotary] if len(rotary) > 1 else []) + [[i] for i in rotary]:
         names = " and ".join(machine.names[i] for i in some)
-        for factor, by in ((180.0 / np.pi, "read as rad"), (np.pi / 180.0, "turned into degrees once less")):
-            factors = np.where(np.isin(np.arange(q.shape[1]), some), factor, 1.0)
-            yield Alternative("degrees", f"with {names} {by}", _with_positions(measurement, q * factors))
+        yield f"with {names} read as rad", _with_factor(measurement, some, 180.0 / np.pi)
+        yield f"with {names} turned into degrees once less", _with_factor(measurement, some, np.pi / 180.0)
 
 
-def _targets(measurement: Measurement) -> Iterator[Alternative]:
-    """Targets on the tool that are exchanged or of wrong sign."""
-    own = {name: target for name, target in measurement.targets.items() if target.known}
+def exchanged_targets(measurement: Measurement) -> Reversed:
+    """Two targets on the tool exchanged, in all rows, or up to a row, or from one on."""
+    own = known_targets(measurement)
     for one, other in combinations(own, 2):
         changed = {one: own[other], other: own[one]}
-        yield Alternative("targets", f"with targets {one} and {other} exchanged", _with_targets(measurement, changed))
+        yield f"with targets {one} and {other} exchanged", _with_targets(measurement, changed)
         yield from _exchanged_at_a_moment(measurement, one, other)
+
+
+def turned_targets(measurement: Measurement) -> Reversed:
+    """Targets on the tool of wrong sign, single ones and all."""
+    own = known_targets(measurement)
     for name, target in own.items():
         for letter, signs in (("", (-1, -1, -1)), ("x", (-1, 1, 1)), ("y", (1, -1, 1)), ("z", (1, 1, -1))):
-            turned = {name: _turned(target, signs)}
             by = f"with the sign of {f'{letter} of ' if letter else ''}target {name} reversed"
-            yield Alternative("targets", by, _with_targets(measurement, turned))
+            yield by, _with_targets(measurement, {name: _turned(target, signs)})
     if len(own) > 1:
         for letter, signs in (("x y z", (-1, -1, -1)), ("z", (1, 1, -1))):
             turned = {name: _turned(target, signs) for name, target in own.items()}
-            yield Alternative(
-                "targets", f"with the sign of {letter} of all targets reversed", _with_targets(measurement, turned)
-            )
+            yield f"with the sign of {letter} of all targets reversed", _with_targets(measurement, turned)
 
 
-def _exchanged_at_a_moment(measurement: Measurement, one: str, other: str) -> Iterator[Alternative]:
+def known_targets(measurement: Measurement) -> dict[str, Target]:
+    """Targets whose positions on the tool the file states, by name."""
+    return {name: target for name, target in measurement.targets.items() if target.known}
+
+
+def _exchanged_at_a_moment(measurement: Measurement, one: str, other: str) -> Reversed:
     """Two targets exchanged from a row on, or up to a row: where the exchange brings most, with the registration as it
     is.
     """
@@ -229,26 +179,23 @@ def _exchanged_at_a_moment(measurement: Measurement, one: str, other: str) -> It
         # almost none and almost all are other mistakes
         if SOME * total < np.count_nonzero(pair & part) < (1.0 - SOME) * total:
             other_names = _with_names(measurement, np.where(part, exchanged, target))
-            yield Alternative("targets", f"with targets {one} and {other} exchanged {words}", other_names)
+            yield f"with targets {one} and {other} exchanged {words}", other_names
 
 
-def misplaced(measurement: Measurement) -> Iterator[Alternative]:
+def misplaced(measurement: Measurement) -> Reversed:
     """Each target on the tool at the position that follows from the points, with the others as given in the file.
 
-    Any position is allowed, so that other mistakes can imitate this one: it is tried after `alternatives`. Points of
+    Any position is allowed, so that this one can imitate other mistakes. Points of
     one target show its position to a touch probe only, whose spheres do not turn with an instrument.
     """
-    own = {name: target for name, target in measurement.targets.items() if target.known}
-    if len(own) < 2 and not isinstance(measurement.instrument, TouchProbe):
-        return
-    for name, target in own.items():
+    for name, target in known_targets(measurement).items():
         other = measurement
         for _ in range(ROUNDS):
             residual, registration = misfit(other)
             rows = measurement.target_number == list(measurement.targets).index(name)
             directions = (registration.rotations(other) @ carried(other))[rows, : residual.shape[1]]
             off = residual[rows]
-            if isinstance(measurement.instrument, TouchProbe):  # the centres of the spheres follow the tip
+            if measurement.instrument.OBSERVES == "offset":  # the centres of the spheres follow the tip
                 groups = measurement.groups[rows]
                 directions, off = _less_means(groups, directions), _less_means(groups, off)
             shift, *_ = np.linalg.lstsq(directions.reshape(-1, 3), off.reshape(-1), rcond=None)
@@ -257,9 +204,9 @@ def misplaced(measurement: Measurement) -> Iterator[Alternative]:
             other = _with_targets(other, {name: replace(target, position=position)})
         moved = np.linalg.norm(np.array(position) - target.position)
         by = f"with target {name} at {_mm(position)} instead of {_mm(target.position)}, {moved:.3g} mm away"
-        if isinstance(measurement.instrument, TouchProbe):
+        if measurement.instrument.OBSERVES == "offset":
             by += " (or with the lines of all rotary axes displaced alike: check the machine's file)"
-        yield Alternative("targets", by, other)
+        yield by, other
 
 
 def _less_means(groups: np.ndarray, values: Array) -> Array:
@@ -280,8 +227,15 @@ def _turned(target: Target, signs: tuple[int, int, int]) -> Target:
     return replace(target, position=position)
 
 
-def _with_positions(measurement: Measurement, positions: Array) -> Measurement:
+def with_positions(measurement: Measurement, positions: Array) -> Measurement:
+    """The measurement with other positions of the axes."""
     return replace(measurement, state=replace(measurement.state, positions=positions))
+
+
+def _with_factor(measurement: Measurement, axes: list[int], factor: float) -> Measurement:
+    """The measurement with positions of these axes multiplied by a factor."""
+    factors = np.where(np.isin(np.arange(len(measurement.machine.axes)), axes), factor, 1.0)
+    return with_positions(measurement, measurement.state.positions * factors)
 
 
 def _with_targets(measurement: Measurement, changed: dict[str, Target]) -> Measurement:
@@ -291,11 +245,3 @@ def _with_targets(measurement: Measurement, changed: dict[str, Target]) -> Measu
 def _with_names(measurement: Measurement, target: np.ndarray) -> Measurement:
     """The measurement with other names of targets by row."""
     return replace(measurement, state=replace(measurement.state, target=target))
-
-
-def centred(measurement: Measurement, values: Array) -> Array:
-    """Values `(n, d)` minus the mean of their registration group."""
-    _, group = np.unique(measurement.groups, return_inverse=True)
-    sums = np.zeros((group.max() + 1, values.shape[1]))
-    np.add.at(sums, group, values)
-    return np.asarray(values - (sums / np.bincount(group)[:, None])[group])

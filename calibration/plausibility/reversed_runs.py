@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import target_points
+from calibration.registration.observed_points import nominal_points
 from kinematics.transforms import Array
 
 ROWS = 12
@@ -34,7 +34,7 @@ def reversed_runs(measurement: Measurement, centre: Array) -> tuple[str, bool]:
     centre `(3,)`: of the table ball, mm, workpiece frame. Runs in one plane are compared with each other.
     """
     assert measurement.run is not None
-    arms = target_points(measurement, None, measurement.tool) - centre
+    arms = nominal_points(measurement) - centre
     unit = arms / np.linalg.norm(arms, axis=1)[:, None]
     left = [_Run.of(measurement, name, unit) for name in dict.fromkeys(measurement.run.tolist())]
     while left:

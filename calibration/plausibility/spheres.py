@@ -4,32 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import chain, pairwise
+from itertools import pairwise
 
 import numpy as np
 
-from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.observed_points import carried
 from calibration.observation.outliers import ASTRAY
-from calibration.plausibility.recording_mistakes import (
-    ROUNDS,
-    TIED,
-    Alternative,
-    by_axes,
-    centred,
-    misfit,
-    misplaced,
-    trimmed_rms,
-)
+from calibration.plausibility.misfit import centred, misfit
+from calibration.plausibility.recording_mistakes import ROUNDS, Reversed, with_positions
+from calibration.registration.observed_points import carried
 from kinematics.transforms import Array
 
 APART_MM = 5.0
 """Distance of a sphere's centre from its stated position, mm, from which one of the two is doubted."""
-TIP_MM = 0.1
-"""Least distance of a tip from its stated position, mm, that is noted: three times the expected location errors."""
-BETTER = 2.0
-"""Factor by which the residual must fall with the tip at this distance, or with zeros of rotary axes shifted."""
 ZERO = np.deg2rad(0.01)
 """Least shift of the zero of a rotary axis, rad, that is noted: six times the expected tilts of lines."""
 SEEN = 0.1
@@ -38,10 +25,8 @@ LEAST = 3
 """Least number of rows before and behind the moment at which a sphere moved."""
 
 
-def moved_spheres(measurement: Measurement) -> Iterator[Alternative]:
+def moved_spheres(measurement: Measurement) -> Reversed:
     """The measurement with each sphere moved once, where this brings most with the other rows as they are."""
-    if not isinstance(measurement.instrument, TouchProbe):
-        return
     residual, _ = misfit(measurement)
     for sphere in np.unique(measurement.groups).tolist():
         rows = np.flatnonzero(measurement.groups == sphere)
@@ -54,17 +39,15 @@ def moved_spheres(measurement: Measurement) -> Iterator[Alternative]:
         moved = replace(measurement, state=replace(measurement.state, station=station.astype(str)))
         shift = np.median(residual[behind], axis=0) - np.median(residual[rows[rows < first]], axis=0)
         by = f"with sphere {sphere} moved by {np.linalg.norm(shift):.3g} mm before {measurement.where(int(first))}"
-        yield Alternative("spheres", by, moved)
+        yield by, moved
 
 
-def moved_tip(measurement: Measurement) -> Iterator[Alternative]:
+def moved_tip(measurement: Measurement) -> Reversed:
     """The measurement with the single tip at another position from one row on, where this brings most.
 
     So it looks where a work offset or a tool length changes, or where the probe sits loose.
     """
     n = len(measurement)
-    if not isinstance(measurement.instrument, TouchProbe) or len(measurement.targets) != 1 or n < 2 * LEAST:
-        return
     residual, registration = misfit(measurement)
     directions = (registration.rotations(measurement) @ carried(measurement))[:, : residual.shape[1]]
     off, gains = centred(measurement, residual).reshape(-1), {}
@@ -87,12 +70,12 @@ def moved_tip(measurement: Measurement) -> Iterator[Alternative]:
         state=replace(measurement.state, target=names),
         targets={name: target, f"{name} moved": Target((x, y, z))},
     )
-    yield Alternative("spheres", by, moved)
+    yield by, moved
 
 
 def sphere_notes(measurement: Measurement) -> Iterator[str]:
     """Notes on rows whose tip is in another sphere than stated, and on centres far from their stated positions."""
-    if not isinstance(measurement.instrument, TouchProbe):
+    if measurement.instrument.OBSERVES != "offset":
         return
     residual, registration = misfit(measurement)
     centres = registration.sphere_centres
@@ -121,29 +104,22 @@ def sphere_notes(measurement: Measurement) -> Iterator[str]:
             yield f"spheres {one} and {other} are at the same position: are they one sphere?"
 
 
-def misplaced_or_zeros(measurement: Measurement) -> Iterator[Alternative]:
-    """The measurement with each tip at the position that follows from the points, and with the zeros that do."""
-    yield from chain(misplaced(measurement), shifted_zeros(measurement))
-
-
-def shifted_zeros(measurement: Measurement) -> Iterator[Alternative]:
+def shifted_zeros(measurement: Measurement) -> Reversed:
     """The measurement with other zeros of the rotary axes, as far as the spheres show them.
 
     A rotary axis that carries the spheres alone turns its zero about them all: no sphere shows it.
     """
     machine, other = measurement.machine, measurement
-    if not isinstance(measurement.instrument, TouchProbe):
-        return
     shift = np.zeros(len(machine.axes))
     for _ in range(ROUNDS):
         residual, registration = misfit(other)
-        slopes = by_axes(other, registration) * machine.rotary
+        slopes = other.instrument.by_axes(other, registration) * machine.rotary
         slopes = centred(other, slopes.reshape(len(other), -1)).reshape(-1, len(shift))
         sizes = np.linalg.norm(slopes, axis=0)
         seen = (sizes > SEEN * sizes.max()) & (sizes > 0.0)
         step, *_ = np.linalg.lstsq(slopes[:, seen], centred(other, residual).reshape(-1))
         shift[seen] += step
-        other = _with_zeros(measurement, shift)
+        other = with_positions(measurement, measurement.state.positions + shift)
     own = np.abs(shift) >= ZERO
     if own.any():
         zeros = " and ".join(
@@ -153,53 +129,7 @@ def shifted_zeros(measurement: Measurement) -> Iterator[Alternative]:
             f"with the zero of {zeros} (or with a line of a rotary axis tilted by as much: compare it with an edge "
             "along a linear axis)"
         )
-        yield Alternative("zeros", by, _with_zeros(measurement, np.where(own, shift, 0.0)))
-
-
-def _with_zeros(measurement: Measurement, shift: Array) -> Measurement:
-    """The measurement with positions farther by shifts `(axes,)`."""
-    return replace(measurement, state=replace(measurement.state, positions=measurement.state.positions + shift))
-
-
-def misplacements(measurement: Measurement) -> Iterator[tuple[str, str]]:
-    """Check and message for another position of a single tip, or other zeros, that explain most of the residual.
-
-    Otherwise for a tip that moved at a row. Differences of millimetres are refused (`calibration.plausibility.checks`);
-    smaller ones may be location errors.
-    """
-    if not isinstance(measurement.instrument, TouchProbe) or len(measurement.targets) != 1:
-        return
-    before = trimmed_rms(np.linalg.norm(misfit(measurement)[0], axis=1))
-    for kinds in (misplaced_or_zeros, moved_tip):
-        others = [each for each in kinds(measurement) if each.mistake == "zeros" or _tip_moved(measurement, each)]
-        tried = [(trimmed_rms(np.linalg.norm(misfit(each.measurement)[0], axis=1)), each) for each in others]
-        best = min((after for after, _ in tried), default=np.inf)
-        if best < before / BETTER:
-            tied = [each for after, each in tried if after <= min(TIED * best, before / BETTER)]
-            words, cures = ", or ".join(each.by for each in tied), ". ".join(map(_cure, tied))
-            text = (
-                f"the points differ from the commanded positions by {before:.2g} mm RMS, and by {best:.2g} mm {words}"
-            )
-            yield "zeros" if tied[0].mistake == "zeros" else "targets", f"{text}. {cures}"
-            return
-
-
-def _tip_moved(measurement: Measurement, other: Alternative) -> bool:
-    """True where a tip of another measurement is farther than TIP_MM from the single one of a measurement."""
-    stated = np.array(next(iter(measurement.targets.values())).position)
-    return any(np.linalg.norm(each.position - stated) >= TIP_MM for each in other.measurement.targets.values())
-
-
-def _cure(other: Alternative) -> str:
-    """Sentence of a note, without a full stop."""
-    if other.mistake == "zeros":
-        return "The fit takes a wrong zero for tilts of lines: correct it in the control, and measure again"
-    if len(other.measurement.targets) > 1:
-        return "Measure again"
-    return (
-        "Measure the length of the probe again: the fit takes a wrong length for location errors of the rotary axes, "
-        "or for scale"
-    )
+        yield by, with_positions(measurement, measurement.state.positions + np.where(own, shift, 0.0))
 
 
 def moment(residual: Array, least: int = LEAST) -> tuple[int, float]:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
-from calibration.observation.stops_and_lines import stops
 
 LEAST_S = 600.0
 """Least duration of a pause, s: a machine tool's time constants begin at some minutes."""
@@ -26,7 +25,7 @@ def pauses(measurement: Measurement) -> np.ndarray:
     if time is None or len(time) < 3:
         return np.zeros(0, int)
     steps = np.diff(time)
-    moved = np.diff(stops(measurement)) > 0
+    moved = np.diff(measurement.stops) > 0
     usual = float(np.quantile(steps[moved], USUAL)) if moved.any() else np.inf
     return np.flatnonzero(steps > max(LEAST_S, LONGER * usual)) + 1
 
@@ -39,7 +38,7 @@ def repeated_times(measurement: Measurement) -> Iterator[str]:
     if not np.ptp(time):
         yield f"time_s is {time[0]:.10g} in all rows: they show no drift with time"
         return
-    first = np.unique(stops(measurement), return_index=True)[1]
+    first = np.unique(measurement.stops, return_index=True)[1]
     same = int(np.count_nonzero(np.diff(time[first]) == 0.0))
     if same > REPEATED * len(first):
         step = float(np.median(np.diff(np.unique(time))))

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.measurement.balls.touch_probe import TIP
-from calibration.measurement.instruments import TouchProbe
+from calibration.instruments import TouchProbe
+from calibration.instruments.touch_probe import TIP
 from calibration.measurement.measurement import Measurement, with_moves
 from calibration.measurement.plan import Plan
 from calibration.probing.log import Contacts
@@ -16,6 +16,7 @@ from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
+from rendering.shown import Shown
 
 STEPS = 6
 """Gauss-Newton steps: the start is near."""
@@ -48,11 +49,12 @@ class Repeat:
         return bool(np.abs(self.shift_um).max() > 1.25 * self.U_um)
 
 
-@dataclass(frozen=True)
-class Probed:
+@dataclass(frozen=True, repr=False)
+class Probed(Shown):
     """Centres from contacts, with their scatter."""
 
     measurement: Measurement
+    """The centres as a measurement, for a fit."""
     radii: dict[str, float]
     """Distance of the centres of tip and sphere in contact by sphere, mm, with the pre-travel of the probe."""
     scatter_um: float | None
@@ -60,7 +62,14 @@ class Probed:
     u_um: float
     """Standard uncertainty of each coordinate of a centre, from the scatter, um."""
     repeats: tuple[Repeat, ...]
+    """Shifts of the first centre, when it was measured again."""
     notes: tuple[str, ...]
+    """Notes for the user."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        return f"{len(self.measurement)} centres, u {self.u_um:.2g} um"
 
 
 def centres_of(contacts: Contacts, plan: Plan, source: str) -> Probed:

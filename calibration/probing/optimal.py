@@ -9,10 +9,9 @@ import numpy as np
 from calibration.design.equations import Columns
 from calibration.design.layout import Setup
 from calibration.design.volume import Volume, standing
-from calibration.measurement.balls.touch_probe import TIP
-from calibration.measurement.instruments import TouchProbe
+from calibration.instruments import TouchProbe
+from calibration.instruments.touch_probe import TIP
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.observation.equations import start
 from calibration.observation.normal_equations import whiteners
 from calibration.optimal.exchange import Selection, exchanged, filled
 from calibration.optimal.optimise import EXCHANGES, equations_of
@@ -75,7 +74,7 @@ def _set_up(bodies: Bodies, rows: Sequence[Reached], u_um: float) -> Setup:
     )  # fmt: skip
     white = whiteners(measured)
     noise = np.broadcast_to(np.eye(3), white.shape)
-    return Setup(measured, start(measured, np.ones(n, bool)), None, white, noise, 0.0)
+    return Setup(measured, measured.instrument.first_registration(measured, np.ones(n, bool)), None, white, noise, 0.0)
 
 
 def _volume(bodies: Bodies, poses: Sequence[list[Reached]]) -> Volume:

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from calibration.measurement.balls.touch_probe import TIP
+from calibration.instruments.touch_probe import TIP
 from calibration.measurement.measurement import Target, with_moves
 from calibration.measurement.plan import Plan
 from calibration.optimal.measuring_order import toured

@@ -10,11 +10,10 @@ import numpy as np
 from calibration.fit.calibrate import in_datum
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import Unidentifiable, identifiability
-from calibration.measurement.instruments import TouchProbe
+from calibration.instruments import TouchProbe
 from calibration.measurement.measurement import Distance, Measurement, with_moves
 from calibration.measurement.plan import Plan
-from calibration.observation.full_model import moving_axes, parse_basis, with_effects
-from kinematics.effects import LocationError
+from calibration.observation.full_model import parse_basis, with_effects
 
 SMALL = 0.1
 """Error motions of good linear axes as a share of the typical size, 30 um and urad; their squareness keeps its size."""
@@ -53,7 +52,7 @@ def predicted(plan: Plan, u_um: float, distances_u_mm: Mapping[tuple[str, str], 
         spheres=plan.spheres, distances=distances,
     )  # fmt: skip
     rotary = {axis.name for axis in plan.machine.axes if axis.rotary}
-    bases = {name: parse_basis(ROTARY if name in rotary else LINEAR) for name in moving_axes(measured)}
+    bases = {name: parse_basis(ROTARY if name in rotary else LINEAR) for name in measured.moving}
     model, prior = with_effects(measured, bases, (), 1.0)
     found = fit(measured, model, prior=prior)
     identified = identifiability(found)
@@ -66,8 +65,4 @@ def predicted(plan: Plan, u_um: float, distances_u_mm: Mapping[tuple[str, str], 
 
 def _location_U(found: Fit) -> dict[str, float]:
     """Expanded uncertainties (k = 2) of location errors by name."""
-    return {
-        effect.name: 2.0 * float(effect.uncertainties[0])
-        for effect in in_datum(found).effects
-        if isinstance(effect, LocationError) and effect.uncertainties
-    }
+    return {effect.name: 2.0 * float(effect.uncertainties[0]) for effect, _ in in_datum(found).location_errors}

@@ -13,7 +13,8 @@ from calibration.circles.figures import CircularTest
 from calibration.circles.result import Share, Shares
 from calibration.circles.spikes import kept
 from calibration.reports.causes.text import with_uncertainty
-from kinematics.effects.workshop import WORKSHOP
+from kinematics.effects import KINDS
+from kinematics.files.number_text import plus_minus, uncertainty
 from kinematics.files.report_head import ReportHead
 from rendering.figures import COLOURS, MACHINE, Figure, Panel, grid, ranked
 from rendering.report import Report, Section, Table, facts
@@ -62,7 +63,7 @@ def _verdict(shares: Shares) -> str:
 
 def _figures(tests: Sequence[CircularTest]) -> Iterator[Section]:
     rows = [
-        (test.plane, f"{test.feed:g}", each.symbol, each.title, f"{each.value:z.2f}", f"{each.U:.2f}")
+        (test.plane, f"{test.feed:g}", each.symbol, each.title, f"{each.value:z.2f}", uncertainty(each.U, 2))
         for test in tests
         for each in test.figures
     ]
@@ -91,7 +92,8 @@ def _causes(shares: Shares) -> Iterator[Section]:
     )
     yield from _by_feed(shares)
     offset = ", ".join(
-        f"{name} {value:+.1f} +- {2.0 * shares.offset_u[name]:.1f} um" for name, value in shares.offset_um.items()
+        f"{name} {plus_minus(value, 2.0 * shares.offset_u[name], 1, '+')} um"
+        for name, value in shares.offset_um.items()
     )
     set_up = [("table ball from the stated centre", offset)]
     if shares.left_out:
@@ -123,7 +125,7 @@ def _by_feed(shares: Shares) -> Iterator[Section]:
     rows = []
     for cause in shares.causes:
         for each in cause.by_feed:
-            way, time = f"{each.way_mm:.3f} +- {each.U_way:.3f}", f"{each.time_ms:.1f} +- {each.U_time:.1f}"
+            way, time = plus_minus(each.way_mm, each.U_way, 3), plus_minus(each.time_ms, each.U_time, 1)
             rows.append((cause.name, f"{each.feed:g}", way, time, KEPT[kept(cause.by_feed)]))
     if rows:
         yield Section(
@@ -156,7 +158,7 @@ def _ranking(shares: Shares) -> Iterator[Section]:
         return
     ordered = sorted(shares.causes, key=lambda cause: -cause.share)
     rows = [
-        (cause.name, f"{100.0 * cause.share:.0f} %", *WORKSHOP[EFFECTS_OF.get(cause.kind, cause.kind)])
+        (cause.name, f"{100.0 * cause.share:.0f} %", *KINDS[EFFECTS_OF.get(cause.kind, cause.kind)].WORKSHOP)
         for cause in ordered
     ]
     table = Table(("cause", "share", "usual origin", "repair"), rows)

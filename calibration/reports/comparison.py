@@ -11,13 +11,15 @@ from calibration.evaluation.comparison.result import Comparison, Motion
 from calibration.evaluation.comparison.result import Figure as Compared
 from calibration.evaluation.comparison.sides import LEAST
 from kinematics.error_model.model import ErrorModel
+from kinematics.files.number_text import uncertainty
 from kinematics.files.report_head import calibration_text
 from rendering.figures import COLOURS, Figure, Panel, band, grid
 from rendering.report import Report, Section, Table, shortened
 from rendering.volume import Field, volume_section
 
-MOTIONS = ("", "convention", "range A", "range B", "RMS B - A", "largest B - A", "at", "U (k=2)", "")
-FIGURES = ("", "", "unit", "A", "B", "B - A", "U (k=2)", "")
+MOTIONS = ("error motion", "convention", "range A", "range B", "RMS B - A", "largest B - A", "at", "U (k=2)", "result")
+FIGURES = ("error", "meaning", "unit", "A", "B", "B - A", "U (k=2)", "result")
+RESULTS = {True: "significant", False: "not significant"}
 ACROSS = 3
 """Curves side by side."""
 NAMED = 12
@@ -46,7 +48,7 @@ def comparison_report(found: Comparison, models: Sequence[ErrorModel], names: tu
 def _significant(found: Comparison) -> str:
     """The error motions and other figures whose difference exceeds its uncertainty, in a sentence."""
     names = [motion.name for motion in found.motions if motion.significant]
-    names += [figure.name for figure in found.figures if _differs(figure)]
+    names += [figure.shown for figure in found.figures if _differs(figure)]
     count = len(found.motions) + len(found.figures)
     if not names:
         return f"None of {count} compared errors differs significantly (k=2)."
@@ -55,7 +57,7 @@ def _significant(found: Comparison) -> str:
 
 
 def _differs(figure: Compared) -> bool:
-    return abs(figure.b - figure.a) > max(figure.U, LEAST)
+    return bool(abs(figure.b - figure.a) > max(figure.U, LEAST))
 
 
 def _sections(found: Comparison) -> Iterator[Section]:
@@ -72,8 +74,8 @@ def _sections(found: Comparison) -> Iterator[Section]:
     yield Section("Error motions, ISO 230-1", text, Table(MOTIONS, list(map(_motion_row, found.motions))))
     if found.figures:
         rows = [
-            (f.name, f.title, f.unit, f"{f.a:z.2f}", f"{f.b:z.2f}", f"{f.b - f.a:+z.2f}", f"{f.U:.2f}",
-             "significant" if _differs(f) else "")
+            (f.shown, f.title, f.unit, f"{f.a:z.2f}", f"{f.b:z.2f}", f"{f.b - f.a:+z.2f}", uncertainty(f.U, 2),
+             RESULTS[_differs(f)])
             for f in found.figures
         ]  # fmt: skip
         yield Section("Squareness, location errors, reversal", "Angles right-handed.", Table(FIGURES, rows))
@@ -84,7 +86,7 @@ def _sections(found: Comparison) -> Iterator[Section]:
 
 def _motion_row(motion: Motion) -> tuple[str, ...]:
     i = motion.largest
-    mark = "significant" if motion.significant else ""
+    mark = RESULTS[motion.significant]
     if not all(motion.known):
         mark = f"in {'A' if motion.known[0] else 'B'} only"
     return (
@@ -97,7 +99,7 @@ def _motion_row(motion: Motion) -> tuple[str, ...]:
         f"{np.sqrt(np.mean(motion.difference**2)):.2f}",
         f"{motion.difference[i]:+.2f}",
         f"{motion.axis} {motion.positions[i]:.4g} {motion.position_unit}",
-        f"{motion.U[i]:.2f}",
+        uncertainty(motion.U[i], 2),
         mark,
     )
 

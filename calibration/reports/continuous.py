@@ -13,6 +13,7 @@ from calibration.continuous.estimate import Estimate, OneDirection, Wave
 from calibration.continuous.reading import Data
 from calibration.continuous.records import DIRECTION_NAMES
 from calibration.reports.head import instrument_text
+from kinematics.files.number_text import plus_minus, uncertainty
 from kinematics.files.report_head import ReportHead
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, MANY, Figure, Panel, band, dots, level, some
@@ -166,11 +167,11 @@ def continuous_report(found: Estimate, data: Data, command: str) -> Report:
     of = f"{found.direction} of both directions" if found.direction == "mean" else found.direction
     verdict = (
         f"Positioning error of {data.axis} ({of}): {rows.error.min():z.2f} to {rows.error.max():z.2f} um, U (k=2) at "
-        f"most {2 * rows.u.max():.2f} um."
+        f"most {uncertainty(2 * rows.u.max(), 2)} um."
     )
     if (reversal := _reversal(found)) is not None:
         verdict += (
-            f"\nReversal, forward minus backward: {reversal['mean_um']:z.2f} ± {2 * reversal['u_um']:.2f} um (mean "
+            f"\nReversal, forward minus backward: {plus_minus(reversal['mean_um'], 2 * reversal['u_um'], 2)} um (mean "
             "over the segment, k=2)."
         )
     lead, head = (

@@ -8,35 +8,28 @@ from functools import partial
 from shlex import quote
 from typing import TYPE_CHECKING, NamedTuple
 
-from calibration.diagnosis.residual.dependence import Unexplained
-from calibration.diagnosis.residual.whiteness import Test, combined
-from calibration.diagnosis.result import LEFT, Diagnosis
-from calibration.diagnosis.unseen.swing import FoundSwing
+from calibration.diagnosis.result import Diagnosis
 from calibration.diagnosis.verdict import Named
 from calibration.reports.causes import text as words
+from calibration.reports.causes.at_positions import at_positions
 from calibration.reports.causes.figures import cause_figure
+from calibration.reports.causes.residual import residual_sections
 from calibration.reports.causes.views import views
-from calibration.reports.diagnosis_json import models_compared
-from calibration.reports.figures.residuals import (
-    against_noise,
-    before_and_after,
-    by_direction,
-    share_chart,
-    unexplained_shape,
-)
-from calibration.reports.fit import acceptance, between_positions, insignificant
-from calibration.reports.head import measured_head
+from calibration.reports.figures.residuals import share_chart
+from calibration.reports.fit import acceptance, between_positions, insignificant, left_out_sentence
+from calibration.reports.head import foot_of, measured_head
 from calibration.reports.machine_change import change_sections, change_sentences
 from calibration.reports.run_zeros import zeros_section
 from calibration.reports.separability import separability_section
-from kinematics.effects import CrossAxis
-from kinematics.files.number_text import p_value, probability, rounded
+from kinematics.error_model.needed_conditions import needed_conditions
+from kinematics.files.number_text import probability, rounded
 from rendering.figures import percent
 from rendering.report import Report, Section, Table, facts, shortened
-from rendering.volume import Field, volume_section
+from rendering.volume import Field, uncertainty_of, volume_section
 
 if TYPE_CHECKING:
     from calibration.diagnosis.search.start_model import Origin
+    from kinematics.error_model.model import ErrorModel
 
 ORIGINS: dict[Origin, str] = {
     "automatic": "error motions of all axes, their bases selected by the evidence",
@@ -60,18 +53,29 @@ HOW_DRAWN = {
     "dots": f"Small dots are single rows ({READINGS}), large dots their means; black or a line is the fitted cause.",
     "map": f"The left map has means of rows ({READINGS}), without uncertain ones; the right map is the fitted cause.",
 }
-OBSERVED = "Residuals are observed minus expected, in x, y, z of the part that carries the instrument."
+
+
+def _worse_than_none(found: Diagnosis) -> Iterator[str]:
+    """The first sentence where the machine is better without its present calibration."""
+    worse = found.acceptance.worse_than_none
+    if worse is not None:
+        unit = found.measurement.unit
+        yield (
+            f"The present calibration is WORSE THAN NONE: on these rows it leaves {worse.rms_um:.3g} {unit} RMS, and "
+            f"the machine without a correction {worse.other_rms_um:.3g} {unit}. It is of another state of the machine, "
+            "or an axis was referenced anew. Do not correct with it, and repeat the diagnosis without --calibration."
+        )
 
 
 def _confirmed(found: Diagnosis) -> Iterator[str]:
     """The first sentence where the data confirm the present calibration."""
     present = found.acceptance.present
     if found.acceptance.confirmed and present is not None:
-        larger = " but for larger uncertainties" if found.widened > 1.0 else ""
+        larger, unit = " but for larger uncertainties" if found.widened > 1.0 else "", found.measurement.unit
         yield (
             f"CONFIRMED: the present calibration predicts held-out {present.name} as well "
-            f"({present.other_rms_um:.2f} um RMS) as one that these data update ({present.rms_um:.2f} um). It stays: "
-            f"the new file holds it unchanged{larger}."
+            f"({present.other_rms_um:.2f} {unit} RMS) as one that these data update ({present.rms_um:.2f} {unit}). It "
+            f"stays: the new file holds it unchanged{larger}."
         )
 
 
@@ -89,26 +93,35 @@ def diagnosis_report(found: Diagnosis, command: str, files: Files | None = None)
     title = f"Diagnosis of {found.measurement.machine.name}"
     lead = f"{found.measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
     verdict = [
+        *_worse_than_none(found),
         *_confirmed(found),
         *(f"NOTE: {each.message}." for each in found.findings if each.check == "chain"),
         *change_sentences(found.machine_change),
         *insignificant(found.significant_share),
         _verdict(found),
+        *left_out_sentence(found.after.fit),
     ]
-    refusal, design = acceptance(found.acceptance), [separability_section(found.design)]
     head = measured_head(found.measurement, found.model if found.accepted else None, command)
-    return Report(title, lead, list(_sections(found, files)), "\n".join(verdict), refusal, design, head)
+    refusal, foot = acceptance(found.acceptance), foot_of(title, lead, found.model if found.accepted else None)
+    return Report(title, lead, list(_sections(found, files)), "\n".join(verdict), refusal, head, foot)
 
 
 def _verdict(found: Diagnosis) -> str:
     """The result in a few sentences."""
     before, after = found.figures
+    unit = found.measurement.unit
     improvement = (
-        f"residual {before.rms_um:.2f} -> {after.rms_um:.2f} um RMS, held-out {found.held_out_name} "
-        f"{before.heldout_rms_um:.2f} -> {after.heldout_rms_um:.2f} um"
+        f"residual {_changed(before.rms_um, after.rms_um)} {unit} RMS, held-out {found.held_out_name} "
+        f"{_changed(before.heldout_rms_um, after.heldout_rms_um)} {unit}"
     )
     missing = found.conclusion.missing("; ".join(map(_named, found.causes)), improvement)
     return f"{missing} Unexplained residual: {found.conclusion.residual(after.rms_um, found.noise_um)}."
+
+
+def _changed(before: float, after: float) -> str:
+    """A figure before and after; once where it has not changed."""
+    texts = f"{before:.2f}", f"{after:.2f}"
+    return " -> ".join(dict.fromkeys(texts))
 
 
 def _named(cause: Named) -> str:
@@ -129,7 +142,7 @@ def _sections(found: Diagnosis, files: Files) -> Iterator[Section]:
         table = Table(("standard uncertainty (k=1)", "from repeats", "specified", "unit"), rows)
         yield Section("Noise of the instrument", table=table, detail=True)
     yield from change_sections(found.machine_change)
-    yield from _residuals(found)
+    yield from residual_sections(found)
     yield from _not_shown(found)
     yield from zeros_section(found.after.fit)
     if left_out := list(_left_out(found)):
@@ -146,7 +159,9 @@ def _sections(found: Diagnosis, files: Files) -> Iterator[Section]:
         head = ("measurement", "minutes", "information, noise variances per minute", "instruction and expected result")
         yield Section("Proposed measurements", table=Table(head, rows), detail=True)
     text = f"{files.new} holds the machine with the causes of the machine (calibration {found.model.id})."
-    commands = Table(("task", "command"), _commands(files))
+    if needed_conditions(found.model):
+        text += " Its errors depend on temperature or time: write the values while the program runs, or give --log."
+    commands = Table(("task", "command"), _commands(files, found.model))
     yield Section("Use of the new calibration", text, commands, detail=True)
 
 
@@ -155,9 +170,8 @@ def _map(found: Diagnosis) -> Iterator[Section]:
     old, new = (stage.fit.model for stage in (found.before, found.after))
     fields = [Field("without a correction", new)]
     if found.causes:
-        fields.append(Field("before, with a correction by the present model", new, old))
-    fields.append(Field("after a correction by the new model, U (k=2)", new, uncertain=True))
-    return volume_section(found.measurement.machine, fields)
+        fields.append(Field("with a correction by the present model", new, old))
+    return volume_section(found.measurement.machine, [*fields, uncertainty_of(new)])
 
 
 def _facts(found: Diagnosis) -> Iterator[tuple[str, str]]:
@@ -186,19 +200,21 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
     if not found.causes:
         return
     text = (
-        "Blue: the machine. Orange: the instrument. Overlapping causes explain a common part: the sum of "
-        "the bars may differ from 100 %."
+        "Blue: the machine. Orange: the instrument. 100 % are the squared residuals of the model without these causes. "
+        "A share is what they would grow by if this cause alone were left out again. What two causes could both "
+        "explain counts for neither or for both, so the shares need not sum up to 100 %."
     )
     ordered = sorted(found.causes, key=lambda cause: -cause.share)
-    shop = [(words.title(cause), percent(cause.share), *words.workshop(cause.effect)) for cause in ordered]
+    shop = [(words.title(cause), percent(cause.share), *cause.effect.workshop) for cause in ordered]
     table = Table(("cause", "share", "usual origin", "repair"), shop)
     yield Section("Share by cause", text, table, partial(share_chart, found), detail=True)
+    machine = found.measurement.machine
     numbered = [(str(number), words.title(cause), cause) for number, cause in enumerate(found.causes, start=1)]
     rows = [
         (
             number,
             title,
-            "\n".join(words.sizes(cause)),
+            "\n".join(at_positions(machine, cause.effect, found.model) or words.sizes(cause)),
             f"{cause.delta_bic:.0f}",
             f"{round(-cause.heldout_gain_um, 2) + 0.0:+.2f}",
             percent(cause.share),
@@ -206,21 +222,37 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
         )
         for number, title, cause in numbered
     ]
-    head = ("number", "cause", f"size ± U (k={words.COVERAGE})", "dBIC", "held out, um", "share", "verdict")
+    held_out = f"held out, {found.measurement.unit}"
+    head = ("number", "cause", f"size ± U (k={words.COVERAGE})", "dBIC", held_out, "share", "verdict")
     yield Section("Causes", f"{SIGNS}\n{LEGEND}", Table(head, rows))
+    yield from _similar(numbered)
+    for number, title, cause in numbered:
+        drawn = partial(cause_figure, views(found.after.linearised, cause.effect))
+        yield Section(f"Cause {number}: {title}", "\n".join(_about(cause)), figure=drawn)
+
+
+def _similar(numbered: Sequence[tuple[str, str, Named]]) -> Iterator[Section]:
+    """The causes, with numbers and titles, beside others that would have nearly the same signal."""
     similar = [
-        (number, title, words.in_full(other.name), f"{other.cosine:.2f}", words.odds(other.odds), "TIED" * other.tied)
+        (
+            number,
+            title,
+            words.in_full(other.name),
+            words.similarity(other.cosine, tied=other.tied),
+            words.odds(other.odds),
+            "TIED" if other.tied else "less likely",
+        )
         for number, title, cause in numbered
         for other in sorted(cause.alternatives, key=lambda other: not other.tied)[:SIMILAR]
     ]
     if similar:
-        text = "Their effect on these data is nearly the same; odds: of the cause against the similar one."
-        yield Section(
-            "Similar causes", text, Table(("number", "cause", "similar cause", "cosine", "odds", "verdict"), similar)
+        text = (
+            "These other causes would have nearly the same signal in these data: a similarity of 1 is the same signal. "
+            "The odds tell how many times likelier the cause is than the similar one, by all data together. TIED "
+            "means that the data do not decide between them."
         )
-    for number, title, cause in numbered:
-        drawn = partial(cause_figure, views(found.after.linearised, cause.effect))
-        yield Section(f"Cause {number}: {title}", "\n".join(_about(cause)), figure=drawn)
+        columns = ("number", "cause", "similar cause", "similarity", "odds for the cause", "verdict")
+        yield Section("Similar causes", text, Table(columns, similar))
 
 
 def _about(cause: Named) -> Iterator[str]:
@@ -229,144 +261,16 @@ def _about(cause: Named) -> Iterator[str]:
     meaning = " ".join((inspect.getdoc(type(effect)) or "").replace("`", "").split())
     yield f"{title[0].upper()}{title[1:]}. {meaning}"
     if cause.kind != "outliers":
-        drawn = HOW_DRAWN["map" if isinstance(effect, CrossAxis) else "dots"]
+        drawn = HOW_DRAWN["map" if effect.SHOWN_OVER == "two axes" else "dots"]
         yield f"Model and registration cannot imitate {cause.visible:.0%} of its signal. {drawn}"
     yield f"Remedy: {words.remedy(effect)}"
     yield from (f"Present calibration: {text}." for text in words.present(cause))
     yield from (f"Note: {note}." for note in cause.notes)
 
 
-def _residuals(found: Diagnosis) -> Iterator[Section]:
-    rows = [
-        (name, f"{f.rms_um:.2f}", f"{f.max_um:.1f}", f"{f.chi2_reduced:.2f}", f"{f.heldout_rms_um:.2f}")
-        for name, f in zip(("before", "after"), found.figures, strict=True)
-    ]
-    rows += [(f"the same rows, {name}", "", "", "", f"{rms:.2f}") for name, rms in models_compared(found)]
-    rows.append(("noise alone", f"{found.noise_um:.2f}", "", "1", ""))
-    table = Table(("residual, um", "RMS", "max", "chi2/dof", "held out, RMS"), rows)
-    text = (
-        f"{OBSERVED} Max is the largest length. Before and after are of the same rows. Held-out residuals are those of "
-        f"{found.held_out_name}, each predicted by a fit of all others."
-    )
-    yield Section("Residual before and after", text, table, partial(before_and_after, found))
-    before, after = found.by_direction["before"], found.by_direction["after"]
-    directions = [(name, f"{before[name]:.2f}", f"{after.get(name, float('nan')):.2f}") for name in before]
-    table = Table(("residual RMS, um (rotary axes urad)", "before", "after"), directions)
-    approached = found.measurement.state.approach is not None
-    drawn = partial(by_direction, found) if approached else None
-    yield Section("By direction, and in the volume", "\n".join(_volume(found)), table, drawn)
-    yield Section("Residual against noise", figure=partial(against_noise, found))
-    if found.tests:
-        text = (
-            "Each p is the probability of so large a value under pure noise. A test is marked where all tests together "
-            f"leave a probability below {100 * LEFT:.0f} %. The tests along a variable use the correlation of adjacent "
-            "rows, the others different means, or a slope."
-        )
-        yield Section("Tests of the residual", text, _tests(found), detail=True)
-    yield _unexplained(found)
-
-
-def _volume(found: Diagnosis) -> Iterator[str]:
-    volume = found.volume
-    yield (
-        f"Error of the machine over the measured positions, by the new model: {volume.machine_rms:.2f} um RMS, "
-        f"{volume.machine_max:.1f} um at most (after the best common shift and rotation)."
-    )
-    if found.causes:
-        yield (
-            f"Error after a correction by the present model, by the new one: {volume.left_rms:.2f} um RMS, "
-            f"{volume.left_max:.1f} um at most."
-        )
-    if found.closure:
-        yield f"No error motion of an axis explains {found.closure:.0%} of the residual beyond the noise."
-
-
-def _tests(found: Diagnosis) -> Table:
-    after = {test.name: test for test in found.tests_after}
-    marked = [{test.name for test in combined(tests, LEFT)} for tests in (found.tests, found.tests_after)]
-    rows = [(test.name, *_tested(test, marked[0]), *_tested(after.get(test.name), marked[1])) for test in found.tests]
-    return Table(("residuals", "p before", "result before", "p after", "result after"), rows)
-
-
-def _tested(test: Test | None, marked: set[str]) -> tuple[str, str]:
-    return ("", "") if test is None else (p_value(test.p_value), "not noise" if test.name in marked else "")
-
-
-def _unexplained(found: Diagnosis) -> Section:
-    left = found.unexplained
-    if left is None:
-        return Section("Unexplained", f"{found.conclusion.unexplained}{_few_rows(found.widened)}")
-    consequences = (
-        f"{_of_readings(left)}{_of_any_period(left)}{_swing(found.swing)}{_beside(found)}{_widened(found.widened)}"
-    )
-    text = (
-        f"{found.unexplained_um:.2f} um RMS depend on {left.listed} ({probability(left.p_value, 2)}), and no cause "
-        f"of the library explains them.{consequences}\n"
-        "The table tests each variable alone: its squared distance correlation (without bias, about 0 where "
-        "independent), and the p-value among residuals permuted in blocks, as it is and adjusted by Benjamini and "
-        "Hochberg. Variables that act only jointly are not found.\nThe figure is "
-        f"the smooth shape over these variables, um. {OBSERVED}"
-    )
-    rows = [(o.variable, f"{o.correlation:.3f}", f"{o.p_value:.2g}", f"{o.adjusted:.2g}") for o in found.one_by_one]
-    alone = Table(("variable", "distance correlation, squared", "p", "adjusted p"), rows)
-    return Section("Unexplained", text, alone, partial(unexplained_shape, found))
-
-
-def _few_rows(factor: float) -> str:
-    if factor == 1.0:
-        return ""
-    return (
-        " The data leave open further causes, other forms of those named or waves of rotary axes, or show errors finer "
-        f"than the bases: the uncertainties of the calibration are {factor:.2g} times those that follow from the noise."
-    )
-
-
-def _of_readings(left: Unexplained) -> str:
-    if not left.of_readings:
-        return ""
-    return " A function of the tracker's readings explains them better than an error of the machine does."
-
-
-def _of_any_period(left: Unexplained) -> str:
-    if not left.periods:
-        return ""
-    axis = left.variables[0]
-    listed = shortened([f"{period:.4g}" for period in left.periods], LISTED, "periods")
-    return (
-        f" They may be a wave along {axis}, or steps, but the positions of {axis} do not determine its period: "
-        f"{', '.join(listed)} {'deg' if axis[0] in 'ABC' else 'mm'} explain them nearly equally. Between the positions "
-        f"the error is unknown: measure {axis} at irregular, finer spacing."
-    )
-
-
-def _swing(swing: FoundSwing | None) -> str:
-    if swing is None:
-        return ""
-    by = f", by different amounts along {' and '.join(swing.variables)}" if swing.variables else ""
-    period = f"{swing.period:.5g} s +- {2.0 * swing.u:.2g} s (k=2)"
-    return (
-        f" The error is periodic in time: {swing.component} of the tool swings with a period of {period}{by}. Look for "
-        "a cause with this period: the control of the hall's air, of a coolant or an oil, a door, another machine."
-    )
-
-
-def _beside(found: Diagnosis) -> str:
-    if not found.beside_function:
-        return ""
-    return (
-        " The new calibration has learned as little of them as possible: it was fitted beside a function of these "
-        "variables, which it does not contain. The residuals after are those of the fit without the function."
-    )
-
-
-def _widened(factor: float) -> str:
-    if factor == 1.0:
-        return ""
-    return f" Therefore the uncertainties of the calibration are {factor:.2g} times those that follow from the noise."
-
-
 def _not_shown(found: Diagnosis) -> Iterator[Section]:
     """Causes that these data cannot show or test, and the smallest sizes of the others that they would show."""
+    yield separability_section(found.design)
     by_remedy: dict[str, list[str]] = {}
     for entry in found.not_visible:
         by_remedy.setdefault(entry.remedy, []).append(f"{words.in_full(entry.name)} ({entry.share:.2f})")
@@ -402,7 +306,8 @@ def _left_out(found: Diagnosis) -> Iterator[str]:
         kind = "runs" if fit.measurement.axis is not None else "set-ups"
         yield f"{kind} {', '.join(fit.failed)}: most of their rows disagree with the other rows or the model"
     outliers = [
-        f"{found.measurement.where(int(row))}: outlier, {fit.residual_um[row]:.1f} um from the other rows"
+        f"{found.measurement.where(int(row))}: outlier, {fit.residual_um[row]:.1f} {fit.measurement.unit} from the "
+        "other rows"
         for row in fit.outliers
     ]
     yield from shortened(outliers, LISTED, "outliers")
@@ -419,14 +324,15 @@ def _notes(found: Diagnosis) -> Iterator[str]:
             yield f"{cause.effect.name}: {words.remedy(cause.effect)}"
 
 
-def _commands(files: Files) -> list[Sequence[str]]:
-    """Tasks and their commands."""
-    new = f"--machine {quote(files.machine)} --calibration {quote(files.new)}"
+def _commands(files: Files, model: ErrorModel) -> list[Sequence[str]]:
+    """Tasks and their commands, with the options that the effects of the new model need."""
+    at = "".join(f" {option}" for option in needed_conditions(model))
+    new = f"--machine {quote(files.machine)} --calibration {quote(files.new)}{at}"
     tasks: list[Sequence[str]] = [("correct a program", f"ncomp PART.nc {new} -o PART_NEW.nc")]
     verify = f"ncomp verify PART.nc PART_NEW.nc {new}"
     if files.present is None:
         return [*tasks, ("evaluate the part's error before and after", verify)]
-    old = f"--machine {quote(files.machine)} --calibration {quote(files.present)}"
+    old = f"--machine {quote(files.machine)} --calibration {quote(files.present)}{at}"
     left = f"ncomp PART.nc {old} -o PART_OLD.nc\nncomp verify PART.nc PART_OLD.nc {new} --accept calibration"
     return [
         *tasks,

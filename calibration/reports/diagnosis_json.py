@@ -68,6 +68,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "design": separability_json(found.design),
         "between_positions": {each.axis: each.json() for each in found.between_positions},
         "machine_change": machine_change_json(found.machine_change),
+        "worse_than_none": found.acceptance.worse_than_none is not None,
     }
 
 

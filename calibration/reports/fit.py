@@ -17,19 +17,20 @@ from calibration.fit.identifiability import Identifiability, Unidentifiable
 from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.on_the_fly.along_path import OnTheFly
 from calibration.on_the_fly.planning.unidentifiable_mode import common_odd_mode
-from calibration.reports.causes.text import line_meaning
 from calibration.reports.figures.fit import along_axes, by_direction, distribution, error_motions_figure
-from calibration.reports.head import measured_head
+from calibration.reports.head import foot_of, measured_head
 from calibration.reports.run_zeros import zeros_section
-from kinematics.effects import Effect, ErrorMotion, LocationError
+from kinematics.effects import Effect, LocationError
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.number_text import probability, rounded
 from kinematics.machine import Machine
-from rendering.report import Report, Section, Table, facts
-from rendering.volume import Field, volume_section
+from rendering.report import Report, Section, Table, facts, shortened
+from rendering.volume import Field, uncertainty_of, volume_section
 
 LISTED = 20
 """Most rows that are listed with the reason for which they were left out; the JSON has all."""
+IN_THE_HEAD = 4
+"""Most rows that were left out in the head of a report; a table has all."""
 RIGHT_HANDED = "Tool relative to workpiece, right-handed; of a table the line lies at minus the value."
 LOCATION_HEAD = ("error", "meaning", "value", "U (k=2)", "unit")
 
@@ -107,15 +108,34 @@ def fit_report(found: Calibration, taken: OnTheFly | None, command: str) -> Repo
     measurement = found.fit.measurement
     lead = f"{measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
     residual = residual_sentence(found.before_rms_um, found.fit, found.cross_validation)
-    verdict = [*insignificant(found.significant_share), residual, *_verdict(found.fit)]
+    left_out = left_out_sentence(found.fit)
+    verdict = [*insignificant(found.significant_share), residual, *left_out, *_verdict(found.fit)]
     title = f"Calibration of {measurement.machine.name}"
     head = measured_head(measurement, found.model if found.accepted else None, command)
-    return Report(title, lead, list(_sections(found, taken)), "\n".join(verdict), acceptance(found), head=head)
+    foot = foot_of(title, lead, found.model if found.accepted else None)
+    return Report(title, lead, list(_sections(found, taken)), "\n".join(verdict), acceptance(found), head, foot)
 
 
 def residual_sentence(before_um: float, after: Fit, held: CrossValidation | None) -> str:
     """RMS residuals of the nominal machine, of the model and of the held-out rows, in a sentence."""
-    return f"Residual {before_um:.2f} -> {after.rms_um:.2f} um RMS{_held_out(held)}."
+    unit = after.measurement.unit
+    return f"Residual {before_um:.2f} -> {after.rms_um:.2f} {unit} RMS{_held_out(held, unit)}."
+
+
+def left_out_sentence(fit: Fit) -> Iterator[str]:
+    """Number, size and run of the rows that were left out one by one; nothing where there are none."""
+    rows, measurement = fit.outliers, fit.measurement
+    if not len(rows):
+        return
+    sizes = [f"{measurement.where(int(row))} ({fit.residual_um[row]:.3g} {measurement.unit})" for row in rows]
+    runs = [] if measurement.run is None else np.unique(measurement.run).tolist()
+    theirs = [] if measurement.run is None else np.unique(measurement.run[rows]).tolist()
+    where = f", all of run {theirs[0]}" if len(theirs) == 1 < len(runs) and len(rows) > 1 else ""
+    listed = "; ".join(shortened(sizes, IN_THE_HEAD, "rows"))
+    yield (
+        f"LEFT OUT: {len(rows)} of {len(measurement)} rows{where}, which disagree with the others by more than noise "
+        f"allows: {listed}."
+    )
 
 
 def between_positions(found: Iterable[BetweenPositions]) -> Iterator[tuple[str, str]]:
@@ -132,11 +152,13 @@ def acceptance(found: Judged) -> str:
     return f"{'WRITTEN BY --force' if found.forced else 'NOT WRITTEN'}: {found.objection}."
 
 
-def _held_out(held: CrossValidation | None) -> str:
+def _held_out(held: CrossValidation | None, unit: str) -> str:
     """Clause on the prediction of held-out blocks."""
     if held is None:
         return ""
-    return f"; held-out {held.name} {held.other_rms_um:.2f} um without a correction, {held.rms_um:.2f} um with it"
+    return (
+        f"; held-out {held.name} {held.other_rms_um:.2f} {unit} without a correction, {held.rms_um:.2f} {unit} with it"
+    )
 
 
 def insignificant(share: float) -> list[str]:
@@ -158,17 +180,19 @@ def residuals(before: tuple[float, float], after: Fit, held: CrossValidation | N
         blocks = f"held out ({held.blocks} {held.name})"
         cells.append((f"{blocks}, nominal machine", f"{held.other_rms_um:.2f}", ""))
         cells.append((blocks, f"{held.rms_um:.2f}", f"{held.max_um:.2f}"))
-    return Section("Residual", table=Table(("residual of the same rows, um", "RMS", "max"), cells))
+    return Section(
+        "Residual", table=Table((f"residual of the same rows, {after.measurement.unit}", "RMS", "max"), cells)
+    )
 
 
 def besides(effects: Iterable[Effect]) -> list[Effect]:
     """Effects other than error motions and location errors."""
-    return [effect for effect in effects if not isinstance(effect, (ErrorMotion, LocationError))]
+    return [effect for effect in effects if not effect.OF_ISO_230]
 
 
 def location_errors(model: ErrorModel) -> list[LocationError]:
     """The location errors of a calibration."""
-    return [effect for effect in model.effects if isinstance(effect, LocationError)]
+    return [effect for effect, _ in model.location_errors]
 
 
 def _verdict(fitted: Fit) -> Iterator[str]:
@@ -214,7 +238,7 @@ def _sections(found: Calibration, taken: OnTheFly | None) -> Iterator[Section]:
     if left_out := list(_left_out(fitted)):
         yield Section(
             "Rows that disagree, or repeat",
-            table=Table(("rows", "reason", "deviation from the other rows, um"), left_out),
+            table=Table(("rows", "reason", f"deviation from the other rows, {fitted.measurement.unit}"), left_out),
         )
 
 
@@ -224,7 +248,7 @@ def parameters(model: ErrorModel) -> Iterator[Section]:
         rows = [
             (
                 e.name,
-                line_meaning(e.component, e.axis),
+                e.meaning,
                 f"{e.value:z.2f}",
                 f"{2 * e.uncertainties[0]:.2f}",
                 "urad" if e.angular else "um",
@@ -272,8 +296,7 @@ def identifiability_json(identified: Identifiability) -> dict[str, Any]:
 
 def calibration_figures(machine: Machine, model: ErrorModel) -> Iterator[Section]:
     """The errors of a calibration in the volume and by axis, with their uncertainties."""
-    after = Field("after a correction, U (k=2)", model, uncertain=True)
-    yield from volume_section(machine, [Field("before, without a correction", model), after])
+    yield from volume_section(machine, [Field("without a correction", model), uncertainty_of(model)])
     yield error_motion_figures(model)
 
 

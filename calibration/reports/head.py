@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from calibration.measurement.instruments import kind_of
 from calibration.measurement.measurement import Measurement
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.report_head import ReportHead, calibration_text
@@ -16,7 +15,8 @@ def measured_head(measurement: Measurement, model: ErrorModel | None, command: s
     return machine.report.filled(
         machine=machine.name,
         temperature=_temperatures(measurement),
-        instrument=instrument_text(kind_of(measurement.instrument), measurement.simulated),
+        measured="" if measurement.measured is None else str(measurement.measured),
+        instrument=instrument_text(measurement.instrument.kind(), measurement.simulated),
         calibration="" if model is None else calibration_text(model),
         command=command,
     )
@@ -25,6 +25,11 @@ def measured_head(measurement: Measurement, model: ErrorModel | None, command: s
 def instrument_text(kinds: str, simulated: bool) -> str:
     """The instruments, marked where they measured a virtual machine."""
     return f"{kinds} (simulated)" if simulated else kinds
+
+
+def foot_of(title: str, lead: str, model: ErrorModel | None) -> str:
+    """The text at the foot of each printed sheet, with the calibration that was written."""
+    return " · ".join((title, lead, *([] if model is None else [f"calibration {model.id}"])))
 
 
 def _temperatures(measurement: Measurement) -> str:

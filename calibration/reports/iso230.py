@@ -9,10 +9,13 @@ from functools import partial
 import numpy as np
 
 from calibration.single_axis.iso230 import DIRECTIONS, AxisTest
+from kinematics.files.number_text import plus_minus, uncertainty
 from kinematics.files.report_head import ReportHead
 from rendering.figures import COLOURS, Figure, Panel, band, dots, extent, level
-from rendering.report import Report, Section, Table
+from rendering.report import Report, Section, Table, shortened
 
+ASTRAY = 4
+"""Most readings in the verdict that disagree with the others; the JSON has all."""
 IN_THE_VERDICT = ("A", "R", "B")
 """Symbols of the values of the verdict."""
 LINES = {"A": ("dash", 1.0), "E": ("dot", 0.0), "M": ("dashdot", 0.5)}
@@ -36,18 +39,34 @@ def _verdict(test: AxisTest) -> str:
     """The values of an axis in a sentence."""
     values = {value.symbol: value for value in test.values if not math.isnan(value.value)}
     parts = [
-        f"{values[name].title.split(',')[0]} {name} {values[name].value:.2f} ± {values[name].U:.2f} {test.unit}"
+        f"{values[name].title.split(',')[0]} {name} {plus_minus(values[name].value, values[name].U, 2)} {test.unit}"
         for name in IN_THE_VERDICT
         if name in values
     ]
-    return f"Axis {test.axis}: {', '.join(parts) or 'no target has readings in both directions'}."
+    text = f"Axis {test.axis}: {', '.join(parts) or 'no target has readings in both directions'}."
+    return " ".join([text, *_disagreeing(test)])
+
+
+def _disagreeing(test: AxisTest) -> Iterator[str]:
+    """A sentence on the readings that disagree with the others, and on the repeatability without them."""
+    if not test.astray:
+        return
+    readings, runs = int(test.count.sum()), {each.run for each in test.astray}
+    each = [f"{one.where} ({one.deviation:+.3g} {test.unit})" for one in test.astray]
+    where = f", all in run {next(iter(runs))}" if len(runs) == 1 and len(each) > 1 and "" not in runs else ""
+    without = [f"{value.symbol} {value.value:.2f} {test.unit}" for value in test.without if value.symbol in ("A", "R")]
+    yield (
+        f"{len(each)} of {readings} readings disagree with the others of their target{where}: "
+        f"{'; '.join(shortened(each, ASTRAY, 'readings'))}. ISO 230-2 counts them; without them the axis has "
+        f"{', '.join(without)}."
+    )
 
 
 def _sections(test: AxisTest, text: str) -> Iterator[Section]:
     """Chart and tables of an axis; `text`: above the chart."""
     unit = test.unit
     yield Section(f"Axis {test.axis}: chart", text, figure=partial(_chart, test))
-    values = [(value.symbol, value.title, number(value.value), number(value.U)) for value in test.values]
+    values = [(value.symbol, value.title, number(value.value), _uncertainty(value.U)) for value in test.values]
     head = [f"value, {unit}", f"U (k=2, instrument), {unit}"]
     yield Section(f"Axis {test.axis}: ISO 230-2:2014", table=Table(("symbol", "parameter", *head), values))
     rows = []
@@ -93,6 +112,11 @@ def _ends(panel: Panel, test: AxisTest, values: Mapping[str, str]) -> None:
 
 def _cells(test: AxisTest, direction: int, i: int) -> tuple[str, str, str]:
     return number(test.mean[direction, i]), number(test.spread[direction, i]), str(test.count[direction, i])
+
+
+def _uncertainty(u: float) -> str:
+    """An uncertainty as `number` has it, but not zero."""
+    return "" if math.isnan(u) else uncertainty(u, 2)
 
 
 def number(value: float) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from calibration.diagnosis.machine_change import MachineChange
 from calibration.reports.causes import text as words
-from kinematics.effects import LocationError, Scale
+from kinematics.effects import Effect
 from rendering.report import Section, Table, shortened
 
 LISTED = 4
@@ -29,8 +29,8 @@ def machine_change_json(change: MachineChange | None) -> dict[str, Any] | None:
         "lines": [
             {
                 "name": line.name,
-                "meaning": _meaning(line),
-                "axis": line.axis,
+                "meaning": line.line_name,
+                "axis": line.axes[0],
                 "value": line.parameters[0],
                 "u": line.uncertainties[0],
                 "unit": line.parameter_table[0].unit,
@@ -55,7 +55,7 @@ def change_sentences(change: MachineChange | None) -> Iterator[str]:
             f"{change.u_um:.2g} um."
         )
         return
-    lines = shortened([f"{_meaning(line)} {_size(line)}" for line in change.changed], LISTED, "lines")
+    lines = shortened([f"{line.line_name} {_size(line)}" for line in change.changed], LISTED, "lines")
     listed = f" {'; '.join(lines)}." if lines else ""
     yield (
         f"CHANGED since the present calibration: {size}, where the uncertainties alone explain {change.u_um:.2g} um."
@@ -69,7 +69,7 @@ def change_sections(change: MachineChange | None) -> Iterator[Section]:
         return
     changed = [line.name for line in change.changed]
     rows = [
-        (_meaning(line), line.name, _size(line), "changed" if line.name in changed else "")
+        (line.line_name, line.name, _size(line), "changed" if line.name in changed else "")
         for line in sorted(change.lines, key=lambda line: line.name not in changed)
     ]
     text = (
@@ -82,10 +82,6 @@ def change_sections(change: MachineChange | None) -> Iterator[Section]:
     )
 
 
-def _meaning(line: LocationError | Scale) -> str:
-    return f"scale of {line.axis}" if isinstance(line, Scale) else words.meaning_of(line)
-
-
-def _size(line: LocationError | Scale) -> str:
+def _size(line: Effect) -> str:
     value, unit = line.parameters[0], line.parameter_table[0].unit
     return f"{'+' if value > 0.0 else ''}{words.with_uncertainty(value, line.uncertainties[0])} {unit}"

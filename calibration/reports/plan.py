@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.measurement.plan import Plan
 from kinematics.forward import tool_point
-from rendering.figures import Figure, Panel, colour_axis, some
+from rendering.figures import SCENE, Figure, Panel, colour_axis, some
 from rendering.report import Report, Section, facts
 
 MOST = 2000
@@ -48,4 +48,4 @@ def _positions(plan: Plan) -> Figure:
     hover = "observation %{marker.color}: %{x:.4g}, %{y:.4g}, %{z:.4g} mm<extra></extra>"
     panel.traces.append(trace | {"marker": marker, "hovertemplate": hover})
     colours = colour_axis(1.0, float(len(plan)), "number of the observation, in the order of measuring")
-    return Figure([panel], height=560, colours=colours)
+    return Figure([panel], height=SCENE, colours=colours)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from calibration.fit.fit import Fit
 from calibration.fit.set_up.run_zeros import run_zeros
+from kinematics.files.number_text import uncertainty
 from rendering.report import Section, Table
 
 TEXT = (
@@ -17,6 +18,6 @@ TEXT = (
 
 def zeros_section(found: Fit) -> Iterator[Section]:
     """The table of the zeros; none where there are no runs with zeros."""
-    rows = [(zero.run, f"{zero.value:.3f}", f"{zero.u:.3f}", zero.unit) for zero in run_zeros(found)]
+    rows = [(zero.run, f"{zero.value:.3f}", uncertainty(zero.u, 3), zero.unit) for zero in run_zeros(found)]
     if rows:
         yield Section("Zeros of the runs", TEXT, Table(("axis and run", "zero", "u (k=1)", "unit"), rows), detail=True)

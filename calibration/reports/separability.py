@@ -1,4 +1,4 @@
-"""Causes that a design shows and separates, by family: for the head of a report, and for programs."""
+"""Causes that a design shows and separates, by family: for a report, and for programs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def separability_section(design: Sequence[Separability]) -> Section:
         for kind, family in families.items()
     ]
     head = ("cause", "visible", "visible only together with", "not visible")
-    return Section("Causes that this design can show", TEXT, Table(head, rows))
+    return Section("Causes that this design can show", TEXT, Table(head, rows), detail=True)
 
 
 def separability_json(design: Sequence[Separability]) -> list[dict[str, Any]]:

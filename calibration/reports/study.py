@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from calibration.measurement.instruments import kind_of
 from calibration.study.definition import StudyEntry
 from calibration.study.results import standard_errors
 from calibration.study.run import Draws, Result
@@ -34,7 +33,7 @@ DOUBTFUL = 0.1
 
 def study_report(results: Sequence[Result], study: StudyEntry, draws: Draws, command: str) -> Report:
     """The result for people; `command`: the command that made it."""
-    instruments = sorted({kind_of(result.case.instrument).replace("-", " ") for result in results})
+    instruments = sorted({result.case.instrument.kind().replace("-", " ") for result in results})
     head = ReportHead(machine=study.machine, instrument=f"virtual {', '.join(instruments)}", command=command)
     return Report(
         f"Virtual calibration of {study.machine}",

@@ -12,11 +12,12 @@ from calibration.single_axis.three_points import AxisResult, ThreePoints
 from calibration.single_axis.three_points_check import Check
 from calibration.single_axis.three_points_figures import LINES, locations, ranges, squarenesses, straightnesses
 from kinematics.effects import COMPONENTS
+from kinematics.files.number_text import plus_minus, uncertainty
 from kinematics.files.report_head import ReportHead
 from kinematics.transforms import Array
 from rendering.figures import COLOURS, Figure, Panel, bars_of_error, grid, level
 from rendering.report import Report, Section, Table
-from rendering.volume import Field, volume_section
+from rendering.volume import Field, uncertainty_of, volume_section
 
 
 def three_points_json(found: ThreePoints, checked: Check) -> dict[str, Any]:
@@ -98,9 +99,8 @@ def three_points_report(found: ThreePoints, checked: Check, lead: str, head: Rep
 
 
 def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Section]:
-    before = Field("before, without a correction", found.model)
-    after = Field("after a correction, U (k=2)", found.model, uncertain=True)
-    yield from volume_section(checked.fit.measurement.machine, [before, after])
+    maps = [Field("without a correction", found.model), uncertainty_of(found.model)]
+    yield from volume_section(checked.fit.measurement.machine, maps)
     yield residuals((checked.before_rms_um, checked.before_max_um), checked.fit, checked.cross_validation)
     for axis in found.axes.values():
         yield _axis_summary(axis)
@@ -108,14 +108,14 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
         yield Section(f"Error motions of {axis.axis.name}", text, figure=partial(_motions, axis))
         if tables:
             rows = [
-                (f"{at:g}", *(f"{e:.1f} ± {s:.1f}" for e, s in zip(errors, u, strict=True)))
+                (f"{at:g}", *(plus_minus(e, s, 1) for e, s in zip(errors, u, strict=True)))
                 for at, errors, u in zip(axis.positions, axis.errors, axis.u, strict=True)
             ]
             table = Table((f"{axis.axis.name}, {axis.axis.unit}", *_names(axis)), rows)
             text = "Errors are in um and urad, each with its standard uncertainty u (k=1)."
             yield Section(f"Positions of axis {axis.axis.name}", text, table)
     straight = [
-        (name, *(f"{one.value:.2f} ± {one.u_value:.2f}" for one in lines))
+        (name, *(plus_minus(one.value, one.u_value, 2) for one in lines))
         for axis in found.axes.values()
         for name, lines in straightnesses(axis).items()
     ]
@@ -123,7 +123,7 @@ def _sections(found: ThreePoints, checked: Check, tables: bool) -> Iterator[Sect
         text = "Values are in um, each with its standard uncertainty u (k=1), by reference line."
         yield Section("Straightness", text, Table(("error motion", *LINES), straight))
     rows = [
-        (figure.name, f"{figure.value:.2f}", f"{figure.u:.2f}", figure.unit, figure.description)
+        (figure.name, f"{figure.value:.2f}", uncertainty(figure.u, 2), figure.unit, figure.description)
         for figure in (*locations(found), *squarenesses(found))
     ]
     yield Section(
@@ -162,7 +162,7 @@ def _axis_summary(axis: AxisResult) -> Section:
         (
             figure.name,
             f"{figure.value:.2f}",
-            f"{figure.u:.2f}",
+            uncertainty(figure.u, 2),
             figure.unit,
             "table" if degree is None else str(degree),
             f"{one.chi2 / one.degrees_of_freedom:.2f}" if one.degrees_of_freedom else "",

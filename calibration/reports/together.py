@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from calibration.fit.together import Part, Together
-from calibration.measurement.instruments import kind_of
 from calibration.reports.figures.fit import in_uncertainties
 from calibration.reports.fit import (
     acceptance,
@@ -20,7 +19,7 @@ from calibration.reports.fit import (
     parameters,
     parameters_json,
 )
-from calibration.reports.head import instrument_text
+from calibration.reports.head import foot_of, instrument_text
 from kinematics.files.number_text import probability
 from kinematics.files.report_head import calibration_text
 from rendering.figures import Figure, Panel, against_normal, grid
@@ -46,7 +45,7 @@ def _part_json(part: Part) -> dict[str, Any]:
     measurement, held = part.together.measurement, part.held_out
     return {
         "source": measurement.source,
-        "instrument": kind_of(measurement.instrument),
+        "instrument": measurement.instrument.kind(),
         "rows": len(measurement),
         "before": {"rms_um": part.before_um},
         "alone": {"rms_um": part.alone.rms_um, "chi2_reduced": part.alone.chi2_reduced},
@@ -63,7 +62,7 @@ def together_report(found: Together, command: str) -> Report:
     machine = found.fit.measurement.machine
     lead = f"{machine.name} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
     verdict = map(_verdict, found.parts)
-    instruments = ", ".join(dict.fromkeys(kind_of(part.together.measurement.instrument) for part in found.parts))
+    instruments = ", ".join(dict.fromkeys(part.together.measurement.instrument.kind() for part in found.parts))
     head = machine.report.filled(
         machine=machine.name,
         instrument=instrument_text(instruments, found.fit.measurement.simulated),
@@ -71,14 +70,17 @@ def together_report(found: Together, command: str) -> Report:
         command=command,
     )
     title = f"Calibration of {machine.name}"
-    return Report(title, lead, list(_sections(found)), "\n".join(verdict), acceptance(found), head=head)
+    foot = foot_of(title, lead, found.model if found.accepted else None)
+    return Report(title, lead, list(_sections(found)), "\n".join(verdict), acceptance(found), head, foot)
 
 
 def _verdict(part: Part) -> str:
-    name, instrument = part.together.measurement.source, kind_of(part.together.measurement.instrument)
-    text = f"{name} ({instrument}): residual {part.before_um:.2f} -> {part.together.rms_um:.2f} um RMS"
+    measurement = part.together.measurement
+    unit = measurement.unit
+    text = f"{measurement.source} ({measurement.instrument.kind()}): residual "
+    text += f"{part.before_um:.2f} -> {part.together.rms_um:.2f} {unit} RMS"
     if part.held_out is not None:
-        text += f"; held-out {part.held_out.name} {part.held_out.other_rms_um:.2f} -> {part.held_out.rms_um:.2f} um"
+        text += f"; held-out {part.held_out.name} {part.held_out.other_rms_um:.2f} -> {part.held_out.rms_um:.2f} {unit}"
     if part.contradicts:
         text += (
             f". CONTRADICTS the other measurements ({probability(part.p_value)}): the machine has changed between "

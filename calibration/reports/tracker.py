@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from calibration.measurement.tracker_tests import KINDS, PARAMETERS, Fitted
+from kinematics.files.number_text import uncertainty
 from rendering.report import Report, Section, Table, facts
 
 MEANINGS = {
@@ -33,7 +34,7 @@ def tracker_json(found: Fitted) -> dict[str, Any]:
 def tracker_report(found: Fitted, name: str) -> Report:
     """The result for people; name: that of the file of the tests."""
     rows = [
-        (MEANINGS[name], name, f"{value:.3f}", f"{u:.3f}")
+        (MEANINGS[name], name, f"{value:.3f}", uncertainty(u, 3))
         for name, value, u in zip(PARAMETERS, found.parameters.tolist(), found.u.tolist(), strict=True)
     ]
     table = Table(("standard uncertainty (k=1)", "name in files", "value", "u (k=1)"), rows)

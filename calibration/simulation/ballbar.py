@@ -8,11 +8,10 @@ from itertools import product
 
 import numpy as np
 
-from calibration.measurement.balls.ballbar import ONE_SET_UP, in_runs, run_starts, velocities_on_circles
-from calibration.measurement.instruments import Ballbar
+from calibration.instruments import Ballbar
+from calibration.instruments.ballbar import LENGTH_ERROR, ONE_SET_UP, in_runs, run_starts, velocities_on_circles
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.registration import SHIFTS, Registration
-from calibration.observation.equations import LENGTH, expected
+from calibration.registration.registration import SHIFTS, Registration
 from kinematics.error_model.model import ErrorModel
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, Vector
@@ -62,10 +61,9 @@ def swept(
     blank = _nominal(machine, bar, circles, target)
     centre = np.add(circles.centre, draws[0].uniform(-OFF_CENTRE_MM, OFF_CENTRE_MM, 3))
     longer = draws[0].standard_normal() * (LENGTH_OFF_MM if bar.length_u_um is None else bar.length_u_um * 1e-3)
-    registration = Registration(
-        {ONE_SET_UP: Pose(np.eye(3)[None], -centre[None])}, {ONE_SET_UP: np.zeros(3)}, SHIFTS, {LENGTH: float(longer)}
-    )
-    exact = expected(blank, registration, model.observation(machine, blank.state))
+    poses = {ONE_SET_UP: Pose(np.eye(3)[None], -centre[None])}
+    registration = Registration(poses, {ONE_SET_UP: np.zeros(3)}, SHIFTS, {LENGTH_ERROR: float(longer)})
+    exact = bar.expected(blank, registration, model.observation(machine, blank.state))
     noise = noise_scale * bar.u_um * 1e-3 * draws[1].standard_normal(exact.shape)
     return replace(blank, observed=np.round(exact + noise, DECIMALS))
 

@@ -9,14 +9,13 @@ from typing import Any
 
 import msgspec
 
-from kinematics.effects import EFFECTS, Effect
+from kinematics.effects import KINDS, Effect
 from kinematics.error_model.decoding_faults import reason_of_fault
 from kinematics.files import read_input
 from kinematics.files.mistaken import did_you_mean
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 
-KINDS = {str(effect.__struct_config__.tag): effect for effect in EFFECTS}
 _OPEN, _CLOSED = "[{", "]}"
 
 
@@ -40,6 +39,12 @@ def read_effects(texts: Sequence[str], machine: Machine, option: str = "--effect
                 if axis not in machine.names:
                     raise UserError(f"{where}: machine {machine.name} ({machine.chain}) has no axis {axis}")
     return found
+
+
+def given_effects(given: Sequence[str | Effect], machine: Machine) -> list[Effect]:
+    """Effects of a machine from texts, as `read_effects`, followed by those that are given as objects."""
+    texts = [each for each in given if isinstance(each, str)]
+    return [*read_effects(texts, machine), *(each for each in given if not isinstance(each, str))]
 
 
 def _from_file(path: Path) -> list[Effect]:
@@ -88,7 +93,7 @@ def _json(text: str | bytes, where: str) -> Any:
 
 
 def _effect(content: Any, where: str) -> Effect:
-    kind = content.get("kind") if isinstance(content, dict) else None
+    kind: Any = content.get("kind") if isinstance(content, dict) else None
     if kind not in KINDS:
         raise UserError(
             f"{where}: no effect {kind!r}{did_you_mean(str(kind), KINDS)}; there are {', '.join(KINDS)} "

@@ -8,16 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.measurement.balls.touch_probe import TIP
-from calibration.measurement.instruments import (
-    Ballbar,
+from calibration.instruments import (
     Instrument,
-    Interferometer,
-    LaserTracker,
-    Part,
     TouchProbe,
-    kind_of,
 )
+from calibration.instruments.touch_probe import TIP
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.plan import Plan
 from calibration.observation.reach import Reach, in_reach
@@ -38,17 +33,8 @@ from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array, Pose
 from kinematics.user_error import UserError
+from rendering.shown import Shown
 
-TRACKER = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)
-"""Uncertainties of a tracker by the virtual calibration paper, Table 3."""
-SPECIFICATIONS: Mapping[str, Instrument] = {
-    "laser-tracker": TRACKER,
-    "interferometer": Interferometer(u_um=0.2, u_um_per_m=0.5, u_straightness_um=0.5, u_angle_urad=1.0),
-    "part": Part(u_um=1.0, u_um_per_m=1.5),
-    "touch-probe": TouchProbe(u_um=1.0),
-    "ballbar": Ballbar(u_um=0.3),
-}
-"""Default uncertainties of each instrument."""
 AWAY_MM = 1500.0
 """Distance from the volume to a tracker without a given position, mm."""
 NEAREST_MM = 1.0
@@ -62,30 +48,40 @@ class VirtualInstrument:
     """An instrument, its stations, and the faults of its data."""
 
     instrument: Instrument
+    """The instrument with its standard uncertainties (k = 1), um."""
     trackers: Sequence[tuple[float, float, float]] = ()
     """Positions of a laser tracker, mm, in the frame of `stands_on`, one station each; default: before the volume."""
     stands_on: Literal["workpiece", "bed"] = "workpiece"
+    """Foundation of a laser tracker: the workpiece table, or the bed."""
     reach: Reach | None = None
+    """Elevation and incidence that a tracker can see, degrees; None without limits."""
     error_motions: Sequence[str] = ()
     """Letters of the error motions of linear axes of an interferometer; default: the positioning deviation."""
     noise_scale: float = 1.0
     """Noise as a multiple of the uncertainties."""
     faults: Faults = field(default_factory=Faults)
+    """Shares of outliers, doubled and missing rows."""
     temperatures: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Start and end by sensor, K from 20 degC."""
     spheres: Spheres = field(default_factory=lambda: Spheres({}, {}))
     """Spheres of a touch probe."""
 
 
-@dataclass(frozen=True)
-class Simulated:
+@dataclass(frozen=True, repr=False)
+class Simulated(Shown):
     """A virtual measurement."""
 
     measurement: Measurement
+    """The virtual measurement."""
     notes: tuple[str, ...]
     """Position of the tracker that was chosen, and the points beyond its reach."""
     spoiled: tuple[str, ...]
     """Numbers of outliers, doubled and missing rows."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        return self.measurement.headline
 
 
 def streams(seed: int, count: int) -> list[np.random.Generator]:
@@ -105,20 +101,20 @@ def measure_plan(
     draws: random numbers of the poses, the noise and the faults. UserError for options that the instrument does not
     have, for a tracker that sees no point, and for a tracker inside the targets.
     """
-    if isinstance(virtual.instrument, TouchProbe):
+    if virtual.instrument.OBSERVES == "offset":
         return _probed(plan, model, virtual, virtual.instrument, draws)
     if plan.spheres:
-        raise UserError(f"--instrument {kind_of(virtual.instrument)}: a plan of spheres needs --instrument touch-probe")
+        raise UserError(f"--instrument {virtual.instrument.kind()}: a plan of spheres needs --instrument touch-probe")
     state, poses, notes = _stationed(plan, virtual, draws[0])
     check_names(model.effects, plan.targets, [] if state.station is None else np.unique(state.station).tolist())
     state = with_temperatures(state, virtual.temperatures) if virtual.temperatures else state
     rows, unseen = _reached(plan, state, virtual, poses)
     repeat = len(state) // len(plan)
     axis = component = None
-    if plan.axis is not None and isinstance(virtual.instrument, Interferometer):
+    if plan.axis is not None and virtual.instrument.OBSERVES == "deviation":
         every = np.tile(plan.axis, repeat)
-        if virtual.error_motions:
-            rows, component = _components(plan.machine, every[rows], rows, virtual.error_motions)
+        taken, component = virtual.instrument.readings_in(plan.machine, every[rows], virtual.error_motions)
+        rows = rows[taken]
         axis = every[rows]
     measured = observe(
         plan.machine, model, state.rows(rows), virtual.instrument, draws[1], poses, plan.targets,
@@ -207,9 +203,9 @@ def _stationed(
     plan: Plan, virtual: VirtualInstrument, rng: np.random.Generator
 ) -> tuple[State, Mapping[str, Pose] | None, tuple[str, ...]]:
     """The measured states, once for each station, the poses of a tracker at its stations, and notes."""
-    if not isinstance(virtual.instrument, LaserTracker):
+    if not virtual.instrument.STATIONED:
         if virtual.trackers:
-            raise UserError(f"--tracker is no option of --instrument {kind_of(virtual.instrument)}: leave it out")
+            raise UserError(f"--tracker is no option of --instrument {virtual.instrument.kind()}: leave it out")
         return plan.state, None, ()
     poses, notes = tracker_poses(plan.machine, plan.positions, virtual.trackers, rng)
     return at_stations(plan.state, list(poses), SETUP_S), poses, notes
@@ -231,13 +227,3 @@ def _reached(
     if not visible.rows.any():
         raise UserError(f"the tracker observes none of the points from its position: {'; '.join(visible.notes)}")
     return np.flatnonzero(visible.rows), tuple(visible.notes)
-
-
-def _components(
-    machine: Machine, axis: np.ndarray, rows: np.ndarray, letters: Sequence[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rows `(m,)` of the plan, those of linear axes once for each error motion, and the error motions `(m,)`."""
-    linear = ~machine.rotary[[machine.index(name) for name in axis.tolist()]]
-    every = np.repeat(rows, np.where(linear, len(letters), 1))
-    component = np.concatenate([list(letters) if own else [""] for own in linear.tolist()])
-    return every, component

@@ -12,22 +12,16 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, TouchProbe
+from calibration.instruments import Instrument
 from calibration.measurement.measurement import SPINDLE_NOSE, Measurement, Target, with_moves
-from calibration.measurement.observed_points import target_points
-from calibration.measurement.registration import PLANAR, RIGID, Registration
-from calibration.observation.equations import covariance, expected
-from kinematics.effects.base import UM, URAD
+from calibration.observation.equations import covariance
 from kinematics.error_model.model import ErrorModel, Observation
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array, Pose, rotation_vector_matrix, turn
-from kinematics.user_error import UserError
 
 AT_A_TIME = 32_768
 """Number of rows evaluated together, which limits the memory."""
-ALIGNMENT_MM, ALIGNMENT_RAD = 0.1, 5e-4
-"""Half-widths of the shift and the rotation of a part against its nominal frame on the measuring machine."""
 
 
 @dataclass(frozen=True)
@@ -67,10 +61,10 @@ def observe(
     `progress` is called with the numbers of rows done.
     """
     blank = replace(_blank(machine, instrument, state, poses, targets, stands_on, axis, run), component=component)
-    registration = _registration(blank, poses, rng)
-    if not isinstance(instrument, Interferometer):
-        # instrument effects use the beam to the nominal point: the influence of machine errors on it is negligible
-        points = [registration.apply(part, target_points(part, None, part.tool)) for part in _parts(blank, AT_A_TIME)]
+    registration = instrument.drawn_registration(blank, poses, rng)
+    aimed = [instrument.aimed_at(part, registration) for part in _parts(blank, AT_A_TIME)]
+    points = [part for part in aimed if part is not None]
+    if points:
         blank = replace(blank, state=replace(blank.state, observed=np.concatenate(points)))
     together = len(blank) if any(effect.HAS_MEMORY for effect in model.effects) else AT_A_TIME
     exact = np.empty((len(blank), instrument.components))
@@ -80,12 +74,10 @@ def observe(
         for rows in _slices(len(part), AT_A_TIME):
             count = len(part.state.positions[rows])
             errors = Observation(effects.errors[rows], effects.shift[rows])
-            exact[done : done + count] = expected(part.rows(rows), registration, errors)
+            exact[done : done + count] = instrument.expected(part.rows(rows), registration, errors)
             done += count
             progress(count)
-    if isinstance(instrument, Interferometer):
-        _, first, which = np.unique(blank.groups, return_index=True, return_inverse=True)
-        exact -= exact[first[which]]
+    exact = instrument.zeroed(blank, exact)
     observed = exact + noise_scale * _noise(replace(blank, observed=exact), rng)
     return replace(blank, observed=observed)
 
@@ -118,11 +110,8 @@ def with_temperatures(state: State, courses: Mapping[str, tuple[float, float]]) 
 
 
 def read_out(measurement: Measurement) -> Measurement:
-    """The measurement rounded to the digits of an instrument, far below its noise: 10 nm; interferometers nm, nrad."""
-    if not isinstance(measurement.instrument, Interferometer):
-        return replace(measurement, observed=np.round(measurement.observed, 5))
-    size = np.where(measurement.angular, URAD, UM)[:, None]
-    return replace(measurement, observed=np.round(measurement.observed / size, 3) * size)
+    """The measurement rounded to the digits of its instrument, far below its noise."""
+    return replace(measurement, observed=measurement.instrument.read_out(measurement))
 
 
 def spoil(measurement: Measurement, faults: Faults, rng: np.random.Generator) -> tuple[Measurement, tuple[str, ...]]:
@@ -159,13 +148,12 @@ def _blank(
 ) -> Measurement:
     """The measurement without observations."""
     targets, n = targets or {"1": SPINDLE_NOSE}, len(state)
-    if isinstance(instrument, Interferometer) and (axis is None or run is None):
-        raise UserError("an interferometer measures one axis at a time, in runs: it needs strategy axes")
+    instrument.check_plan(axis, run)
     if state.last_move is None:
         state = with_moves(state, state.approach)
     if state.target is None:
         state = replace(state, target=np.full(n, next(iter(targets))))
-    if state.station is None and isinstance(instrument, LaserTracker):
+    if state.station is None and instrument.STATIONED:
         state = replace(state, station=np.full(n, next(iter(poses)) if poses else "1"))
     at_rest = np.broadcast_to(0.0, state.positions.shape)
     state = replace(
@@ -177,37 +165,10 @@ def _blank(
     return Measurement(machine, instrument, state, nothing, targets, stands_on, axis, run)
 
 
-def _registration(blank: Measurement, poses: Mapping[str, Pose] | None, rng: np.random.Generator) -> Registration:
-    """Registration of the instrument; UserError if a pose is missing."""
-    groups = np.unique(blank.groups).tolist()
-    if isinstance(blank.instrument, Interferometer):
-        across = np.unique(blank.groups[blank.straightness]).tolist()
-        slopes = dict(zip(across, rng.uniform(-ALIGNMENT_RAD, ALIGNMENT_RAD, len(across)).tolist(), strict=True))
-        return Registration(zeros=dict.fromkeys(groups, 0.0), slopes=slopes)
-    if poses is None:
-        if isinstance(blank.instrument, TouchProbe):
-            raise UserError("the spheres of the touch probe are missing: state --sphere NAME=x,y,z")
-        if isinstance(blank.instrument, LaserTracker):
-            raise UserError("the position of the laser tracker is missing: state --tracker x,y,z")
-        poses = {group: _alignment(blank.instrument.components == 2, rng) for group in groups}
-    missing = [group for group in groups if group not in poses]
-    if missing:
-        raise UserError(f"no pose of the instrument for {', '.join(missing)}")
-    return Registration(poses, moves=PLANAR if blank.instrument.components == 2 else RIGID)
-
-
-def _alignment(planar: bool, rng: np.random.Generator) -> Pose:
-    """Random pose of a part on a measuring machine, near the nominal one."""
-    free = np.array([1.0, 1.0, 0.0] if planar else [1.0, 1.0, 1.0])
-    turns = rng.uniform(-ALIGNMENT_RAD, ALIGNMENT_RAD, 3) * (free if not planar else [0.0, 0.0, 1.0])
-    return Pose(rotation_vector_matrix(turns), (rng.uniform(-ALIGNMENT_MM, ALIGNMENT_MM, 3) * free)[None])
-
-
 def _noise(measurement: Measurement, rng: np.random.Generator) -> Array:
     """Noise `(n, components)`, mm and rad, with the covariance of the instrument for these observations."""
     normal = rng.standard_normal(measurement.observed.shape)
-    # the uncertainty of an interferometer grows from the first position of its run, so its rows stay together
-    together = len(measurement) if isinstance(measurement.instrument, Interferometer) else AT_A_TIME
+    together = len(measurement) if measurement.instrument.GROWS_ALONG_RUN else AT_A_TIME
     parts = zip(_parts(measurement, together), _slices(len(measurement), together), strict=True)
     return np.concatenate([np.einsum("nij,nj->ni", _root(covariance(part)), normal[rows]) for part, rows in parts])
 

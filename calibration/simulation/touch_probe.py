@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.measurement.balls.touch_probe import TIP
-from calibration.measurement.instruments import TouchProbe
+from calibration.instruments import TouchProbe
+from calibration.instruments.touch_probe import TIP
 from calibration.measurement.measurement import Distance, Measurement, with_moves
 from calibration.measurement.plan import Plan
-from calibration.measurement.registration import SHIFTS, Registration
-from calibration.observation.equations import expected
+from calibration.registration.registration import SHIFTS, Registration
 from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
@@ -130,9 +129,10 @@ def _found(
     """The measurement with the positions of the linear axes at which the tip is in the centre, but for the noise."""
     poses = {name: Pose(np.eye(3)[None], -centre[None]) for name, centre in centres.items()}
     registration = Registration(poses, dict.fromkeys(poses, np.zeros(3)), SHIFTS)
-    state = blank.state
+    state, instrument = blank.state, blank.instrument
     for step in range(STEPS):
-        off = expected(replace(blank, state=state), registration, model.observation(machine, state)) + noise
+        here = replace(blank, state=state)
+        off = instrument.expected(here, registration, model.observation(machine, state)) + noise
         if np.abs(off).max() < FOUND_MM:
             break
         tip = tool_point(machine, state.positions, blank.tool) - off

@@ -19,7 +19,8 @@ import numpy as np
 from kinematics.basis import Fourier
 from kinematics.effects import COMPONENTS, Component, Cyclic, Effect, ErrorMotion, LocationError
 from kinematics.effects.base import own_component
-from kinematics.error_model.model import ErrorModel, Provenance, reference
+from kinematics.error_model.model import ErrorModel
+from kinematics.error_model.provenance import Provenance, reference
 from kinematics.files import read_input
 from kinematics.machine import Axis, Machine
 from kinematics.user_error import UserError

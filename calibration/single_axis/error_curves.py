@@ -249,17 +249,14 @@ def misfits(curves: Curves, positions: Array, motions: RigidMotions, covariance:
 
 
 def widening(axis: Axis, effects: tuple[Effect, ...], found: tuple[Misfit, ...]) -> Array:
-    """Factors of the standard uncertainties of all parameters of an axis' effects.
+    """Factors of the standard uncertainties of all parameters of an axis' effects: location errors, and six motions.
 
     A location error has the largest factor of the curves across the axis. A wobble and its polynomials have one factor
     together, as one error motion: both may be large and cancel.
     """
     located = [across(axis, j) if axis.rotary else name in sideways(axis) for j, name in enumerate(COMPONENTS)]
     worst = max(one.widening for one, across in zip(found, located, strict=True) if across)
-    factors = [
-        found[COMPONENTS.index(effect.component)].widening if isinstance(effect, ErrorMotion) else worst
-        for effect in effects
-    ]
+    factors = [worst] * (len(effects) - len(found)) + [one.widening for one in found]
     return np.repeat(factors, [len(effect.parameters) for effect in effects])
 
 

@@ -26,19 +26,22 @@ runs is contained in the s_i and not in U; the specification does not give it, a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from calibration.measurement.instruments import Interferometer
+from calibration.instruments import Interferometer
 from calibration.measurement.measurement import Measurement
+from calibration.single_axis.cells import cells_of
+from calibration.single_axis.disagreeing_readings import Astray, disagreeing, from_the_others, named
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, ErrorMotion, unit_of
 from kinematics.effects.base import own_component, own_motion
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
+from rendering.shown import Shown
 
 FORWARD, BACKWARD = 0, 1
 DIRECTIONS = ("forward", "backward")
@@ -73,15 +76,18 @@ class TableRow(NamedTuple):
     n: int
 
 
-@dataclass(frozen=True)
-class AxisTest:
+@dataclass(frozen=True, repr=False)
+class AxisTest(Shown):
     """The readings of one axis in cells `(2, m)` of direction and target, forward first; um, urad for a rotary axis."""
 
     axis: str
+    """Name of the axis."""
     rotary: bool
+    """True for a rotary axis, with degrees and urad instead of mm and um."""
     positions: Array
     """Target positions `(m,)`, mm or degrees, ascending."""
     count: np.ndarray
+    """Number of readings by direction and position."""
     mean: Array
     """Mean deviation `(2, m)`; NaN without a reading."""
     spread: Array
@@ -93,6 +99,17 @@ class AxisTest:
     u_per_m: float
     """Standard uncertainty of the scale, um per m (k = 1); 0 for a rotary axis."""
     notes: tuple[str, ...]
+    """Notes for the user."""
+    astray: tuple[Astray, ...] = ()
+    """Readings that disagree with the others of their target and direction; they count in every value."""
+    without: tuple[Value, ...] = ()
+    """The values of the axis without them; empty where there are none."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        values = ", ".join(f"{each.symbol} {each.value:.3g}" for each in self.values[:4])
+        return f"{self.axis}: {values} {self.unit}"
 
     @property
     def unit(self) -> str:
@@ -184,6 +201,10 @@ class AxisTest:
                 for i in range(len(self.positions))
             ],
             "notes": list(self.notes),
+            "astray": [
+                {"where": each.where, "run": each.run, f"deviation_{e}": each.deviation} for each in self.astray
+            ],
+            "values_without_astray": {value.symbol: value.value for value in self.without},
         }
 
     def _reversals(self) -> list[Value]:
@@ -273,7 +294,7 @@ class AxisTest:
 
 def evaluate(measurement: Measurement) -> tuple[AxisTest, ...]:
     """The tests of all axes in interferometer data, in the order of the machine's axes; UserError for other data."""
-    if not isinstance(measurement.instrument, Interferometer) or measurement.axis is None:
+    if measurement.instrument.OBSERVES != "deviation" or measurement.axis is None:
         raise UserError(f"{measurement.source}: ISO 230-2 needs data of an interferometer (axis by axis)")
     measurement = measurement.rows(np.flatnonzero(measurement.positioning))
     if not len(measurement):
@@ -292,28 +313,20 @@ def _axis_test(measurement: Measurement, name: str) -> AxisTest:
         unknown = int(rows[np.argmin(np.abs(approach))])
         raise UserError(f"{measurement.where(unknown)}: the direction of approach of {name} to its target is unknown")
     target = np.round(measurement.state.position(machine, name)[rows], DIGITS) + 0.0
-    positions, number = np.unique(target, return_inverse=True)
-    cell = (approach < 0).astype(int), number
+    direction = (approach < 0).astype(int)
     readings = measurement.observed[rows, 0] / unit_of(name)[1]
-    shape = (2, len(positions))
-    count, total, squares = np.zeros(shape, int), np.zeros(shape), np.zeros(shape)
-    np.add.at(count, cell, 1)
-    np.add.at(total, cell, readings)
-    mean = np.divide(total, count, out=np.full(shape, np.nan), where=count > 0)
-    np.add.at(squares, cell, (readings - mean[cell]) ** 2)
-    spread = np.sqrt(np.divide(squares, count - 1, out=np.full(shape, np.nan), where=count > 1))
-    return AxisTest(
-        name,
-        axis.rotary,
-        positions,
-        count,
-        mean,
-        spread,
-        float(target[0]),
-        instrument.u_um,
-        0.0 if axis.rotary else instrument.u_um_per_m,
-        tuple(_remarks(name, axis.unit, positions, count)),
-    )
+    u = instrument.u_um, 0.0 if axis.rotary else instrument.u_um_per_m
+
+    def test(kept: NDArrayBool) -> AxisTest:
+        cells = cells_of(target[kept], direction[kept], readings[kept])
+        notes = tuple(_remarks(name, axis.unit, cells.positions, cells.counts))
+        return AxisTest(name, axis.rotary, *cells, float(target[0]), *u, notes)
+
+    whole = test(np.ones(len(rows), bool))
+    away = from_the_others(target, direction, readings)
+    kept = ~disagreeing(away, instrument.u_um, int(np.count_nonzero(whole.count)))
+    astray = tuple(named(measurement, rows[~kept], away[~kept]))
+    return replace(whole, astray=astray, without=test(kept).values) if astray else whole
 
 
 def _remarks(name: str, unit: str, positions: Array, count: np.ndarray) -> list[str]:

@@ -20,8 +20,8 @@ import numpy as np
 from scipy import special
 
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.registration import Registration, rigid
 from calibration.observation.equations import covariance
+from calibration.registration.registration import Registration, rigid
 from kinematics.transforms import Array, Pose, by_turn
 from kinematics.user_error import UserError
 

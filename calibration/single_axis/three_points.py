@@ -21,10 +21,9 @@ from typing import Literal
 import numpy as np
 
 from calibration.fit.acceptance import relative_deviations, significant_share
-from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import target_points
 from calibration.plausibility.checks import usable
+from calibration.registration.observed_points import nominal_points
 from calibration.single_axis import stations
 from calibration.single_axis.degree_selection import polynomials
 from calibration.single_axis.error_curves import (
@@ -44,7 +43,8 @@ from calibration.single_axis.series import Series, all_series, physical_points
 from kinematics.basis import Interval
 from kinematics.effects import COMPONENTS, Effect
 from kinematics.error_model.covariance import propagated
-from kinematics.error_model.model import SIMULATED, ErrorModel, Provenance, reference
+from kinematics.error_model.model import ErrorModel
+from kinematics.error_model.provenance import SIMULATED, Provenance, reference
 from kinematics.machine import Axis, Machine
 from kinematics.transforms import IDENTITY, Array, Pose
 from kinematics.user_error import UserError
@@ -190,7 +190,7 @@ def identified(
 
 
 def _check(measurement: Measurement) -> None:
-    if not isinstance(measurement.instrument, LaserTracker):
+    if not measurement.instrument.BY_BEAM:
         raise UserError(f"{measurement.source}: three-point identification needs the points of a laser tracker")
     if measurement.stands_on != "bed":
         raise UserError(
@@ -225,7 +225,7 @@ def _refuse_unknown(choice: Choice, found: Mapping[str, _Found]) -> None:
 
 def _on_tool(measurement: Measurement, number: np.ndarray) -> dict[int, Array]:
     """Nominal positions `(3,)` of the points on the tool, mm, by number."""
-    nominal = target_points(measurement, None, measurement.tool)
+    nominal = nominal_points(measurement)
     carrier = np.array([target.carrier for target in measurement.targets.values()])[measurement.target_number]
     return {int(number[row]): nominal[row] for row in np.flatnonzero(carrier == "tool")}
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.single_axis.reference_lines import Kind, Straightness, straightness
 from calibration.single_axis.three_points import AxisResult, ThreePoints
-from kinematics.effects import COMPONENTS, LocationError, unit_of
+from kinematics.effects import COMPONENTS, unit_of
 from kinematics.effects.base import own_component
 
 LINES: tuple[Kind, ...] = ("least-squares", "end-point", "minimum-zone")
@@ -61,18 +61,16 @@ def straightnesses(result: AxisResult) -> dict[str, list[Straightness]]:
 def locations(found: ThreePoints) -> list[Figure]:
     """Location errors of all axes."""
     figures = []
-    for effect in found.model.effects:
-        if isinstance(effect, LocationError):
-            unit = unit_of(effect.component)[0]
-            figures.append(Figure(effect.name, "location", effect.value, effect.uncertainties[0], unit))
+    for effect, _ in found.model.location_errors:
+        unit = unit_of(effect.component)[0]
+        figures.append(Figure(effect.name, "location", effect.value, effect.uncertainties[0], unit))
     return figures
 
 
 def squarenesses(found: ThreePoints) -> list[Figure]:
     """Squareness of Y to X (E_C0Y - E_C0X), Z to X and Z to Y, right-handed, with standard uncertainties."""
     model = found.model
-    located = zip(model.effects, model.slices, strict=True)
-    columns = {effect.name: part.start for effect, part in located if isinstance(effect, LocationError)}
+    columns = {effect.name: part.start for effect, part in model.location_errors}
     covariance, values = np.array(model.covariance), model.parameters
     figures = []
     for first, second, about in (("X", "Y", "C"), ("X", "Z", "B"), ("Y", "Z", "A")):

@@ -15,7 +15,7 @@ import machines
 from calibration.design.layout import Setup, laid_out
 from calibration.design.random_machines import TrueModels
 from calibration.design.volume import Volume
-from calibration.measurement.instruments import Instrument, TouchProbe
+from calibration.instruments import Instrument
 from calibration.measurement.measurement import SPINDLE_NOSE, Distance, Target
 from calibration.measurement.plan import Choices, Plan, Timing
 from calibration.measurement.plan_file import read_plan
@@ -139,7 +139,7 @@ def _case(
         trackers = _trackers(entry)
         reach = _reach(entry, study)
         other_effects = read_effects([_path(text, folder) for text in fit.effects], machine, "[fit] effects")
-        if isinstance(instrument, TouchProbe):
+        if instrument.OBSERVES == "offset":
             plan, distances = sphere_plan(entry, machine, instrument, folder)
         elif entry.distances or entry.spheres != DEFAULT_SPHERES:
             raise UserError('spheres and distances are of instrument = { kind = "touch-probe" }')

@@ -14,7 +14,7 @@ from calibration.design.layout import Setup
 from calibration.design.solver import Fits
 from calibration.fit.bases.search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Scales, Search
 from calibration.fit.linear import Part
-from calibration.observation.full_model import moving_axes, stated_bases
+from calibration.observation.full_model import stated_bases
 from calibration.study.cases import Case
 from kinematics.effects.geometric import TYPICAL
 from kinematics.transforms import Array
@@ -116,7 +116,7 @@ _prepared: dict[str, Prepared] = {}
 
 
 def _bases(case: Case, fits: Fits, prior_scale: float | None) -> tuple[Part, ...] | Search:
-    text, axes = case.fit.basis, list(moving_axes(fits.columns.measurement))
+    text, axes = case.fit.basis, list(fits.columns.measurement.moving)
     if text == AUTO or text.startswith(f"{AUTO}:"):
         if prior_scale is not None and np.isinf(prior_scale):
             raise UserError(f'basis = "{text}" is selected by the evidence, which needs a prior')

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from calibration.design.layout import Weighting
-from calibration.measurement.instruments import Instrument
+from calibration.instruments import Instrument
 from calibration.measurement.tracker_tests import fit_tests, read_tests
 from kinematics.files import read_input
 from kinematics.files.toml_entries import at_line, entry, read_table, utf8_text
@@ -187,9 +187,10 @@ def _with_rows(content: dict[str, Any]) -> dict[str, Any]:
 
 def instrument_of(entry: InstrumentEntry, where: str, folder: Path) -> Instrument:
     """The instrument, its tests relative to `folder`; UserError for unknown or missing uncertainties."""
-    from calibration.measurement.file import KINDS, check_uncertainties, uncertainty_keys
+    from calibration.instruments import KINDS
 
-    known = uncertainty_keys(KINDS[entry.kind])
+    kind = KINDS[entry.kind]
+    known = kind.uncertainty_keys()
     keys = [key for key in entry.__struct_fields__ if key.startswith("u_")]
     given = {key: value for key in keys if (value := getattr(entry, key)) is not None}
     if entry.tests is not None:
@@ -204,7 +205,6 @@ def instrument_of(entry: InstrumentEntry, where: str, folder: Path) -> Instrumen
             raise UserError(f"{where}: [instrument] {key}: {entry.kind} has {', '.join(known)}")
         if value < 0:
             raise UserError(f"{where}: [instrument] {key} = {value:g} is negative")
-    check_uncertainties(entry.kind, given, f"{where}: [instrument]", "{} = ...")
-    components = {"components": 2 if entry.planar else 3} if entry.kind == "part" else {}
-    instrument: Instrument = msgspec.convert({"kind": entry.kind, **given, **components}, Instrument)
+    kind.check_uncertainties(given, f"{where}: [instrument]", "{} = ...")
+    instrument: Instrument = msgspec.convert({"kind": entry.kind, **given, **kind.in_plane(entry.planar)}, Instrument)
     return instrument

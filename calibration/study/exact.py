@@ -13,7 +13,6 @@ from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.fit.bases.search import Scales
 from calibration.fit.linear import Part
 from calibration.measurement.measurement import Measurement
-from calibration.observation.equations import stated_residuals
 from calibration.observation.normal_equations import residuals, whitened
 from calibration.simulation.simulate import observe
 from calibration.study.chunks import Chunk, Prepared
@@ -78,7 +77,7 @@ def _fitted(prepared: Prepared, parts: tuple[Part, ...], scales: Scales, drawn: 
     parameters = np.zeros(len(model.parameters))
     for _ in range(STEPS):
         residual = whitened(setup.white, residuals(measured, model, registration)).reshape(-1)
-        residual = np.concatenate([residual, stated_residuals(measured, registration)])
+        residual = np.concatenate([residual, measured.instrument.stated_residuals(measured, registration)])
         step = fits.step(parts, scales, residual, parameters)
         registration = registration.moved(fits.columns.registered(parts, residual, step))
         parameters = parameters + step

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.measurement.instruments import TouchProbe
+from calibration.instruments import TouchProbe
 from calibration.measurement.measurement import Distance
 from calibration.measurement.plan import Plan
 from calibration.measurement.plan_file import read_plan

@@ -1,4 +1,4 @@
-"""Writes docs/results.md: the keys and columns of the results for programs, from real runs.
+"""Writes docs/results: the keys and columns of the results for programs, from real runs, by subject.
 
     python docs/make/results.py
 
@@ -25,7 +25,7 @@ from lines import written
 from meanings import MEANINGS, UNITS
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "results.md"
+PAGES = ROOT / "docs" / "results"
 INPUTS = ROOT / "postproc" / "tutorial"
 CIRCLES = "--instrument ballbar --centre 300,200,150 --target t1=0,0,-120 --bar 100:0.5 --feed 1000"
 STUDY = """machine = "gantry"
@@ -69,8 +69,19 @@ RESULTS = {
     "tracker": "ncomp tracker b89.csv --json -",
 }
 """The run of each command; its JSON is the standard output."""
+SUBJECTS = {
+    "programs": ("Programs", ("correct", "batch", "verify", "check")),
+    "fits": ("Fits and diagnoses", ("fit", "diagnose")),
+    "calibrations": ("Calibrations", ("predict", "compare", "export", "export of kinematic parameters")),
+    "evaluations": ("Evaluations and studies", ("iso230", "ballbar", "continuous", "study", "tracker")),
+}
+"""Title of each page, and its commands."""
+COLUMNS = "columns"
+"""Page of the columns of CSV files."""
+SHOWN_AT = {("batch", "programs[].result"): "correct"}
+"""Keys with the JSON of another command, which has a section of its own."""
 TABLES = {
-    "plan": ("plan.csv", "ncomp plan --machine mill.toml --strategy random --points 20 -o plan.csv"),
+    "plan": ("plan.csv", "ncomp plan points --machine mill.toml --strategy random --points 20 -o plan.csv"),
     "simulate": ("data.csv", "ncomp simulate --machine mill.toml --strategy plan.csv -o data.csv"),
     "predict": ("predicted.csv", ""),
     "continuous": ("table.csv", ""),
@@ -133,11 +144,16 @@ def keys(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
                 yield from keys(inner, f"{path}[]")
 
 
-def key_table(value: Any) -> dict[str, Any]:
-    """The paths of keys, each once; keys below names of axes, errors or lines count once."""
+def key_table(value: Any, command: str = "") -> dict[str, Any]:
+    """The paths of keys, each once; keys below names of axes, errors or lines count once.
+
+    Keys below one with the JSON of another command are left out.
+    """
     found: dict[str, Any] = {}
+    elsewhere = tuple(f"{path}." for of, path in SHOWN_AT if of == command)
     for path, inner in keys(value):
-        found.setdefault(general(path), inner)
+        if not general(path).startswith(elsewhere or (" ",)):
+            found.setdefault(general(path), inner)
     return found
 
 
@@ -168,20 +184,22 @@ def meaning(path: str) -> str:
     return ", ".join(filter(None, (MEANINGS.get(name, ""), unit)))
 
 
-def page() -> str:
-    """The whole page."""
+def pages() -> dict[str, str]:
+    """The pages by name."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         prepare(folder)
         found = results(folder)
-        return written(_lines(found, columns(folder)))
+        tables = columns(folder)
+    texts = {"index": _index(), COLUMNS: _columns(tables)}
+    for subject, (title, commands) in SUBJECTS.items():
+        texts[subject] = _subject(title, {command: found[command] for command in commands})
+    return {name: written(lines) for name, lines in texts.items()}
 
 
-def _lines(found: dict[str, Any], tables: dict[str, list[str]]) -> Iterator[str]:
+def _index() -> Iterator[str]:
     yield from (
         "# Results for programs: JSON and CSV",
-        "",
-        "Written by `python docs/make/results.py` from real runs; do not edit. A test compares the keys with new runs.",
         "",
         "`--json FILE` writes the result of a command for other programs, `--json -` to standard output. The unit is the "
         "end of a name: `_um`, `_urad`, `_mm`, `_s`. Uncertainties in JSON are standard uncertainties (k=1). A dot "
@@ -190,21 +208,48 @@ def _lines(found: dict[str, Any], tables: dict[str, list[str]]) -> Iterator[str]
         "",
         "The keys of `diagnose` that are explained here, and the columns of measurement files, are a contract: they stay.",
         "",
+        "| page | JSON of |",
+        "|---|---|",
     )
+    for subject, (title, commands) in SUBJECTS.items():
+        linked = (f"[{command}]({subject}.md#json-of-{command.replace(' ', '-')})" for command in commands)
+        yield f"| [{title}]({subject}.md) | {', '.join(linked)} |"
+    yield f"| [Columns of CSV files]({COLUMNS}.md) | {', '.join(TABLES)} |"
+    yield ""
+    yield (
+        "These pages are written by `python docs/make/results.py` from real runs; do not edit them. A test compares the "
+        "keys with new runs."
+    )
+    yield ""
+
+
+def _subject(title: str, found: dict[str, Any]) -> Iterator[str]:
+    """The page of some commands; found: their JSON."""
+    yield from (f"# Results: {title}", "", "How to read these tables: [results](index.md).", "")
     for command, value in found.items():
         yield from (f"## JSON of {command}", "", f"    {RESULTS[command]}", "", "| key | type | example | meaning |")
         yield "|---|---|---|---|"
-        for path, inner in key_table(value).items():
-            yield f"| `{path}` | {kind(inner)} | {example(inner)} | {meaning(path)} |"
+        for path, inner in key_table(value, command).items():
+            other = SHOWN_AT.get((command, path))
+            text = f"the [JSON of {other}](#json-of-{other})" if other else meaning(path)
+            yield f"| `{path}` | {kind(inner)} | {example(inner)} | {text} |"
         yield ""
-    yield from ("## Columns of CSV files", "")
-    yield "Lines that begin with `#` are a header, `# key: value`. [Measurement files](measurements.md) have their own page."
+
+
+def _columns(tables: dict[str, list[str]]) -> Iterator[str]:
+    yield from ("# Columns of CSV files", "")
+    yield (
+        "Lines that begin with `#` are a header, `# key: value`. [Measurement files](../measurements/index.md) have their "
+        "own pages."
+    )
     yield ""
     for command, names in tables.items():
-        yield from (f"### {command}", "", "| column | meaning |", "|---|---|")
+        yield from (f"## {command}", "", "| column | meaning |", "|---|---|")
         yield from (f"| `{name}` | {meaning(name)} |" for name in names)
         yield ""
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page())
+    PAGES.mkdir(exist_ok=True)
+    for name, text in pages().items():
+        (PAGES / f"{name}.md").write_text(text)

@@ -11,6 +11,7 @@ command that begin with A or with B, or all of them for `*`.
 from __future__ import annotations
 
 import argparse
+import html
 import os
 import re
 import shlex
@@ -29,7 +30,9 @@ FOLDER = "mill"
 MARK = re.compile(r"<!-- lines: (.*) -->$")
 HIDDEN = "backlash:axis=X,width=14"
 TRACKER = "--tracker=-1500,1500,300 -u u_range_um=0.5 -u u_range_um_per_m=0.5 -u u_angle_um=1 -u u_angle_um_per_m=1.5"
-PICTURES = {"diagnosis": 2350, "part": 1150}
+VERDICT = "verdict"
+"""Name of the text in a picture."""
+PICTURES = {"diagnosis": 2050, "part": 905}
 """Reports of the tutorial, and how much of each is shown, px."""
 
 
@@ -92,15 +95,18 @@ def make_data() -> None:
 
 
 def photograph(page: Path, picture: Path, height: int) -> None:
-    """A picture of the head of a page in Chromium, in few colours."""
-    from PIL import Image
+    """A picture of the head of a page in Chromium, in few colours; it contains the page's verdict as a text."""
+    from PIL import Image, PngImagePlugin
 
     command = ["chromium", "--headless", "--no-sandbox", "--hide-scrollbars", "--virtual-time-budget=15000"]
     command += [f"--window-size=1100,{height}", f"--screenshot={picture}", page.as_uri()]
     subprocess.run(command, check=True, capture_output=True)
     with Image.open(picture) as seen:
         few = seen.convert("RGB").quantize(128)
-    few.save(picture, optimize=True)
+    (verdict,) = re.findall(r'<p class="verdict(?: long)?">(.*?)</p>', page.read_text(encoding="utf-8"), re.DOTALL)
+    content = PngImagePlugin.PngInfo()
+    content.add_itxt(VERDICT, html.unescape(re.sub(r"<[^>]*>", "", verdict)))
+    few.save(picture, optimize=True, pnginfo=content)
 
 
 def main() -> None:

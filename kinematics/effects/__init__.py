@@ -6,50 +6,13 @@ the observations. Everything that fits, predicts, corrects or reports errors goe
 
 from __future__ import annotations
 
-from kinematics.effects.base import (
-    COMPONENTS,
-    INSTRUMENT,
-    TOOL,
-    UM,
-    URAD,
-    Columns,
-    Component,
-    EffectBase,
-    Parameter,
-    Remedy,
-    unit_of,
-)
-from kinematics.effects.control import ControlTable
-from kinematics.effects.distortion import DistortionWithSensor, DistortionWithTime
-from kinematics.effects.drive import (
-    Backlash,
-    Cyclic,
-    FirstCycle,
-    FollowingError,
-    QuantisedCompensation,
-    Reversal,
-    Settling,
-)
-from kinematics.effects.friction import Hysteresis, LateralPlay, ReversalSpike, ServoMismatch
-from kinematics.effects.geometric import CrossAxis, ErrorMotion, LocationError, LocationJump, Racking, Scale, Wobble
-from kinematics.effects.instrument import (
-    AirDrift,
-    AirScale,
-    AngleHarmonic,
-    AngleStep,
-    LateReadBack,
-    MeasuringMachineScale,
-    MeasuringMachineSquareness,
-    Outliers,
-    RangeDrift,
-    RangeOffset,
-    StationShift,
-    TargetOffset,
-    TrackerDrift,
-    UnknownApproach,
-)
-from kinematics.effects.load import JointCompliance, RamSag
-from kinematics.effects.thermal import (
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Union
+
+from kinematics.effects.base import COMPONENTS, INSTRUMENT, TOOL, UM, URAD, Component, EffectBase, Remedy, unit_of
+from kinematics.effects.combined.thermal import (
+    DistortionWithSensor,
+    DistortionWithTime,
     DriftWithDuty,
     DriftWithSensor,
     GrowthWithDuty,
@@ -60,64 +23,107 @@ from kinematics.effects.thermal import (
     WorkpieceDrift,
     WorkpieceDriftWithSensor,
 )
-from kinematics.effects.unnamed import Unnamed
-
-Effect = (
-    ErrorMotion
-    | LocationError
-    | LocationJump
-    | Scale
-    | CrossAxis
-    | Racking
-    | Wobble
-    | JointCompliance
-    | RamSag
-    | Backlash
-    | Reversal
-    | LateralPlay
-    | Hysteresis
-    | ReversalSpike
-    | Cyclic
-    | QuantisedCompensation
-    | ControlTable
-    | FollowingError
-    | ServoMismatch
-    | Settling
-    | FirstCycle
-    | ThermalDrift
-    | DriftWithSensor
-    | DriftWithDuty
-    | WorkpieceDrift
-    | WorkpieceDriftWithSensor
-    | GrowthWithTime
-    | GrowthWithSensor
-    | QuadraticGrowth
-    | GrowthWithDuty
-    | DistortionWithTime
-    | DistortionWithSensor
-    | Unnamed
-    | StationShift
-    | TrackerDrift
-    | RangeOffset
-    | RangeDrift
-    | AirScale
-    | AirDrift
-    | AngleHarmonic
-    | AngleStep
-    | TargetOffset
-    | LateReadBack
-    | MeasuringMachineScale
-    | MeasuringMachineSquareness
-    | UnknownApproach
-    | Outliers
+from kinematics.effects.control import ControlTable
+from kinematics.effects.drive import (
+    Backlash,
+    Cyclic,
+    FirstCycle,
+    FollowingError,
+    QuantisedCompensation,
+    Reversal,
+    Settling,
 )
-EFFECTS: tuple[type[EffectBase], ...] = Effect.__args__
-"""The table; a class added to `Effect` is known to all of ncomp."""
+from kinematics.effects.friction import Hysteresis, LateralPlay, ReversalSpike, ServoMismatch
+from kinematics.effects.geometric import CentredMotion, ErrorMotion, Racking, Wobble
+from kinematics.effects.instrument import (
+    LateReadBack,
+    MeasuringMachineScale,
+    MeasuringMachineSquareness,
+    Outliers,
+    StationShift,
+    TargetOffset,
+    TrackerDrift,
+    UnknownApproach,
+)
+from kinematics.effects.load import CrossAxis, JointCompliance, RamSag
+from kinematics.effects.location import LocationError, LocationJump, Scale
+from kinematics.effects.probe import ProbeLobing
+from kinematics.effects.records import Columns, Parameter, Workshop
+from kinematics.effects.tracker import (
+    AirDrift,
+    AirScale,
+    AngleHarmonic,
+    AngleStep,
+    RangeDrift,
+    RangeOffset,
+)
+from kinematics.effects.unnamed import Unnamed
+from kinematics.running import plugins
+from kinematics.running.plugins import Plugin
+from kinematics.user_error import UserError
+
+_ORDER = """
+error-motion location location-jump scale cross-axis racking wobble joint-compliance ram-sag backlash reversal
+lateral-play hysteresis reversal-spike cyclic quantised-compensation control-table following-error
+servo-mismatch settling first-cycle thermal-drift thermal-drift-sensor thermal-drift-duty
+thermal-drift-workpiece thermal-drift-workpiece-sensor thermal-scale thermal-scale-sensor
+thermal-scale-quadratic thermal-scale-duty thermal-distortion thermal-distortion-sensor unnamed station-shift
+tracker-drift tracker-range tracker-range-drift air-scale air-scale-drift tracker-angle tracker-angle-step
+target-offset late-read-back probe-lobing cmm-scale cmm-squareness unknown-approach outliers
+"""
+"""Kinds in the order of the table; one that is not named here follows at its end."""
+
+
+def _all() -> list[type[EffectBase]]:
+    """The classes that are effects of the table: those with a title of their own."""
+    classes: list[type[EffectBase]] = [EffectBase]  # type: ignore[type-abstract]
+    for each in classes:
+        classes += [below for below in each.__subclasses__() if below not in classes]
+    return [each for each in classes if "TITLE" in vars(each)]
+
+
+def _place(effect: type[EffectBase]) -> int:
+    kind, order = str(effect.__struct_config__.tag), _ORDER.split()
+    return order.index(kind) if kind in order else len(order)
+
+
+def _of_plugins() -> Iterator[tuple[str, Plugin]]:
+    """The kinds of a user's own plug-ins; UserError for a class that lacks a fact, or has the kind of another one."""
+    known = set(_all())
+    for plugin in plugins.run():
+        every = _all()
+        for effect in (each for each in every if each not in known):
+            kind, where = str(effect.__struct_config__.tag), f"--plugin {plugin.name}: {effect.__name__}"
+            lacking = [name for name in ("WORKSHOP", "SHOWN_OVER", "columns") if not _stated(effect, name)]
+            if lacking:
+                raise UserError(f"{where} has no {lacking[0]}: state it, as an effect in docs/develop/recipes.md does")
+            if any(kind == other.__struct_config__.tag for other in every if other is not effect):
+                raise UserError(f"{where}: its kind {kind!r} is that of another effect: give it another tag")
+            yield kind, plugin
+        known.update(every)
+
+
+def _stated(effect: type[EffectBase], name: str) -> bool:
+    """True for a fact that a class states, or takes from a class of its own kind."""
+    return getattr(effect, name, None) is not getattr(EffectBase, name, None)
+
+
+PLUGINS: Mapping[str, Plugin] = dict(_of_plugins())
+"""The plug-ins by the kinds of their effects."""
+EFFECTS: tuple[type[EffectBase], ...] = tuple(sorted(_all(), key=_place))
+"""The table of all effects. A class of a module that is imported here is known to all of ncomp."""
+if TYPE_CHECKING:
+    Effect = EffectBase
+else:
+    Effect = Union[EFFECTS]  # noqa: UP007  the union by which files are decoded
+KINDS: Mapping[str, type[EffectBase]] = {str(effect.__struct_config__.tag): effect for effect in EFFECTS}
+"""The classes by their kinds, the names in files."""
 
 __all__ = [
     "COMPONENTS",
     "EFFECTS",
     "INSTRUMENT",
+    "KINDS",
     "TOOL",
     "UM",
     "URAD",
@@ -126,6 +132,7 @@ __all__ = [
     "AngleHarmonic",
     "AngleStep",
     "Backlash",
+    "CentredMotion",
     "Columns",
     "Component",
     "ControlTable",
@@ -153,6 +160,7 @@ __all__ = [
     "MeasuringMachineSquareness",
     "Outliers",
     "Parameter",
+    "ProbeLobing",
     "QuadraticGrowth",
     "QuantisedCompensation",
     "Racking",
@@ -174,5 +182,6 @@ __all__ = [
     "Wobble",
     "WorkpieceDrift",
     "WorkpieceDriftWithSensor",
+    "Workshop",
     "unit_of",
 ]

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
-from typing import Any, ClassVar, Literal, NamedTuple, Self, cast
+from typing import Any, ClassVar, Literal, Self, cast
 
 import msgspec
 import numpy as np
 
 from kinematics.basis import Basis, Interval
+from kinematics.effects.records import Columns, InControl, Parameter, Workshop
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 
 COMPONENTS = "XYZABC"
 Component = Literal["X", "Y", "Z", "A", "B", "C"]
+Part = Literal["own", "across", "line", "turn"]
 Remedy = Literal["program", "table", "bidirectional table", "none"]
+Acting = Literal["axis", "tool", "workpiece", "instrument"]
+Positions = Literal["of its axis", "none", "any"]
 
 UM, URAD = 1e-3, 1e-6
 """Parameters are in um and urad, error motions in mm and rad."""
@@ -33,57 +36,6 @@ BY_DIRECTION = "um or urad"
 """Unit of a parameter that counts the error itself: of a translation, or of a rotation."""
 BY_AXIS = "mm or deg"
 """Unit of a position: of a linear, or of a rotary axis."""
-
-
-class Columns(NamedTuple):
-    """Change of one error component at an axis, the tool or the instrument, per unit of each parameter."""
-
-    column: int
-    """Column of an axis, TOOL or INSTRUMENT."""
-    component: int
-    """Index into COMPONENTS."""
-    values: Array
-    """`(n, parameters)`; mm or rad per unit of the parameter."""
-
-
-class Parameter(NamedTuple):
-    """One number of an effect."""
-
-    name: str
-    unit: str
-    """In the table of a class `a or b` where the direction or the axis decides, as in BY_DIRECTION and BY_AXIS."""
-    typical: float
-    """Typical size, the standard deviation of its prior; infinite where nothing limits it."""
-    linear: bool = True
-    """False for a parameter that shapes the columns (a period, a time constant) and has no effect without an amplitude.
-    """
-    share_of: str = ""
-    """In the table of a class: the field that `typical` is a share of."""
-    lower: float = -math.inf
-    """It lies above this; linear parameters have no bounds."""
-    closed: bool = False
-    """True when it may also lie on the bound."""
-
-    @property
-    def bounded(self) -> bool:
-        """True when it has a bound."""
-        return not math.isinf(self.lower)
-
-    @property
-    def bound(self) -> str:
-        """`> 0` or `>= 0`; empty when there is none."""
-        return "" if not self.bounded else f"{'>=' if self.closed else '>'} {self.lower:g}"
-
-    @property
-    def key(self) -> str:
-        """Name and unit of an object's parameter, the unit once: `width_um`, `rate_um_per_h`, `lag_ms`."""
-        name, bracket, index = self.name.partition("[")
-        unit = self.unit.replace("/", "_per_").lower()
-        return f"{name if name.endswith(f'_{unit}') else f'{name}_{unit}'}{bracket}{index}"
-
-    def allows(self, value: float) -> bool:
-        """True within its bound; not a number is not."""
-        return not self.bounded or value > self.lower or (self.closed and value == self.lower)
 
 
 def unit_of(direction: str) -> tuple[str, float]:
@@ -115,7 +67,7 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """
 
     TITLE: ClassVar[str]
-    ACTS_ON: ClassVar[Literal["axis", "tool", "workpiece", "instrument"]] = "axis"
+    ACTS_ON: ClassVar[Acting] = "axis"
     """An effect of the instrument is in the data only; it never enters a correction."""
     NEEDS: ClassVar[tuple[str, ...]] = ()
     """Columns of State, besides positions."""
@@ -123,10 +75,52 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """The simplest remedy: a controller's table, one with both directions, the corrected program."""
     HAS_MEMORY: ClassVar[bool] = False
     """True when a row depends on other rows, or on its number."""
+    COEFFICIENTS: ClassVar[bool] = False
+    """True where the parameters are coefficients of functions of position: reports show the errors at positions."""
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = ()
     """The fields that hold parameters; a row of numbers gives as many parameters `name[i]`."""
     LABEL: ClassVar[tuple[str, ...]] = ()
     """Fields that distinguish two effects of the class, besides component and axis."""
+    POSITIONS: ClassVar[Positions] = "any"
+    """Positions on which its errors depend, at constant conditions and directions of approach.
+
+    Those of its axis alone, smooth between the nodes of its basis, if it has one; none, as a constant displacement of
+    the tool; or any: those of several axes, with jumps, or with a memory of the moves.
+    """
+    WORKSHOP: ClassVar[Workshop]
+    """Usual origin in the workshop, and repair."""
+    WORKSHOP_OF_ROTARY: ClassVar[Workshop | None] = None
+    """The same for a rotary axis or the joint of an arm, which have no screw, nut or guide; None where it is equal."""
+    DIAGNOSED_AS: ClassVar[str] = ""
+    """Its kind in a diagnosis; empty where it is the kind in other files."""
+    RARE: ClassVar[bool] = False
+    """True for a rare cause that imitates a common one.
+
+    The common one is a backlash, a thermal drift, a knock at the tracker, or a change of geometry.
+    """
+    PERIODIC: ClassVar[bool] = False
+    """True for an error that repeats along its axis with a period of its own, which a diagnosis searches for."""
+    NAMES_CAUSE: ClassVar[bool] = True
+    """False for a measured dependence whose physical cause is unknown."""
+    OF_AXIS_LINE: ClassVar[bool] = False
+    """True for the position, the orientation or the scale of an axis line.
+
+    Every calibration has these: found as a cause it is a change since then.
+    """
+    OF_SEVERAL_CLASSES: ClassVar[bool] = False
+    """True for a sum of errors of several classes of ISO/TR 16907, of which none can be selected alone."""
+    OF_ISO_230: ClassVar[bool] = False
+    """True for the error motions and location errors of ISO 230-1, which reports show in tables of their own."""
+    IN_POSITIONING: ClassVar[Literal["", "mean", "reversal"]] = ""
+    """What a test of positioning along its axis (ISO 230-2) contains of it: a part of the mean or of the reversal."""
+    ON_PART: ClassVar[str] = ""
+    """Note on the effect where a part was measured instead of the machine; empty where it means the same."""
+    CONTROL_PARAMETER: ClassVar[Literal["", "backlash", "growth", "rotary"]] = ""
+    """The parameter of a control that can take its size instead of a table; empty where there is none."""
+    SHOWN_OVER: ClassVar[str]
+    """The variable over which a report draws the errors."""
+    SHOWN_BY: ClassVar[str] = "other positions"
+    """Measurement that makes the effect visible."""
 
     u: tuple[float, ...] = ()
     note: str = ""
@@ -160,6 +154,85 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return tuple(getattr(self, field) for field in ("axis", "other", "cross") if hasattr(self, field))
 
     @property
+    def workshop(self) -> Workshop:
+        """Usual origin in the workshop and repair, for a linear or a rotary axis."""
+        rotary = any(name[:1] in ("A", "B", "C") for name in self.axes[:1])
+        return (self.WORKSHOP_OF_ROTARY if rotary else None) or self.WORKSHOP
+
+    @property
+    def part(self) -> Part:
+        """The property of its axis of which it is an error (ISO/TR 16907)."""
+        own = own_component(self.axes[0]) if self.axes else ""
+        component = getattr(self, "component", own)
+        return "own" if component == own else "turn" if component in "ABC" else "across"
+
+    @property
+    def shortest_wave(self) -> tuple[str, float] | None:
+        """Axis, and length along it, mm or degrees, of its shortest wave; None where it does not repeat."""
+        return None
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Positions of its axis, mm or degrees, that are nodes of a table of this axis; empty where any will do."""
+        return ()
+
+    def in_control(self, machine: Machine) -> InControl | None:  # noqa: ARG002  for an axis line, which it contains
+        """Its value for the parameter of a control, `CONTROL_PARAMETER`; None where there is none."""
+        if not self.CONTROL_PARAMETER:
+            return None
+        parts = zip(self.parameter_table, self.parameters, strict=True)
+        return InControl(self.name, ", ".join(f"{p.name} {v:.4f} {p.unit}" for p, v in parts))
+
+    def beyond_kinematics(self, machine: Machine) -> str:  # noqa: ARG002  for an axis line, which it contains
+        """Why the kinematic parameters of a control do not hold it, where they do not."""
+        return "it changes with positions: for tables or corrected programs"
+
+    @property
+    def meaning(self) -> str:
+        """What it is in the words of the workshop; empty where its name says it."""
+        return ""
+
+    @property
+    def size_summary(self) -> tuple[str, ...]:
+        """Texts on its size in place of a list of its parameters; empty where the parameters are listed."""
+        return ()
+
+    @property
+    def waves(self) -> tuple[str, ...]:
+        """Amplitudes and orders of a periodic error as texts; empty for others."""
+        return ()
+
+    @property
+    def line_name(self) -> str:
+        """The property of the axis line of which it is the error; empty where it is none, as `OF_AXIS_LINE`."""
+        return ""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Notes on its size as the cause of errors: the meaning of an unusual sign, or what to do."""
+        return ()
+
+    @property
+    def finding(self) -> str:
+        """What is wrong with its size in a calibration, beyond its uncertainty; empty where nothing is."""
+        return ""
+
+    def lasting(self) -> Self:
+        """The effect as a calibration has it, whenever later data begin: permanent after its moment."""
+        return self
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """What its parameters refer to, as texts: the moment from which it holds, a fixed point, a range."""
+        return () if self.moment is None else (f"from {self.moment / HOUR:.4g} h on",)
+
+    @property
+    def moment(self) -> float | None:
+        """The time, s, at which the error appears suddenly; None where it has no such moment."""
+        since_s: float | None = getattr(self, "since_s", None)
+        return since_s
+
+    @property
     def sensors(self) -> tuple[str, ...]:
         """Names of the temperatures that it follows."""
         return (self.sensor,) if hasattr(self, "sensor") else ()
@@ -180,7 +253,7 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
         Units are those of `State.variable`.
         """
-        return {}
+        return {self.axis: self.basis.interval} if hasattr(self, "axis") and hasattr(self, "basis") else {}
 
     @property
     def feature_lengths(self) -> Mapping[str, float]:
@@ -195,7 +268,13 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         for a constant displacement of the tool. None for all other effects: of several axes, with jumps, or with a
         memory of the moves.
         """
-        return None
+        if self.POSITIONS == "any":
+            return None
+        return (
+            {self.axis: getattr(self, "basis", None)}
+            if self.POSITIONS == "of its axis" and hasattr(self, "axis")
+            else {}
+        )
 
     def quantities(self) -> tuple[Parameter, ...]:
         """The fields that hold its parameters, with their units and typical sizes."""
@@ -279,6 +358,14 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             value = getattr(self, quantity.name)
             if value is not None:
                 yield quantity.name, tuple(islice(left, len(value))) if isinstance(value, tuple) else next(left)
+
+    @classmethod
+    def candidates(cls, axes: Iterable[str]) -> Iterator[Self]:  # noqa: ARG003  for a class that is a candidate
+        """Effects of this class without a size that a diagnosis tries on data in which these axes move.
+
+        Those of ncomp's own classes are in `calibration/diagnosis/search/causes.py`, because they depend on the data.
+        """
+        return iter(())
 
     @abstractmethod
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:

@@ -8,7 +8,8 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from kinematics.basis import Basis, BSpline
-from kinematics.effects.base import BY_DIRECTION, Columns, EffectBase, Parameter, Remedy, own_motion, unit_of
+from kinematics.effects.base import BY_DIRECTION, EffectBase, Remedy, own_motion, unit_of
+from kinematics.effects.records import Columns, Parameter, Workshop
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -25,6 +26,11 @@ class ControlTable(EffectBase, frozen=True, tag="control-table"):
     TITLE: ClassVar[str] = "compensation table in the control, as the error that it removes"
     NEEDS: ClassVar[tuple[str, ...]] = ("approach",)
     REMEDY: ClassVar[Remedy] = "table"
+    OF_SEVERAL_CLASSES = True
+    SHOWN_OVER = "table"
+    WORKSHOP = Workshop(
+        "A compensation table is active in the control.", "Keep it, or switch it off and write the new one instead."
+    )
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("values", BY_DIRECTION, 30.0),)
 
     axis: str

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import msgspec
 
 from kinematics.effects import EFFECTS
-from kinematics.effects.base import EffectBase, Parameter
+from kinematics.effects.base import EffectBase
+from kinematics.effects.records import Parameter
 
 HEAD = """# Effects: the physical causes of error
 

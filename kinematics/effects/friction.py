@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import ClassVar
 
 import numpy as np
 
-from kinematics.basis import Basis
 from kinematics.effects.base import (
     BY_AXIS,
     BY_DIRECTION,
     COMPONENTS,
-    Columns,
     Component,
     EffectBase,
-    Parameter,
     Remedy,
     own_component,
     own_motion,
     unit_of,
 )
+from kinematics.effects.records import Columns, Parameter, Workshop
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -36,6 +34,17 @@ class LateralPlay(EffectBase, frozen=True, tag="lateral-play"):
     TITLE: ClassVar[str] = "play across the guide at reversal (lateral play, roll, pitch, yaw)"
     NEEDS: ClassVar[tuple[str, ...]] = ("approach",)
     REMEDY: ClassVar[Remedy] = "bidirectional table"
+    POSITIONS = "of its axis"
+    RARE = True
+    SHOWN_OVER = "position by direction"
+    SHOWN_BY = "positions approached from both sides, with two targets far apart on the tool"
+    WORKSHOP = Workshop(
+        "Worn or loose gibs and carriages: the slide tilts or steps aside when it turns back.",
+        "Set the gibs or the preload of the carriages.",
+    )
+    WORKSHOP_OF_ROTARY = Workshop(
+        "Play of the bearing: the axis tilts or steps aside when it turns back.", "Set or replace the bearing."
+    )
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("play", BY_DIRECTION, 10.0),)
 
     component: Component
@@ -46,11 +55,6 @@ class LateralPlay(EffectBase, frozen=True, tag="lateral-play"):
         if self.component == own_component(self.axis):
             raise ValueError(f"{self.name}: along its own line the play of an axis is its backlash")
         super().__post_init__()
-
-    @property
-    def position_bases(self) -> Mapping[str, Basis | None]:
-        """See `EffectBase.position_bases`."""
-        return {self.axis: None}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
@@ -87,6 +91,17 @@ class Hysteresis(_SinceReversal, frozen=True, tag="hysteresis"):
     """
 
     TITLE: ClassVar[str] = "hysteresis: lost motion that grows with the distance since the last reversal"
+    RARE = True
+    SHOWN_OVER = "distance since reversal"
+    SHOWN_BY = "positions at different ways behind a reversal: short steps back, and long ones"
+    WORKSHOP = Workshop(
+        "Elastic parts between drive and scale with friction: seals, covers, cable chain, dry guides.",
+        "Lubricate the guides, check covers and the cable chain, and the mounting of the scale.",
+    )
+    WORKSHOP_OF_ROTARY = Workshop(
+        "Elastic parts between motor and load with friction: gear, belt, seals, cables.",
+        "Check the gear and the cables, or use an encoder on the side of the load.",
+    )
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
         Parameter("width", BY_DIRECTION, 20.0),
         Parameter("length", BY_AXIS, 0.3, linear=False, share_of="length", lower=0.0),
@@ -111,6 +126,12 @@ class ReversalSpike(_SinceReversal, frozen=True, tag="reversal-spike"):
     """
 
     TITLE: ClassVar[str] = "reversal spike: a local error after a reversal that decays with the distance"
+    RARE = True
+    SHOWN_OVER = "distance since reversal"
+    SHOWN_BY = "positions at short steps behind a reversal"
+    WORKSHOP = Workshop(
+        "Friction at standstill that the drive overcomes late.", "Set the friction compensation of the drive."
+    )
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
         Parameter("height", BY_DIRECTION, 10.0),
         Parameter("length", BY_AXIS, 0.3, linear=False, share_of="length", lower=0.0),
@@ -135,6 +156,13 @@ class ServoMismatch(EffectBase, frozen=True, tag="servo-mismatch"):
     TITLE: ClassVar[str] = "servo mismatch: the following errors of two axes differ"
     NEEDS: ClassVar[tuple[str, ...]] = ("velocity",)
     REMEDY: ClassVar[Remedy] = "none"
+    RARE = True
+    SHOWN_OVER = "velocity"
+    SHOWN_BY = "a circle or a line at 45 degrees in both directions, at two feeds"
+    WORKSHOP = Workshop(
+        "Two axes have different position gains, so that a circle becomes an ellipse.",
+        "Match the position gains of the axes.",
+    )
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("lag_ms", "ms", 0.5),)
 
     axis: str

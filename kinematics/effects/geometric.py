@@ -8,26 +8,25 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 import numpy as np
 
-from kinematics.basis import Basis, Interval, Legendre
+from kinematics.basis import Basis
 from kinematics.effects.base import (
     BY_DIRECTION,
     COMPONENTS,
     UM,
-    Columns,
     Component,
     EffectBase,
-    Parameter,
+    Part,
     Remedy,
-    own_motion,
     unit_of,
 )
-from kinematics.machine import Machine
+from kinematics.effects.records import Columns, Parameter, Workshop
+from kinematics.machine import Machine, Vector
 from kinematics.state import State
+from kinematics.transforms import Array
 
 TYPICAL = 30.0
 """um or urad: error motions of machines in good order."""
-
-
+GEOMETRY = "Level the machine, scrape or shim the guide, or set the axis line; measure again."
 Motion = Literal["radial", "tilt"]
 
 
@@ -36,6 +35,17 @@ class ErrorMotion(EffectBase, frozen=True, tag="error-motion"):
 
     TITLE: ClassVar[str] = "error motion of an axis (positioning, straightness, angular, radial, axial, tilt)"
     REMEDY: ClassVar[Remedy] = "table"
+    POSITIONS = "of its axis"
+    OF_ISO_230 = True
+    IN_POSITIONING = "mean"
+    SHOWN_OVER = "position"
+    WORKSHOP = Workshop(
+        "Form of the guides and of the scale: machining, mounting, wear, a foundation that has moved.", GEOMETRY
+    )
+    WORKSHOP_OF_ROTARY = Workshop(
+        "Bearing, encoder or gear of the rotary axis: eccentric mounting, wear.",
+        "Centre the encoder or the plate, check the bearing; measure again.",
+    )
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("parameters", BY_DIRECTION, TYPICAL),)
 
     component: Component
@@ -57,19 +67,25 @@ class ErrorMotion(EffectBase, frozen=True, tag="error-motion"):
         return f"E_{self.component}{self.axis}"
 
     @property
-    def intervals(self) -> Mapping[str, Interval]:
-        """See `EffectBase.intervals`."""
-        return {self.axis: self.basis.interval}
-
-    @property
     def feature_lengths(self) -> Mapping[str, float]:
         """See `EffectBase.feature_lengths`."""
         return {self.axis: self.basis.feature_length}
 
     @property
-    def position_bases(self) -> Mapping[str, Basis | None]:
-        """See `EffectBase.position_bases`."""
-        return {self.axis: self.basis}
+    def shortest_wave(self) -> tuple[str, float] | None:
+        """See `EffectBase.shortest_wave`."""
+        length = self.basis.wave_length
+        return None if length is None else (self.axis, length)
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """See `EffectBase.kinks`: the nodes of its table, or the ends of its interval."""
+        return self.basis.kinks
+
+    @property
+    def shift(self) -> Array:
+        """Displacement `(3,)` of the axis' own point, mm per rad, in the axis' error frame: none, it turns about it."""
+        return np.zeros(3)
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
@@ -77,166 +93,43 @@ class ErrorMotion(EffectBase, frozen=True, tag="error-motion"):
         yield Columns(machine.index(self.axis), COMPONENTS.index(self.component), values)
 
 
-class LocationError(EffectBase, frozen=True, tag="location"):
-    """Position or orientation of an axis line (ISO 230-1), E_C0Y, E_B0Z, E_X0C, E_A0B, ..., tool relative to workpiece.
+class CentredMotion(ErrorMotion, frozen=True, kw_only=True, tag="centred-motion"):
+    """An angular error motion of a linear axis that turns the carriage about any point, while a model is fitted.
 
-    An orientation error of a linear axis tilts its line, so its carriage leaves the nominal direction d by
-    angle x d per mm and does not turn: E_XY = -E_C0Y y, E_YX = E_C0X x, E_XZ = E_B0Z z. All others are the constants of
-    the error motions: the line of a rotary axis in the head lies at the value, that of a table at minus the value.
+    With the centre of the measured points, the prior of the translations refers to these points, wherever the origin of
+    the frame lies. It is in no file: a calibration is written about the axis' own point (`at_own_point`).
     """
 
-    TITLE: ClassVar[str] = "location error of an axis line (squareness, position and tilt of a rotary axis)"
-    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("value", BY_DIRECTION, 50.0),)
-
-    component: Component
-    axis: str
-    value: float
+    about: Vector
+    """The point, mm, in the axis' error frame, from the point that `ErrorMotion` turns about."""
 
     @property
-    def name(self) -> str:
-        """E_C0Y, E_X0C, ..."""
-        return f"E_{self.component}0{self.axis}"
-
-    @property
-    def position_bases(self) -> Mapping[str, Basis | None]:
-        """See `EffectBase.position_bases`."""
-        return {self.axis: None}
+    def shift(self) -> Array:
+        """Displacement `(3,)` of the axis' own point, mm per rad, in the axis' error frame."""
+        return shift_of(self.component, self.about)
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
-        yield from _of_line(machine, state, self.component, self.axis)
+        for turn in super().columns(machine, state):
+            yield from with_shift(turn, self.shift)
+
+    def at_own_point(self) -> ErrorMotion:
+        """The same turn about the axis' own point: without the displacement of this point."""
+        return ErrorMotion(self.component, self.axis, self.basis, self.parameters, u=self.u, note=self.note)
 
 
-class LocationJump(EffectBase, frozen=True, tag="location-jump"):
-    """A location error (see `location`) that appears at a moment: the reference of an axis is lost, its zero jumps
-    (E_X0X); squareness changes in a collision (E_C0Y); a table is shifted (E_X0C).
-
-    Zero before `since_s`; without it the jump has happened before the data and is permanent, as in a calibration. The
-    line of a linear axis turns about the position `fixed_point` of its axis.
-    ISO 230-1:2012 (location errors); Schwenke et al., CIRP Annals 57/2 (2008): drift and sudden changes of geometry.
-    """
-
-    TITLE: ClassVar[str] = "jump of a location error at a moment (zero of an axis, squareness after a collision)"
-    NEEDS: ClassVar[tuple[str, ...]] = ("time",)
-    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("value", BY_DIRECTION, 50.0),)
-
-    component: Component
-    axis: str
-    value: float
-    since_s: float | None = None
-    fixed_point: float = 0.0
-    """Position of a linear axis, mm, that the turn of its line leaves where it is."""
-
-    @property
-    def turns(self) -> bool:
-        """True where the line of a linear axis turns."""
-        return self.axis[0] not in "ABC" and self.component in "ABC"
-
-    @property
-    def name(self) -> str:
-        """`location-jump E_C0Y`."""
-        return f"{self.kind} E_{self.component}0{self.axis}"
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """Time only with `since_s`."""
-        return () if self.since_s is None else self.NEEDS
-
-    @property
-    def position_bases(self) -> Mapping[str, Basis | None]:
-        """See `EffectBase.position_bases`."""
-        return {self.axis: None}
-
-    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `EffectBase.columns`."""
-        after = 1.0 if self.since_s is None else (state.need("time", self.name) >= self.since_s)[:, None]
-        for column in _of_line(machine, state, self.component, self.axis, self.fixed_point):
-            yield column._replace(values=column.values * after)
+def shift_of(component: Component, about: Vector) -> Array:
+    """Displacement `(3,)`, mm per rad, of an axis' own point by an angular error that turns about another point."""
+    i, shift = COMPONENTS.index(component) % 3, np.zeros(3)
+    shift[i - 2], shift[i - 1] = about[i - 1], -about[i - 2]
+    return shift
 
 
-class Scale(EffectBase, frozen=True, tag="scale"):
-    """The scale of a linear axis: it goes too far by the scale times its position, E_YY = scale y.
-
-    Mean slope of the positioning error over the travel (ISO 230-2, mean bidirectional positional deviation). Positive:
-    the axis goes farther than commanded. In a calibration it is part of the error motion; it is a change since then.
-    """
-
-    TITLE: ClassVar[str] = "scale of a linear axis (mean slope of its positioning error)"
-    REMEDY: ClassVar[Remedy] = "table"
-    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("scale", "um/m", 20.0),)
-
-    axis: str
-    scale: float
-
-    def __post_init__(self) -> None:
-        if self.axis[0] in "ABC":
-            raise ValueError(f"{self.name}: {self.axis} is no linear axis")
-        super().__post_init__()
-
-    @property
-    def position_bases(self) -> Mapping[str, Basis | None]:
-        """See `EffectBase.position_bases`."""
-        return {self.axis: None}
-
-    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `EffectBase.columns`."""
-        i, k, sign = own_motion(machine, self.axis)
-        yield Columns(i, k, sign * UM * 1e-3 * state.positions[:, [i]])
-
-
-class CrossAxis(EffectBase, frozen=True, tag="cross-axis"):
-    """An error motion of one axis that also depends on the position of another: sag, twist, mass shift.
-
-    Products P_i(own) P_j(other) of Legendre polynomials over both intervals, i = 0 ... own_degree, j = 1 ...
-    other_degree, i running first; the part that does not depend on the other axis (j = 0) is the error motion itself.
-    """
-
-    TITLE: ClassVar[str] = "error motion that also depends on another axis (sag, twist, mass shift)"
-    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("coefficients", BY_DIRECTION, TYPICAL / 3),)
-
-    component: Component
-    axis: str
-    other: str
-    own_interval: Interval
-    other_interval: Interval
-    own_degree: Annotated[int, msgspec.Meta(ge=0, le=12)]
-    other_degree: Annotated[int, msgspec.Meta(ge=1, le=12)]
-    coefficients: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        own, other = self._bases()
-        if len(self.coefficients) != own.size * (other.size - 1):
-            raise ValueError(
-                f"{self.name}: these degrees take {own.size * (other.size - 1)} coefficients, "
-                f"got {len(self.coefficients)}"
-            )
-        super().__post_init__()
-
-    @property
-    def name(self) -> str:
-        """E_ZX(Y), ..."""
-        return f"E_{self.component}{self.axis}({self.other})"
-
-    @property
-    def intervals(self) -> Mapping[str, Interval]:
-        """See `EffectBase.intervals`."""
-        return {self.axis: self.own_interval, self.other: self.other_interval}
-
-    @property
-    def feature_lengths(self) -> Mapping[str, float]:
-        """See `EffectBase.feature_lengths`."""
-        own, other = self._bases()
-        return {self.axis: own.feature_length, self.other: other.feature_length}
-
-    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `EffectBase.columns`."""
-        bases = zip((self.axis, self.other), self._bases(), strict=True)
-        own, other = (state.basis_columns(machine, axis, basis) for axis, basis in bases)
-        products = (other[:, 1:, None] * own[:, None, :]).reshape(len(state), len(self.coefficients))
-        yield Columns(machine.index(self.axis), COMPONENTS.index(self.component), products * unit_of(self.component)[1])
-
-    def _bases(self) -> tuple[Legendre, Legendre]:
-        return Legendre(self.own_interval, self.own_degree), Legendre(self.other_interval, self.other_degree)
+def with_shift(turn: Columns, shift: Array) -> Iterator[Columns]:
+    """An angular error with its displacement `(3,)`, mm per rad, of the axis' own point."""
+    yield turn
+    for direction in np.flatnonzero(shift).tolist():
+        yield Columns(turn.column, direction, turn.values * shift[direction])
 
 
 class Racking(EffectBase, frozen=True, tag="racking"):
@@ -249,6 +142,14 @@ class Racking(EffectBase, frozen=True, tag="racking"):
     """
 
     TITLE: ClassVar[str] = "racking of a gantry (X1 against X2)"
+    POSITIONS = "of its axis"
+    RARE = True
+    SHOWN_OVER = "position"
+    SHOWN_BY = "positions on both sides of the bridge, with two targets far apart on the tool"
+    WORKSHOP = Workshop(
+        "The two drives of a gantry are not synchronous, or their scales differ.",
+        "Set the gantry offset of the second drive in the control, and check its scale.",
+    )
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("lead_um", "um", TYPICAL),)
 
     axis: str
@@ -264,19 +165,14 @@ class Racking(EffectBase, frozen=True, tag="racking"):
         super().__post_init__()
 
     @property
-    def intervals(self) -> Mapping[str, Interval]:
-        """See `EffectBase.intervals`."""
-        return {self.axis: self.basis.interval}
-
-    @property
     def feature_lengths(self) -> Mapping[str, float]:
         """See `EffectBase.feature_lengths`."""
         return {self.axis: self.basis.feature_length}
 
     @property
-    def position_bases(self) -> Mapping[str, Basis | None]:
-        """See `EffectBase.position_bases`."""
-        return {self.axis: self.basis}
+    def part(self) -> Part:
+        """It turns the bridge."""
+        return "turn"
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
@@ -304,6 +200,14 @@ class Wobble(EffectBase, frozen=True, tag="wobble"):
 
     TITLE: ClassVar[str] = "wobble of a rotary axis (radial or tilt, one harmonic)"
     LABEL: ClassVar[tuple[str, ...]] = ("motion", "harmonic", "sense")
+    POSITIONS = "of its axis"
+    RARE = True
+    SHOWN_OVER = "position"
+    SHOWN_BY = "positions over a whole turn, with two targets far apart"
+    WORKSHOP = Workshop(
+        "Eccentric or tilted bearing, encoder ring or table plate of the rotary axis.",
+        "Centre the plate or the encoder ring, or replace the bearing.",
+    )
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
         Parameter("cosine", BY_DIRECTION, 10.0),
         Parameter("sine", BY_DIRECTION, 10.0),
@@ -332,9 +236,14 @@ class Wobble(EffectBase, frozen=True, tag="wobble"):
         return {self.axis: 180.0 / self.harmonic}
 
     @property
-    def position_bases(self) -> Mapping[str, Basis | None]:
-        """See `EffectBase.position_bases`."""
-        return {self.axis: None}
+    def part(self) -> Part:
+        """Radial or tilt error motion."""
+        return "across" if self.motion == "radial" else "turn"
+
+    @property
+    def shortest_wave(self) -> tuple[str, float]:
+        """See `EffectBase.shortest_wave`."""
+        return self.axis, 360.0 / self.harmonic
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""
@@ -344,18 +253,3 @@ class Wobble(EffectBase, frozen=True, tag="wobble"):
         cos, sin = np.cos(angle) * size, np.sin(angle) * size
         yield Columns(i, first + (own + 1) % 3, np.stack([cos, sin], axis=1))
         yield Columns(i, first + (own + 2) % 3, self.sense * np.stack([sin, -cos], axis=1))
-
-
-def _of_line(
-    machine: Machine, state: State, component: Component, axis_name: str, fixed_point: float = 0.0
-) -> Iterator[Columns]:
-    """Errors of a location error of 1 um or 1 urad of an axis line, which turns about a position of a linear axis."""
-    i, j, size = machine.index(axis_name), COMPONENTS.index(component), unit_of(component)[1]
-    axis = machine.axes[i]
-    if axis.rotary or j < 3:
-        yield Columns(i, j, np.full((len(state), 1), size))
-        return
-    tilt = axis.error_frame[:, j - 3]
-    sideways = axis.error_frame.T @ np.cross(tilt, axis.unit_direction) * size
-    for k in np.flatnonzero(sideways):
-        yield Columns(i, int(k), sideways[k] * (state.positions[:, [i]] - fixed_point))

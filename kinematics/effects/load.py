@@ -1,21 +1,27 @@
-"""Loads and stiffness: weights that bend joints and rams."""
+"""Loads and stiffness: weights that bend joints and rams, and a moved mass that bends the guides of another axis."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
+import msgspec
 import numpy as np
 
-from kinematics.effects.base import UM, URAD, Columns, EffectBase, Parameter, own_motion
+from kinematics.basis import Interval, Legendre
+from kinematics.effects.base import BY_DIRECTION, COMPONENTS, UM, URAD, Component, EffectBase, own_motion, unit_of
+from kinematics.effects.geometric import TYPICAL, shift_of, with_shift
+from kinematics.effects.records import Columns, Parameter, Workshop
 from kinematics.forward import axis_pose
-from kinematics.machine import Machine
+from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import IDENTITY, Pose, read_only, turn
 from kinematics.user_error import UserError
 
 DOWN = read_only(np.array([0.0, 0.0, -1.0]))
 """Direction of gravity in the frame of the bed."""
+NONE = 1e-9
+"""um: typical size of a coefficient that has an effect of its own, and stays at 0 in a fit."""
 
 
 class JointCompliance(EffectBase, frozen=True, tag="joint-compliance"):
@@ -29,6 +35,13 @@ class JointCompliance(EffectBase, frozen=True, tag="joint-compliance"):
     """
 
     TITLE: ClassVar[str] = "compliance of a rotary axis under the weight at the tool (gravity)"
+    RARE = True
+    SHOWN_OVER = "rows over position"
+    SHOWN_BY = "the same pose with another weight at the tool, and with the arm stretched and folded"
+    WORKSHOP = Workshop(
+        "Gears and bearings of the rotary axis yield under the weight of the tool or the workpiece.",
+        "Reduce the load, clamp the axis while cutting, or tighten the gear.",
+    )
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("compliance_urad_per_m", "urad/m", 20.0),)
 
     axis: str
@@ -58,6 +71,12 @@ class RamSag(EffectBase, frozen=True, tag="ram-sag"):
     """
 
     TITLE: ClassVar[str] = "sag of a ram under its weight, with the cube of its overhang"
+    RARE = True
+    SHOWN_OVER = "rows over position"
+    SHOWN_BY = "both axes of the ram in and out, independently of each other"
+    WORKSHOP = Workshop(
+        "The weight of the ram bends it as it comes out.", "Set the hydraulic or electric sag compensation of the ram."
+    )
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("sag_um_per_m3", "um/m3", 30.0),)
 
     axis: str
@@ -65,6 +84,11 @@ class RamSag(EffectBase, frozen=True, tag="ram-sag"):
     support: float
     extends: Literal[1, -1] = 1
     other: str | None = None
+
+    @property
+    def angular(self) -> bool:
+        """True: it also turns the ram."""
+        return True
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -108,3 +132,99 @@ def _from_bed(machine: Machine, state: State, name: str, by: str) -> tuple[Pose,
             f"{by}: {name} carries the workpiece; the weight at the tool loads axes on the side of the tool"
         )
     return found, pose
+
+
+class CrossAxis(EffectBase, frozen=True, tag="cross-axis"):
+    """An error motion of one axis that also depends on the position of another: sag, twist, mass shift.
+
+    Products P_i(own) P_j(other) of Legendre polynomials over both intervals, i = 0 ... own_degree, j = 1 ...
+    other_degree, i running first; the part that does not depend on the other axis (j = 0) is the error motion itself.
+    Between linear axes the product P_0 P_1 of a translation is a squareness, a scale, or a turn of the part. It has an
+    effect of its own, so a fit leaves its coefficient at 0. An angular error turns the carriage about the point `about`
+    in the axis' error frame, mm from the axis' own point; without it, about the latter.
+    """
+
+    TITLE: ClassVar[str] = "error motion that also depends on another axis (sag, twist, mass shift)"
+    COEFFICIENTS: ClassVar[bool] = True
+    SHOWN_OVER = "two axes"
+    SHOWN_BY = "positions in which both axes move independently, over their whole travel"
+    WORKSHOP = Workshop(
+        "The moving mass bends the structure: sag of an arm, twist of a column, shift of the table's weight.",
+        "Counterbalance or stiffen the structure; otherwise a cross-axis table or the corrected program.",
+    )
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("coefficients", BY_DIRECTION, TYPICAL / 3),)
+
+    component: Component
+    axis: str
+    other: str
+    own_interval: Interval
+    other_interval: Interval
+    own_degree: Annotated[int, msgspec.Meta(ge=0, le=12)]
+    other_degree: Annotated[int, msgspec.Meta(ge=1, le=12)]
+    coefficients: tuple[float, ...]
+    about: Vector | msgspec.UnsetType = msgspec.UNSET
+
+    def __post_init__(self) -> None:
+        own, other = self._bases()
+        if len(self.coefficients) != own.size * (other.size - 1):
+            raise ValueError(
+                f"{self.name}: these degrees take {own.size * (other.size - 1)} coefficients, "
+                f"got {len(self.coefficients)}"
+            )
+        super().__post_init__()
+
+    @property
+    def name(self) -> str:
+        """E_ZX(Y), ..."""
+        return f"E_{self.component}{self.axis}({self.other})"
+
+    @property
+    def intervals(self) -> Mapping[str, Interval]:
+        """See `EffectBase.intervals`."""
+        return {self.axis: self.own_interval, self.other: self.other_interval}
+
+    @property
+    def feature_lengths(self) -> Mapping[str, float]:
+        """See `EffectBase.feature_lengths`."""
+        own, other = self._bases()
+        return {self.axis: own.feature_length, self.other: other.feature_length}
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Its largest size over the measured ranges."""
+        return (f"up to {self.at_corners:.2g} {self.parameter_table[0].unit} at the corners of the measured ranges",)
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `EffectBase.columns`."""
+        bases = zip((self.axis, self.other), self._bases(), strict=True)
+        own, other = (state.basis_columns(machine, axis, basis) for axis, basis in bases)
+        products = (other[:, 1:, None] * own[:, None, :]).reshape(len(state), len(self.coefficients))
+        errors = products * unit_of(self.component)[1]
+        found = Columns(machine.index(self.axis), COMPONENTS.index(self.component), errors)
+        yield from [found] if self.about is msgspec.UNSET else with_shift(found, shift_of(self.component, self.about))
+
+    @property
+    def parameter_table(self) -> tuple[Parameter, ...]:
+        """See `EffectBase.parameter_table`; a coefficient that is a line of an axis is expected at 0."""
+        first, *others = super().parameter_table
+        return first._replace(typical=NONE, held=True) if self._line_first else first, *others
+
+    @property
+    def typical(self) -> tuple[float, ...]:
+        """See `EffectBase.typical`."""
+        return tuple(parameter.typical for parameter in self.parameter_table)
+
+    @property
+    def at_corners(self) -> float:
+        """Largest size at the four corners of both intervals, um or urad."""
+        own, other = (basis.columns(np.array(basis.interval)) for basis in self._bases())
+        products = other[:, None, 1:, None] * own[None, :, None, :]
+        return float(np.abs(products.reshape(4, -1) @ np.array(self.coefficients)).max())
+
+    @property
+    def _line_first(self) -> bool:
+        """True where the first product is the line of an axis: a squareness, a scale, or a turn of the part."""
+        return not self.angular and self.axis[0] not in "ABC" and self.other[0] not in "ABC"
+
+    def _bases(self) -> tuple[Legendre, Legendre]:
+        return Legendre(self.own_interval, self.own_degree), Legendre(self.other_interval, self.other_degree)

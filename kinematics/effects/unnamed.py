@@ -8,7 +8,8 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from kinematics.basis import Interval, Legendre
-from kinematics.effects.base import COMPONENTS, TOOL, UM, Columns, EffectBase, Parameter
+from kinematics.effects.base import COMPONENTS, TOOL, UM, EffectBase
+from kinematics.effects.records import Columns, Parameter, Workshop
 from kinematics.machine import Machine
 from kinematics.state import TEMPERATURE, TIME, State
 from kinematics.transforms import Array
@@ -29,6 +30,9 @@ class Unnamed(EffectBase, frozen=True, tag="unnamed"):
     TITLE: ClassVar[str] = "smooth function that no named cause explains"
     ACTS_ON = "tool"
     NEEDS: ClassVar[tuple[str, ...]] = ("temperatures", "time")
+    NAMES_CAUSE = False
+    SHOWN_OVER = "variables"
+    WORKSHOP = Workshop("Not known: no cause of the library fits.", "Make the proposed measurement before any repair.")
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("coefficients", "um", 10.0),)
 
     component: Literal["X", "Y", "Z"]
@@ -83,6 +87,11 @@ class Unnamed(EffectBase, frozen=True, tag="unnamed"):
         """See `EffectBase.feature_lengths`."""
         of = zip(self.variables, self._bases(), strict=True)
         return {variable: basis.feature_length for variable, basis in of if variable in self.axes}
+
+    @property
+    def size_summary(self) -> tuple[str, ...]:
+        """Its RMS and the number of its terms."""
+        return f"{self.rms_um:.2g} um RMS over its ranges", f"{len(self.terms)} terms"
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`."""

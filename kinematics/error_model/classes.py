@@ -20,8 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from kinematics.effects import ControlTable, Effect, LocationError, Racking, Wobble
-from kinematics.effects.base import own_component
+from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.mistaken import none_of
 from kinematics.user_error import UserError
@@ -50,21 +49,7 @@ def class_of(effect: Effect) -> str:
     """The elementary class of an effect of the machine."""
     if effect.ACTS_ON != "axis":
         return "SPEC"
-    axis = effect.axes[0][0]
-    return _NAMES[_part(effect, axis)]["ABC".find(axis) >= 0]
-
-
-def _part(effect: Effect, axis: str) -> str:
-    """The property of its axis of which an effect is an error."""
-    if isinstance(effect, LocationError):
-        return "line"
-    if isinstance(effect, Wobble):
-        return "across" if effect.motion == "radial" else "turn"
-    own = own_component(axis)
-    component = "C" if isinstance(effect, Racking) else getattr(effect, "component", own)
-    if component == own:
-        return "own"
-    return "turn" if component in "ABC" else "across"
+    return _NAMES[effect.part][effect.axes[0][0] in "ABC"]
 
 
 def parse_classes(text: str) -> frozenset[str]:
@@ -84,7 +69,7 @@ def select(model: ErrorModel, classes: Iterable[str]) -> ErrorModel:
     UserError for a part of a model that holds tables in the control.
     """
     chosen = set(classes)
-    tables = [effect for effect in model.effects if isinstance(effect, ControlTable)]
+    tables = [effect for effect in model.effects if effect.OF_SEVERAL_CLASSES]
     if tables:
         whole = [effect for effect in model.effects if effect.ACTS_ON != "instrument"]
         rotary = any(axis[0] in "ABC" for effect in whole for axis in effect.axes)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from kinematics.effects import Effect
-from kinematics.effects.base import Columns
+from kinematics.effects.records import Columns
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array, blocks

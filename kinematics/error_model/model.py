@@ -8,16 +8,17 @@ from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Union, get_args
+from typing import Any, Literal, NamedTuple, Union, get_args
 
 import msgspec
 import numpy as np
 
-from kinematics.effects import COMPONENTS, INSTRUMENT, Effect, ErrorMotion
+from kinematics.effects import COMPONENTS, INSTRUMENT, Effect, ErrorMotion, LocationError
 from kinematics.effects.base import unit_of
 from kinematics.error_model.decoding_faults import CURE, given_twice, hint, reason_of_fault, utf8_content
 from kinematics.error_model.effect_sums import Design, total_errors
 from kinematics.error_model.layout import to_json
+from kinematics.error_model.provenance import SIMULATED, VALID_DAYS, MachineReference, Provenance, reference
 from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.files.mistaken import kind_of_file
 from kinematics.machine import Machine
@@ -30,34 +31,7 @@ ROUNDING = 1e-9
 """Positions, mm or degrees, come back from rad with an error far below this."""
 LONGEST_FEATURE = np.deg2rad(40.0)
 """rad."""
-SIMULATED = "simulated data"
-"""Words in the source of a calibration that was fitted to such data."""
-VALID_DAYS = 365.0
-"""Validity of a calibration without `valid_days`, days."""
-
-
-class MachineReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The machine that a calibration belongs to; `chain_hash` holds its geometry to account."""
-
-    name: str
-    chain: str
-    chain_hash: str
-
-
-class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a calibration comes from: tool and version, time, sources and the fingerprints of its inputs.
-
-    Fields that are UNSET stay out of the file and out of the id, so that older files keep theirs.
-    """
-
-    made_by: str
-    made_at: Annotated[datetime.datetime, msgspec.Meta(tz=True)]
-    source: str = ""
-    inputs: dict[str, str] = {}
-    valid_days: Annotated[float, msgspec.Meta(gt=0.0)] | msgspec.UnsetType = msgspec.UNSET
-    """Days from `made_at` for which the calibration holds; without it VALID_DAYS."""
-    temperatures_degC: dict[str, tuple[float, float]] | msgspec.UnsetType = msgspec.UNSET  # noqa: N815  its unit
-    """Lowest and highest temperature of each sensor while the machine was measured, degC."""
+PLUGIN = "if it is an effect of your own, name its file with --plugin FILE.py; otherwise "
 
 
 class Observation(NamedTuple):
@@ -77,14 +51,21 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """
 
     ncomp_calibration: Literal[1] = 1
+    """Version of the file."""
     machine: MachineReference
+    """Name, chain and fingerprint of the machine."""
     provenance: Provenance
+    """Origin: program, date, data and their fingerprints."""
     demonstration: bool = False
     """True for a calibration that describes no real machine; announced on every run."""
     effects: tuple[Effect, ...]
+    """Causes of error with their parameters, um and urad unless their units say another one."""
     covariance: tuple[tuple[float, ...], ...] | None = None
     """Covariance of all parameters in the order of the effects, in their units; None if they are independent with
     their u."""
+
+    def __repr__(self) -> str:
+        return f"<ErrorModel: {self.machine.name}, calibration {self.id}, {len(self.effects)} effects>"
 
     @property
     def id(self) -> str:
@@ -113,17 +94,37 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return msgspec.structs.replace(self, effects=effects, covariance=rows)
 
     @property
+    def error_motions(self) -> tuple[tuple[ErrorMotion, slice], ...]:
+        """The error motions of all axes, each with the slice of its parameters."""
+        own = zip(self.effects, self.slices, strict=True)
+        return tuple((effect, part) for effect, part in own if isinstance(effect, ErrorMotion))
+
+    @property
+    def location_errors(self) -> tuple[tuple[LocationError, slice], ...]:
+        """The location errors of all axis lines, each with the slice of its parameter."""
+        own = zip(self.effects, self.slices, strict=True)
+        return tuple((effect, part) for effect, part in own if isinstance(effect, LocationError))
+
+    @property
     def invented(self) -> bool:
         """True where no real machine was measured: a demonstration, and a calibration fitted to simulated data."""
         return self.demonstration or SIMULATED in self.provenance.source
 
     def age_days(self, now: datetime.datetime) -> float:
-        """Days since the calibration was made."""
-        return (now - self.provenance.made_at).total_seconds() / 86400.0
+        """Days since the machine was measured; since the calibration was made where the date is not known."""
+        return (now - self.valid_from).total_seconds() / 86400.0
+
+    @property
+    def valid_from(self) -> datetime.datetime:
+        """Time from which its validity counts: the beginning of the measuring day, if it is known."""
+        day = self.provenance.measured_on
+        if day is msgspec.UNSET:
+            return self.provenance.made_at
+        return min(datetime.datetime.combine(day, datetime.time(), datetime.UTC), self.provenance.made_at)
 
     @property
     def valid_days(self) -> float:
-        """Days from `made_at` for which the calibration holds; infinite for a demonstration, which never did."""
+        """Days from `valid_from` for which the calibration is valid; infinite for a demonstration."""
         stated = self.provenance.valid_days
         if self.demonstration:
             return math.inf
@@ -209,14 +210,13 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         Each error motion has its typical size there, times `turn.spread_beyond`; they are independent.
         """
         variance = np.zeros(transform.shape[:2])
-        for effect in self.effects:
-            if isinstance(effect, ErrorMotion):
-                i = machine.index(effect.axis)
-                if machine.axes[i].turns_fully and gap_of(effect.basis.interval):
-                    size = effect.quantities()[0].typical * unit_of(effect.component)[1]
-                    spread = size * spread_beyond(effect.basis.interval, state.position(machine, effect.axis))
-                    arm = transform[:, :, 6 * i + COMPONENTS.index(effect.component)]
-                    variance += (arm * spread[:, None]) ** 2
+        for motion, _ in self.error_motions:
+            i = machine.index(motion.axis)
+            if machine.axes[i].turns_fully and gap_of(motion.basis.interval):
+                size = motion.quantities()[0].typical * unit_of(motion.component)[1]
+                spread = size * spread_beyond(motion.basis.interval, state.position(machine, motion.axis))
+                arm = transform[:, :, 6 * i + COMPONENTS.index(motion.component)]
+                variance += (arm * spread[:, None]) ** 2
         return variance
 
     def feature_lengths(self, machine: Machine) -> Array:
@@ -271,22 +271,22 @@ def no_errors(machine: Machine) -> ErrorModel:
     return ErrorModel(machine=reference(machine), provenance=made, effects=())
 
 
-def reference(machine: Machine) -> MachineReference:
-    """The machine entry of a calibration."""
-    return MachineReference(machine.name, machine.chain, machine.chain_hash)
-
-
 def read_model(path: Path, machine: Machine) -> ErrorModel:
     """The calibration in a file, for use on `machine`; UserError when it is none, or another machine's."""
     data = read_input(path, "calibration")
     model = decode_model(data, str(path))
+    refuse_other_machine(model, machine, str(path))
+    return model
+
+
+def refuse_other_machine(model: ErrorModel, machine: Machine, name: str) -> None:
+    """UserError unless the calibration of this name is of the machine."""
     if model.machine.chain_hash != machine.chain_hash:
         raise UserError(
-            f"calibration {path} is of machine {model.machine.name} ({model.machine.chain}), "
+            f"calibration {name} is of machine {model.machine.name} ({model.machine.chain}), "
             f"not of {machine.name} ({machine.chain}) with this geometry: give the machine of the calibration, or a "
             f"calibration of {machine.name}"
         )
-    return model
 
 
 def decode_model(data: bytes, source: str) -> ErrorModel:
@@ -310,10 +310,12 @@ def decode_model(data: bytes, source: str) -> ErrorModel:
         if kind := "" if data.lstrip().startswith(b"{") else kind_of_file(data):
             raise UserError(f"calibration {source}: this is {kind}, no calibration: give a file of ncomp fit") from None
         reason = f"{reason_of_fault(str(fault))}{hint(str(fault), data)}"
-        raise UserError(f"calibration {source}: {reason}; {CURE}") from None
+        unknown = str(fault).startswith("Invalid value") and ".kind" in str(fault)
+        raise UserError(f"calibration {source}: {reason}; {PLUGIN if unknown else ''}{CURE}") from None
     except UnicodeDecodeError:
         raise UserError(f"calibration {source}: not UTF-8 text: save it as UTF-8") from None
     _check(model, units, source)
+    model.provenance.warn_of_other_plugins(model.effects, source)
     return model
 
 

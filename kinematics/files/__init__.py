@@ -8,11 +8,12 @@ import hashlib
 import io
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+from kinematics.files.inputs import fingerprint_as_read, note_input, refuse_input, true_path
 from kinematics.files.mistaken import missing
 from kinematics.user_error import UserError
 
@@ -72,10 +73,12 @@ def named_file(handle: int, becomes: str | Path) -> io.BufferedRandom:
 class Draft:
     """A result in a temporary file of the same folder, before it replaces an existing file.
 
-    UserError when the folder cannot be written, or the disk is full. A link stays, and its target is replaced.
+    UserError for a file that this run has read, when the folder cannot be written, or the disk is full. A link stays,
+    and its target is replaced.
     """
 
     def __init__(self, path: Path) -> None:
+        refuse_input(path)
         self.path, self._target = path, true_path(path)
         with writing(path):
             if self._target.is_symlink():
@@ -87,7 +90,8 @@ class Draft:
         self.file = named_file(handle, path)
 
     def complete(self) -> None:
-        """Bring all of it to the disk, with the permissions of the file that it replaces."""
+        """Bring all of it to the disk, with the permissions of the file that it replaces; UserError for an input."""
+        refuse_input(self.path)  # a program may name further inputs while it is read
         with writing(self.path):
             self.file.flush()
             os.fsync(self.file.fileno())
@@ -117,6 +121,11 @@ def remove_unpublished() -> None:
     for temporary in tuple(_unpublished):
         with suppress(OSError):
             temporary.unlink()
+
+
+def forget_unpublished() -> None:
+    """In a fork: the temporary files are those of the first process."""
+    _unpublished.clear()
 
 
 @contextmanager
@@ -168,14 +177,20 @@ def read_input(path: Path, contents: str) -> bytes:
     if str(path) == "-" and not path.exists():
         raise UserError(f"{contents} -: it is not read from standard input; write it into a file and name the file")
     try:
-        return path.read_bytes()
+        data = path.read_bytes()
+        note_input(path, fingerprint(data))
+        return data
     except OSError as fault:
         raise UserError(f"{contents} {path}: {reason_of(fault)}{missing(path)}") from None
 
 
-def true_path(path: str | Path) -> Path:
-    """The absolute path without links; a link that points to itself stays, and its reading names the fault."""
-    return Path(os.path.realpath(path))
+def changed_since_read(paths: Iterable[Path]) -> list[Path]:
+    """The inputs of this run whose content has changed since they were read."""
+    return [
+        path
+        for path in paths
+        if (known := fingerprint_as_read(path)) and not (path.is_file() and fingerprint(path.read_bytes()) == known)
+    ]
 
 
 def fingerprint(data: bytes) -> str:

@@ -49,6 +49,16 @@ def kind_of_file(data: bytes) -> str:
     return next((kind for begins, kind in KINDS if re.match(begins, head)), "")
 
 
+def kind_of_program(path: Path) -> str:
+    """`an NC program` for a file that is one; empty for all others, and for one that cannot be read."""
+    try:
+        with path.open("rb") as file:
+            kind = kind_of_file(file.read(HEAD))
+    except OSError:
+        return ""
+    return kind if kind == PROGRAM else ""
+
+
 def not_utf8(data: bytes) -> str:
     """Reason for a file that should be UTF-8 text, with the cure: it is of another kind, or in another encoding."""
     kind = kind_of_file(data)

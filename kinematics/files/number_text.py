@@ -12,6 +12,27 @@ def rounded(value: float, digits: int = 2) -> str:
     return f"{float(text):.0f}" if "e" in text and 1.0 <= abs(value) < 1e6 else text
 
 
+def uncertainty(u: float, decimals: int) -> str:
+    """An uncertainty with so many decimals; with one significant digit where these would show it as zero."""
+    text = f"{u:.{decimals}f}"
+    return text if u == 0.0 or float(text) else f"{u:.1g}"
+
+
+def plus_minus(value: float, u: float, decimals: int, sign: str = "") -> str:
+    """A value and its uncertainty with equal decimals, as `uncertainty` needs; the value alone where u is zero.
+
+    sign: "+" for a sign before positive values too.
+    """
+    shown = uncertainty(u, decimals)
+    places = max(decimals, len(shown.partition(".")[2]))
+    return f"{value:{sign}z.{places}f}" + (f" ± {shown}" if u else "")
+
+
+def amount(value: float, unit: str) -> str:
+    """A size with two decimals; one that they do not show is not shown as zero."""
+    return f"{value:.2f} {unit}" if abs(value) >= 0.005 else f"less than 0.01 {unit}"
+
+
 def probability(p: float, digits: int = 1) -> str:
     """`p = 0.03`, or `p < 1e-300`."""
     return f"p = {p:.{digits}g}" if p >= LEAST_P else f"p {p_value(p)}"

@@ -9,6 +9,8 @@ from datetime import date, time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
 
@@ -40,6 +42,8 @@ class ReportHead:
     order: str = ""
     made: str = ""
     """Date and time at which the report was made."""
+    approved_by: str = ""
+    """Name of the person who signs the page."""
     remarks: str = ""
     calibration: str = ""
     """Identifier of the calibration, and the date at which it was made."""
@@ -89,7 +93,9 @@ def calibration_text(model: ErrorModel) -> str:
     if not model.effects:
         return "none"
     demonstration = ", a demonstration" if model.demonstration else ", from simulated data" if model.invented else ""
-    return f"{model.id}, made {model.provenance.made_at:%Y-%m-%d}{demonstration}"
+    measured = model.provenance.measured_on
+    dated = "" if measured is msgspec.UNSET else f", measured {measured}"
+    return f"{model.id}, made {model.provenance.made_at:%Y-%m-%d}{dated}{demonstration}"
 
 
 def _entries(table: Mapping[str, object]) -> Iterator[tuple[str, str]]:

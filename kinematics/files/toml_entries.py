@@ -150,7 +150,8 @@ def _for_people(message: str, where: str, kind: Any) -> str:
     if missing := re.fullmatch(r"Object missing required field `(\w+)`", reason):
         return f"{f'{path}.' if path else ''}{missing[1]} is missing: write {missing[1]} = ... into the file"
     if (wrong := re.fullmatch(r"Invalid enum value (.*)", reason)) and field_names(kind):
-        values = get_args(get_type_hints(kind).get(path.rpartition(".")[2]))
+        choices = get_args(get_type_hints(kind).get(path.rpartition(".")[2]))
+        values = [value for choice in choices if choice is not type(None) for value in get_args(choice) or (choice,)]
         *others, last = (repr(value) for value in values) if values else ("another one",)
         reason = f"Expected {', '.join(others)}{' or ' if others else ''}{last}, not {wrong[1]}"
     if length := re.search(r"`array` of length (\d+), got (\d+)", reason):

@@ -8,23 +8,17 @@ temporary files are removed.
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
-import os
-import signal
-import threading
-import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED as ANY
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import ExitStack, contextmanager, suppress
-from functools import cache, partial
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import ExitStack, contextmanager
+from functools import cache
 from importlib import resources
 from itertools import islice
-from multiprocessing.connection import Connection
-from typing import Any, NoReturn, TypeVar
+from typing import Any, TypeVar
 
-from kinematics.files import remove_unpublished
-from kinematics.running.stops import end, send_discarded_again, stops_wait
+from kinematics.running.caller import in_words_of_caller
+from kinematics.running.child_process import ChildProcess, LostProcess
 from kinematics.user_error import UserError
 
 LOCAL = "local"
@@ -34,80 +28,57 @@ ATTEMPTS = 3
 RETRIES = 10
 """Number of times that Dask itself repeats a task."""
 CONNECT_S = 20
-GRACE_S = 5.0
-"""Time, s, after which a worker that must end is ended in the midst of its work."""
 LARGEST_TASK = "2 GiB"
 """Size of a task for Dask without a warning: programs travel in their tasks."""
 Task = tuple[Any, ...]
+Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
+"""A function, and its arguments without and with names."""
 Result = TypeVar("Result")
 
 
 class Team:
-    """Workers that compute results, by an executor that is replaced when it breaks."""
+    """Workers that compute results, by an executor that replaces lost workers itself."""
 
-    def __init__(self, start: Callable[[], Executor], at_once: int = 1, lost: tuple[type[Exception], ...] = ()) -> None:
+    def __init__(self, executor: Executor, at_once: int = 1, lost: tuple[type[Exception], ...] = ()) -> None:
         """`at_once`: number of tasks that are given out together; `lost`: exceptions of a lost worker."""
-        self._start, self._at_once = start, at_once
+        self.executor, self._at_once = executor, at_once
         self._lost: tuple[type[Exception], ...] = (BrokenExecutor, *lost)
-        self.executor = start()
 
     def results(
         self, function: Callable[..., Result], tasks: Iterable[Task], lost: Callable[[Task], Result]
     ) -> Iterator[tuple[Task, Result]]:
         """Every task with the result of the function, in the order of completion; `lost`: result without a worker.
 
-        A task is taken from `tasks` when a worker is free.
+        A task is taken from `tasks` when a worker is free. One that has lost its worker is done after all others.
         """
-        waiting, given = iter(tasks), dict[Future[Result], Task]()
-        while True:
-            try:
-                yield from self._together(function, waiting, given)
-                return
-            except self._lost:
-                suspects = list(given.values())
-                self._replace(given)
-                given.clear()
-            for task in suspects:
-                yield task, self._alone(function, task, lost)
-
-    def _together(
-        self, function: Callable[..., Result], waiting: Iterator[Task], given: dict[Future[Result], Task]
-    ) -> Iterator[tuple[Task, Result]]:
-        """Results of the waiting tasks; `given` holds those in work."""
+        waiting, given, again = iter(tasks), dict[Future[Result], Task](), list[Task]()
         while True:
             for task in islice(waiting, self._at_once - len(given)):
                 given[self._submitted(function, task)] = task
             if not given:
-                return
+                break
             for future in wait(given, return_when=ANY).done:
-                result = future.result()
-                yield given.pop(future), result
+                task = given.pop(future)
+                try:
+                    result = future.result()
+                except self._lost:
+                    again.append(task)
+                else:
+                    yield task, result
+        for task in again:
+            yield task, self._alone(function, task, lost)
 
     def _submitted(self, function: Callable[..., Result], task: Task) -> Future[Result]:
-        try:
-            return self.executor.submit(function, *task)
-        except BrokenExecutor as fault:
-            broken: Future[Result] = Future()
-            broken.set_exception(fault)
-            return broken
+        future: Future[Result] = self.executor.submit(*in_words_of_caller(function), *task)
+        return future
 
     def _alone(self, function: Callable[..., Result], task: Task, lost: Callable[[Task], Result]) -> Result:
         for _ in range(ATTEMPTS):
             try:
-                return self.executor.submit(function, *task).result()
+                return self._submitted(function, task).result()
             except self._lost:
-                self._replace()
+                continue
         return lost(task)
-
-    def _replace(self, given: Iterable[Future[Any]] = ()) -> None:
-        for future in given:
-            future.cancel()
-        self.close()
-        self.executor = self._start()
-
-    def close(self) -> None:
-        """End the workers after their present tasks."""
-        self.executor.shutdown(cancel_futures=True)
 
 
 class Here(Executor):
@@ -123,64 +94,54 @@ class Here(Executor):
         return future
 
 
-class Processes(ProcessPoolExecutor):
-    """Processes of this machine that end when this process does."""
+class Processes(Executor):
+    """Processes of this machine, one for each task in work, that end when this process does."""
 
     def __init__(self, number: int) -> None:
-        self._heard, self._held = multiprocessing.Pipe(duplex=False)
-        # spawned, because a fork keeps locks that other threads of this process hold
-        super().__init__(number, multiprocessing.get_context("spawn"), _prepare, (self._heard,))
+        """`number`: largest number of tasks in work."""
+        self._threads = ThreadPoolExecutor(number)
+        """Each thread waits for one process."""
+        self.processes: list[ChildProcess] = []
+        """All that were started; those that are lost stay in the list."""
+        self._free: list[ChildProcess] = []
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """The task, to be done by a worker, which is started if none is free."""
-        with stops_wait():
-            return super().submit(_do, fn, *args, **kwargs)
+        """The task, to be done by a process, which is started if none is free; BrokenExecutor where that is lost."""
+        if self._free:
+            process = self._free.pop()
+        else:
+            process = ChildProcess(_called, helper=False)
+            self.processes.append(process)
+        return self._threads.submit(self._done, process, (fn, args, kwargs))
+
+    def _done(self, process: ChildProcess, task: Call) -> Any:
+        try:
+            process.give(task)
+            result = process.answer()
+        except LostProcess:
+            raise BrokenExecutor from None
+        except Exception:
+            self._free.append(process)
+            raise
+        self._free.append(process)
+        return result
 
     def abandon(self) -> None:
-        """End the workers in the midst of their tasks."""
-        self._held.close()
+        """End the processes in the midst of their tasks."""
+        for process in self.processes:
+            process.stop()
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the workers after their present tasks."""
-        super().shutdown(wait, cancel_futures=cancel_futures)
-        self._held.close()
-        self._heard.close()
+        """End the processes after their present tasks."""
+        self._threads.shutdown(wait, cancel_futures=cancel_futures)
+        for process in self.processes:
+            process.end()
 
 
-def _prepare(heard: Connection) -> None:
-    """In a worker: end with the process that holds the other end."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all processes; the first one decides
-    signal.signal(signal.SIGTERM, _end_process)
-    send_discarded_again()
-    threading.Thread(target=_listen, args=(heard,), daemon=True).start()
-
-
-def _listen(heard: Connection) -> None:
-    with suppress(EOFError, OSError):
-        heard.recv()
-    with suppress(OSError, AttributeError):
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
-    time.sleep(GRACE_S)
-    remove_unpublished()
-    os._exit(128 + signal.SIGTERM)
-
-
-def _end_process(*_: object) -> NoReturn:
-    """Between tasks: the executor would take an exception for a result."""
-    remove_unpublished()
-    os._exit(128 + signal.SIGTERM)
-
-
-def _do(function: Callable[..., Result], *task: Any) -> Result:
-    """In a worker: the result of a task. A worker that must end does so after the task's own removals."""
-    try:
-        try:
-            signal.signal(signal.SIGTERM, end)
-            return function(*task)
-        finally:
-            signal.signal(signal.SIGTERM, _end_process)
-    except SystemExit:
-        _end_process()
+def _called(call: Call) -> Any:
+    """In a process: the result of a task."""
+    function, arguments, named = call
+    return function(*arguments, **named)
 
 
 @contextmanager
@@ -193,15 +154,15 @@ def workers(number: int, dask: str | None, packages: tuple[str, ...]) -> Iterato
         with _cluster(number, dask, packages) as team:
             yield team
         return
-    team = Team(partial(Processes, number), number) if number > 1 else Team(Here)
-    try:
-        yield team
-    except BaseException:
-        if isinstance(team.executor, Processes):
-            team.executor.abandon()
-        raise
-    finally:
-        team.close()
+    if number < 2:
+        yield Team(Here())
+        return
+    with Processes(number) as processes:
+        try:
+            yield Team(processes, number)
+        except BaseException:
+            processes.abandon()
+            raise
 
 
 @cache
@@ -232,7 +193,7 @@ def _cluster(number: int, address: str, packages: tuple[str, ...]) -> Iterator[T
             raise UserError(f"--dask {address}: {fault}") from None
         _check(client, address, packages)
         threads = sum(client.nthreads().values())
-        yield Team(partial(client.get_executor, retries=RETRIES), threads, (KilledWorker,))
+        yield Team(client.get_executor(retries=RETRIES), threads, (KilledWorker,))
 
 
 def _check(client: Any, address: str, packages: tuple[str, ...]) -> None:

@@ -16,7 +16,8 @@ import numpy as np
 import machines
 from kinematics.basis import Basis, BSpline, Fourier, Legendre, Polynomial
 from kinematics.effects import Component, Effect, ErrorMotion, LocationError
-from kinematics.error_model.model import ErrorModel, Provenance, encode_model, reference
+from kinematics.error_model.model import ErrorModel, encode_model
+from kinematics.error_model.provenance import Provenance, reference
 from kinematics.files import write_whole
 from kinematics.machine import Machine
 from kinematics.transforms import Array

@@ -22,7 +22,7 @@ def held_shifts(motions: Motions, correction: Correction, before: Array) -> Arra
     before `(axes,)`: the shifts before the first row.
     """
     held = np.empty_like(correction.nominal)
-    anew = _moved(motions)
+    anew = moved_anew(motions)
     shifts = np.where(motions.movable, correction.corrected - correction.nominal, 0.0)
     first, last = 0, before
     for row in [*_partly_programmed(motions).tolist(), len(motions)]:
@@ -34,7 +34,7 @@ def held_shifts(motions: Motions, correction: Correction, before: Array) -> Arra
     return held
 
 
-def _moved(motions: Motions) -> NDArrayBool:
+def moved_anew(motions: Motions) -> NDArrayBool:
     """True `(n, axes)` where a row moves an axis to a new position; all other axes keep their shift."""
     anew = motions.movable | (motions.known_start == Known.ASSUMED)
     anew[np.ix_(motions.rotary_only & ~motions.tcp, np.array(motions.machine.translators))] = False

@@ -1,6 +1,6 @@
 """Conditions of the machine while a program runs: time and temperatures, from options or from a log.
 
-The conditions at the start of the program are held over the program.
+The conditions at the start of the program are taken for the whole program.
 """
 
 from __future__ import annotations
@@ -122,8 +122,13 @@ class Conditions:
             elif "time" in effect.needs and self.elapsed is None:
                 raise UserError(f"{effect.name} needs the time since its zero: give --elapsed s or --log")
         logged = () if self.past is None else self.past.temperatures
+        timed = any("time" in effect.needs or effect.HAS_MEMORY for effect in of_machine)
         unused = [name for name in self.temperatures if name not in used and name not in logged]
         notes = [f"temperature {name} was given and no effect uses it" for name in unused]
+        if self.log and not timed and not used:
+            notes.append(f"log {self.log} was given, and no effect of the calibration depends on time or temperature")
+        elif self.elapsed is not None and not timed and not self.log:
+            notes.append(f"--elapsed {self.elapsed:g} was given, and no effect of the calibration depends on time")
         if steady:
             notes.append(
                 f"{', '.join(steady)}: a steady state at the given temperature is assumed; --log gives its history"

@@ -69,12 +69,12 @@ def correct_ends(
     approach: Array | None = None,
     precision: float = CONVERGED,
 ) -> Correction:
-    """As `correct`, for the end points alone. precision: as of `correct_position`."""
+    """The correction of the end points alone. precision: that of `correct_position`."""
     nominal, states = motions.machine_target, conditions.states(approach)
     machine, tool, shift = motions.machine, motions.tool, datum_shifts(motions, model, conditions)
     before = pose_errors(machine, model, nominal, nominal, tool, states, shift) if orientation is None else None
     corrected = corrected_positions(
-        machine, (model, orientation), states, nominal, tool, motions.movable, shift, precision, before
+        machine, (model, orientation), states, nominal, tool, motions.movable, shift, precision, before, motions
     )
     return Correction(nominal, corrected, motions.in_program(corrected), {}, before)
 
@@ -89,18 +89,23 @@ def corrected_positions(
     shift: ArrayLike = (0.0, 0.0, 0.0),
     precision: float = CONVERGED,
     before: PoseErrors | None = None,
+    written: Motions | None = None,
 ) -> Array:
     """Axis positions `(n, axes)`, mm and rad, with the actual pose equal to the nominal pose at `nominal` `(n, axes)`.
 
     models: of the tool point and, for movable rotary axes, of the orientation. tool `(n, 3)`, mm. shift `(n, 3)`, mm,
     workpiece frame: displacement of the part from its nominal position. precision: as of `correct_position`. before:
-    errors at `nominal`, if the caller has them, and if the orientation is not corrected.
+    errors at `nominal`, if the caller has them, and if the orientation is not corrected. written: the moves whose words
+    give the positions; corrected rotary axes then take positions that can be written, and linear axes fit these.
     """
 
     model, orientation = models
     start = None
     if orientation is not None:
         start = correct_orientation(machine, states.errors(machine, orientation), nominal, movable)
+        if written is not None:
+            for i in np.flatnonzero(machine.rotary).tolist():
+                start[:, i] = np.where(movable[:, i], written.as_written(start[:, i], i), start[:, i])
     errors, slope = states.errors(machine, model), states.conditions.errors(machine, model).slope
     known = None if before is None else Uncorrected(before.actual, before.there, before.reached)
     return correct_position(machine, errors, nominal, tool, movable, start, shift, precision, slope, known)

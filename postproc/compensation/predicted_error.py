@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import bisect
-
 import numpy as np
 
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
+from kinematics.error_model.play import InPlay, PlayOperator, half_play
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions, States
 from postproc.compensation.datum import datum_shifts
 from postproc.motion.motions import Motions
+from postproc.motion.path_points import PathPoints, axis_positions, path_points
 from postproc.motion.reversals import (
-    INNER,
-    Directions,
+    after_cycles,
     axes_with_backlash,
-    axis_positions_along,
     dead_band,
     known_before,
-    turns_inside,
+    needs_direction,
+    play_limits,
 )
 
 
@@ -39,7 +38,7 @@ def model_notes(model: ErrorModel, conditions: Conditions) -> list[str]:
 
 
 class MachineStates:
-    """Follows the moves of one program text, chunk after chunk, and gives the state of the machine at their ends."""
+    """Follows the moves of one program text, chunk after chunk, and gives the state of the machine along them."""
 
     def __init__(
         self,
@@ -51,51 +50,66 @@ class MachineStates:
         written: bool = False,
     ) -> None:
         self.axes = axes_with_backlash(model, machine)
-        self.band = dead_band(machine, tolerance_um)
+        limits = play_limits(machine, tolerance_um)
         if written:
             # moves below the dead band remain below it after rounding; a backlash take-up is longer
-            self.band = 2 * self.band + dead_band(machine, 0.0)
-        self._model, self._conditions = model, conditions
-        self._directions = Directions(self.axes, self.band)
+            limits = limits._replace(band=2 * limits.band + dead_band(machine, 0.0))
+        self._model, self._conditions, self._machine = model, conditions, machine
+        self._directed = model.part(needs_direction)
+        self._linear = [axis for axis in self.axes if not machine.rotary[axis]]
+        self._play, self._behind_cycle = PlayOperator(self.axes, limits), False
         self.approach: Array | None = None
-        """Directions `(n, axes)` at the ends of the moves of the last chunk."""
-        self._along: Array | None = None
-        """Directions `(n, shares, axes)` at INNER and the ends of its moves; None if only the ends are evaluated."""
+        """Sides of the play `(n, axes)` at the ends of the moves of the last chunk; None without backlash."""
+        self.reverses: NDArrayBool | None = None
+        """Moves `(n,)` of the last chunk in which an axis with backlash reverses; None without backlash."""
+        self._points = PathPoints(np.empty(0, int), np.empty(0), np.empty(0, int))
+        self._in_play = self._play.last
+        self._known: NDArrayBool = np.empty((0, len(machine.axes)), bool)
+        """Drives and axes before the last chunk and at its points; where the position before a move was known."""
 
     def datum_shifts(self, motions: Motions) -> Array:
         """Displacement of the part from its nominal position `(n, 3)`, mm, workpiece frame, at the rows of a chunk."""
         return datum_shifts(motions, self._model, self._conditions)
 
-    def along(self, motions: Motions) -> Array | None:
-        """Directions `(n, shares, axes)` at the shares INNER of the moves, and at their ends; None without backlash."""
-        if not self.axes:
-            return None
-        return self._follow(motions, axis_positions_along(motions, (*INNER, 1.0)))
+    def follow(self, motions: Motions) -> None:
+        """Follow the moves of the next chunk."""
+        if not self.axes or not len(motions):
+            return
+        behind, self._behind_cycle = after_cycles(motions, self._behind_cycle)
+        points = path_points(motions, self._linear, behind)
+        before, known = self._play.last, known_before(motions)
+        drive = axis_positions(motions, points.row, points.share)
+        found = self._play.follow(drive, self._half_play(drive), known[points.row])
+        self._points, self._known = points, known
+        self._in_play = InPlay(*(np.concatenate(columns) for columns in zip(before, found, strict=True)))
+        self.approach = found.side[points.ends]
+        self.reverses = self._reversing(points, before, found)
 
-    def _follow(self, motions: Motions, positions: Array) -> Array:
-        """Directions at positions `(n, shares, axes)` along the moves of a chunk; the last share is the end."""
-        starts = motions.in_machine(motions.start)
-        along = self._directions.follow_moves(motions, positions, starts, known_before(motions))
-        self.approach, self._along = along[:, -1], along if along.shape[1] > 1 else None
-        return along
+    def _reversing(self, points: PathPoints, before: InPlay, found: InPlay) -> NDArrayBool:
+        """Moves `(n,)` in which a drive moves by more than the dead band without its axis."""
+        behind, side = (
+            np.diff(column, axis=0, prepend=last)
+            for column, last in ((found.behind, before.behind), (found.side, before.side))
+        )
+        reverses = (np.abs(side) >= 1.0) | ((side != 0.0) & (np.abs(behind) > self._play.limits.band / 2.0))
+        return np.asarray(np.bincount(points.row, reverses.any(axis=1), len(points.ends)) > 0.0)
 
     def states(self, motions: Motions, rows: NDArrayBool) -> States:
-        """The state at the ends of rows of a chunk, by a mask `(n,)`."""
-        if self.axes and len(motions):
-            if turns_inside(motions, self.axes, self.band).any():
-                self.along(motions)
-            else:
-                self._follow(motions, motions.machine_target[:, None])
-        return self.last_states(rows)
-
-    def last_states(self, rows: np.ndarray, share: float = 1.0) -> States:
-        """The state at rows of the last chunk, by a mask or by their numbers, at a share of their paths."""
-        if self._along is not None:
-            looked_at = bisect.bisect_left((*INNER, 1.0), share)
-            return self._conditions.states(self._along[rows, looked_at])
+        """The state at the ends of rows of the next chunk, by a mask `(n,)`."""
+        self.follow(motions)
         return self._conditions.states(None if self.approach is None else self.approach[rows])
 
+    def states_at(self, rows: np.ndarray, shares: Array | float, drive: Array) -> States:
+        """The state at rows of the last chunk, by a mask or by their numbers.
 
-def directions_at(approach: Array | None, share: int, rows: np.ndarray) -> Array | None:
-    """Directions at these rows and the share with this index, from directions along moves; None for None."""
-    return None if approach is None else np.asarray(approach[rows, share])
+        At shares of their paths, where the command is `drive` `(k, axes)`, mm and rad.
+        """
+        if not self.axes:
+            return self._conditions.states(None)
+        rows = np.flatnonzero(rows) if rows.dtype == bool else rows
+        at = self._points.before(rows, np.broadcast_to(shares, rows.shape))
+        found = self._play.limits.moved(self._in_play.rows(at + 1), drive, self._half_play(drive))
+        return self._conditions.states(np.where(self._known[rows], np.nan_to_num(found.side), 0.0))
+
+    def _half_play(self, q: Array) -> Array:
+        return half_play(self._machine, self._directed, self._conditions.state(q, np.ones_like(q)))

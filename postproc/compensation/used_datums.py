@@ -73,7 +73,11 @@ class UsedDatum(msgspec.Struct, frozen=True):
         new = ", ".join(f"{axis} {value:.4f}" for axis, value in zip("XYZ", self.instead, strict=True))
         return [
             touched,
-            ("true datum", f"{name} {x} {y} {z} um in x, y, z; with --datum {name}=true enter {new}"),
+            (
+                "true datum",
+                f"{name} {x} {y} {z} um in x, y, z: the machine's error at the touch-off, which the correction takes "
+                f"into account, so nothing is to be done. Only if you work with --datum {name}=true, enter {new}",
+            ),
         ]
 
     def json(self) -> dict[str, Any]:

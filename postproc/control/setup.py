@@ -8,11 +8,14 @@ from typing import Generic, NamedTuple, TypeVar
 
 import msgspec
 
+from kinematics.error_model.model import ErrorModel
 from kinematics.machine import EVERY_OTHER, Machine
 from kinematics.touch_off import Datum, read_datum
 from kinematics.user_error import UserError
+from postproc.control.block_skip import BlockSkip
 from postproc.control.tool_table import ToolTable, is_number, shown_tool, tool_key
 from postproc.text.number_style import given_number, given_once
+from rendering.shown import Shown
 
 NO_OFFSET = frozenset(("G53", "G500"))
 """Names of frames that are the machine's own: no work offset."""
@@ -37,7 +40,7 @@ class Given(NamedTuple, Generic[T]):
     origin: Origin
 
 
-class Setup(msgspec.Struct, frozen=True):
+class Setup(Shown, msgspec.Struct, frozen=True):
     """Offsets by name and tool lengths by number, as they are before a program runs on one machine.
 
     Options have priority over a tool table, and a tool table over the machine file. A value that is not given is zero
@@ -45,12 +48,15 @@ class Setup(msgspec.Struct, frozen=True):
     """
 
     machine: Machine
+    """The machine."""
     work_offsets: Mapping[str, Mapping[str, float]] = msgspec.field(default_factory=dict)
     """Given for this run, by name and axis, mm or degrees."""
     tools: Mapping[str, float] = msgspec.field(default_factory=dict)
     """Lengths given for this run, mm, by number or name."""
     given_tools: frozenset[str] = frozenset()
     """Numbers of tools whose lengths were given one by one, not in a table."""
+    given_offsets: frozenset[str] = frozenset()
+    """Names of work offsets that were given one by one, not in a table."""
     radii: Mapping[str, float] = msgspec.field(default_factory=dict)
     """Tool radii, mm, by number or name; from a table."""
     datums: Mapping[str, Mapping[str, float]] = msgspec.field(default_factory=dict)
@@ -65,8 +71,23 @@ class Setup(msgspec.Struct, frozen=True):
     """All other work offsets were touched off on the machine; otherwise they are true."""
     zero: bool = False
     """Work offsets and tool lengths that nobody gave are zero on purpose (--set-up-zero)."""
+    lengths_matter: bool = True
+    """Some errors are rotations, so that the length of a tool matters also where no length offset is in force."""
+    block_skip: BlockSkip = ""
+    """Position of the block-skip switch."""
     pass_through: frozenset[str] = frozenset()
     """Constructs unknown to ncomp that pass unchanged, in capitals without blanks: G234, CYCLE977, FN33, CYCLDEF444."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        offsets, tools = ", ".join(self.work_offsets), ", ".join(map(str, self.tools))
+        return f"{self.machine.name}, work offsets {offsets or 'none'}, tools {tools or 'none'}"
+
+    def for_errors(self, *models: ErrorModel) -> Setup:
+        """This set-up for the errors of these models."""
+        matter = any(effect.angular for model in models for effect in model.effects)
+        return msgspec.structs.replace(self, lengths_matter=matter)
 
     def datum(self, name: str) -> Datum:
         """Datum entry of a work offset; machine coordinates are true."""
@@ -166,6 +187,17 @@ def parse_tool_length(text: str) -> tuple[str, float]:
     return tool_key(number) if is_number(number) else name, given_number(value, f"--tool-length {text}")
 
 
+def _refuse_other_axes(table: ToolTable, machine: Machine) -> None:
+    """UserError for a work offset of an axis that the machine lacks."""
+    for name, values in table.work_offsets.items():
+        for axis, value in values.items():
+            if axis not in machine.names and value:
+                raise UserError(
+                    f"tool table: work offset {name}, {axis} = {value:g}: machine {machine.name} has no axis "
+                    f"{axis}: give the table of this machine, or delete the value"
+                )
+
+
 def make_setup(
     machine: Machine,
     work_offsets: Iterable[str] = (),
@@ -175,14 +207,12 @@ def make_setup(
     *,
     probed: bool = False,
     zero: bool = False,
+    block_skip: BlockSkip = "",
     pass_through: Iterable[str] = (),
 ) -> Setup:
     """The setup from the options of the command line and a tool table; work offsets are true unless `probed`."""
     table = table or ToolTable()
-    for name, values in table.work_offsets.items():
-        for axis, value in values.items():
-            if axis not in machine.names and value:
-                raise UserError(f"tool table: work offset {name}: machine {machine.name} has no axis {axis}")
+    _refuse_other_axes(table, machine)
     given = given_once((parse_work_offset(text, machine) for text in work_offsets), "--work-offset ")
     named = [parse_tool_length(text) for text in tool_lengths]
     given_once(((shown_tool(tool), length) for tool, length in named), "--tool-length ")
@@ -192,6 +222,7 @@ def make_setup(
         {**table.work_offsets, **given},
         {**table.tools, **lengths},
         given_tools=frozenset(lengths),
+        given_offsets=frozenset(given),
         radii=table.radii,
         datums=table.datums,
         turned=table.turned,
@@ -203,5 +234,6 @@ def make_setup(
         obtained=given_once((parse_datum(text, machine) for text in datums), "--datum "),
         probed=probed,
         zero=zero,
+        block_skip=block_skip or machine.control.block_skip,
         pass_through=frozenset(map(construct, (*machine.control.pass_through, *pass_through))),
     )

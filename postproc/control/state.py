@@ -13,6 +13,8 @@ from postproc.motion.frames import Frame, Placement, cartesian
 from postproc.text.block import Block
 from postproc.text.notes import Notes
 
+SHORTEST_TOOL_MM = 1.0
+"""A length below it is perhaps one in metres, of a tool up to 1 m."""
 INCHES = "the program is in inches: --work-offset, --tool-length and the machine file are in mm"
 
 
@@ -36,6 +38,8 @@ class ControlState(msgspec.Struct):
     """Tools that a programmed move was made with, with their lengths, mm, in words."""
     assumed: dict[str, str] = msgspec.field(default_factory=dict)
     """Work offsets and tools among them that the machine file assumes, with their values in words."""
+    taken: dict[str, str] = msgspec.field(default_factory=dict)
+    """Other assumptions on the control that the program needs, by what they are about, as sentences."""
     _origins: dict[tuple[str, str, tuple[float, ...], float], str] = msgspec.field(default_factory=dict)
     """Origins, in words, of the frames of the programmed moves, by the names and values of the frames."""
     _frame: Frame | None = None
@@ -66,7 +70,7 @@ class ControlState(msgspec.Struct):
             values[axis] = values.get(axis, 0.0) + shift
         return values
 
-    def _offset_origin(self, name: str) -> Origin | None:
+    def offset_origin(self, name: str) -> Origin | None:
         """Origin of a work offset; None if X, Y or Z is not given."""
         if set("XYZ") & set(self.setup.machine.names) <= self.offsets.get(name, {}).keys():
             return Origin.PROGRAM
@@ -128,7 +132,7 @@ class ControlState(msgspec.Struct):
         key = tool_key(str(tool))
         return key in self.tools or self.setup.names_tool(key)
 
-    def _tool_origin(self, key: str) -> Origin | None:
+    def tool_origin(self, key: str) -> Origin | None:
         """Origin of the length of a tool; None if it is not given."""
         if key in self.tools:
             return Origin.PROGRAM
@@ -149,7 +153,7 @@ class ControlState(msgspec.Struct):
         self._origins[_values_of(frame)] = self._origins_now(frame)
         offset, tool = frame.work_offset, tool_key(frame.tool_name)
         if offset and offset not in self.used_offsets:
-            origin, text = self._offset_origin(offset), self._offset_text(offset)
+            origin, text = self.offset_origin(offset), self._offset_text(offset)
             self.used_offsets[offset] = _with_origin(text, origin)
             if origin is None:
                 raise block.refuse(f"work offset {offset} is not given; " + _how(f"--work-offset {offset}=x,y,z"))
@@ -157,7 +161,7 @@ class ControlState(msgspec.Struct):
                 self.assumed[f"work offset {offset}"] = f"{offset} {text}"
             self._use_table(f"offset {offset}", f"{offset} {text}")
         if frame.tool_name and tool not in self.used_tools:
-            origin, text, shown = self._tool_origin(tool), f"{self.tool_length(tool):g}", shown_tool(tool)
+            origin, text, shown = self.tool_origin(tool), f"{self.tool_length(tool):g}", shown_tool(tool)
             self.used_tools[tool] = _with_origin(text, origin)
             if origin is None:
                 raise block.refuse(f"length of tool {shown} is not given; " + _how(f"--tool-length {shown}=mm"))
@@ -171,7 +175,7 @@ class ControlState(msgspec.Struct):
             self.assumed.setdefault(f"unit of {table}", f"{text} in mm")
 
     def meet_inches(self, block: Block, notes: Notes) -> None:
-        """Refusal of a program in inches beside a table without a unit; a note on set-up data that are in mm."""
+        """Refusal of a program in inches if a table has no unit; a note on set-up data that are in mm."""
         for table in self.setup.without_unit.values():
             raise block.refuse(
                 f"the program is in inches, and {table} contains no unit: give it by --table-unit inch or mm, or by "
@@ -190,23 +194,27 @@ class ControlState(msgspec.Struct):
     def is_given(self, frame: Frame) -> bool:
         """True for a frame whose work offset and tool length are given, or assumed."""
         offset, tool = frame.work_offset, frame.tool_name
-        if offset and self._offset_origin(offset) is None:
+        if offset and self.offset_origin(offset) is None:
             return False
-        return not tool or self._tool_origin(tool_key(tool)) is not None
+        return not tool or self.tool_origin(tool_key(tool)) is not None
 
     def _origins_now(self, frame: Frame) -> str:
         parts = []
         if name := frame.work_offset:
-            parts.append(f"work offset {name} = {_with_origin(self._offset_text(name), self._offset_origin(name))}")
+            parts.append(f"work offset {name} = {_with_origin(self._offset_text(name), self.offset_origin(name))}")
         if frame.tool_name:
             tool = tool_key(frame.tool_name)
-            length = _with_origin(f"{self.tool_length(tool):g} mm", self._tool_origin(tool))
+            length = _with_origin(f"{self.tool_length(tool):g} mm", self.tool_origin(tool))
             parts.append(f"tool {shown_tool(tool)} = {length}")
         elif parts:
             parts.append("no tool length in force")
         return " and ".join(parts)
 
     def assumption(self) -> str:
+        """Sentences on all that is assumed; empty for nothing."""
+        return "\n".join(filter(None, (self._assumed_values(), *self.taken.values())))
+
+    def _assumed_values(self) -> str:
         """A sentence on the work offsets and tools that are assumed; empty for none."""
         if not self.assumed:
             return ""
@@ -220,6 +228,15 @@ class ControlState(msgspec.Struct):
             f"give {' / '.join(options)}"
         )
 
+    def short_tools(self) -> list[str]:
+        """Notes on lengths of used tools that are hardly mm."""
+        lengths = {tool: self.tool_length(tool) for tool in self.used_tools}
+        return [
+            f"{shown_tool(tool)} is {length:g} mm long: lengths are in mm, from the spindle nose to the tip"
+            for tool, length in lengths.items()
+            if 0.0 < abs(length) < SHORTEST_TOOL_MM
+        ]
+
     def left_out(self) -> list[str]:
         """Notes on linear axes that a work offset of the set-up leaves out, and for which zero was used."""
         linear = [axis for axis in "XYZ" if axis in self.setup.machine.names]
@@ -227,21 +244,10 @@ class ControlState(msgspec.Struct):
         for name in self.used_offsets:
             values = self._offset_values(name)
             axes = [axis for axis in linear if axis not in values]
-            if axes and self._offset_origin(name) is not Origin.ZERO:
+            if axes and self.offset_origin(name) is not Origin.ZERO:
                 they = "they count" if len(axes) > 1 else "it counts"
                 notes.append(f"work offset {name} does not give {' and '.join(axes)}: {they} as 0")
         return notes
-
-    def unused(self) -> list[str]:
-        """Notes on work offsets and tool lengths that were given for this run and not used: misspelt, perhaps."""
-        offsets = sorted(self.setup.work_offsets.keys() - self.used_offsets.keys())
-        tools = sorted(self.setup.given_tools - self.used_tools.keys(), key=lambda tool: (len(tool), tool))
-        datums = sorted(self.setup.obtained.keys() - self.used_offsets.keys())
-        return [
-            *(f"work offset {name} was given and is not used" for name in offsets),
-            *(f"the datum of {name} was given and is not used" for name in datums),
-            *(f"tool length {shown_tool(tool)} was given and is not used" for tool in tools),
-        ]
 
 
 def _values_of(frame: Frame) -> tuple[str, str, tuple[float, ...], float]:

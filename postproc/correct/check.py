@@ -13,9 +13,13 @@ from typing import Any
 import numpy as np
 
 from kinematics.machine import Machine
+from postproc.control.block_skip import decide
+from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
+from postproc.control.without_effect import Unused, unused_set_up
+from postproc.correct.feed_moves import FeedNotes
 from postproc.correct.travel import note_outside, refusals_outside
-from postproc.dialects import Dialect, Interpreter
+from postproc.dialects import Dialect
 from postproc.execution import turns
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
@@ -26,6 +30,7 @@ from postproc.text.line_numbers import ranges
 from postproc.text.notes import Notes
 from postproc.text.source import CHUNK, Source, chunks
 from rendering.report import Report, Section, Table, shortened
+from rendering.shown import Shown
 
 LISTED = 50
 """Most refused blocks in the report."""
@@ -40,14 +45,16 @@ MEANINGS = {
 UNKNOWN = "the travel is not checked before the work offset and the tool length are given"
 
 
-@dataclass
-class Findings:
+@dataclass(repr=False)
+class Findings(Shown):
     """Findings of a check; lists of line numbers contain a line as often as it runs."""
 
     dialect: str
+    """Dialect of the program."""
     evidence: str = ""
     """The reason for this dialect; empty if the user has chosen it."""
     blocks: int = 0
+    """Number of blocks."""
     corrected: list[int] = field(default_factory=list)
     """Lines of moves whose end is corrected."""
     not_programmed: list[int] = field(default_factory=list)
@@ -59,10 +66,18 @@ class Findings:
     refused: list[tuple[int, str, str]] = field(default_factory=list)
     """Line, text and reason; later refusals may be consequences of the first."""
     notes: list[str] = field(default_factory=list)
+    """Notes for the user."""
     assumed: list[str] = field(default_factory=list)
     """Work offsets and tools that the machine file assumes."""
     assumption: str = ""
     """`assumed` as a sentence; empty for none."""
+    unused: list[Unused] = field(default_factory=list)
+    """Parts of the set-up that were given and not used; empty for a program that is refused."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        return f"{self.dialect}, {self.blocks} blocks, {len(self.corrected)} corrected, {len(self.refused)} refused"
 
     @property
     def repeated(self) -> list[int]:
@@ -112,6 +127,7 @@ class Findings:
         rows += [("refused", text) for text in shortened(refused, LISTED, "refused blocks, all in the file of --json")]
         number = len(self.refused)
         verdict = f"Refused: {number} block{'s' if number > 1 else ''}." if number else "Accepted."
+        verdict = f"{name}: {verdict}"
         verdict += " The later ones may follow from the first." if number > 1 else ""
         verdict = f"{self.assumption}\n{verdict}" if self.assumption else verdict
         text = "\n".join(f"{kind.capitalize()}: {MEANINGS[kind]}." for kind in found)
@@ -147,11 +163,12 @@ def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, t
     """Check a program, and its travel, as its correction would read it."""
     notes = Notes()
     interpreter, findings = dialect.interpreter(machine, setup, notes), Findings(dialect.name, dialect.evidence)
-    state = interpreter.control_state
+    state, feed_notes = interpreter.control_state, FeedNotes(notes)
 
     def take(motions: Motions) -> None:
         """Add moves, and those that leave the travel."""
         findings.take(motions)
+        feed_notes.take(motions)
         if travel_check:
             given = np.array([state.is_given(frame) for frame in motions.frames], bool)[motions.frame]
             outside = refusals_outside(motions, motions.machine_target, "as programmed", state, only=given)
@@ -167,7 +184,9 @@ def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, t
         for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
             findings.blocks += len(lines)
             _read(_blocks(lines, dialect, interpreter, findings), interpreter, findings, take)
-    findings.notes = notes.texts() + state.left_out()
+    if not findings.refused:
+        findings.unused = unused_set_up(state)
+    findings.notes = notes.texts() + state.left_out() + state.short_tools()
     findings.assumed, findings.assumption = list(state.assumed), state.assumption()
     return findings
 
@@ -180,9 +199,10 @@ def _also(lines: list[int]) -> str:
 def _blocks(
     lines: Iterable[tuple[int, str]], dialect: Dialect, interpreter: Interpreter, findings: Findings
 ) -> Iterator[Block]:
+    skip = interpreter.control_state.setup.block_skip
     for line, text in lines:
         try:
-            yield dialect.read_block(line, text)
+            yield decide(dialect.read_block(line, text), skip, interpreter.notes)
         except Refusal as refusal:
             if not interpreter.ended:
                 findings.refuse(refusal)

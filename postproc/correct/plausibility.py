@@ -66,19 +66,22 @@ class Plausibility(msgspec.Struct):
     met: dict[str, str] = msgspec.field(default_factory=dict)
     """Accepted conditions that were met: text with the value, by name."""
 
-    def meet(self, name: str, found: str) -> None:
-        """Store an implausible condition; UserError unless its name is accepted."""
+    def meet(self, name: str, found: str, cure: str = "") -> None:
+        """Store an implausible condition; UserError unless its name is accepted. cure: another way, if there is one."""
         if name not in self.accepted:
-            raise UserError(f"{found}; --accept {name} continues nevertheless")
+            raise UserError(f"{found}; {cure}--accept {name} continues nevertheless")
         self.met.setdefault(name, found)
 
     def check_calibration(self, model: ErrorModel, conditions: Conditions, now: datetime.datetime) -> None:
         """Check the age of a calibration, and the temperatures of the run against its range."""
         age = model.age_days(now)
         made = f"calibration {model.id} is dated {model.provenance.made_at.isoformat(' ', 'minutes')}"
+        day = model.provenance.measured_on
+        dated = made if day is msgspec.UNSET else f"calibration {model.id} was measured on {day}"
         if age > model.valid_days:
             self.meet(
-                "stale", f"{made}: it is {age_in_words(age)} ({age:.0f} days), and valid for {model.valid_days:g} days"
+                "stale",
+                f"{dated}: it is {age_in_words(age)} ({age:.0f} days), and valid for {model.valid_days:g} days",
             )
         if model.provenance.made_at - now > CLOCKS and not model.demonstration:
             self.meet("future", f"{made}, {-age:.3g} days ahead of this computer's clock")
@@ -91,7 +94,7 @@ class Plausibility(msgspec.Struct):
     def check_outside(self, outside: Outside) -> None:
         """Check the share of moves outside the calibrated range, once all moves are known."""
         if outside.share > OUTSIDE_SHARE:
-            self.meet("outside", outside.text())
+            self.meet("outside", outside.text(), "--outside leave leaves these moves as programmed, ")
 
     def check_significance(self, significance: Significance) -> None:
         """Check the significance of the improvement, once all moves are known."""

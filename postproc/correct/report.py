@@ -18,7 +18,7 @@ from postproc.text.line_numbers import ranges, shortened
 from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
-    from postproc.correct.pipeline import Job
+    from postproc.correct.job import Job
     from postproc.evaluation.trace import MoveEnd, Trace
 
 SIGNS = (
@@ -40,13 +40,9 @@ def correction_report(job: Job, result: CorrectionResult, trace: Trace | None, c
     head = job.machine.report.filled(machine=job.machine.name, calibration=calibration_text(job.model), command=command)
     warnings = [result.assumption, DEMONSTRATION if job.model.invented else ""]
     verdict = "\n".join(line for line in (*warnings, _verdict(result)) if line)
-    return Report(
-        f"Correction of {Path(result.program['name']).name}",
-        lead,
-        list(_sections(job, result, trace)),
-        verdict,
-        head=head,
-    )
+    name = Path(result.program["name"]).name
+    foot = f"{name}, SHA-256 {result.program['sha256']} · {lead}"
+    return Report(f"Correction of {name}", lead, list(_sections(job, result, trace)), verdict, head=head, foot=foot)
 
 
 def _verdict(result: CorrectionResult) -> str:
@@ -54,13 +50,13 @@ def _verdict(result: CorrectionResult) -> str:
     before, after = result.before, result.after
     if result.calibration["id"] == "none":
         return "No calibration: the program was written back as it was."
-    if not before.count:
+    if not result.anywhere.where:
         return "No error is evaluated: no move gives the positions of all axes that position the tool."
+    ends = f"{before.rms:.2f} -> {after.rms:.2f} um RMS at {before.count} block ends, " if before.count else ""
     sure = f"; standard uncertainty (k=1) of the prediction {result.uncertainty.rms:.2f} um RMS"
     return (
-        f"Predicted tool point {result.error}, at {before.count} block ends: "
-        f"{before.rms:.2f} -> {after.rms:.2f} um RMS, "
-        f"at most {before.largest:.2f} -> {after.largest:.2f} um{sure if result.uncertainty.largest else ''}."
+        f"Predicted tool point {result.error}: {ends}at most {result.anywhere.text()}"
+        f"{sure if result.uncertainty.largest else ''}."
     )
 
 
@@ -71,7 +67,7 @@ def _sections(job: Job, result: CorrectionResult, trace: Trace | None) -> Iterat
     yield Section("Options and inputs", table=Table(("", ""), _choices(job, result)), detail=True)
     yield Section("Conventions", f"{SIGNS}\n{RELATIVE if result.relative else ''}", detail=True)
     if result.calibration["id"] != "none":
-        yield Section("Errors", table=Table(HEAD, _error_rows(result, trace)))
+        yield Section("Errors", "\n".join(_about_errors(result)), Table(HEAD, _error_rows(result, trace)))
     if result.correction:
         corrections = [(f"correction {axis}", statistic) for axis, statistic in result.correction.items()]
         corrections += [(f"correction {axis}, urad", statistic) for axis, statistic in result.rotary_correction.items()]
@@ -98,7 +94,7 @@ def _set_up(result: CorrectionResult) -> Iterator[tuple[str, str]]:
     program, machine, calibration = result.program, result.machine, result.calibration
     age = f", {age_in_words(calibration['age_days'])}" if calibration["id"] != "none" else ""
     age = ", a demonstration" if calibration["demonstration"] else age
-    yield "program", f"{program['name']}  ({program['dialect']}, {result.blocks} blocks)"
+    yield "program", f"{program['name']}  ({program['dialect']}, {result.blocks} blocks, SHA-256 {program['sha256']})"
     yield "machine", f"{machine['name']}  {machine['chain']}"
     yield "calibration", f"{calibration['id']}{age}"
     yield "work offsets", "; ".join(f"{name}: {value}" for name, value in result.work_offsets.items())
@@ -116,12 +112,11 @@ def _set_up(result: CorrectionResult) -> Iterator[tuple[str, str]]:
 
 def _choices(job: Job, result: CorrectionResult) -> list[tuple[str, str]]:
     """Rows on the options and on the calibration."""
-    calibration, program = result.calibration, result.program
+    calibration = result.calibration
     rows = [
         ("classes", "all but FOR" if job.classes is None else ", ".join(sorted(job.classes))),
         ("tolerance", f"{job.tolerance_um:g} um between block ends"),
         ("travel", "moves outside it are refused" if job.travel_check else "moves outside it are noted"),
-        ("program's hash", f"{program['sha256']} (SHA-256, first characters)"),
     ]
     if calibration["id"] == "none":
         return rows
@@ -133,7 +128,7 @@ def _rows(named: Sequence[tuple[str, Statistic]]) -> list[tuple[str, ...]]:
 
 
 def _error_rows(result: CorrectionResult, trace: Trace | None) -> list[tuple[str, ...]]:
-    """Rows of statistics, of the uncertainty, and of the significant share of the improvement; um unless named."""
+    """Rows of statistics and of the uncertainty, um unless named."""
     error = result.error
     absolute = [result.absolute_before, result.absolute_after] if result.relative else [Statistic(), Statistic()]
     named = [
@@ -147,12 +142,22 @@ def _error_rows(result: CorrectionResult, trace: Trace | None) -> list[tuple[str
         ("tool axis after, urad", result.tilt_after),
         ("standard uncertainty (k=1)", result.uncertainty),
     ]
-    rows = _rows([(name, statistic) for name, statistic in named if statistic.count])
-    rows.append(("moves that are not evaluated", "", "", str(result.not_evaluated)))
+    return _rows([(name, statistic) for name, statistic in named if statistic.count])
+
+
+def _about_errors(result: CorrectionResult) -> Iterator[str]:
+    """Sentences on the moves without a predicted error, and on the certainty of the improvement."""
+    if result.not_evaluated:
+        yield (
+            f"Without a predicted error: {result.not_evaluated} of {result.moves} moves, at which the program has not "
+            "given all positions yet, or moves in machine coordinates."
+        )
     if result.significance.share is not None:
-        share = f"{100.0 * result.significance.share:.0f} %"
-        rows.append(("significant share of the improvement (k=2)", share, "", ""))
-    return rows
+        rest = " The rest may be no improvement." if result.significance.share < 1.0 else ""
+        yield (
+            f"{100.0 * result.significance.share:.0f} % of the improvement is certain: it is at moves whose "
+            f"improvement exceeds twice its standard uncertainty (k=2).{rest}"
+        )
 
 
 def _figures(trace: Trace, error: str) -> Iterator[Section]:

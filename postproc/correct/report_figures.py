@@ -13,6 +13,9 @@ from postproc.evaluation.trace import SEGMENTS, Bins, DrawnPaths
 from rendering.figures import AFTER, BEFORE, Figure, Panel, area, colour_axis, grid, line, steps
 from rendering.report import Section
 
+LABEL = "line of the program, in the order of execution"
+TICKS = 40
+"""Most lines that are named along the program; the page leaves out those for which it has no room."""
 DRAWN = 12_000
 """Most points of a 3-D path."""
 FEWER = (1, 2, 4, 8, 16)
@@ -23,13 +26,14 @@ def error_figure(bins: Bins) -> Figure:
     """RMS and largest error of each stretch, before and after on one scale, and after on its own."""
     panels = []
     for title, stages in (("before and after", (0, 1)), ("after, enlarged", (1,))):
-        panel = Panel("moves of the program", "error, um", title, axes={"yaxis": {"rangemode": "tozero"}})
+        panel = Panel(LABEL, "error, um", title, axes={"yaxis": {"rangemode": "tozero"}, "xaxis": _ticks(bins)})
         for k in stages:
             name, colour = ("before", "after")[k], (BEFORE, AFTER)[k]
             if bins.width > 1:
                 x, largest = steps(bins.edges, bins.largest[:, k])
                 area(panel, x, np.zeros(len(x)), largest, colour)
             line(panel, *steps(bins.edges, bins.rms[:, k]), colour, name)
+            _named(panel, bins, "um")
         panels.append(panel)
     return grid(panels, 1, height=270, same_x=True)
 
@@ -42,15 +46,29 @@ def correction_figure(bins: Bins, machine: Machine) -> Figure:
     panels = []
     for i in shown:
         unit = "urad" if machine.rotary[i] else "um"
-        panel = Panel("moves of the program", f"correction, {unit}", f"Axis {machine.names[i]}")
+        panel = Panel(LABEL, f"correction, {unit}", f"Axis {machine.names[i]}", axes={"xaxis": _ticks(bins)})
         x, upper = steps(bins.edges, high[:, i])
         if bins.width > 1:
             lower = steps(bins.edges, low[:, i])[1]
             area(panel, x, lower, upper, BEFORE)
             line(panel, x, lower, BEFORE, width=1)
+            _named(panel, bins, unit)
         line(panel, x, upper, BEFORE, width=1)
+        _named(panel, bins, unit)
         panels.append(panel)
     return grid(panels, 1, height=190, same_x=True)
+
+
+def _ticks(bins: Bins) -> dict[str, object]:
+    """An axis over the moves whose ticks are the lines of the program; loops repeat their lines."""
+    some = np.unique(np.linspace(0, len(bins) - 1, min(len(bins), TICKS)).astype(int))
+    return {"tickvals": bins.edges[some], "ticktext": [str(number) for number in bins.lines[some].tolist()]}
+
+
+def _named(panel: Panel, bins: Bins, unit: str) -> None:
+    """The line of the program, for the pointer on the last curve of a panel."""
+    hover = f"line %{{customdata}}: %{{y:.2f}} {unit}<extra>%{{fullData.name}}</extra>"
+    panel.traces[-1] |= {"customdata": np.repeat(bins.lines, 2), "hovertemplate": hover}
 
 
 def path_sections(paths: DrawnPaths, error: str) -> Iterator[Section]:
@@ -68,7 +86,7 @@ def _path_figure(paths: DrawnPaths) -> Figure:
     return Figure(
         [_path(paths.points, paths.errors[:, :, k], name) for k, name in enumerate(("before", "after"))],
         across=2,
-        height=430,
+        height=480,
         colours=colour_axis(0.0, most or 1.0, "tool point error, um"),
     )
 

@@ -8,29 +8,41 @@ import msgspec
 
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.used_datums import UsedDatums
+from postproc.control.without_effect import Unused
 from postproc.evaluation.predicted_errors import PredictedErrors, Statistic
 from postproc.text.line_numbers import ranges
+from rendering.shown import Shown
 
 
-class CorrectionResult(PredictedErrors, kw_only=True):
+class CorrectionResult(Shown, PredictedErrors, kw_only=True):
     """The result of one run; lengths in um."""
 
     program: dict[str, Any]
+    """Name and fingerprint of the input."""
     machine: dict[str, Any]
+    """Name and chain of the machine."""
     calibration: dict[str, Any]
+    """Id and origin of the calibration."""
     datums: UsedDatums
     """Datums of the work offsets that the program used."""
     blocks: int = 0
+    """Number of blocks that were read."""
     moves: int = 0
+    """Number of moves that were read."""
     corrected: int = 0
+    """Number of moves whose end was corrected."""
     changed_blocks: int = 0
+    """Number of blocks whose words were changed."""
     added_blocks: int = 0
     """Number of blocks added for backlash take-ups and for the segments of moves."""
     split_moves: int = 0
     """Number of moves written in several blocks, so that the path stays within the tolerance."""
     left: dict[str, list[int]] = msgspec.field(default_factory=dict)
     """Lines of feed moves with axes that are not corrected, by these axes."""
+    left_outside: list[int] = msgspec.field(default_factory=list)
+    """Lines of moves that stay as programmed, outside the range of the calibration."""
     conditions: Conditions = msgspec.field(default_factory=Conditions)
+    """Temperatures and times of the run."""
     correction: dict[str, Statistic] = msgspec.field(default_factory=dict)
     """Corrections by linear axis, um."""
     rotary_correction: dict[str, Statistic] = msgspec.field(default_factory=dict)
@@ -42,12 +54,25 @@ class CorrectionResult(PredictedErrors, kw_only=True):
     not_evaluated: int = 0
     """Number of moves to machine coordinates, or before the program has given all linear axes."""
     work_offsets: dict[str, str] = msgspec.field(default_factory=dict)
+    """Work offsets that the program used, as text."""
     tools: dict[str, str] = msgspec.field(default_factory=dict)
+    """Tool lengths that the program used, as text."""
     assumed: list[str] = msgspec.field(default_factory=list)
     """Work offsets and tools that the machine file assumes."""
     assumption: str = ""
     """`assumed` as a sentence; empty for none."""
     notes: list[str] = msgspec.field(default_factory=list)
+    """Notes for the user."""
+    unused: list[Unused] = msgspec.field(default_factory=list)
+    """Parts of the set-up that were given and not used."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        return (
+            f"{self.changed_blocks} of {self.blocks} blocks changed, {self.added_blocks} added, {self.error} at most "
+            f"{self.before.largest:.3g} -> {self.after.largest:.3g} um"
+        )
 
     @property
     def relative(self) -> str:
@@ -75,6 +100,7 @@ class CorrectionResult(PredictedErrors, kw_only=True):
             },
             "not_split": [not_split.json(reason) for reason, not_split in self.not_split.items()],
             "not_corrected": [{"axes": axes.split(), "lines": ranges(lines)} for axes, lines in self.left.items()],
+            "left_outside": {"moves": len(self.left_outside), "lines": ranges(self.left_outside)},
             "correction_um": {axis: statistic.json() for axis, statistic in self.correction.items()},
             "correction_urad": {axis: statistic.json() for axis, statistic in self.rotary_correction.items()},
             "max_correction_um": None if self.max_correction_um is None else round(self.max_correction_um, 4),
@@ -83,6 +109,7 @@ class CorrectionResult(PredictedErrors, kw_only=True):
                 "before": self.before.json(),
                 "after": self.after.json(),
                 "between_block_ends_after": self.between_ends.json(),
+                "anywhere": self.anywhere.json(),
                 "standard_uncertainty_of_prediction": self.uncertainty.json(),
                 "significant_share_of_improvement": self.significance.share,
             },

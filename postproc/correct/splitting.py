@@ -12,19 +12,22 @@ import numpy as np
 from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
-from kinematics.machine import Machine, NDArrayBool
+from kinematics.machine import TURN, Machine
 from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions
 from postproc.correct.chord_error import CorrectedPaths, Limits, beyond_limits, find_cuts
+from postproc.correct.obstacles import Asked, Change, reasons
 from postproc.motion.frames import Frame
 from postproc.motion.motions import Motions
-from postproc.motion.moves import Kind, Known
+from postproc.motion.moves import Kind
+from postproc.motion.rotary_words import Way
 from postproc.motion.segments import arc_turned, split
 from postproc.text.number_style import decimals_for
-from postproc.write.added_blocks import END_M, LASTING, NO_INSERTION, SINGLE_FEEDS, START_M
 
 LEAST = 0.01
 """Share of the tolerance below which bounds of second differences are not distinguished."""
+NOT_CORRECTED = "it begins or ends outside the range of the calibration, where moves stay as programmed"
+"""Reason why a path deviates that is not corrected at both ends."""
 QUARTER = math.pi / 2 + 1e-9
 HALF_TURN = math.pi - 1e-6
 
@@ -58,10 +61,13 @@ class Splitter:
         required = 1e-3 * self.tolerance_um
         return Limits(max(required - 1.1 * rounding, required / 2, rounding), math.inf if self.worse else rounding)
 
-    def prepare(self, motions: Motions, varied: frozenset[int]) -> Motions:
-        """The moves of a chunk, split where necessary; `varied`: blocks that run several times with different moves."""
+    def prepare(self, motions: Motions, varied: frozenset[int], left: np.ndarray) -> Motions:
+        """The moves of a chunk, split where necessary; `varied`: blocks that run several times with different moves.
+
+        left: blocks that stay as programmed, and whole.
+        """
         self.unsplit, self.suspect, self.bounds = {}, set(), np.full(len(motions.blocks), np.inf)
-        rows = np.flatnonzero(motions.known_paths & ~motions.rotary_only)
+        rows = np.flatnonzero(motions.known_paths & ~motions.rotary_only & ~np.isin(motions.block, left))
         if not rows.size or not self.models[0].effects:
             return motions
         paths = CorrectedPaths(motions, self.models, self.conditions)
@@ -73,15 +79,23 @@ class Splitter:
         np.maximum.at(self.bounds, motions.block[rows], bounds)
         self.bounds[np.isinf(self.bounds)] = np.inf
         suspect = beyond_limits(paths, rows, self.limits, bounds)
-        reasons = {row: _obstacle(motions, row, paths, varied) for row in suspect.tolist()}
-        self.unsplit = {int(motions.block[row]): reason for row, reason in reasons.items() if reason}
-        runs = _runs_by_move(motions, [row for row, reason in reasons.items() if not reason])
+        possible = suspect.tolist()
+        why = dict(zip(possible, reasons(Change.SPLIT, Asked(motions, varied), possible), strict=True))
+        self.unsplit = {int(motions.block[row]): reason for row, reason in why.items() if reason}
+        runs = _runs_by_move(motions, [row for row, reason in why.items() if not reason])
         found = find_cuts(paths, np.array(list(runs), int), self.limits)
         steep = [row for segment in found.steep for row in runs[segment.row]]
+        self.unsplit |= dict.fromkeys(_at_left(motions, left), NOT_CORRECTED)
         self.suspect = self.unsplit.keys() | set(motions.block[steep].tolist())
         cuts = {row: _quarters(motions, row, shares) for first, shares in found.shares.items() for row in runs[first]}
         self.moves += len(cuts)
         return _with_round_angles(split(motions, cuts)) if cuts else motions
+
+
+def _at_left(motions: Motions, left: np.ndarray) -> list[int]:
+    """Blocks that stay as programmed, and those that begin where such a block ends."""
+    rows = np.flatnonzero(np.isin(motions.block, left))
+    return motions.block[np.union1d(rows, np.minimum(rows + 1, len(motions) - 1))].tolist() if len(rows) else []
 
 
 def _runs_by_move(motions: Motions, rows: list[int]) -> dict[int, list[int]]:
@@ -96,41 +110,6 @@ def _runs_by_move(motions: Motions, rows: list[int]) -> dict[int, list[int]]:
         move = number[motions.frame[row]], circle, *(column[row].tobytes() for column in columns)
         groups.setdefault(move, []).append(row)
     return {rows[0]: rows for rows in groups.values()}
-
-
-def _obstacle(motions: Motions, row: int, paths: CorrectedPaths, varied: frozenset[int]) -> str:
-    """Reason why a move cannot be written in segments; empty if it can."""
-    machine, block, arc = motions.machine, motions.blocks[motions.block[row]], motions.arcs.get(row)
-    moved = motions.target[row] != motions.start[row]
-    moved[[word.axis for word in motions.words[row]]] = True
-    known = np.minimum(motions.known_start[row], motions.known[row])[moved]
-    turned = paths.extents[row] * machine.rotary
-    m_functions = {word.value or 0.0 for word in block.words if word.address == "M"}
-    has_feed = any(word.address == "F" and word.value and word.formula is None for word in block.words)
-    obstacles = {
-        NO_INSERTION: block.no_insertion,
-        "its block runs several times with different moves": int(motions.block[row]) in varied,
-        "its block makes several moves": np.count_nonzero(motions.block == motions.block[row]) > 1,
-        "cutter compensation is active": row in motions.cutter_compensated,
-        "its end is given in polar coordinates": row in motions.polars
-        or (arc is None and any(w.word < 0 for w in motions.words[row])),
-        "no word may be added for one of its axes": row in motions.locked_axes,
-        "the program has not yet given the positions of all its axes": (known != Known.PROGRAM).any(),
-        "rotary axes move along an arc": arc is not None and turned.any(),
-        "a rotary axis turns by half a turn or more, and its direction depends on the control": (
-            (turned > HALF_TURN) & _endless(machine)
-        ).any(),
-        "an M function in its block may run before or after the move": not m_functions <= START_M | END_M,
-        "its feed is in force for one block only": any(word.address in SINGLE_FEEDS for word in block.words),
-        "DC, ACP or ACN gives the direction of a rotary axis": any(word.mode in LASTING for word in block.words),
-        "its block has no F under G93": motions.timed[row] and not has_feed,
-    }
-    return next((reason for reason, present in obstacles.items() if present), "")
-
-
-def _endless(machine: Machine) -> NDArrayBool:
-    """True `(axes,)` for rotary axes with a travel of a full turn: positions one turn apart are equal."""
-    return np.array([axis.rotary and axis.travel[1] - axis.travel[0] >= 360.0 for axis in machine.axes])
 
 
 def _quarters(motions: Motions, row: int, shares: list[float]) -> list[float]:
@@ -165,6 +144,9 @@ def _with_round_angles(motions: Motions) -> Motions:
     rounded = unrounded.copy()
     for i in columns.tolist():
         rounded[:, i] = np.round(unrounded[:, i], decimals_for(machine.axes[i].resolution))
+        if machine.axes[i].rollover == Way.SIGNED.value:  # 0 with a minus would be the word of a whole turn backwards
+            back = (motions.target < motions.start)[inner, i] & (rounded[:, i] % TURN == 0.0)
+            rounded[back, i] -= machine.axes[i].resolution
     q, turned = part.in_machine(unrounded), part.in_machine(rounded)
     turned = linear_positions(machine, turned, tool_point(machine, q, part.tool), part.tool)
     result = part.in_program(turned)

@@ -59,6 +59,15 @@ def note_outside(motions: Motions, positions: Array, notes: Notes) -> None:
         notes.add(text, int(motions.line[rows[0]]), len(rows))
 
 
+def note_assumed(motions: Motions, correctable: NDArrayBool, notes: Notes) -> None:
+    """Add notes on moves that were corrected, a mask `(n,)`, with an assumed position of an axis."""
+    for i, axis in enumerate(motions.machine.axes):
+        rows = np.flatnonzero(correctable & (motions.known[:, i] == Known.ASSUMED))
+        if rows.size:
+            text = f"the program has not given {axis.name} yet: its home {axis.home:g} is assumed"
+            notes.add(text, int(motions.line[rows[0]]), rows.size)
+
+
 def _outside(motions: Motions, positions: Array) -> NDArrayBool:
     low, high = motions.machine.travel
     if len(positions) and (positions.min(axis=0) >= low).all() and (positions.max(axis=0) <= high).all():

@@ -14,7 +14,7 @@ import numpy as np
 
 from kinematics.user_error import UserError
 from postproc.control.codes import AXES, PROGRAM_ENDS
-from postproc.dialects import Interpreter
+from postproc.control.interpreter import Interpreter
 from postproc.execution import Part, StoredProgram, StreamedProgram, turns
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.motions import Motions, merged

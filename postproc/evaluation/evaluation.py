@@ -12,16 +12,17 @@ import numpy as np
 from kinematics.columns import ChainColumns, Vector
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, NDArrayBool
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.correction import PoseErrors, pose_errors
 from postproc.compensation.predicted_error import MachineStates
 from postproc.compensation.significance import Significance
 from postproc.evaluation.guard import Guard, Outside, WorseMove
 from postproc.evaluation.joined_moves import JoinedMoves
-from postproc.evaluation.predicted_errors import PredictedErrors, UnsplitMoves
+from postproc.evaluation.predicted_errors import AT_ENDS, BETWEEN_ENDS, UNCORRECTED, PredictedErrors, UnsplitMoves
 from postproc.evaluation.sampled_uncertainty import SampledUncertainties
 from postproc.evaluation.trace import Trace
+from postproc.motion.along import CLOSELY, INNER
 from postproc.motion.motions import Motions
 
 BETWEEN = (0.25, 0.5, 0.75)
@@ -29,10 +30,13 @@ BETWEEN = (0.25, 0.5, 0.75)
 STRAIGHT = 0.02
 """Share of the tolerance by which the error between the ends of a move may deviate from that at its ends, if it is not
 evaluated there."""
-CLOSELY = tuple(i / 32 for i in range(1, 33))
-"""Shares for moves that may be worse than in the input."""
+NOWHERE = read_only(np.empty(0))
+"""Errors of no place."""
 ERROR_JUMPS = "its error jumps, or an axis with backlash reverses within it"
-ROTARY_ONLY = "a feed move of rotary axes only keeps its linear axes, because F would mean another speed with them"
+ROTARY_ONLY = (
+    "a feed move of rotary axes only keeps its linear axes, because F would mean another speed with them; "
+    "--rotary-feed inverse-time corrects it, except in Klartext"
+)
 
 
 class ErrorsBefore(NamedTuple):
@@ -63,7 +67,7 @@ class WrittenMoves(msgspec.Struct, frozen=True, dict=True):
 
     motions: Motions
     commanded: Motions
-    """The same rows with starts, ends and arcs as written."""
+    """The rows with starts, ends and arcs as they are written."""
     lines: np.ndarray
     """Number of the first line of the block of each row `(n,)`."""
     bounds: Array
@@ -129,7 +133,7 @@ class Evaluation:
         self._found = PredictedErrors(
             uncertainty=self._uncertainties.statistic, significance=self._uncertainties.significance
         )
-        self._guard = Guard(machine, worse=worse, turns=turns)
+        self._guard = Guard(machine, tolerance_um, worse=worse, turns=turns)
         self._outside = Outside()
         self._trace = Trace(machine, model) if traced else None
         self._joined = JoinedMoves(machine, 3)
@@ -145,12 +149,13 @@ class Evaluation:
         """All chunks are evaluated already."""
 
     def evaluate(self, moves: WrittenMoves) -> None:
-        """As `add`, with a WorseMove instead of the Refusal: no texts are needed."""
+        """Add moves like `add`, but raise WorseMove instead of a Refusal: no texts are needed."""
         motions, evaluated = moves.motions, moves.motions.evaluated
         errors, left = np.full((len(motions), 2), np.nan), np.full((len(motions), 3), np.nan)
         errors[evaluated], left[evaluated] = self._evaluate_ends(moves, evaluated)
         self._guard.check_ends(motions, moves.lines, np.flatnonzero(evaluated), errors[evaluated])
         self._evaluate_between(moves, errors[:, 0], left)
+        self._evaluate_uncorrected(moves)
         if self._trace is not None:
             moved = np.where(moves.corrected, moves.moved, np.nan)
             self._trace.add(motions, moves.lines, moves.correctable, moved, errors)
@@ -187,6 +192,7 @@ class Evaluation:
         found.absolute_after.add(after.absolute_um)
         found.tilt_before.add(before.axis_urad)
         found.tilt_after.add(after.axis_urad)
+        found.anywhere.add(AT_ENDS, before.point_um, after.point_um)
         errors = np.stack([before.point_um, after.point_um], axis=1)
         touch_offs = [frame.touch_off for frame in motions.frames], motions.frame[evaluated]
         self._uncertainties.add(nominal, states_before.approach, tool, touch_offs, errors)
@@ -206,17 +212,41 @@ class Evaluation:
         if self._trace is not None:
             self._trace.between_before.add(self._errors_between(motions, motions, self._before, rows)[evaluated])
         errors_between = errors_by_ends[rows]
-        exact = np.isnan(errors_between)
+        exact, found = np.isnan(errors_between), np.flatnonzero(rows)
         if exact.any():
-            some = np.flatnonzero(rows)[exact]
+            some = found[exact]
             errors_between[exact] = self._errors_between(motions, commanded, self._after, some)
+            self._found.anywhere.add(BETWEEN_ENDS, self._errors_between(motions, motions, self._before, some), NOWHERE)
+        self._found.anywhere.add(BETWEEN_ENDS, NOWHERE, errors_between)
+        self._add_closely(moves, found[errors_between > self._tolerance_um])
         self._found.between_ends.add(errors_between[evaluated])
-        self._guard_between(moves, before, np.flatnonzero(rows)[evaluated], errors_between[evaluated])
+        self._guard_between(moves, before, found[evaluated], errors_between[evaluated])
         beyond, rotary_only = errors_between > self._tolerance_um, motions.rotary_only
-        for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), errors_between[beyond].tolist(), strict=True):
+        for row, size in zip(found[beyond].tolist(), errors_between[beyond].tolist(), strict=True):
             block = int(motions.block[row])
             reason = ROTARY_ONLY if rotary_only[row] else moves.unsplit.get(block, ERROR_JUMPS)
             self._found.not_split.setdefault(reason, UnsplitMoves()).add(int(moves.lines[row]), size)
+
+    def _add_closely(self, moves: WrittenMoves, rows: np.ndarray) -> None:
+        """Add the errors of rows beyond the tolerance to the largest ones, at the places where `verify` looks."""
+        pairs = ((moves.motions, self._before), (moves.commanded, self._after))
+        reverses = [states.reverses[rows] for _, states in pairs if states.reverses is not None]
+        turned = rows[np.any(reverses, axis=0)] if reverses else rows[:0]
+        for some, shares in ((rows, INNER), (turned, CLOSELY)):
+            if len(some):
+                both = [self._errors_between(moves.motions, text, states, some, shares) for text, states in pairs]
+                self._found.anywhere.add(BETWEEN_ENDS, *both)
+
+    def _evaluate_uncorrected(self, moves: WrittenMoves) -> None:
+        """Evaluate the moves with axes that are not corrected, at their ends and, of feed moves, between them."""
+        motions = moves.motions
+        for rows, shares in ((motions.uncorrected_paths, INNER), (motions.uncorrected_moves, (1.0,))):
+            if rows.any():
+                before, after = (
+                    self._errors_between(motions, text, states, rows, shares)
+                    for text, states in ((motions, self._before), (moves.commanded, self._after))
+                )
+                self._found.anywhere.add(UNCORRECTED, before, after)
 
     def _between_by_ends(self, moves: WrittenMoves, before: Array, left: Array) -> Array:
         """Largest errors `(n,)`, um, between the ends of straight moves, from the errors at both ends; nan if unknown.
@@ -254,11 +284,28 @@ class Evaluation:
         if not chosen.any():
             return
         rows, move = rows[chosen], move[chosen]
-        errors = np.zeros((len(ends), 2))
+        largest, mean = np.zeros((2, len(ends), 2))
+        lengths = motions.path_lengths[rows]
+        whole = np.bincount(move, lengths, len(ends))[move]
+        weights = np.divide(lengths, whole, out=np.ones(len(rows)), where=whole > 0.0) / len(CLOSELY)
         for column, (text, states) in enumerate(((motions, self._before), (moves.commanded, self._after))):
-            np.maximum.at(errors[:, column], move, self._errors_between(motions, text, states, rows, CLOSELY))
-        found = np.unique(move)
-        self._guard.check_paths(motions, moves.lines, ends[found], errors[found], moves.unsplit, ERROR_JUMPS)
+            for share in CLOSELY:
+                errors = self._errors_between(motions, text, states, rows, (share,))
+                np.maximum.at(largest[:, column], move, errors)
+                np.add.at(mean[:, column], move, weights * errors)
+        found, reverses = np.unique(move), np.zeros(len(ends), bool)
+        self._found.anywhere.add(BETWEEN_ENDS, *largest[found].T)
+        if self._after.reverses is not None:
+            reverses[move[self._after.reverses[rows]]] = True
+        self._guard.check_paths(
+            motions,
+            moves.lines,
+            ends[found],
+            (largest[found], mean[found]),
+            reverses[found],
+            moves.unsplit,
+            ERROR_JUMPS,
+        )
 
     def _errors_between(
         self,
@@ -272,9 +319,9 @@ class Evaluation:
         tool, shift = motions.tool[rows], machine_states.datum_shifts(motions)[rows]
         errors_between = np.zeros(len(tool))
         for share in shares:
-            states = machine_states.last_states(rows, share)
             nominal = motions.in_machine(motions.along(share))[rows]
             actual = motions.in_machine(commanded.along(share))[rows]
+            states = machine_states.states_at(rows, share, actual)
             here = pose_errors(self.machine, self._model, actual, nominal, tool, states, shift).point_um
             errors_between = np.maximum(errors_between, here)
         return errors_between

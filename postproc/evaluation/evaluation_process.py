@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinematics.machine import Machine
+from kinematics.running.child_process import ChildProcess, LostProcess
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.evaluation.evaluation import ErrorsBefore, Evaluated, Evaluation, WrittenMoves
@@ -20,8 +21,7 @@ from postproc.evaluation.guard import WorseMove
 from postproc.motion.axis_words import AxisWords
 from postproc.motion.frames import Frame
 from postproc.motion.motions import COLUMNS, Motions
-from postproc.motion.moves import Arc
-from postproc.second_process import LostProcess, SecondProcess
+from postproc.motion.moves import Arc, Paced
 from postproc.text.blocks import Blocks
 
 AHEAD = 4
@@ -67,6 +67,8 @@ class SentMoves(NamedTuple):
     """Written ends `(n, axes)`, mm and degrees."""
     arcs: tuple[Mapping[int, Arc], Mapping[int, Arc]]
     """Arcs as programmed and as written."""
+    paced: Mapping[int, Paced]
+    """As of Motions."""
     lines: np.ndarray
     bounds: Array
     unsplit: Mapping[int, str]
@@ -84,6 +86,7 @@ class SentMoves(NamedTuple):
             SentStarts.of(commanded.start, commanded.target),
             commanded.target,
             (dict(motions.arcs), dict(commanded.arcs)),
+            dict(motions.paced),
             moves.lines,
             moves.bounds,
             dict(moves.unsplit),
@@ -102,6 +105,7 @@ class SentMoves(NamedTuple):
                 **self.columns | {"start": start.with_ends(target), "target": target},
                 words=AxisWords(),
                 arcs=arcs,
+                paced=self.paced,
             )
             for start, target, arcs in zip(starts, targets, self.arcs, strict=True)
         )
@@ -113,7 +117,7 @@ class EvaluationProcess:
 
     def __init__(self, evaluation: Evaluation) -> None:
         """`evaluation`: a new one, which the process takes over."""
-        self._process = SecondProcess(_Worker(evaluation))
+        self._process = ChildProcess(_Worker(evaluation))
         self._waiting: deque[Blocks] = deque()
         """Blocks of the chunks without an answer."""
 

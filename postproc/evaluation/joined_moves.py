@@ -15,7 +15,7 @@ from postproc.motion.moves import Kind
 
 
 class Joined(NamedTuple):
-    """The rows of a chunk beside those before them."""
+    """The rows of a chunk, joined to the rows before them."""
 
     rows: NDArrayBool
     """True `(n,)` for straight moves that begin where the row before ends, in the same frame, in both texts."""

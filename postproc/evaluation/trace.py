@@ -41,9 +41,13 @@ class Bins:
         self._squares = np.zeros((BINS, 2))
         self._evaluated = np.zeros(BINS)
         self._high, self._low = np.full((2, BINS, axes), np.nan)
+        self._lines = np.full(BINS, np.nan)
 
-    def add(self, errors: Array, corrections: Array) -> None:
-        """Add `n` moves: errors before and after `(n, 2)`, nan if not evaluated; corrections `(n, axes)`."""
+    def add(self, errors: Array, corrections: Array, lines: np.ndarray) -> None:
+        """Add `n` moves: errors before and after `(n, 2)`, nan if not evaluated; corrections `(n, axes)`.
+
+        lines `(n,)`: those of the program; loops repeat them.
+        """
         end = self.moves + len(errors)
         while end > BINS * self.width:
             self._join()
@@ -53,6 +57,8 @@ class Bins:
         np.add.at(self._evaluated, rows, ~np.isnan(errors[:, 0]))
         np.fmax.at(self._high, rows, corrections)
         np.fmin.at(self._low, rows, corrections)
+        new = np.isnan(self._lines[rows])
+        self._lines[rows[new][::-1]] = lines[new][::-1]  # the first move of a stretch is the last one to be set
         self.moves = end
 
     def _join(self) -> None:
@@ -60,6 +66,7 @@ class Bins:
         self.width *= 2
         self._largest, self._high = _halved(self._largest, np.fmax), _halved(self._high, np.fmax)
         self._low = _halved(self._low, np.fmin)
+        self._lines = np.concatenate([self._lines[::2], np.full(BINS // 2, np.nan)])
         self._squares, self._evaluated = _halved(self._squares, np.add, 0.0), _halved(self._evaluated, np.add, 0.0)
 
     def __len__(self) -> int:
@@ -69,6 +76,11 @@ class Bins:
     def edges(self) -> Array:
         """Bounds of the stretches `(bins + 1,)`, by numbers of moves from 0."""
         return np.minimum(np.arange(len(self) + 1) * self.width, self.moves).astype(float)
+
+    @property
+    def lines(self) -> np.ndarray:
+        """Line of the program of the first move of each stretch `(bins,)`."""
+        return self._lines[: len(self)].astype(int)
 
     @property
     def largest(self) -> Array:
@@ -137,7 +149,7 @@ class DrawnPaths(msgspec.Struct):
         nominal, written = (frames.in_machine(positions_along(text, points, shares)) for text in (motions, commanded))
         shift = both[0].datum_shifts(motions)[points]
         errors = [
-            pose_errors(machine, model, actual, nominal, tool, states.last_states(points), shift).point_um
+            pose_errors(machine, model, actual, nominal, tool, states.states_at(points, shares, actual), shift).point_um
             for actual, states in zip((nominal, written), both, strict=True)
         ]
         self.add(
@@ -170,7 +182,7 @@ class Trace:
         for axes that the program has not given. errors `(n, 2)`, um, before and after; nan if they are not evaluated.
         """
         scale = np.where(self.machine.rotary, np.deg2rad(1.0) * 1e6, 1e3)
-        self.bins.add(errors[rows], (moved * scale)[rows])
+        self.bins.add(errors[rows], (moved * scale)[rows], lines[rows])
         for which, known in enumerate(self.worst):
             known[:] = _worst(known, motions, lines, errors, which)
 

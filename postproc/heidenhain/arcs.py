@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from postproc.control.words import Content, value_of
+from postproc.heidenhain.channel import Channel
 from postproc.heidenhain.codes import DIRECTIONS
-from postproc.heidenhain.modal_state import ModalState, straight
+from postproc.heidenhain.words import straight
 from postproc.motion.arcs import Ends, arc_by_centre, arc_by_radius, begin_arc
 from postproc.motion.circles import SAME, Point, same, sweep, tangent_circle
 from postproc.motion.moves import Arc, AxisWord, Kind, PolarEnd
@@ -52,7 +53,7 @@ class _PolarPosition(NamedTuple):
 class Arcs:
     """Moves of one control that have to do with a pole."""
 
-    control: ModalState
+    channel: Channel
     pole: _Pole | None = None
     block: int = -1
     """Index of the block of the pole in the chunk; -1 if an earlier chunk contains it."""
@@ -68,15 +69,16 @@ class Arcs:
     @property
     def planes(self) -> tuple[Plane, Plane, Plane]:
         """The working plane first."""
-        x, y, z = self.control.x_y_z
+        x, y, z = self.channel.x_y_z
         return (x, y, z), (y, z, x), (z, x, y)
 
     # ---- poles
 
     def set_pole(self, index: int, block: Block) -> None:
         """CC."""
-        recorder = self.control.recorder
-        words = self.control.axis_words(block, range(len(block.words)))
+        channel = self.channel
+        recorder = channel.recorder
+        words = channel.axis_words(block, range(len(block.words)))
         axes = [word.axis for word, _ in words]
         if len(set(axes)) < len(axes):
             raise block.refuse("the pole (CC) has one coordinate twice: write each once")
@@ -99,7 +101,7 @@ class Arcs:
             raise block.refuse("the pole (CC) has one coordinate, and no earlier pole gives the other: write both")
         self.count += 1
         sure = None not in word_indices
-        self.pole = _Pole((pole[0], pole[1]), plane, self.count, sure, self.control.frames)
+        self.pole = _Pole((pole[0], pole[1]), plane, self.count, sure, channel.frames)
         self.block, self.words = index, (word_indices[0], word_indices[1])
 
     def _plane_of(self, block: Block, axes: list[int], before: _Pole | None) -> Plane:
@@ -112,7 +114,7 @@ class Arcs:
 
     def _present(self) -> _Pole | None:
         """The pole, if it was put in the present frame."""
-        return self.pole if self.pole is not None and self.pole.frame == self.control.frames else None
+        return self.pole if self.pole is not None and self.pole.frame == self.channel.frames else None
 
     def _pole(self, block: Block) -> _Pole:
         pole = self._present()
@@ -124,13 +126,14 @@ class Arcs:
 
     def circle(self, index: int, block: Block, content: Content) -> None:
         """C, CR and CT."""
+        channel = self.channel
         sense = self._sense(block, content) if block.kind != "tangent" else 0
-        words = self.control.axis_words(block, content.axes)
+        words = channel.axis_words(block, content.axes)
         if not words:
             raise block.refuse("the arc has no end point: write its coordinates")
-        target = self.control.target(block, words)
+        target = channel.target(block, words)
         plane = self._pole(block).plane if block.kind == "circle" else self.planes[0]
-        ends = begin_arc(block, self.control.recorder, self._letters(plane), sense, target)
+        ends = begin_arc(block, channel.recorder, self._letters(plane), sense, target)
         match block.kind:
             case "circle":
                 arc = self._about_pole(block, ends)
@@ -138,7 +141,7 @@ class Arcs:
                 arc = self._tangent(block, plane, ends.start, ends.end)
             case _:
                 arc = self._by_radius(block, ends)
-        self.control.move(index, Kind.ARC, target, words, arc)
+        channel.move(index, Kind.ARC, target, words, arc)
 
     def _sense(self, block: Block, content: Content) -> int:
         senses = DIRECTIONS.keys() & content.other.keys()
@@ -147,7 +150,7 @@ class Arcs:
         return DIRECTIONS[senses.pop()]
 
     def _letters(self, plane: Plane) -> str:
-        return "".join(self.control.machine.names[axis] for axis in plane)
+        return "".join(self.channel.machine.names[axis] for axis in plane)
 
     def _about_pole(self, block: Block, ends: Ends) -> Arc:
         pole = self._pole(block)
@@ -157,17 +160,17 @@ class Arcs:
     def _by_radius(self, block: Block, ends: Ends) -> Arc:
         for i, word in enumerate(block.words):
             if word.address == "R" and word.start < word.end:
-                radius = value_of(block, word) * self.control.unit
-                return arc_by_radius(block, ends, radius, i)._replace(pole=self._number)
+                radius = value_of(block, word) * self.channel.modal.unit
+                return arc_by_radius(block, ends, radius, i, notes=self.channel.notes)._replace(pole=self._number)
         raise block.refuse("CR has no radius: write R")
 
     def _tangent(self, block: Block, plane: Plane, start: Point, end: Point) -> Arc:
         """The arc from start to end that leaves the start as the move before arrived there."""
-        if self.control.cornered:
+        if self.channel.modal.cornered:
             raise block.refuse(
                 "a tangential arc (CT) directly after RND or CHF is not corrected: write it with CR or CC and C"
             )
-        heading = self.control.recorder.heading(plane)
+        heading = self.channel.recorder.heading(plane)
         if heading is None:
             raise block.refuse(
                 "a tangential arc needs a move in its plane directly before it: write the arc with a radius or a centre"
@@ -187,13 +190,14 @@ class Arcs:
 
     def polar(self, index: int, block: Block, content: Content) -> None:
         """LP, CP and CTP."""
+        channel = self.channel
         pole = self._pole(block)
-        words = self.control.axis_words(block, content.axes)
+        words = channel.axis_words(block, content.axes)
         if any(word.axis in pole.plane[:2] for word, _ in words):
             raise block.refuse("Cartesian and polar coordinates are mixed in the plane of the pole: write one kind")
-        target = self.control.target(block, words)
+        target = channel.target(block, words)
         first, second, _ = pole.plane
-        recorder = self.control.recorder
+        recorder = channel.recorder
         start = recorder.position[first], recorder.position[second]
         position = self._polar_position(block, pole, start)
         if not (recorder.known[first] and recorder.known[second]) and (
@@ -212,7 +216,7 @@ class Arcs:
         if not position.programmed and recorder.known[first] != recorder.known[second]:
             recorder.mark_uncertain(pole.plane[:2])
         words += [(AxisWord(axis, -1, not position.programmed), target[axis]) for axis in (first, second)]
-        self.control.move(index, kind, target, words, arc)
+        channel.move(index, kind, target, words, arc)
 
     def _polar_position(self, block: Block, pole: _Pole, start: Point) -> _PolarPosition:
         x, y = start[0] - pole.at[0], start[1] - pole.at[1]
@@ -229,7 +233,7 @@ class Arcs:
             value, more = value_of(block, word), word.address[0] == "I"
             counted |= more
             if name == "PR":
-                radius = radius * more + value * self.control.unit
+                radius = radius * more + value * self.channel.modal.unit
             else:
                 turned = math.radians(value) if more else None
                 angle = (angle if more else 0.0) + math.radians(value)

@@ -88,9 +88,7 @@ def parse_block(line: int, text: str) -> Block:
     except Ambiguous as reason:
         raise Refusal(line, text, str(reason)) from None
     if step is not None:
-        if skippable:
-            raise Block(line, text, kind).refuse_skip()
-        return check_order(Block(line, text, "control", (), "", False, Code((step,))))
+        return check_order(Block(line, text, "control", (), "", skippable, Code((step,))))
     words: list[Word] = []
     detail: list[str] = []
     for item in parts:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-# Neither move the tool nor change where coordinates point: spindle, coolant, stops, feed modes, the way round of rotary
-# axes (M126), path modes, monitoring, and what takes back something that is refused or was never there.
+# Neither move the tool nor change where coordinates point: spindle, coolant, stops, feed modes, path modes, monitoring,
+# and what takes back something that is refused or was never there.
 HARMLESS_M = frozenset(
     map(
         float,
         (0, 1, *range(3, 6), *range(7, 12), 13, 14, 19, 90, 102, 103, *range(105, 112), 113, *range(115, 119)),
     )
-) | frozenset(map(float, (120, 124, 126, 127, 132, 133, *range(134, 139), 141, 145, 148, 149)))
+) | frozenset(map(float, (120, 124, 132, 133, *range(134, 139), 141, 145, 148, 149)))
+SKIPPABLE_M = frozenset(map(float, (0, 1, *range(3, 6), *range(7, 12), 13, 14, 19)))
+"""Spindle, coolant and stops: whether they run does not change the meaning of other blocks."""
 PROGRAM_END_M = frozenset((2.0, 30.0))
-MEANT_M = frozenset((6.0, 91.0, 94.0, 99.0, 128.0, 129.0, 140.0, 143.0)) | PROGRAM_END_M
+MEANT_M = frozenset((6.0, 91.0, 94.0, 99.0, 126.0, 127.0, 128.0, 129.0, 140.0, 143.0)) | PROGRAM_END_M
 REFUSED_M = {
     89.0: "calls a cycle after every move, which is not followed: write M99 in each block",
     92.0: "refers to a position of the machine manufacturer, which is not known: write M91",
@@ -42,11 +44,12 @@ HARMLESS_CYCLES = frozenset((*range(1, 7), 9, *range(13, 19), *range(20, 26), *r
 REFUSED_CYCLES = {
     12: "calls a program that is not followed: insert its blocks",
 }
+"""With the reason of their refusal."""
 PATTERN_CYCLES = {
     220: frozenset(("Q216", "Q217", "Q244", "Q245", "Q246", "Q247", "Q241", "Q200", "Q203", "Q204")),
     221: frozenset(("Q225", "Q226", "Q237", "Q238", "Q242", "Q243", "Q224", "Q200", "Q203", "Q204")),
 }
-"""Cycles that run where they are defined, with the reason of their refusal."""
+"""Cycles that run where they are defined, and the words that each needs."""
 FRAME_CYCLES = {
     7: ("I?[XYZABCUVW]", 0.0, "shifts the datum"),
     8: ("", 0.0, "mirrors the coordinates"),

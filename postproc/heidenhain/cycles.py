@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from postproc.control.words import Content, value_of
+from postproc.heidenhain.channel import Channel
 from postproc.heidenhain.codes import (
     CONTOUR_CYCLES,
     CYCLES_AROUND_POSITION,
@@ -23,7 +24,6 @@ from postproc.heidenhain.codes import (
     TRANSFORMATION_CYCLES,
 )
 from postproc.heidenhain.datum_transformations import SCALING, SHIFT
-from postproc.heidenhain.modal_state import ModalState
 from postproc.heidenhain.tilted_planes import Planes
 from postproc.motion.circles import Point
 from postproc.motion.frames import renamed
@@ -40,13 +40,12 @@ _DATUM_LINE = re.compile(r"#\s*(\d+)")
 class Cycles:
     """The cycles of one control."""
 
-    control: ModalState
+    channel: Channel
     planes: Planes
-    cycle: int = 0
-    """The last one that was defined for a call."""
 
     def define(self, index: int, block: Block) -> None:
         """CYCL DEF."""
+        channel = self.channel
         match = _CYCLE.fullmatch(block.detail)
         assert match is not None
         number = int(match[1])
@@ -59,10 +58,10 @@ class Cycles:
         elif number in REFUSED_CYCLES:
             raise block.refuse(f"cycle {number} {REFUSED_CYCLES[number]}")
         elif number not in HARMLESS_CYCLES:
-            self.control.accept(block, f"CYCL DEF {number}", f"cycle {number} is not known to ncomp: write its moves")
-            self.cycle = number
+            channel.accept(block, f"CYCL DEF {number}", f"cycle {number} is not known to ncomp: write its moves")
+            channel.modal.cycle = number
         elif number not in DATA_CYCLES:
-            self.cycle = number
+            channel.modal.cycle = number
 
     # ---- calls
 
@@ -79,67 +78,68 @@ class Cycles:
 
     def call_at(self, index: int, block: Block, content: Content) -> None:
         """CYCL CALL POS: at X and Y; its Z shifts the surface and all that counts from it."""
-        control = self.control
-        words = control.axis_words(block, content.axes)
-        x_y_z = control.x_y_z
+        channel = self.channel
+        words = channel.axis_words(block, content.axes)
+        x_y_z = channel.x_y_z
         if sorted(word.axis for word, _ in words) != sorted(x_y_z) or any(word.incremental for word, _ in words):
             raise block.refuse("CYCL CALL POS needs an absolute position: write X, Y and Z")
-        target = control.target(block, words)
-        control.move(index, Kind.RAPID, target, words)
-        self.run(block, target[x_y_z[2]] / control.unit)
+        target = channel.target(block, words)
+        channel.move(index, Kind.RAPID, target, words)
+        self.run(block, target[x_y_z[2]] / channel.modal.unit)
 
     def run(self, block: Block, shifted: float = 0.0) -> None:
         """A canned cycle starts from its corrected position; the control makes depths and contours.
 
         `shifted`: height of the surface above its parameter, in units of the program.
         """
-        z = self.control.x_y_z[2]
-        if self.control.tcp:
+        channel, cycle = self.channel, self.channel.modal.cycle
+        z = channel.x_y_z[2]
+        if channel.modal.tcp:
             raise block.refuse("a canned cycle while M128 is on is not corrected: write M129 before it")
-        if self.cycle in CYCLES_AT_POSITION:
+        if cycle in CYCLES_AT_POSITION:
             self._end_above(z, shifted)
-        elif self.cycle in CYCLES_AROUND_POSITION:
+        elif cycle in CYCLES_AROUND_POSITION:
             self._end_above(z, shifted)
-            self.control.mark_unknown("XY")
-        elif self.cycle in CONTOUR_CYCLES:
-            self.control.mark_unknown("XYZ")
-            text = f"cycle {self.cycle} runs along its contour as programmed and is not corrected"
-            self.control.notes.add(text, block.line)
+            channel.mark_unknown("XY")
+        elif cycle in CONTOUR_CYCLES:
+            channel.mark_unknown("XYZ")
+            text = f"cycle {cycle} runs along its contour as programmed and is not corrected"
+            channel.notes.add(text, block.line)
             return
-        elif self.cycle not in CYCLES_AT_START:
+        elif cycle not in CYCLES_AT_START:
             raise block.refuse(
-                f"cycle {self.cycle} runs at positions that are not known to ncomp: write its moves"
-                if self.cycle
+                f"cycle {cycle} runs at positions that are not known to ncomp: write its moves"
+                if cycle
                 else "M99 or CYCL CALL has no cycle to run: write its CYCL DEF before it"
             )
         self._note(block)
 
     def _note(self, block: Block) -> None:
         text = "canned cycles start from the corrected position; their depths and contours stay as programmed"
-        self.control.notes.add(text, block.line)
+        self.channel.notes.add(text, block.line)
 
     def _end_above(self, z: int, shifted: float) -> None:
         """Z after a cycle, as far as its parameters give it; no added word relies on it."""
-        control = self.control
+        channel = self.channel
         try:
-            surface, second, first = (control.q(number) for number in (203, 204, 200))
+            surface, second, first = (channel.q(number) for number in (203, 204, 200))
         except NotKnown:
-            control.mark_unknown("Z")
+            channel.mark_unknown("Z")
             return
-        control.recorder.record_machine_position(z, (surface + shifted + max(second, first)) * control.unit)
+        channel.recorder.record_machine_position(z, (surface + shifted + max(second, first)) * channel.modal.unit)
 
     # ---- patterns
 
     def _pattern(self, index: int, block: Block, number: int) -> None:
         """Cycles 220 and 221 run the cycle before at once, hole by hole; only their first position can be corrected."""
-        control = self.control
-        if self.cycle not in CYCLES_AT_POSITION | CYCLES_AROUND_POSITION:
+        channel, cycle = self.channel, self.channel.modal.cycle
+        if cycle not in CYCLES_AT_POSITION | CYCLES_AROUND_POSITION:
             raise block.refuse(
-                f"cycle {number} repeats cycle {self.cycle}, whose position is not known: write another cycle before it"
-                if self.cycle
+                f"cycle {number} repeats cycle {cycle}, whose position is not known: write another cycle before it"
+                if cycle
                 else f"cycle {number} has no cycle to repeat: write its CYCL DEF before it"
             )
-        if control.tcp:
+        if channel.modal.tcp:
             raise block.refuse("a canned cycle while M128 is on is not corrected: write M129 before it")
         words = {word.address: i for i, word in enumerate(block.words)}
         values = {name: value_of(block, block.words[i]) for name, i in words.items()}
@@ -148,18 +148,18 @@ class Cycles:
             raise block.refuse(
                 f"cycle {number} has no {', '.join(sorted(required - values.keys()))}: write all its parameters"
             )
-        x, y, z = control.x_y_z
+        x, y, z = channel.x_y_z
         first = zip((x, y), HOLE_WORDS[number], strict=True)
         named = [(AxisWord(axis, words[name], False), values[name]) for axis, name in first]
-        control.recorder.record_machine_position(
-            z, (values["Q203"] + max(values["Q204"], values["Q200"])) * control.unit
+        channel.recorder.record_machine_position(
+            z, (values["Q203"] + max(values["Q204"], values["Q200"])) * channel.modal.unit
         )
         for i, (at_x, at_y) in enumerate(_positions(number, values)):
-            target = list(control.recorder.position)
-            target[x], target[y] = at_x * control.unit, at_y * control.unit
-            control.move(index, Kind.RAPID if i == 0 else Kind.PATTERN, target, named)
-        if self.cycle in CYCLES_AROUND_POSITION:
-            control.mark_unknown("XY")
+            target = list(channel.recorder.position)
+            target[x], target[y] = at_x * channel.modal.unit, at_y * channel.modal.unit
+            channel.move(index, Kind.RAPID if i == 0 else Kind.PATTERN, target, named)
+        if cycle in CYCLES_AROUND_POSITION:
+            channel.mark_unknown("XY")
         self._note(block)
 
     # ---- frames
@@ -168,7 +168,7 @@ class Cycles:
         values = [value_of(block, word) for word in block.words if word.address == "Q339"]
         if len(values) != 1 or values[0] != int(values[0]):
             raise block.refuse("cycle 247 has no whole preset number: write Q339")
-        self.control.set_preset(block, f"{values[0]:.0f}")
+        self.channel.set_preset(block, f"{values[0]:.0f}")
 
     def _frame_cycle(self, block: Block, number: int, part: str | None, name: str) -> None:
         if number in TRANSFORMATION_CYCLES and part is not None and not re.search(r"[\d#]", name):
@@ -197,22 +197,22 @@ class Cycles:
 
     def shift(self, block: Block, number: int, words: dict[str, float]) -> None:
         """A part of cycle 7, 8, 10, 11 or 26, or an equivalent TRANS block."""
-        control = self.control
-        active = control.transformations if control.tilt is None else control.tilted_transformations
+        channel, modal = self.channel, self.channel.modal
+        active = modal.transformations if modal.tilt is None else modal.tilted_transformations
         before = active.placement
-        scaled_axes = control.machine.control.scaled_axes
+        scaled_axes = channel.machine.control.scaled_axes
         if number == SCALING and scaled_axes:
-            control.notes.add(f"cycle 11 is taken to scale {' '.join(scaled_axes)} (machine file)", block.line)
-        if active.set(block, number, words, control.unit, scaled_axes):
-            control.change_frame([control.x_y_z[i] for i in renamed(before, active.placement)])
+            channel.notes.add(f"cycle 11 is taken to scale {' '.join(scaled_axes)} (machine file)", block.line)
+        if active.set(block, number, words, modal.unit, scaled_axes):
+            channel.change_frame([channel.x_y_z[i] for i in renamed(before, active.placement)])
 
     def _datum(self, block: Block, line: str) -> dict[str, float]:
         """A line of the datum table, in units of the program."""
-        control = self.control
-        if line not in control.control_state.setup.datums:
+        channel = self.channel
+        if line not in channel.setup.datums:
             raise block.refuse(f"datum #{line} is in no datum table: give the table by --tool-table ZERO.D")
-        shifts = control.control_state.setup.datums[line]
-        return {axis: value / (1.0 if axis in "ABC" else control.unit) for axis, value in shifts.items()}
+        shifts = channel.setup.datums[line]
+        return {axis: value / (1.0 if axis in "ABC" else channel.modal.unit) for axis, value in shifts.items()}
 
 
 HOLE_WORDS = {220: ("Q216", "Q217"), 221: ("Q225", "Q226")}

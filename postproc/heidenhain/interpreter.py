@@ -4,40 +4,44 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
+from kinematics.machine import TURN, Machine
 from postproc.control.codes import INCH
+from postproc.control.interpreter import Interpreter
+from postproc.control.setup import Setup
+from postproc.control.state import ControlState
 from postproc.control.words import Content, value_of
 from postproc.heidenhain.arcs import Arcs
+from postproc.heidenhain.channel import Channel
 from postproc.heidenhain.codes import (
     AXIS_M,
     CALL_M,
     COMPENSATIONS,
     HARMLESS_FN,
     HARMLESS_KINDS,
-    HARMLESS_M,
-    MEANT_M,
     MOVING_KINDS,
     PLC_FN,
     PROGRAM_END_M,
     REFUSED_FN,
     REFUSED_KINDS,
-    REFUSED_M,
+    SKIPPABLE_M,
 )
 from postproc.heidenhain.cycles import Cycles
 from postproc.heidenhain.datum_transformations import SHIFT
-from postproc.heidenhain.modal_state import ModalState, sort, straight
+from postproc.heidenhain.modal_state import ModalState
 from postproc.heidenhain.tilted_planes import Planes
 from postproc.heidenhain.tools import Tools
-from postproc.heidenhain.variables import operations_of
+from postproc.heidenhain.variables import QParameters, operations_of
+from postproc.heidenhain.words import sort, straight
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, Kind
 from postproc.motion.plain_moves import PlainMoves
+from postproc.motion.rotary_words import Way
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
+from postproc.text.notes import Notes
 
 _TCPM = re.compile(
     r"FUNCTION TCPM( F (TCP|CONT))?( AXIS POS)?( PATHCTRL (AXIS|VECTOR))?( REFPNT TIP-TIP)?( F ?[\d.,]+)?",
@@ -46,25 +50,25 @@ _TCPM = re.compile(
 _HARMLESS_FUNCTION = re.compile(r"FUNCTION (MODE MILL|(S-PULSE|FEED DWELL)\b.*)", re.IGNORECASE)
 _RESETS = {"TRANS MIRROR RESET": 8, "TRANS ROTATION RESET": 10, "TRANS SCALE RESET": 11}
 """RESET blocks, with the numbers of the cycles that have the same effect."""
+WAYS = {126.0: Way.SHORTEST, 127.0: Way.AS_WRITTEN}
+"""M functions for the way of rotary axes, until the other one."""
 WITH_END = frozenset(("LCT",))
 """Departures whose end is in the block; the others end at a length, or on an arc, beyond the contour."""
 _FN = re.compile(r"FN ?(\d+)", re.IGNORECASE)
 
 
-@dataclass
-class HeidenhainInterpreter(ModalState):
-    """Reads blocks in order; modal state carries over from chunk to chunk."""
+class HeidenhainInterpreter(Interpreter):
+    """Reads Klartext blocks in order, in the modal state that the blocks before have left."""
 
-    harmless_m: ClassVar[frozenset[float]] = HARMLESS_M | MEANT_M
-    refused_m: ClassVar[Mapping[float, str]] = REFUSED_M
+    channel: Channel
+    modal: ModalState
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.scope.operations = operations_of(self.machine.control)
-        self.arcs = Arcs(self)
-        self.tools = Tools(self)
-        self.planes = Planes(self)
-        self.cycles = Cycles(self, self.planes)
+    def __init__(self, machine: Machine, setup: Setup, notes: Notes) -> None:
+        super().__init__(Channel(notes, ModalState(ControlState(setup)), QParameters(operations_of(machine.control))))
+        self.arcs = Arcs(self.channel)
+        self.tools = Tools(self.channel)
+        self.planes = Planes(self.channel)
+        self.cycles = Cycles(self.channel, self.planes)
         self._statements: dict[str, Callable[[int, Block], None]] = {
             "begin_pgm": lambda _, block: self._begin(block),
             "tool_call": lambda _, block: self.tools.call(block),
@@ -84,53 +88,48 @@ class HeidenhainInterpreter(ModalState):
         self.arcs.new_chunk()
         return super().read(blocks)
 
-    @property
-    def plain(self) -> bool:
-        """True while L is a straight move in coordinates that are not tilted, without radius compensation."""
-        transformed = self.transformations.active or self.tilted_transformations.active
-        blocked = self.ended or self.compensated or self.cornered or self.levelled or self.tilt is not None
-        return self.begun and not transformed and not blocked
-
     def _take_run(
         self, index: int, run: PlainRun, moves: PlainMoves, motion: np.ndarray, arcs: Mapping[int, Arc]
     ) -> None:
         super()._take_run(index, run, moves, motion, arcs)
-        self.motion = None
+        self.modal.motion = None
 
     def _read_block(self, index: int, block: Block) -> Block:
+        modal = self.modal
         if block.kind in HARMLESS_KINDS:
             return block
-        compensated = self.compensated
+        compensated = modal.compensated
         self._run_block(index, block)
-        shifted = self.cornered or compensated or self.compensated or block.kind == "normal_line"
-        self.no_insertion = shifted and block.kind in MOVING_KINDS
-        self.cornered = block.kind in ("rounding", "chamfer")
+        shifted = modal.cornered or compensated or modal.compensated or block.kind == "normal_line"
+        self.channel.no_insertion = shifted and block.kind in MOVING_KINDS
+        modal.cornered = block.kind in ("rounding", "chamfer")
         return block
 
     def _run_block(self, index: int, block: Block) -> None:
-        if self.ended and block.kind != "begin_pgm":
+        if self.modal.ended and block.kind != "begin_pgm":
             if block.kind != "end_pgm":
                 self.note_after_end(block)
         elif block.kind in REFUSED_KINDS:
             raise block.refuse(f"{block.detail}: {REFUSED_KINDS[block.kind]}")
-        elif block.skippable:
+        elif block.skippable and not _may_be_skipped(block):
             raise block.refuse_skip()
         elif block.kind in self._statements:
             self._statements[block.kind](index, block)
         elif block.kind == "end_pgm":
-            self.ended = True
+            self.modal.ended = True
         elif block.kind not in ("rounding", "chamfer"):
             self._read_positioning(index, block)
 
     def _begin(self, block: Block) -> None:
-        if self.begun:
+        modal = self.modal
+        if modal.begun:
             raise block.refuse("the file has a second BEGIN PGM: write each program in a file of its own")
-        self.begun = True
+        modal.begun = True
         unit = block.detail.split()[-1].upper()
         if unit not in ("MM", "INCH"):
             self.notes.add("BEGIN PGM has no MM or INCH: the coordinates are taken in mm", block.line)
-        self.unit = INCH if unit == "INCH" else 1.0
-        if self.unit == INCH:
+        modal.unit = INCH if unit == "INCH" else 1.0
+        if modal.unit == INCH:
             self.control_state.meet_inches(block, self.notes)
 
     # ---- moves
@@ -149,6 +148,7 @@ class HeidenhainInterpreter(ModalState):
         self._functions_at_end(block, content)
 
     def _move(self, index: int, block: Block, content: Content) -> None:
+        channel = self.channel
         match block.kind:
             case "circle" | "circle_radius" | "tangent":
                 self.arcs.circle(index, block, content)
@@ -161,8 +161,8 @@ class HeidenhainInterpreter(ModalState):
             case "normal_line":
                 self._normal_line(index, block, content)
             case "line" if content.axes:
-                words = self.axis_words(block, content.axes)
-                self.move(index, straight(content), self.target(block, words), words)
+                words = channel.axis_words(block, content.axes)
+                channel.move(index, straight(content), channel.target(block, words), words)
             case _ if content.axes:
                 raise block.refuse("the block has coordinates and no path function: write L before them")
 
@@ -174,19 +174,19 @@ class HeidenhainInterpreter(ModalState):
                 f"{shifting[0]}: radius compensation of single axes is not corrected: write the compensated coordinates"
             )
         if shifting:
-            self.compensate(block)
+            self.channel.compensate(block)
         elif "R0" in content.other and block.kind == "line":
-            self.end_compensation()
+            self.channel.end_compensation()
         elif "R0" in content.other or block.kind == "departure":
-            self.compensated = False
+            self.modal.compensated = False
 
     def _machine_move(self, index: int, block: Block, content: Content) -> None:
         if block.kind != "line":
             raise block.refuse("M91 needs a straight line: write L")
-        if self.tcp:
+        if self.modal.tcp:
             raise block.refuse("M91 while M128 is on is not allowed by HEIDENHAIN: write M129 before it")
         if content.axes:
-            self.move_to_machine_position(index, block, self.axis_words(block, content.axes))
+            self.channel.move_to_machine_position(index, block, self.channel.axis_words(block, content.axes))
 
     def _approach(self, index: int, block: Block, content: Content) -> None:
         """APPR LT, LN, CT, LCT to the first point of a contour; DEP from the last one.
@@ -195,20 +195,21 @@ class HeidenhainInterpreter(ModalState):
         of the tool. The path leads to the point of the block, and that point is corrected; so are the first and last
         elements of the contour, so the path stays as tangential as it was.
         """
+        channel = self.channel
         form = block.detail.upper().split()[-1]
         if form.startswith("P"):
             raise block.refuse(
                 f"{block.detail}: an approach in polar coordinates is not corrected: write it with X and Y"
             )
-        if self.tcp:
+        if self.modal.tcp:
             raise block.refuse(f"{block.detail} while M128 is on is not corrected: write M129 before it")
-        words = self.axis_words(block, content.axes)
+        words = channel.axis_words(block, content.axes)
         if block.kind == "approach" and not any(self.machine.names[word.axis] in "XY" for word, _ in words):
             raise block.refuse(f"{block.detail} needs the first point of the contour: write its X and Y in the block")
         if words:
-            self.move(index, Kind.RAPID, self.target(block, words), words)
+            channel.move(index, Kind.RAPID, channel.target(block, words), words)
         if block.kind == "departure" and form not in WITH_END:
-            self.mark_unknown("XY")
+            channel.mark_unknown("XY")
         text = "approaches and departures end at corrected points; the control calculates the path between them"
         self.notes.add(text, block.line)
 
@@ -218,21 +219,22 @@ class HeidenhainInterpreter(ModalState):
         X Y Z are those of the tool point and are corrected; both vectors stay. Where TX TY TZ take the rotary axes is
         calculated, and no word of ncomp names them.
         """
+        channel = self.channel
         normal, tool_axis = _vector(block, "N"), _vector(block, "T")
         if normal is None and tool_axis is None:
             raise block.refuse("LN needs a vector: write NX NY NZ, or TX TY TZ, or both")
-        words = self.axis_words(block, content.axes)
-        target = self.target(block, words)
+        words = channel.axis_words(block, content.axes)
+        target = channel.target(block, words)
         if tool_axis is not None:
-            if not self.tcp or self.tilt is not None or self.recorder.frame.turn is not None:
+            if not self.modal.tcp or self.modal.tilt is not None or self.recorder.frame.turn is not None:
                 raise block.refuse("TX TY TZ need M128 and coordinates that are not rotated: write M128 before them")
-            if any(self.rotary[word.axis] for word, _ in words):
+            if any(channel.rotary[word.axis] for word, _ in words):
                 raise block.refuse("TX TY TZ and a rotary axis in one block: write one of them")
-            self.turn_along(block, target, tool_axis)
+            channel.turn_along(block, target, tool_axis)
             self.notes.add("TX TY TZ: the control is taken to turn the rotary axes to the nearest solution", block.line)
         if normal is not None:
             self.notes.add("surface normals: the offset of the tool along them is not corrected", block.line)
-        self.move(index, straight(content), target, words)
+        channel.move(index, straight(content), target, words)
 
     # ---- functions
 
@@ -240,11 +242,14 @@ class HeidenhainInterpreter(ModalState):
         for code in content.m:
             if code in AXIS_M and (content.axes or content.names):
                 raise block.refuse(f"M{code:g} {AXIS_M[code]}")
-            self.take_function(block, code)
+            self.channel.take_function(block, code)
+        for code, way in WAYS.items():
+            if code in content.m:
+                self.recorder.rotary.turn_by(way)
         if 94.0 in content.m:
             self._take_off_turns(block, content)
         if 143.0 in content.m:
-            self.delete_basic_rotation(block)
+            self.channel.delete_basic_rotation(block)
         if 124.0 in content.m:
             self.notes.add("M124: the control may skip short blocks, also blocks that ncomp adds", block.line)
         if 128.0 in content.m:
@@ -256,33 +261,30 @@ class HeidenhainInterpreter(ModalState):
         if CALL_M in content.m:
             self.cycles.run(block)
         if 129.0 in content.m:
-            self.switch_tcp(False)
+            self.channel.switch_tcp(False)
         if 6.0 in content.m:
-            self.mark_unknown(self.machine.control.tool_change_moves)
+            self.channel.mark_unknown(self.machine.control.tool_change_moves)
         if not PROGRAM_END_M.isdisjoint(content.m):
-            self.ended = True
+            self.modal.ended = True
 
     def _start_tcp(self, block: Block, name: str) -> None:
-        if self.tilt is not None:
+        if self.modal.tilt is not None:
             raise block.refuse(f"{name} in a tilted plane is not followed: write PLANE RESET before it")
-        self.switch_tcp(True)
-        self.note_tcp(name, block)
+        self.channel.switch_tcp(True)
+        self.channel.note_tcp(name, block)
 
     def _take_off_turns(self, block: Block, content: Content) -> None:
         """M94: the control counts rotary axes, or those that are named, between 0 and 360 degrees from here."""
         recorder = self.recorder
         named = {recorder.axis(block, block.words[i].address) for i in content.names.values()}
-        for axis in named or self.rotary_axes:
-            if not 0.0 <= recorder.position[axis] < 360.0 and recorder.known[axis]:
-                name, at = self.machine.names[axis], recorder.position[axis]
-                raise block.refuse(
-                    f"M94 subtracts whole turns from {name}{at:g}: write an angle from 0 to 360 degrees before it"
-                )
+        for axis in named or self.channel.rotary_axes:
+            if recorder.known[axis]:
+                recorder.rotary.turns[axis] = TURN * (recorder.position[axis] // TURN)
 
     def _retract(self) -> None:
         """M140: the tool goes off along its axis."""
         leans = self.recorder.frame.tcp or any(axis.rotary and axis.side == "tool" for axis in self.machine.axes)
-        self.mark_unknown("XYZ" if leans else "Z")
+        self.channel.mark_unknown("XYZ" if leans else "Z")
 
     # ---- statements
 
@@ -293,7 +295,7 @@ class HeidenhainInterpreter(ModalState):
                 f"{block.detail}: other programs are not followed; if they leave tool, frames and modes unchanged, "
                 "write calls_leave_state = true in the machine file"
             )
-        self.mark_unknown(self.machine.names)
+        self.channel.mark_unknown(self.machine.names)
         self.arcs.pole = None
         text = f"{block.detail} is taken to leave tool, frames and modes as they are (machine file: calls_leave_state)"
         self.notes.add(text, block.line)
@@ -306,7 +308,7 @@ class HeidenhainInterpreter(ModalState):
             self.cycles.shift(block, SHIFT, dict.fromkeys("XYZ", 0.0))
         elif block.words or (cycle := _RESETS.get(block.detail.upper())) is None:
             raise block.refuse(f"{block.detail} transforms the coordinates in a form that is not followed")
-        elif cycle in self.transformations.active or cycle in self.tilted_transformations.active:
+        elif cycle in self.modal.transformations.active or cycle in self.modal.tilted_transformations.active:
             raise block.refuse(f"{block.detail} ends cycle {cycle} on some controls only: reset it by CYCL DEF {cycle}")
 
     def _fn(self, block: Block) -> None:
@@ -318,16 +320,22 @@ class HeidenhainInterpreter(ModalState):
         if number in PLC_FN:
             self.notes.add(f"FN {number} passes values to the PLC and is taken to move nothing", block.line)
         elif number not in HARMLESS_FN:
-            self.accept(block, f"FN {number}", f"FN {number} is not known to ncomp: remove it")
+            self.channel.accept(block, f"FN {number}", f"FN {number} is not known to ncomp: remove it")
 
     def _function(self, block: Block) -> None:
         if _TCPM.fullmatch(block.detail):
             self._start_tcp(block, "FUNCTION TCPM")
         elif block.detail.upper() == "FUNCTION RESET TCPM":
-            self.switch_tcp(False)
+            self.channel.switch_tcp(False)
         elif not _HARMLESS_FUNCTION.fullmatch(block.detail):
             name = " ".join(block.detail.split()[:2])
-            self.accept(block, name, f"{block.detail} is not known to ncomp: remove it")
+            self.channel.accept(block, name, f"{block.detail} is not known to ncomp: remove it")
+
+
+def _may_be_skipped(block: Block) -> bool:
+    """Whether no other block depends on this one: STOP, and M functions that move nothing."""
+    functions = all(word.address == "M" and (word.value or 0.0) in SKIPPABLE_M for word in block.words)
+    return block.kind in ("stop", "miscellaneous") and functions
 
 
 def _vector(block: Block, kind: str) -> list[float] | None:

@@ -20,7 +20,15 @@ LEVELS = {"^": 3, "*": 2, "/": 2, "%": 2, "DIV": 2, "LEN": 2, "ANG": 2, "+": 1, 
 HARMLESS_FN = frozenset((14, 15, 16, 19, 20, 26, 27, 29, 37, 38))
 """That set no parameter."""
 _Q = re.compile(r"([+-]?)[ \t]*(Q[LR]?)(\d+)", re.IGNORECASE)
-_SETTING = re.compile(r"FN ?\d+ ?:? ?(?:SYSREAD|TABREAD) ?(Q[LR]?\d+) ?=.*", re.IGNORECASE)
+_ONE_VALUE = re.compile(r"FN ?18 ?:? ?SYSREAD ?(Q[LR]?\d+) ?=.*", re.IGNORECASE)
+_SEVERAL = re.compile(r'FN ?(\d+) ?:? ?(?:TABREAD|CDATA)? ?(Q[LR]?)(\d+) ?=[^"]*(?:"([^"]*)".*)?', re.IGNORECASE)
+_OUTPUTS: dict[int, Callable[[str | None], int]] = {
+    23: lambda _: 3,
+    24: lambda _: 3,
+    28: lambda columns: len(columns.split(",")) if columns else 0,
+}
+"""Number of consecutive parameters that an FN sets, by its number and the names of columns in quotes: centre and radius
+of a circle (FN 23, FN 24), one parameter for each column of a table (FN 28); 0 where the block does not give it."""
 _SYSREAD = re.compile(
     r"FN ?18 ?:? ?SYSREAD ?Q[LR]?\d+ ?= ?ID ?(\d+) ?NR ?(\d+)(?: ?IDX ?([+-]?(?:\d+|Q[LR]?\d+)))?", re.IGNORECASE
 )
@@ -124,7 +132,13 @@ def setting(kind: str, detail: str, words: tuple[Word, ...]) -> list[Step]:
         return [_cycle_parameter(word) for word in words if re.fullmatch(r"Q\d+", word.address)]
     if kind not in ("fn", "probe", "program_call"):
         return []
-    match = _SETTING.fullmatch(detail)
+    match = _SEVERAL.fullmatch(detail)
+    if match is not None and (count := _OUTPUTS.get(int(match[1]), _none)(match[4])):
+        value = Operation("the value that the control reads", ())
+        first = int(match[3])
+        numbers = (Constant(float(number)) for number in range(first, first + count))
+        return [Assign(Variable(match[2].upper(), (number,)), value) for number in numbers]
+    match = _ONE_VALUE.fullmatch(detail)
     if match is not None:
         variable = parameter(match[1])
         assert isinstance(variable, Variable)
@@ -133,8 +147,12 @@ def setting(kind: str, detail: str, words: tuple[Word, ...]) -> list[Step]:
     return [] if number and int(number[1]) in HARMLESS_FN else [Forget(f"{detail[:20]} may set parameters")]
 
 
+def _none(_: str | None) -> int:
+    return 0
+
+
 def _read(detail: str) -> Expression:
-    """The value of SYSREAD or TABREAD: known for the tool table."""
+    """The value of SYSREAD: known for the tool table."""
     match = _SYSREAD.fullmatch(detail)
     if match is None:
         return Operation("the value that the control reads", ())

@@ -20,7 +20,7 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.control.tilted_planes import normal_of, perpendicular
 from postproc.control.words import value_of
-from postproc.heidenhain.modal_state import ModalState
+from postproc.heidenhain.channel import Channel
 from postproc.motion.frames import Placement, euler, rotated_in_turn, spatial
 from postproc.motion.moves import AxisWord
 from postproc.text.block import Block
@@ -53,7 +53,7 @@ class _Choice:
 class Planes:
     """The tilted planes of one control."""
 
-    control: ModalState
+    channel: Channel
 
     def define(self, index: int, block: Block) -> None:
         """PLANE."""
@@ -83,9 +83,9 @@ class Planes:
     @property
     def _turned_before(self) -> bool:
         """A basic rotation, or a shift of a rotary axis: TABLE ROT takes a free axis there instead of to 0."""
-        control = self.control
-        shifts = np.array(control.frame().offset)[control.machine.rotary]
-        return any(control.basic_rotation) or bool(shifts.any())
+        channel = self.channel
+        shifts = np.array(channel.modal.frame().offset)[channel.machine.rotary]
+        return any(channel.modal.basic_rotation) or bool(shifts.any())
 
     # ---- how planes are given
 
@@ -117,25 +117,26 @@ class Planes:
         if len(words) != 1 or not words.keys() <= set(_SPATIAL):
             raise block.refuse("PLANE RELATIV takes one angle: write SPA, SPB or SPC")
         ((name, angle),) = words.items()
-        return (self.control.tilt or Placement()).then(rotated_in_turn("XYZ"["ABC".index(name[2])], [angle]))
+        return (self.channel.modal.tilt or Placement()).then(rotated_in_turn("XYZ"["ABC".index(name[2])], [angle]))
 
     def _axial(self, block: Block, words: dict[str, float]) -> Placement:
         q = self._positions(self._given(block, words))
-        turn = forward(self.control.machine, q[None]).rotation[0]
+        turn = forward(self.channel.machine, q[None]).rotation[0]
         return Placement(turn=tuple(turn.ravel().tolist()))
 
     def _given(self, block: Block, words: dict[str, float]) -> dict[int, float]:
         """Machine positions of rotary axes, degrees, by column."""
-        recorder, frame = self.control.recorder, self.control.frame()
+        channel = self.channel
+        recorder, frame = channel.recorder, channel.modal.frame()
         given = {recorder.axis(block, name): value for name, value in words.items()}
-        missing = [axis.name for i, axis in enumerate(self.control.machine.axes) if axis.rotary and i not in given]
+        missing = [axis.name for i, axis in enumerate(channel.machine.axes) if axis.rotary and i not in given]
         if missing:
             raise block.refuse(f"PLANE AXIAL has no angle of {missing[0]}: write the angles of all rotary axes")
         return {axis: value + frame.offset[axis] for axis, value in given.items()}
 
     def _positions(self, angles: dict[int, float]) -> Array:
         """Axis positions `(axes,)`, mm and rad, with rotary axes at angles, degrees, and linear ones at zero."""
-        q = np.zeros(len(self.control.machine.axes))
+        q = np.zeros(len(self.channel.machine.axes))
         for axis, angle in angles.items():
             q[axis] = np.deg2rad(angle)
         return q
@@ -148,7 +149,7 @@ class Planes:
         if len(words) < len(block.words):
             raise block.refuse("cycle 19 with other words than A, B and C is not followed: write PLANE SPATIAL")
         turn = spatial(*(words.get(name, 0.0) for name in "ABC"))
-        names = [axis.name for axis in self.control.machine.axes if axis.rotary]
+        names = [axis.name for axis in self.channel.machine.axes if axis.rotary]
         if not words.keys() <= set(names):
             raise block.refuse("cycle 19 tilts about an axis that the machine does not have: write PLANE SPATIAL")
         given = {name: words.get(name, 0.0) for name in names}
@@ -162,21 +163,21 @@ class Planes:
 
     def level(self, block: Block, on: bool) -> None:
         """Cycle 19 with angles of zero, or without any: not tilted."""
-        if self.control.tilt is not None:
+        if self.channel.modal.tilt is not None:
             self._untilt(block)
-        self.control.levelled = on
+        self.channel.modal.levelled = on
 
     def _tilt(
         self, index: int, block: Block, turn: Placement, choice: _Choice, angles: dict[int, float] | None
     ) -> None:
-        control = self.control
-        if control.tcp:
+        channel = self.channel
+        if channel.modal.tcp:
             raise block.refuse("the working plane is tilted while M128 is on: write M129 before it")
-        if control.tilted_transformations.active or control.transformations.active.keys() - {7}:
+        if channel.modal.tilted_transformations.active or channel.modal.transformations.active.keys() - {7}:
             raise block.refuse(
                 "a rotation, mirror or scale, or a shift within another plane, is active before PLANE: reset it first"
             )
-        control.levelled = False
+        channel.modal.levelled = False
         normal = self._normal(turn)
         if angles is None:
             angles = self._solve(block, normal, choice)
@@ -184,54 +185,56 @@ class Planes:
         if choice.positioning != "STAY":
             assert angles is not None
             self._turn_axes(index, angles, choice.positioning)
-        control.tilt, control.normal = turn, normal
-        control.change_frame(control.x_y_z)
+        channel.modal.tilt, channel.modal.normal = turn, normal
+        channel.change_frame(channel.x_y_z)
         text = "tilted plane: X Y Z are taken along its axes, from the datum, which turns with the workpiece"
-        control.notes.add(text, block.line)
+        channel.notes.add(text, block.line)
 
     def _normal(self, turn: Placement) -> tuple[float, float, float]:
         """Z of the plane in the workpiece frame."""
-        return normal_of(self.control.placed(turn))
+        return normal_of(self.channel.modal.placed(turn))
 
     def _reset(self, index: int, block: Block, positioning: str) -> None:
-        self.control.levelled = False
+        channel = self.channel
+        channel.modal.levelled = False
         self._untilt(block)
         if positioning != "STAY":
-            rotary = [i for i, axis in enumerate(self.control.machine.axes) if axis.rotary]
-            if any(self.control.frame().offset[i] for i in rotary):
+            rotary = [i for i, axis in enumerate(channel.machine.axes) if axis.rotary]
+            if any(channel.modal.frame().offset[i] for i in rotary):
                 raise block.refuse(
                     "PLANE RESET turns rotary axes to 0, of the machine or of the preset: write STAY, then the angles"
                 )
             self._turn_axes(index, dict.fromkeys(rotary, 0.0), positioning)
 
     def _untilt(self, block: Block) -> None:
-        control = self.control
-        if control.tilt is None:
+        channel = self.channel
+        if channel.modal.tilt is None:
             return
-        if control.tilted_transformations.active:
+        if channel.modal.tilted_transformations.active:
             raise block.refuse(
                 "a shift, rotation, mirror or scale is active within the tilted plane: reset it before the plane ends"
             )
-        control.tilt = None
-        control.change_frame(control.x_y_z)
+        channel.modal.tilt = None
+        channel.change_frame(channel.x_y_z)
 
     # ---- rotary axes
 
     def _turn_axes(self, index: int, angles: dict[int, float], positioning: str) -> None:
         """The control turns rotary axes to machine positions, degrees; with MOVE the others go along."""
-        control = self.control
-        control.recorder.move_to_machine_position(index, angles, tuple(AxisWord(axis, -1, False) for axis in angles))
+        channel = self.channel
+        channel.recorder.move_to_machine_position(index, angles, tuple(AxisWord(axis, -1, False) for axis in angles))
         if positioning == "MOVE":
-            control.mark_unknown("XYZ")
+            channel.mark_unknown("XYZ")
 
     def _set_rotary_parameters(self, angles: dict[int, float] | None) -> None:
-        names, offset = self.control.machine.names, self.control.frame().offset
+        channel = self.channel
+        names, offset = channel.machine.names, channel.modal.frame().offset
         for name, number in ROTARY_Q.items():
             axis = names.index(name) if name in names else None
             known = axis is not None and angles is not None and axis in angles
             unknown = NotKnown("the control chooses between several positions of the rotary axes")
             value = angles[axis] - offset[axis] if known and angles is not None and axis is not None else unknown
-            self.control.scope.set("Q", (number,), value if axis is not None else 0.0)
+            channel.scope.set("Q", (number,), value if axis is not None else 0.0)
 
     def _solve(self, block: Block, normal: tuple[float, float, float], choice: _Choice) -> dict[int, float] | None:
         """Machine positions of the rotary axes, degrees, with the tool perpendicular to the plane.
@@ -246,7 +249,7 @@ class Planes:
             return None
 
     def _chosen(self, normal: tuple[float, float, float], choice: _Choice) -> dict[int, float]:
-        machine, sequence = self.control.machine, choice.sequence
+        machine, sequence = self.channel.machine, choice.sequence
         rotary = [i for i, axis in enumerate(machine.axes) if axis.rotary]
         found = self._solutions(normal, rotary, choice)
         if not found:
@@ -267,7 +270,7 @@ class Planes:
 
     def _nearest(self, found: list[dict[int, float]], rotary: list[int]) -> dict[int, float]:
         """The solution to which no rotary axis turns farther than to another."""
-        recorder = self.control.recorder
+        recorder = self.channel.recorder
         if not all(recorder.known[i] for i in rotary):
             raise UserError(
                 "the control chooses by the positions of the rotary axes, which the program has not given: move them "
@@ -284,9 +287,9 @@ class Planes:
         self, normal: tuple[float, float, float], rotary: list[int], choice: _Choice
     ) -> list[dict[int, float]]:
         """All positions, degrees, that differ and lie inside travel; UserError where an axis is free."""
-        recorder = self.control.recorder
+        recorder = self.channel.recorder
         here = {i: recorder.position[i] + recorder.frame.offset[i] for i in rotary}
-        found, free = perpendicular(self.control.machine, normal, here)
+        found, free = perpendicular(self.channel.machine, normal, here)
         if free and not choice.flat and (choice.table or here[rotary[0]] != 0.0):
             raise UserError("the tool is parallel to a rotary axis, whose angle the control chooses: write PLANE AXIAL")
         return found

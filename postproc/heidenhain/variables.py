@@ -7,7 +7,17 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from kinematics.machine import Control
-from postproc.text.expressions import ARITHMETIC, COMPARISONS, NotKnown, Operations, Scope, Value, known_value, nearly
+from postproc.text.expressions import (
+    ARITHMETIC,
+    COMPARISONS,
+    Expression,
+    NotKnown,
+    Operations,
+    Scope,
+    Value,
+    known_value,
+    nearly,
+)
 
 PRESET = range(100, 200)
 """Q100 to Q199 are set by the control: Q108 is the radius of the tool."""
@@ -101,6 +111,18 @@ class QParameters:
         """Set it."""
         self.values[name, indices[0]] = value
 
+    def lose_results(self, expression: Expression) -> None:
+        """No function of a formula sets a parameter."""
+
+    @property
+    def state(self) -> object:
+        """The values of all parameters."""
+        return self.values
+
+    def forget(self, reason: str) -> None:
+        """Mark all parameters as unknown."""
+        self.values = dict.fromkeys(self.values, NotKnown(reason))
+
     def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
         """Labels have no parameters of their own."""
 
@@ -117,4 +139,4 @@ class Forget(NamedTuple):
     def run(self, scope: Scope) -> None:
         """Forget all values: none is known."""
         assert isinstance(scope, QParameters)
-        scope.values = dict.fromkeys(scope.values, NotKnown(self.reason))
+        scope.forget(self.reason)

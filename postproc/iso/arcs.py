@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import msgspec
-
 from postproc.control.arcs import read_arc
-from postproc.control.interpreter import AxisWords
+from postproc.control.channel import AxisWords
 from postproc.control.words import whole_of
-from postproc.iso.modal_state import ModalState
+from postproc.iso.channel import Channel
+from postproc.iso.polar_coordinates import PolarCoordinates
 from postproc.iso.words import Content
+from postproc.motion.circles import point_around
 from postproc.motion.moves import Arc, Polar
 from postproc.text.block import Block
 
 HINT = '. With an absolute centre it is a circle: for such a control set arc_centres = "absolute" in the machine file'
 
 
-def arc_of(control: ModalState, content: Content, target: list[float]) -> Arc:
+def arc_of(channel: Channel, content: Content, target: list[float]) -> Arc:
     """The arc of a block to `target`, programmed coordinates; Refusal for words that give no arc."""
-    block, turns, absolute = content.block, _turns(content), control.arc_absolute
-    return read_arc(control, block, content.other, target, radius="R", turns=turns, absolute=absolute, hint=HINT)
+    block, turns, absolute = content.block, _turns(content), channel.modal.arc_absolute
+    return read_arc(channel, block, content.other, target, radius="R", turns=turns, absolute=absolute, hint=HINT)
 
 
 def _turns(content: Content) -> int:
@@ -34,28 +34,29 @@ def _turns(content: Content) -> int:
 # ---- polar coordinates
 
 
-class PolarCoordinates(msgspec.Struct):
-    """Radius and angle that still hold, from G16 to G15."""
+def select_polar(channel: Channel, block: Block, on: bool) -> None:
+    """G16 and G15."""
+    if on and not channel.modal.absolute:
+        raise block.refuse("polar coordinates with G91 are not corrected: write G90 before them")
+    channel.modal.polar = (channel.modal.polar or PolarCoordinates()) if on else None
 
-    radius: float | None = None
-    """mm."""
-    angle: float | None = None
-    """Degrees, from the first axis of the plane towards the second."""
 
-    def take(self, block: Block, axes: tuple[int, int], words: AxisWords) -> tuple[AxisWords, Polar | None]:
-        """The words of other axes, and the polar position of the words in the plane; None while there is none yet.
+def end_words(channel: Channel, content: Content) -> tuple[AxisWords, Polar | None]:
+    """The axis words of a move; for polar coordinates those outside the plane, and the polar end."""
+    words, modal = channel.axis_words(content.block, content.axes), channel.modal
+    if modal.polar is None:
+        return words, None
+    if not modal.absolute:
+        raise content.refuse("polar coordinates with G91 are not corrected: write G90 before them")
+    axes = modal.plane_columns[:2]
+    others, polar = modal.polar.take(content.block, axes, words)
+    if polar is None:
+        channel.recorder.lock_axes(axes)
+    channel.no_insertion = True
+    return others, polar
 
-        words: with their values, the angle in degrees.
-        """
-        programmed = {word.axis: (word.word, value) for word, value in words if word.axis in axes}
-        self.radius = programmed.get(axes[0], (None, self.radius))[1]
-        self.angle = programmed.get(axes[1], (None, self.angle))[1]
-        others = [(word, value) for word, value in words if word.axis not in axes]
-        if self.radius is None or self.angle is None:
-            if programmed:
-                raise block.refuse(
-                    "polar coordinates (G16) need a radius and an angle before the first move: write both"
-                )
-            return others, None
-        indices = [programmed[axis][0] if axis in programmed else None for axis in axes]
-        return others, Polar(axes, self.radius, self.angle, (indices[0], indices[1]))
+
+def go_polar(channel: Channel, target: list[float], polar: Polar) -> None:
+    """Set the polar end of a move in its target."""
+    target[polar.axes[0]], target[polar.axes[1]] = point_around((0.0, 0.0), polar.radius, polar.angle)
+    channel.recorder.record_polar(polar)

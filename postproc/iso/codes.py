@@ -29,7 +29,21 @@ CYCLE_END, RETURN_TO_LEVEL, RETURN_TO_R = 80.0, 98.0, 99.0
 # Neither move the tool nor change where coordinates point: dwell, exact stop and path modes, cancels, speed modes,
 # the end of data.
 HARMLESS_G = frozenset([*(4.0, 5.0, 5.1, 8.0, 9.0, 11.0, 61.0, 61.1, 62.0, 63.0, 64.0), *(96.0, 97.0, 103.0, 187.0)])
+PATH_MODES = frozenset((9.0, 61.0, 61.1, 62.0, 64.0, 187.0))
+"""Exact stop and path modes: whether they are on does not change the meaning of other blocks."""
 UNITS = {20.0: INCH, 21.0: 1.0}
+OTHER_UNITS = {70.0: 20.0, 71.0: 21.0}
+"""Codes of units on some controls (Mach3), turning cycles on others: with the code of the same unit."""
+TURNING_WORDS = frozenset("PQUWDRIJKLH")
+TURNING_CYCLES: dict[float, tuple[str, ...]] = {
+    70.0: ("PQ",),
+    71.0: ("PQ", "UR"),
+    72.0: ("PQ", "WR"),
+    73.0: ("PQU", "PQW", "UWR"),
+    75.0: ("PQ", "R"),
+    76.0: ("PQ",),
+}
+"""Multiple repetitive cycles of FANUC lathes, with the words of a block by which one is no cycle of a mill."""
 CENTRE_DISTANCES = frozenset((90.1, 91.1))
 FEED_MODES = frozenset((INVERSE_TIME, 94.0, 95.0))
 WORK_OFFSETS = {**{float(g): f"G{g}" for g in range(54, 60)}, 59.1: "G59.1", 59.2: "G59.2", 59.3: "G59.3"}
@@ -85,7 +99,7 @@ GROUPS = (
 )
 """A block may contain one code of a group: of two, some controls use the last, others each for the words after it.
 
-G80 may be beside G0 to G3: FANUC and LinuxCNC end the cycle and run the motion, others refuse the block."""
+G80 may be in a block with G0 to G3: FANUC and LinuxCNC end the cycle and run the motion, others refuse the block."""
 
 REFUSED_G = {
     **dict.fromkeys((5.2, 5.3, 6.2), "programs a spline, which is not corrected"),
@@ -133,7 +147,7 @@ REFUSED_M = {
 AFTER_MOTION = frozenset((TOOL_CHANGE, PALLET_CHANGE))
 """Run before the move of their block on some controls, after it on others."""
 BESIDE_LEAVING = frozenset("NFSTHD$")
-"""Words that are allowed beside G28, G30 and G53, besides G, M and axes."""
+"""Words that are allowed in a block of G28, G30 and G53, besides G, M and axes."""
 MOVE_WORDS = frozenset("NFSTHDPQIJKR$")
 """Words that may be in a move besides G, M and axes."""
 

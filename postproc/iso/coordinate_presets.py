@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from postproc.control.interpreter import AxisWords
+from postproc.control.channel import AxisWords
 from postproc.control.words import whole_of
+from postproc.iso.channel import Channel
 from postproc.iso.codes import (
     BESIDE_COORDINATE_CHANGES,
     DATA,
-    EXTENDED,
     GIVEN_LENGTH,
     LOCAL,
     MIRROR_END,
-    ONE_SHOT,
     PRESET,
     PRESET_END,
     PRESET_OFF,
@@ -24,10 +23,11 @@ from postproc.iso.codes import (
     TURNS,
     UPRIGHT,
 )
-from postproc.iso.datum_transformations import Programmed
-from postproc.iso.modal_state import ModalState
+from postproc.iso.datum_transformations import Programmed, check_perpendicular, end_mirror, end_turn, turn
 from postproc.iso.offsets import NUMBERED
-from postproc.iso.words import DIFFERS, Content
+from postproc.iso.selection import give_length
+from postproc.iso.words import Content, decided_by_family
+from postproc.motion.moves import Known
 
 WORDS = {PRESET: "S", SCALE_END: "S", DATA: "LPRIJQ"}
 """Words that may be in such a block besides N, G and axes; for rotations see `MAKERS`."""
@@ -40,7 +40,7 @@ class CoordinateChange(NamedTuple):
     content: Content
     words: AxisWords
     """Its axis words, mm and degrees."""
-    control: ModalState
+    channel: Channel
 
     @property
     def shifts(self) -> dict[int, float]:
@@ -51,36 +51,42 @@ class CoordinateChange(NamedTuple):
         """The whole number of a word."""
         return whole_of(self.content.block, self.content.block.words[self.content.other[address]])
 
+    def present_positions(self) -> dict[int, float]:
+        """The present positions of its axes, by axis; Refusal where the program has not given them in this frame."""
+        modal, recorder = self.channel.modal, self.channel.recorder
+        if modal.placement_code or modal.tcp or modal.offsets.turn:
+            raise self.content.refuse(
+                "a preset of the present position (G92, G10 L20) is not corrected while the coordinates "
+                "or the table are rotated: write it before the rotation"
+            )
+        for axis in self.shifts:
+            if recorder.known[axis] != Known.PROGRAM:
+                name = self.channel.machine.names[axis]
+                raise self.content.refuse(
+                    f"the preset of {name} needs a programmed position: write a move of {name} in this frame before it"
+                )
+        return {axis: recorder.position[axis] for axis in self.shifts}
 
-def change_coordinates(control: ModalState, content: Content, code: float, words: AxisWords) -> bool:
+
+def change_coordinates(channel: Channel, content: Content, code: float, words: AxisWords) -> bool:
     """Take over the block; True where its axis words are the new coordinates of the present positions."""
     beside = set(content.g) - BESIDE_COORDINATE_CHANGES - {code}
     if beside or content.m or content.other.keys() - {"N", *WORDS.get(code, TURN_WORDS if code in TURNS else "")}:
         raise content.refuse(
             f"G{code:g} cannot share a block with the other words of this one: write them in a block before it"
         )
-    if not control.absolute and (words or code in TURNS):
+    if not channel.modal.absolute and (words or code in TURNS):
         raise content.refuse(f"G{code:g} needs G90: write G90 before it")
-    change = CoordinateChange(content, words, control)
+    change = CoordinateChange(content, words, channel)
     if code in TURNS:
-        control.turn(code, _programmed(change))
+        turn(channel, code, _programmed(change))
         return False
     return bool(_MAKERS[code](change))
 
 
-def extended_offset(content: Content, code: float) -> int | None:
-    """The P that a work offset is chosen by, None for one that has a code of its own."""
-    extended = "P" in content.other and code in (54.0, *EXTENDED)
-    if code in EXTENDED and not extended:
-        raise content.refuse(f"G{code:g} needs P, the number of the work offset: write it")
-    if extended and not ONE_SHOT.isdisjoint(content.g):
-        raise content.refuse("two G codes of the block can use P: write them in two blocks")
-    return whole_of(content.block, content.block.words[content.other["P"]]) if extended else None
-
-
 def _programmed(change: CoordinateChange) -> Programmed:
     """The words of a rotation, mirror or scale; lengths in mm."""
-    block, machine = change.content.block, change.control.machine
+    block, machine = change.content.block, change.channel.machine
     axes = {}
     for word, value in change.words:
         if machine.names[word.axis] not in "XYZ":
@@ -90,41 +96,67 @@ def _programmed(change: CoordinateChange) -> Programmed:
             )
         axes[machine.names[word.axis]] = value
     others = {name: block.words[i].value or 0.0 for name, i in change.content.other.items() if name != "N"}
-    return Programmed(block, change.control.plane, axes, others)
+    return Programmed(block, change.channel.modal.plane, axes, others)
 
 
 def _shift(change: CoordinateChange) -> None:
-    if change.control.placement_code:
+    """G52."""
+    offsets = change.channel.modal.offsets
+    if change.channel.modal.placement_code:
         raise change.content.refuse(
             "G52 while the coordinates are rotated, mirrored or scaled is not corrected: write G52 before that"
         )
-    change.control.shift_origin(change.content.block, change.shifts)
+    if offsets.preset and any(offsets.preset.values()):
+        raise change.content.refuse(
+            "G52 and G92 share one offset on some controls, not on others: cancel G92 before G52"
+        )
+    offsets.local.update(change.shifts)
+    change.channel.change_frame(change.shifts)
 
 
 def _preset(change: CoordinateChange) -> bool:
     """G92 X: the coordinate of the present position; G92 S: the fastest spindle."""
-    if not change.words and "S" not in change.content.other:
-        raise change.content.refuse("G92 needs an axis word: write the new coordinates")
-    if change.words:
-        change.control.preset_here(change.content.block, change.shifts)
-    return bool(change.words)
+    if not change.words:
+        if "S" not in change.content.other:
+            raise change.content.refuse("G92 needs an axis word: write the new coordinates")
+        return False
+    change.channel.modal.offsets.preset_at(change.content.block, change.present_positions(), change.shifts)
+    change.channel.change_frame(())
+    return True
 
 
 def _cancel_preset(change: CoordinateChange) -> None:
-    if change.words and change.control.family != "fanuc":
-        raise change.content.refuse(f"axis words with G92.1 are a move on LinuxCNC and not on FANUC; {DIFFERS}")
-    change.control.cancel_preset(change.content.block, change.shifts or range(len(change.control.machine.axes)))
+    """G92.1."""
+    if change.words and change.channel.family != "fanuc":
+        raise decided_by_family(
+            change.content,
+            change.channel.family,
+            "axis words with G92.1 are a move on LinuxCNC and not on FANUC",
+            linuxcnc="axis words with G92.1 are a move on LinuxCNC: write the move in a block of its own",
+        )
+    cancel_preset(change.channel, change.content, change.shifts or range(len(change.channel.machine.axes)))
 
 
-def _suspend(suspended: bool) -> Callable[[CoordinateChange], None]:
-    def maker(change: CoordinateChange) -> None:
-        if change.words:
-            raise change.content.refuse(
-                "axis words with G92.2 or G92.3 are a move on LinuxCNC: write the move in a block of its own"
-            )
-        change.control.suspend(change.content.block, suspended)
+def cancel_preset(channel: Channel, content: Content, axes: Iterable[int]) -> None:
+    """G92.1 of these axes."""
+    modal = channel.modal
+    if modal.placement_code and modal.offsets.moved:
+        raise content.refuse(
+            "G92.1 while the coordinates are rotated, mirrored or scaled is not corrected: write it before that"
+        )
+    modal.offsets.cancel_preset(axes)
+    channel.change_shifted(axes)
 
-    return maker
+
+def _suspend(change: CoordinateChange, suspended: bool) -> None:
+    """G92.2, G92.3."""
+    if change.words:
+        raise change.content.refuse(
+            "axis words with G92.2 or G92.3 are a move on LinuxCNC: write the move in a block of its own"
+        )
+    offsets = change.channel.modal.offsets
+    offsets.suspend(change.content.block, suspended)
+    change.channel.change_shifted(offsets.preset or {})
 
 
 def _unscale(change: CoordinateChange) -> None:
@@ -132,36 +164,39 @@ def _unscale(change: CoordinateChange) -> None:
         raise change.content.refuse(
             "G50 with axis words shifts the coordinates on lathes and is not corrected: write G50 alone to end a scale"
         )
-    change.control.end_turn(SCALE)
+    end_turn(change.channel, SCALE)
 
 
 def _unmirror(change: CoordinateChange) -> None:
-    names = change.control.machine.names
-    change.control.end_mirror(change.content.block, [names[axis] for axis in change.shifts])
+    names = change.channel.machine.names
+    end_mirror(change.channel, change.content.block, [names[axis] for axis in change.shifts])
 
 
 def _give_length(change: CoordinateChange) -> None:
     """G43.1 of LinuxCNC: the length in the block."""
-    if change.control.family != "linuxcnc":
-        raise change.content.refuse(
-            f"G43.1 sets a length on LinuxCNC and moves with another length on FANUC; {DIFFERS}"
+    if change.channel.family != "linuxcnc":
+        raise decided_by_family(
+            change.content,
+            change.channel.family,
+            "G43.1 sets a length on LinuxCNC and moves with another length on FANUC",
+            fanuc="G43.1 of FANUC moves along the tool axis, which is not corrected: write G43 or G43.4",
         )
-    if [change.control.machine.names[word.axis] for word, _ in change.words] != ["Z"]:
+    if [change.channel.machine.names[word.axis] for word, _ in change.words] != ["Z"]:
         raise change.content.refuse("G43.1 is corrected with a length along Z only: write Z as its only axis word")
-    change.control.give_length(change.words[0][1])
+    give_length(change.channel, change.words[0][1])
 
 
 _MAKERS: dict[float, Callable[[CoordinateChange], bool | None]] = {
     DATA: lambda change: bool(set_data(change)),
     GIVEN_LENGTH: _give_length,
     LOCAL: _shift,
-    UPRIGHT: lambda change: change.control.check_perpendicular(change.content.block),
+    UPRIGHT: lambda change: check_perpendicular(change.channel, change.content.block),
     SCALE_END: _unscale,
     MIRROR_END: _unmirror,
     PRESET: _preset,
     PRESET_END: _cancel_preset,
-    PRESET_OFF: _suspend(True),
-    PRESET_ON: _suspend(False),
+    PRESET_OFF: lambda change: _suspend(change, True),
+    PRESET_ON: lambda change: _suspend(change, False),
 }
 
 
@@ -177,24 +212,24 @@ def set_data(change: CoordinateChange) -> tuple[int, ...]:
 
     Refusal for other data.
     """
-    content, shifts, control = change.content, change.shifts, change.control
-    block, other, family = content.block, content.other, control.family
+    content, shifts, channel = change.content, change.shifts, change.channel
+    block, other, family = content.block, content.other, channel.family
     if not {"L", "P"} <= other.keys():
         raise content.refuse("G10 needs L and P, the kind and the number of the data: write both")
     kind, number = change.whole("L"), change.whole("P")
     if kind == WORK_OFFSET or (kind == WORK_OFFSET_HERE and family == "fanuc"):
         _refuse_but(content, "LP" if family == "fanuc" else "LPR")
-        turn = control.number(block, other["R"], 1.0) if "R" in other else None
+        degrees = channel.number(block, other["R"], 1.0) if "R" in other else None
         in_force = kind == WORK_OFFSET and number == 0 and family == "linuxcnc"
-        name = control.offsets.name if in_force else _name(content, kind, number)
-        control.enter_offset(block, name, shifts, turn)
+        name = channel.modal.offsets.name if in_force else _name(content, kind, number)
+        _enter_offset(change, name, degrees)
     elif kind == WORK_OFFSET_HERE and family == "linuxcnc":
         _refuse_but(content, "LP")
-        if number and NUMBERED.get(number) != control.offsets.name:
+        if number and NUMBERED.get(number) != channel.modal.offsets.name:
             raise content.refuse(
                 "G10 L20 is corrected for the work offset in force only: select its work offset before"
             )
-        control.enter_here(block, shifts)
+        _enter_here(change)
         return tuple(shifts)
     elif kind in (1, WORK_OFFSET_HERE, GEOMETRY, WEAR):
         _set_length(change, kind, number)
@@ -203,21 +238,58 @@ def set_data(change: CoordinateChange) -> tuple[int, ...]:
     return ()
 
 
+def _enter_offset(change: CoordinateChange, name: str, degrees: float | None) -> None:
+    """G10 L2: a work offset of the table, and by how many degrees it turns X and Y."""
+    channel, offsets, shifts = change.channel, change.channel.modal.offsets, change.shifts
+    if channel.modal.placement_code and name == offsets.name:
+        raise change.content.refuse(
+            "G10 changes the active work offset while the coordinates are rotated: write it before the rotation"
+        )
+    if degrees is not None and name == offsets.name and degrees != offsets.turn and offsets.moved:
+        raise change.content.refuse(
+            "LinuxCNC loses the positions of X and Y when G10 rotates the active work offset under G52 or G92: end "
+            "G52 or G92 before it"
+        )
+    offsets.enter(name, shifts)
+    channel.notes.add(f"{name} has the values that G10 sets", change.content.block.line)
+    changed = set(shifts)
+    if degrees is not None:
+        offsets.turned[name] = degrees
+        changed.update(channel.x_y_z[:2])
+    if name == offsets.name:
+        channel.change_frame(changed)
+
+
+def _enter_here(change: CoordinateChange) -> None:
+    """G10 L20 of LinuxCNC: the active work offset that gives the present positions these coordinates."""
+    offsets, here = change.channel.modal.offsets, change.present_positions()
+    work = offsets.work()
+    offsets.enter(offsets.name, {axis: work[axis] + here[axis] - value for axis, value in change.shifts.items()})
+    change.channel.change_frame(())
+
+
 def _set_length(change: CoordinateChange, kind: int, number: int) -> None:
-    content, control = change.content, change.control
-    lengths, block, state = control.lengths, content.block, control.control_state
-    if kind == 1 and content.axes and control.family != "fanuc":
+    content, channel = change.content, change.channel
+    lengths, block, state = channel.modal.lengths, content.block, channel.control_state
+    if kind == 1 and content.axes and channel.family != "fanuc":
         _refuse_but(content, "LPRIJQ")
         (index, *more) = content.axes
         if more or block.words[index].address != "Z":
             raise content.refuse("a tool offset along X or Y is not corrected: write Z alone")
-        lengths.set(block, state.tools, number, control.number(block, index, control.unit))
-    elif kind in (GEOMETRY, WEAR) and control.family == "fanuc" and "R" in content.other and not content.axes:
+        lengths.set(block, state.tools, number, channel.number(block, index, channel.modal.unit))
+    elif kind in (GEOMETRY, WEAR) and channel.family == "fanuc" and "R" in content.other and not content.axes:
         _refuse_but(content, "LPR")
         store = state.tools if kind == GEOMETRY else state.wear
-        lengths.set(block, store, number, control.number(block, content.other["R"], control.unit))
+        lengths.set(block, store, number, channel.number(block, content.other["R"], channel.modal.unit))
     else:
-        raise content.refuse(f"G10 L{kind} sets different data on FANUC and on LinuxCNC: {DIFFERS}")
+        raise decided_by_family(
+            content,
+            channel.family,
+            f"G10 L{kind} sets different data on FANUC and on LinuxCNC",
+            fanuc=f"G10 L{kind} in this form is not followed for FANUC: write G10 L10 or L11 with P and R",
+            linuxcnc=f"G10 L{kind} of LinuxCNC sets a length from the present position, which is not followed: write "
+            "G10 L1 with P and Z",
+        )
 
 
 def _name(content: Content, kind: int, number: int) -> str:

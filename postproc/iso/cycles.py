@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from postproc.control.interpreter import AxisWords
+from postproc.control.channel import AxisWords
 from postproc.iso.codes import COORDINATE_CHANGES, CYCLE_WORDS, LENGTH_CODES, NOT_MOVING
 from postproc.iso.words import Content
 from postproc.motion.frames import Frame
@@ -69,30 +69,31 @@ class CannedCycle(msgspec.Struct):
         axis = self.axis
         programmed = {word.axis: (word.word, value) for word, value in words}
         self.store(words, retract)
-        name = recorder.machine.names[axis]
+        level, bottom = self._level_and_bottom(block, recorder.machine.names[axis], to_retract)
+        positions = [(word, value) for word, value in words if word.axis != axis]
+        target = recorder.target(block, positions)
+        target[axis] = bottom
+        depth_word = programmed[axis][0] if axis in programmed else None
+        retract_word = None if retract is None else retract[0]
+        cycle = Cycle(axis, depth_word, retract_word, level, self.incremental, to_retract, not self.begun, switched)
+        self.begun = True
+        return Hole(target, level if to_retract else self.level, tuple(word for word, _ in positions), cycle)
+
+    def _level_and_bottom(self, block: Block, name: str, to_retract: bool | None) -> tuple[float, float]:
+        """Positions of R and of the bottom, mm, along the axis of this name; Refusal where the program gives none."""
         if self.retract is None or self.depth is None:
             raise block.refuse(f"the canned cycle needs {name} and R: write both")
         if self.incremental and (to_retract is not False or not self.known):
             raise block.refuse(
                 f"a canned cycle with increments needs G98 and a known position of {name} before it: write both"
             )
-        above = self.level if self.incremental else 0.0
-        level = above + self.retract
+        level = self.retract + (self.level if self.incremental else 0.0)
         if self.known and level > self.level and not to_retract:
             raise block.refuse(
                 "R is above the level before the cycle, and controls differ in the return: move the tool "
                 "above R before the cycle"
             )
-        positions = [(word, value) for word, value in words if word.axis != axis]
-        target = recorder.target(block, positions)
-        target[axis] = level + self.depth if self.incremental else self.depth
-        index, retract_word = (
-            programmed[axis][0] if axis in programmed else None,
-            None if retract is None else retract[0],
-        )
-        cycle = Cycle(axis, index, retract_word, level, self.incremental, to_retract, not self.begun, switched)
-        self.begun = True
-        return Hole(target, level if to_retract else self.level, tuple(word for word, _ in positions), cycle)
+        return level, level + self.depth if self.incremental else self.depth
 
 
 def check_cycle_words(content: Content, rotary: bool) -> None:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
+import numpy as np
 
+from postproc.control.tilted_planes import lean, normal_of
+from postproc.iso.channel import Channel
 from postproc.iso.codes import MIRROR, ROTATION, SCALE, TILT
-from postproc.motion.frames import Placement, euler, mirrored, rotated, scaled, shifted
+from postproc.motion.frames import Placement, euler, mirrored, renamed, rotated, scaled, shifted
+from postproc.motion.moves import Known
 from postproc.text.block import Block
 
 ALL_AXES = "XYZ"
+UPRIGHT = 1e-6
+"""rad: a tool that leans no more is perpendicular to the tilted plane."""
 
 
 class Programmed(msgspec.Struct, frozen=True):
@@ -97,3 +103,66 @@ MAKERS: dict[float, Callable[[Programmed], Placement]] = {
     TILT: _tilt,
 }
 """By the code that brings it."""
+
+
+# ---- the transformation in force
+
+
+def turn(channel: Channel, code: float, programmed: Programmed) -> None:
+    """G68, G51, G51.1, G68.2."""
+    modal, refuse = channel.modal, programmed.block.refuse
+    if modal.placement_code and not (code == MIRROR == modal.placement_code):
+        raise refuse(f"G{code:g} while G{modal.placement_code:g} is active is not corrected: end the latter first")
+    if modal.offsets.turn:
+        raise refuse(
+            f"G{code:g} within a work offset that rotates the coordinates is not corrected: select another first"
+        )
+    if code == TILT and (modal.offsets.moved or modal.tcp):
+        raise refuse("a tilted plane while G52, G92 or TCP is active is not corrected: end these before it")
+    if code == MIRROR:
+        modal.mirrors.update(programmed.axes)
+        programmed = Programmed(programmed.block, programmed.plane, modal.mirrors, programmed.others)
+    _put(channel, MAKERS[code](programmed), code)
+    modal.upright = False
+
+
+def end_turn(channel: Channel, code: float) -> None:
+    """G69, G50: of the code that it ends."""
+    if channel.modal.placement_code == code:
+        _put(channel, Placement(), 0.0)
+
+
+def end_mirror(channel: Channel, block: Block, axes: Iterable[str]) -> None:
+    """G50.1: of these axes, all for none."""
+    modal = channel.modal
+    if modal.placement_code != MIRROR:
+        return
+    named = set(axes)
+    modal.mirrors = {axis: at for axis, at in modal.mirrors.items() if named and axis not in named}
+    remaining = MAKERS[MIRROR](Programmed(block, "", modal.mirrors, {})) if modal.mirrors else Placement()
+    _put(channel, remaining, MIRROR if modal.mirrors else 0.0)
+
+
+def _put(channel: Channel, placement: Placement, code: float) -> None:
+    modal = channel.modal
+    was_tilted, before = modal.tilted, modal.placement
+    modal.placement, modal.placement_code = placement, code
+    if was_tilted != modal.tilted:
+        channel.change_frame(channel.x_y_z)
+    else:
+        channel.change_shifted([channel.x_y_z[i] for i in renamed(before, placement)])
+
+
+def check_perpendicular(channel: Channel, block: Block) -> None:
+    """G53.1: the tool along the normal of the tilted plane; otherwise the control chooses how to turn it."""
+    modal, machine, recorder = channel.modal, channel.machine, channel.recorder
+    if not modal.tilted:
+        raise block.refuse("G53.1 needs a tilted plane: write G68.2 before it")
+    degrees = np.where(machine.rotary, np.add(recorder.position, recorder.frame.offset), 0.0)
+    known = all(recorder.known[i] != Known.ASSUMED for i in channel.rotary_axes)
+    if not known or lean(machine, degrees, normal_of(modal.placement)) > UPRIGHT:
+        raise block.refuse(
+            "the tool is not perpendicular to the tilted plane, and the control chooses how G53.1 turns "
+            "the rotary axes: turn them in a block before it"
+        )
+    modal.upright = True

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
+from kinematics.machine import Machine
+from postproc.control.channel import AxisWords
 from postproc.control.codes import DWELL, MOTION, PALLET_CHANGE, PLANES, PROGRAM_ENDS, TOOL_CHANGE
-from postproc.control.interpreter import AxisWords
-from postproc.control.plain_arcs import ArcModes
+from postproc.control.interpreter import Interpreter
+from postproc.control.setup import Setup
+from postproc.control.state import ControlState
 from postproc.control.words import whole_of
-from postproc.iso.arcs import arc_of
+from postproc.iso.arcs import arc_of, end_words, go_polar, select_polar
+from postproc.iso.channel import INTEGERS, Channel
 from postproc.iso.codes import (
     AFTER_MOTION,
     BESIDE_LEAVING,
@@ -35,19 +37,20 @@ from postproc.iso.codes import (
     POLAR_END,
     PRESET_END,
     REFUSED_G,
-    REFUSED_M,
     ROTATION_END,
     SCALE,
     SCALE_END,
     TOOL_IS,
     TURNS,
 )
-from postproc.iso.coordinate_presets import change_coordinates, extended_offset
+from postproc.iso.coordinate_presets import cancel_preset, change_coordinates
 from postproc.iso.cycles import calls_macro
-from postproc.iso.drilling import Drilling
-from postproc.iso.lines import DETAIL as LEADER
-from postproc.iso.lines import refuse_long_line
-from postproc.iso.modal_state import INTEGERS
+from postproc.iso.datum_transformations import end_mirror, end_turn
+from postproc.iso.drilling import begin_cycle, drill, end_cycle
+from postproc.iso.modal_state import ModalState
+from postproc.iso.reading.lines import DETAIL as LEADER
+from postproc.iso.reading.lines import refuse_long_line
+from postproc.iso.selection import change_tool, hold_tool, select_length, select_offset
 from postproc.iso.variables import variables_of
 from postproc.iso.words import Content, check_content, dwells_alone, sort_words, take_own_words
 from postproc.motion.cutter_compensation import follow_contour
@@ -55,17 +58,18 @@ from postproc.motion.moves import Arc, AxisWord, Kind
 from postproc.motion.plain_moves import PlainMoves
 from postproc.text.block import Block
 from postproc.text.blocks import PlainRun
+from postproc.text.notes import Notes
 
 
-@dataclass
-class IsoInterpreter(Drilling):
-    """Reads blocks in order; modal state carries over from chunk to chunk."""
+class IsoInterpreter(Interpreter):
+    """Reads ISO blocks in order, in the modal state that the blocks before have left."""
 
-    refused_m: ClassVar[Mapping[float, str]] = REFUSED_M
+    channel: Channel
+    modal: ModalState
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.scope = variables_of(self.family)
+    def __init__(self, machine: Machine, setup: Setup, notes: Notes) -> None:
+        self.family = machine.control.family
+        super().__init__(Channel(notes, ModalState(ControlState(setup)), variables_of(self.family)))
         self.opened = self.torn = False
         """A tape mark came before all words; the first one came after words."""
         self._last: tuple[Content, float | None] | PlainRun | None = None
@@ -79,24 +83,9 @@ class IsoInterpreter(Drilling):
         if last is None:
             return False
         content, claimed = (sort_words(last.block(len(last) - 1)), None) if isinstance(last, PlainRun) else last
-        inside = "a canned cycle" if self.cycle is not None else "radius compensation" if self.compensated else ""
+        modal = self.modal
+        inside = "a canned cycle" if modal.cycle is not None else "radius compensation" if modal.compensated else ""
         return calls_macro(content, claimed, inside, self.recorder.stayed)
-
-    @property
-    def plain(self) -> bool:
-        """True while lines of axis words are moves to absolute positions in X Y Z and rotary axes."""
-        return (
-            self.absolute
-            and not (self.ended or self.compensated or self.tilted or self.lengths.vectors)
-            and self.cycle is None
-            and self.polar is None
-            and self.not_programmed.keys() <= {"plane"}
-        )
-
-    @property
-    def arc_modes(self) -> ArcModes | None:
-        """The modes of arcs in plain lines; None as long as the program has not given the plane."""
-        return None if self.not_programmed else ArcModes(self.plane, self.unit, self.arc_absolute)
 
     def _read_run(self, index: int, run: PlainRun) -> Iterator[Block | PlainRun]:
         if self.machine.control.integer_words == "increments" and _has_integers(run):
@@ -110,15 +99,17 @@ class IsoInterpreter(Drilling):
         if _has_integers(run):
             integers = _integers(run)
             self.notes.add(INTEGERS, run.number + int(np.flatnonzero(integers)[0]), int(integers.sum()))
-        self._last, self.begun = run, True
+        self.channel.assume_turns_of(run)
+        self._last, self.modal.begun = run, True
 
     def _read_block(self, index: int, block: Block) -> Block:
+        modal = self.modal
         self._last = None
-        if not self.ended:
+        if not modal.ended:
             refuse_long_line(self.machine.control, block)
-        if block.kind == "words" and not self.ended:
+        if block.kind == "words" and not modal.ended:
             self._read_words(index, block)
-        elif self.ended:
+        elif modal.ended:
             self._read_after_end(block)
         elif block.kind == "tape_mark":
             self._read_tape_mark(block)
@@ -138,24 +129,26 @@ class IsoInterpreter(Drilling):
             self.note_after_end(block)
 
     def _read_tape_mark(self, block: Block) -> None:
+        modal = self.modal
         if block.words or block.skippable:
             raise block.refuse("the tape mark shares its line with other text: write it in a line of its own")
         if block.detail == LEADER:
             self.notes.add("the text before the first tape mark is taken for the leader of a tape", block.line)
-        self.torn = self.begun and not self.opened
-        self.opened, self.ended = True, self.begun
+        self.torn = modal.begun and not self.opened
+        self.opened, modal.ended = True, modal.begun
 
     def _read_words(self, index: int, block: Block) -> None:
+        modal = self.modal
         content, family = sort_words(block), self.family
-        take_own_words(content, self.motion, family)
+        take_own_words(content, modal.motion, family)
         moves, other = content.moves, content.other.keys()
-        check_content(content, self.begun, family)
+        check_content(content, modal.begun, family)
         if content.m or "T" in other:
             self._functions(content)
         claimed = self._modes(content) if content.g else None
         if claimed == DWELL and not dwells_alone(content, family):
             claimed = None
-        if "L" in other and claimed != DATA and not (self.cycle is not None and moves):
+        if "L" in other and claimed != DATA and not (modal.cycle is not None and moves):
             raise block.refuse(
                 "L calls a subprogram on some controls and repeats the block on others: write the call by M98"
             )
@@ -169,38 +162,41 @@ class IsoInterpreter(Drilling):
         if moves and not AFTER_MOTION.isdisjoint(content.m) and family != "linuxcnc":
             self._change_behind(content)
         self._last = content, claimed
-        self.begun |= bool(moves or content.g or content.m or other - {"N", "O"})
-        self.ended = not PROGRAM_ENDS.isdisjoint(content.m)
+        modal.begun |= bool(moves or content.g or content.m or other - {"N", "O"})
+        modal.ended = not PROGRAM_ENDS.isdisjoint(content.m)
 
     # ---- functions and modes
 
     def _functions(self, content: Content) -> None:
+        channel = self.channel
         block = content.block
         if "T" in content.other:
-            self.lengths.selected_tool = whole_of(block, block.words[content.other["T"]])
+            self.modal.lengths.selected_tool = whole_of(block, block.words[content.other["T"]])
         for code in content.m:
             if code == TOOL_IS and "Q" in content.names:
-                self.hold_tool(whole_of(block, block.words[content.names["Q"]]))
+                hold_tool(channel, whole_of(block, block.words[content.names["Q"]]))
                 continue
-            self.take_function(block, code)
+            channel.take_function(block, code)
             if code in (TOOL_CHANGE, PALLET_CHANGE):
                 self._refuse_compensated(content)
             if code == TOOL_CHANGE:
-                self.change_tool(block)
+                change_tool(channel, content)
             elif code == PALLET_CHANGE:
                 self.recorder.mark_unknown(list(range(len(self.machine.axes))))
 
     def _change_behind(self, content: Content) -> None:
         """Some controls change the tool or the pallet after the move of the block, and then the axes have moved."""
-        changed = self.machine.control.tool_change_moves if PALLET_CHANGE not in content.m else self.machine.names
-        self.recorder.mark_uncertain([self.machine.index(name) for name in changed if name in self.machine.names])
+        names = self.machine.names
+        changed = self.machine.control.tool_change_moves if PALLET_CHANGE not in content.m else names
+        self.recorder.mark_uncertain([names.index(name) for name in changed if name in names])
 
     def _modes(self, content: Content) -> float | None:
         """Take over the modal G codes; the code that claims the block's axis words for itself, or None."""
+        channel = self.channel
         claimed = None
         block, ends = content.block, content.ends
         self._end_coordinate_changes(content, ends)
-        before = self.state()
+        before = self.modal.in_force
         for code in content.g:
             if code in ends:
                 continue
@@ -209,70 +205,71 @@ class IsoInterpreter(Drilling):
                 if code in (5.0, 5.1):
                     _check_speed(content, code)
             elif code in OFFSET_CODES:
-                self.select_offset(block, code, extended_offset(content, code))
+                select_offset(channel, content, code)
             elif code in LENGTH_CODES:
-                number = whole_of(block, block.words[content.other["H"]]) if "H" in content.other else None
-                self.select_length(block, code, number)
-            elif not self.take_mode(block, code) and code not in HARMLESS_G:
-                self.take_unknown(block, code, REFUSED_G, moves=content.moves)
+                select_length(channel, content, code)
+            elif not self._take_mode(block, code) and code not in HARMLESS_G:
+                channel.take_unknown(block, code, REFUSED_G, moves=content.moves)
         if not FRAME_CODES.isdisjoint(content.g):
-            self.changed_since(before)
+            channel.changed_since(before)
         return claimed
 
     def _end_coordinate_changes(self, content: Content, ends: list[float]) -> None:
         """G50, G50.1, G69 and G92.1 without axis words."""
-        drilling = self.cycle is not None and CYCLE_END not in content.g
+        channel, modal = self.channel, self.modal
+        drilling = modal.cycle is not None and CYCLE_END not in content.g
         for code in ends:
             if code == ROTATION_END:
                 self._end_rotation()
-            elif (self.compensated or drilling or self.polar is not None) and self.shifted:
+            elif (modal.compensated or drilling or modal.polar is not None) and modal.shifted:
                 raise content.refuse(
                     f"G{code:g} under radius compensation, in polar coordinates or in a canned cycle is not corrected: "
                     "end these before it"
                 )
             elif code == PRESET_END:
-                self.cancel_preset(content.block, range(len(self.machine.axes)))
+                cancel_preset(channel, content, range(len(self.machine.axes)))
             elif code == SCALE_END:
-                self.end_turn(SCALE)
+                end_turn(channel, SCALE)
             else:
-                self.end_mirror(content.block, ())
+                end_mirror(channel, content.block, ())
 
     def _end_rotation(self) -> None:
         for turn in TURNS - {SCALE, MIRROR}:
-            self.end_turn(turn)
+            end_turn(self.channel, turn)
 
-    def take_mode(self, block: Block, code: float) -> bool:
+    def _take_mode(self, block: Block, code: float) -> bool:
         """Take over a modal G code that changes how later words are read; False when it is none."""
+        channel, modal = self.channel, self.modal
         if code in MOTION:
-            self.motion, self.cycle = code, None
+            modal.motion, modal.cycle = code, None
         elif code in CYCLES or (code == FINE_BORING and self.family == "fanuc"):
-            self.begin_cycle(block, code)
+            begin_cycle(channel, block, code)
         elif code == CYCLE_END:
-            self.end_cycle()
+            end_cycle(channel)
         elif code in COMPENSATION:
-            self.compensate(block)
+            self._compensate(block)
         elif code in (POLAR, POLAR_END):
-            self.select_polar(block, code == POLAR)
+            select_polar(channel, block, code == POLAR)
         elif code == ROTATION_END:
             self._end_rotation()
-        elif code in PLANES and PLANES[code] != self.plane and (self.placement_code or self.polar):
+        elif code in PLANES and PLANES[code] != modal.plane and (modal.placement_code or modal.polar):
             raise block.refuse(
                 "another plane while the coordinates are rotated or polar is not corrected: end these before it"
             )
         else:
-            return super().take_mode(block, code)
+            return channel.take_mode(block, code)
         return True
 
-    def compensate(self, block: Block) -> None:
+    def _compensate(self, block: Block) -> None:
         """G41, G42."""
-        if self.tilted or self.cycle is not None:
+        if self.modal.tilted or self.modal.cycle is not None:
             raise block.refuse(
                 "radius compensation in a tilted plane or in a canned cycle is not corrected: end these before it"
             )
-        super().compensate(block)
+        self.channel.compensate(block)
 
     def _refuse_compensated(self, content: Content) -> None:
-        if self.compensated:
+        if self.modal.compensated:
             raise content.refuse(
                 "the position of the tool is not known while radius compensation is on: write G40 before this block"
             )
@@ -281,100 +278,104 @@ class IsoInterpreter(Drilling):
 
     def _leave_path(self, index: int, content: Content, code: float) -> None:
         """G28, G30: to a reference point, its intermediate point uncorrected. G53: to machine coordinates."""
+        modal = self.modal
         self._refuse_compensated(content)
-        if self.polar is not None:
+        if modal.polar is not None:
             raise content.refuse(f"G{code:g} in polar coordinates is not corrected: write G15 before it")
         strange = sorted(content.other.keys() - BESIDE_LEAVING - ({"P"} if code == 30.0 else set()))
         if strange:
             raise content.refuse(
                 f"the effect of {strange[0]} in a G{code:g} block depends on the control: leave it out"
             )
-        words = self.axis_words(content.block, content.axes)
+        words = self.channel.axis_words(content.block, content.axes)
         if code == 53.0 and not words:
             return
         if code != 53.0:
-            if self.cycle is not None:
+            if modal.cycle is not None:
                 # the effect of coordinates from here on depends on the control
-                self.motion = self.cycle = None
-            if self.absolute and words:
+                modal.motion = modal.cycle = None
+            if modal.absolute and words:
                 self.notes.add("G28/G30 passes its intermediate point uncorrected", content.block.line)
             self.recorder.mark_unknown([word.axis for word, _ in words] or list(range(len(self.machine.axes))))
             return
-        if not self.absolute or self.motion not in (0.0, 1.0):
+        if not modal.absolute or modal.motion not in (0.0, 1.0):
             raise content.refuse("G53 needs G90 and G0 or G1: write them before it")
-        self.move_to_machine_position(index, content.block, words)
+        self.channel.move_to_machine_position(index, content.block, words)
 
     def _move(self, index: int, content: Content) -> None:
-        if self.motion is None:
+        channel, modal = self.channel, self.modal
+        if modal.motion is None:
             raise content.refuse("the coordinates have no G0, G1, G2 or G3 before them: write one")
-        if self.tilted and not self.upright:
+        if modal.tilted and not modal.upright:
             raise content.refuse(
                 "the tool is not yet perpendicular to the tilted plane in this move: write G53.1 before it"
             )
-        if self.cycle is not None:
-            self.drill(index, content, self.cycle)
+        if modal.cycle is not None:
+            drill(channel, index, content, modal.cycle)
             return
         self._check_move_words(content)
-        words, polar = self.end_words(content)
+        words, polar = end_words(channel, content)
         target = self.recorder.target(content.block, words)
         if polar is not None:
-            self.go_polar(target, polar)
-        if self.tilted or self.lengths.vectors:
+            go_polar(channel, target, polar)
+        if modal.tilted or modal.lengths.vectors:
             words += self._turn_tool(content, target, words)
-        kind = MOTION[self.motion]
+        kind = MOTION[modal.motion]
         arc = None
         if kind is Kind.ARC:
-            if polar is not None or self.polar is not None:
+            if polar is not None or modal.polar is not None:
                 raise content.refuse("an arc in polar coordinates is not corrected: write G15 before it")
-            arc = arc_of(self, content, target)
-        if self.not_programmed:
-            self.note_not_programmed(content.block.line, kind)
-        if self.compensated:
-            self.no_insertion = True
-            follow_contour(self.recorder, self.plane_columns[:2], target, arc)
-        self.move(index, kind, target, words, arc)
+            arc = arc_of(channel, content, target)
+        if modal.not_programmed:
+            channel.note_not_programmed(content.block.line, kind)
+        if modal.compensated:
+            channel.no_insertion = True
+            follow_contour(self.recorder, modal.plane_columns[:2], target, arc)
+        channel.move(index, kind, target, words, arc)
 
     def _check_move_words(self, content: Content) -> None:
         other = content.other.keys()
         strange = sorted(other - MOVE_WORDS)
         if strange:
             raise content.refuse(f"the effect of {strange[0]} in a move depends on the control: leave it out")
-        if self.motion in (0.0, 1.0) and not other.isdisjoint("R" if self.lengths.vectors else "IJKR"):
+        if self.modal.motion in (0.0, 1.0) and not other.isdisjoint("R" if self.modal.lengths.vectors else "IJKR"):
             letters = ", ".join(sorted(other & set("IJKR")))
             raise content.refuse(f"the block is no arc and has {letters}: write G2 or G3, or leave these words out")
 
     def _turn_tool(self, content: Content, target: list[float], words: AxisWords) -> AxisWords:
         """The positions of rotary axes by tool vectors, which no word names; in a tilted plane they do not move."""
-        if any(self.rotary[word.axis] for word, _ in words):
+        channel = self.channel
+        if any(channel.rotary[word.axis] for word, _ in words):
             raise content.refuse(
                 "a rotary axis word with tool vectors or in a tilted plane is not corrected: leave it out"
             )
         programmed = [content.other.get(letter) for letter in "IJK"]
-        if programmed == [None, None, None] or self.tilted:
+        if programmed == [None, None, None] or self.modal.tilted:
             return []
-        if None in programmed or self.motion not in (0.0, 1.0):
+        if None in programmed or self.modal.motion not in (0.0, 1.0):
             raise content.refuse("a tool vector needs I, J and K and a straight line: write all three with G0 or G1")
         vector = [content.block.words[i].value or 0.0 for i in programmed if i is not None]
         self.notes.add(
             "G43.5: the new positions of the rotary axes are taken nearest to the present ones", content.block.line
         )
-        positions = self.along_tool_axis(content.block, target, vector)
+        positions = channel.along_tool_axis(content.block, target, vector)
         for axis, value in positions.items():
             target[axis] = value
-        self.no_insertion = True
+        channel.no_insertion = True
         return [(AxisWord(axis, -1, True), value) for axis, value in positions.items()]
 
     # ---- meaning of coordinates
 
     def _change_coordinates(self, index: int, content: Content, code: float) -> None:
+        modal = self.modal
         self._refuse_compensated(content)
-        if self.polar is not None or self.cycle is not None:
+        if modal.polar is not None or modal.cycle is not None:
             raise content.refuse(
                 f"G{code:g} in polar coordinates or in a canned cycle is not corrected: end these before it"
             )
-        words = self.axis_words(content.block, content.axes)
-        if change_coordinates(self, content, code, words):
-            self.recorder.call(index, self.unit, tuple(word for word, _ in words))
+        words = self.channel.axis_words(content.block, content.axes)
+        if change_coordinates(self.channel, content, code, words):
+            self.recorder.call(index, modal.unit, tuple(word for word, _ in words))
 
 
 def _has_integers(run: PlainRun) -> bool:

@@ -6,8 +6,9 @@ from collections.abc import Iterable
 
 import msgspec
 
+from postproc.control.codes import TOOL_CHANGE
 from postproc.control.state import ControlState
-from postproc.iso.codes import WORK_OFFSETS
+from postproc.iso.codes import TOOL_IS, WORK_OFFSETS
 from postproc.text.block import Block
 
 Shifts = dict[int, float]
@@ -98,6 +99,10 @@ TCP_CODES = frozenset((43.4, 43.5))
 """The coordinates are those of the tool point in the workpiece frame; the latter gives the tool axis as a vector."""
 
 
+TOOL_CODES = frozenset((TOOL_CHANGE, TOOL_IS))
+"""M codes that put another tool into the spindle."""
+
+
 class Lengths(msgspec.Struct):
     """The length in force."""
 
@@ -112,6 +117,8 @@ class Lengths(msgspec.Struct):
     """The program has selected the one in force."""
     vectors: bool = False
     """I J K of a move are its tool axis (G43.5)."""
+    with_tool_0: bool = False
+    """Tool 0 is a tool of the table (LinuxCNC with a random tool changer); otherwise it is no tool."""
 
     @property
     def key(self) -> tuple[int, float | None] | None:
@@ -122,7 +129,7 @@ class Lengths(msgspec.Struct):
         """The length, mm, that coordinates are shifted by; None for none."""
         if self.given is not None:
             return self.given
-        return self.state.tool_length(self.number) if self.number else None
+        return self.state.tool_length(str(self.number)) if self._is_tool(self.number) else None
 
     def tool(self) -> float:
         """Length of the tool in the spindle as far as it is known, mm."""
@@ -133,7 +140,18 @@ class Lengths(msgspec.Struct):
     @property
     def tool_name(self) -> str:
         """Number of the tool whose length is looked up: that of the length offset, else the one in the spindle."""
-        return "" if self.given is not None else str(self.number or self.spindle_tool or "")
+        numbers = (self.number, self.spindle_tool) if self.given is None else ()
+        return next((str(number) for number in numbers if self._is_tool(number)), "")
+
+    def name_in_frame(self, *, tcp: bool) -> str:
+        """Number of the tool whose length a frame needs; empty for a length that nobody gives and nothing needs."""
+        name, setup = self.tool_name, self.state.setup
+        needed = tcp or self.offset() is not None or setup.lengths_matter
+        given = bool(name) and (self.state.knows(name) or setup.tool_length(name) is not None)
+        return name if needed or given else ""
+
+    def _is_tool(self, number: int | None) -> bool:
+        return number is not None and (number != 0 or self.with_tool_0)
 
     def set(self, block: Block, store: dict[str, float], number: int, length: float) -> None:
         """G10: a length of the table, or its wear, from now on; mm."""
@@ -154,11 +172,21 @@ class Lengths(msgspec.Struct):
         if number is not None or code == 49.0:
             self.number = number if code != 49.0 else None
 
-    def select_spindle(self, block: Block, always: bool) -> bool:
+    def select_spindle(self, block: Block, always: bool, given: str = "") -> bool:
         """G43 without H: the length of the tool in the spindle, `always` or where no number is in force.
 
-        Refusal where controls differ.
+        `given`: the H that selects it (LinuxCNC). Refusal where controls differ, or where the tool is not known.
         """
+        if given and any(word.address == "M" and word.value in TOOL_CODES for word in block.words):
+            raise block.refuse(
+                f"G43 {given} in the block of a tool change selects the length of the tool before the change on "
+                f"LinuxCNC: write G43 {given} in the next block, or the number of the tool as H"
+            )
+        if self.with_tool_0 and self.spindle_tool is None:
+            raise block.refuse(
+                "with a random tool changer a tool is in the spindle before the first tool change, and the program "
+                "does not name it: write T and M6 before this block, or H"
+            )
         if self.number is None or always:
             self.number = self.spindle_tool or 0
             return True

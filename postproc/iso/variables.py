@@ -10,6 +10,7 @@ import msgspec
 from postproc.text.expressions import (
     ARITHMETIC,
     COMPARISONS,
+    Expression,
     NotKnown,
     Operations,
     Value,
@@ -26,6 +27,15 @@ SYSTEM = 1000
 LINUXCNC_SYSTEM = 5001
 DEBUG = 5599
 """LinuxCNC: whether it shows the texts of (DEBUG, ...)."""
+HARMLESS = {
+    3000: "it stops the program with an alarm",
+    3001: "it is a clock of the control",
+    3002: "it is a clock of the control",
+    3003: "it selects single blocks",
+    3004: "it selects feed hold and override",
+    3006: "it stops the program with a message",
+}
+"""FANUC: system variables that a program may set, and that move nothing."""
 SPLIT = 10_000
 """A P of M98 from here on contains a number of repetitions too, on FANUC: P51001 runs O1001 five times."""
 EMPTY = ""
@@ -164,11 +174,27 @@ class IsoVariables(msgspec.Struct):
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
         """Set it; NotKnown for a system variable."""
         key, store = self._stored_at(name, indices)
-        if key.startswith("#") and key[1:].isdigit() and int(key[1:]) >= self.system and int(key[1:]) != DEBUG:
+        number = int(key[1:]) if key[1:].isdigit() else 0
+        if number in HARMLESS and number >= self.system:
+            store[key] = NotKnown(HARMLESS[number])
+            return
+        if number >= self.system and number != DEBUG:
             raise NotKnown(
                 f"{key} is a system variable of the control, and the effect of its value is not known to ncomp"
             )
         store[key] = value
+
+    def lose_results(self, expression: Expression) -> None:
+        """No function of these controls sets a variable."""
+
+    @property
+    def state(self) -> object:
+        """The values of all variables."""
+        return self.shared, self.own
+
+    def forget(self, reason: str) -> None:
+        """Mark the variables as unknown that all programs share."""
+        self.shared = dict.fromkeys(self.shared, NotKnown(reason))
 
     def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
         """Begin a macro with variables of its own, or a subprogram without."""

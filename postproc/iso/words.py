@@ -5,22 +5,25 @@ from __future__ import annotations
 from postproc.control import words
 from postproc.control.codes import AXES, DWELL, MOTION, SKIPPABLE_M
 from postproc.control.words import refuse_two_of_a_group
-from postproc.iso.blocks import WORDS
 from postproc.iso.codes import (
     COORDINATE_CHANGES,
     CYCLES,
     DATA,
     ENDS,
+    FINE_BORING,
     GROUPS,
     LENGTH_CODES,
     MEANINGFUL,
     NAMING,
+    PATH_MODES,
     REFUSED_G,
     TOOL_IS,
+    TURNING_CYCLES,
 )
+from postproc.iso.reading.blocks import WORDS
 from postproc.motion.arcs import CENTRES
 from postproc.motion.moves import Kind
-from postproc.text.block import Block
+from postproc.text.block import Block, Refusal
 
 
 class Content(words.Content):
@@ -64,6 +67,7 @@ def sort_words(block: Block) -> Content:
 def check_content(content: Content, begun: bool, family: str) -> None:
     """Refuse words that controls read differently; `begun`: the program has words before this block."""
     block, g, other = content.block, content.g, content.other
+    _refuse_turning(content)
     if block.skippable and not _may_be_skipped(content):
         raise block.refuse_skip()
     if "O" in other and begun:
@@ -82,11 +86,27 @@ def check_content(content: Content, begun: bool, family: str) -> None:
         refuse_two_of_a_group(block, alone, GROUPS)
 
 
+def _refuse_turning(content: Content) -> None:
+    """Refuse the cycles of a lathe. Fine boring and pecking of a mill have P and Q as well, but with X, Y or Z."""
+    for code in content.g:
+        if code not in TURNING_CYCLES:
+            continue
+        addresses = {word.address for word in content.block.words}
+        forms = [form for form in TURNING_CYCLES[code] if addresses.issuperset(form)]
+        if forms and (code not in (*CYCLES, FINE_BORING) or addresses.isdisjoint("XYZ")):
+            raise content.refuse(
+                f"G{code:g} with {' and '.join(forms[0])} is a cycle of a lathe: this is a turning program, which "
+                "ncomp does not correct. Its X is a diameter, the tool does not move in Y, and the control makes the "
+                "cuts of the cycle itself, so that the program does not contain their moves. Use ncomp for the "
+                "programs of a milling machine or a machining centre"
+            )
+
+
 def _may_be_skipped(content: Content) -> bool:
     """Whether no other block depends on this one: M functions that move nothing, and a dwell."""
     if content.moves or "T" in content.other or not SKIPPABLE_M.issuperset(content.m):
         return False
-    return not content.g or (content.g == [DWELL] and "P" in content.other)
+    return not content.g or content.g == [DWELL] or PATH_MODES.issuperset(content.g)
 
 
 def _check_line_end(block: Block) -> None:
@@ -117,6 +137,11 @@ ARC_WORDS, CYCLE_WORDS = CENTRES + "PR", CENTRES + "KLPQR"
 DWELL_TIMES = "XUFSK"
 """Words for the time of a dwell on some controls, instead of P; LinuxCNC and similar controls refuse these."""
 DIFFERS = 'write family = "fanuc" or "linuxcnc" in the machine file'
+
+
+def decided_by_family(content: Content, family: str, reason: str, **own: str) -> Refusal:
+    """The exception for what controls read differently: for a stated family its own reason, else the entry to write."""
+    return content.refuse(own.get(family, f"{reason}; {DIFFERS}"))
 
 
 def motion_words(content: Content, motion: float | None) -> str:
@@ -157,8 +182,11 @@ def dwells_alone(content: Content, family: str) -> bool:
     if "P" in other and content.axes:
         if family == "linuxcnc":
             return False
-        raise content.refuse(
-            f"axis words with G4 P are a move on LinuxCNC and Mach3, and other controls refuse them; {DIFFERS}"
+        raise decided_by_family(
+            content,
+            family,
+            "axis words with G4 P are a move on LinuxCNC and Mach3, and other controls refuse them",
+            fanuc="FANUC reads no axis words beside the P of G4: write the move in a block of its own",
         )
     if "P" not in other and (len(times) > 1 or not set(times) <= set(DWELL_TIMES)):
         raise content.refuse(

@@ -9,6 +9,11 @@ from postproc.motion.circles import sweep
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc
 
+INNER = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
+"""Shares of the path of a move at which it is evaluated between its ends."""
+CLOSELY = tuple(i / 37 for i in range(1, 38))
+"""Shares for moves whose error may change quickly: a prime number of them, which few whole periods coincide with."""
+
 
 def positions_along(motions: Motions, rows: np.ndarray, shares: Array) -> Array:
     """Programmed positions `(k, axes)` at shares `(k,)` of the paths of rows `(k,)`.

@@ -5,10 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from postproc.motion.circles import Point, centre_from_radius, radius_fault, same
+from postproc.motion.circles import (
+    RADIUS_TOLERANCE_MM,
+    SAME,
+    Point,
+    centre_from_radius,
+    radius_fault,
+    same,
+    short_by,
+)
 from postproc.motion.moves import Arc
 from postproc.motion.recorder import Recorder
 from postproc.text.block import Block
+from postproc.text.notes import Notes
 
 CENTRES = "IJK"
 """Addresses of the centre of an arc, along X, Y and Z."""
@@ -74,18 +83,35 @@ def radius_alone(block: Block, other: Mapping[str, int], radius: str) -> int | N
     return other.get(radius)
 
 
-def arc_by_radius(block: Block, ends: Ends, radius: float, word: int, form: str = "radius") -> Arc:
-    """The arc with this radius, mm, negative for the longer arc; Refusal if there is none."""
-    arc = circle_by_radius(ends, radius, word, form)
-    if arc is None:
+def arc_by_radius(
+    block: Block,
+    ends: Ends,
+    radius: float,
+    word: int,
+    form: str = "radius",
+    *,
+    notes: Notes,
+    tolerance: float = RADIUS_TOLERANCE_MM,
+) -> Arc:
+    """The arc with this radius, mm, negative for the longer arc; Refusal if there is none.
+
+    tolerance: length, mm, by which the radius may be too short for half a circle; a note names it.
+    """
+    short = short_by(ends.start, ends.end, radius)
+    centre = centre_from_radius(ends.start, ends.end, radius, ends.sense)
+    if centre is None or short > tolerance:
         raise block.refuse("no circle of this radius joins start and end: write a larger radius, or the centre")
-    return arc
+    if short > SAME:
+        notes.add("the radius of an arc is too short, by less than the tolerance: taken as half a circle", block.line)
+    return Arc(ends.plane, ends.sense, centre, False, form, (word, None))
 
 
 def circle_by_radius(ends: Ends, radius: float, word: int, form: str) -> Arc | None:
-    """The arc with this radius, mm, as `arc_by_radius`; None if there is none."""
+    """The arc with this radius, mm, as `arc_by_radius`; None if there is none, or the radius is too short."""
     centre = centre_from_radius(ends.start, ends.end, radius, ends.sense)
-    return None if centre is None else Arc(ends.plane, ends.sense, centre, False, form, (word, None))
+    if centre is None or short_by(ends.start, ends.end, radius) > SAME:
+        return None
+    return Arc(ends.plane, ends.sense, centre, False, form, (word, None))
 
 
 def arc_by_centre(

@@ -46,7 +46,7 @@ class AxisWords(Sequence[Words]):
         return AxisWords(self._parts, self._rows[rows])
 
     def without(self, rows: np.ndarray) -> AxisWords:
-        """The same without the words of these rows, a mask or their numbers; empty words stay empty."""
+        """These words without those of some rows, which a mask or numbers give; empty words stay empty."""
         if not len(self._rows):
             return self
         left = self._rows.copy()

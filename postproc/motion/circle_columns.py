@@ -54,6 +54,16 @@ class CircleColumns(msgspec.Struct, frozen=True):
         """Lengths of the arcs in their planes."""
         return np.asarray(np.hypot(*self.from_centre) * np.abs(self.turned))
 
+    @property
+    def out_of_round(self) -> Array:
+        """Differences of the radii at both ends, mm."""
+        return np.asarray(np.hypot(*self.from_centre) * np.abs(self.grown - 1.0))
+
+    @property
+    def nearly_full(self) -> np.ndarray:
+        """Arcs of more than half a turn whose ends are closer together than a radius, as for `between`."""
+        return np.asarray(np.cos(self.turned) > 0.5) & (np.abs(self.turned) > np.pi)
+
     def put(self, program: Array, shares: Array | float) -> None:
         """Put positions at shares `(k,)` of the arcs into their rows of `program` `(n, axes)`."""
         self._put(program, self.rows, np.arange(len(self.rows)), shares)

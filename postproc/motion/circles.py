@@ -38,6 +38,11 @@ def radius_fault(start: Point, end: Point, centre: Point) -> str | None:
     return None
 
 
+def short_by(start: Point, end: Point, radius: float) -> float:
+    """Length, mm, by which a radius is too short for half of the chord; 0 or less for a radius that is not."""
+    return math.dist(start, end) / 2 - abs(radius)
+
+
 def centre_from_radius(start: Point, end: Point, radius: float, sense: int) -> Point | None:
     """Centre of the arc with this radius (negative: the longer arc), sense +1 counter-clockwise.
 
@@ -113,13 +118,14 @@ def circle_through(start: Point, middle: Point, end: Point) -> tuple[Point, int]
     return centre, 1 if twice > 0.0 else -1
 
 
-def between(start: Point, end: Point, centre: Point) -> Point:
-    """The centre moved along the chord to equal distances from start and end; unchanged if the chord is below a radius.
+def between(start: Point, end: Point, centre: Point, turned: float) -> Point:
+    """The centre moved along the chord to equal distances from start and end, for an arc of `turned` rad.
 
-    On shorter chords that displacement could be large.
+    Over up to half a turn no point of the arc moves by more than its ends do. Over more, the points around its middle
+    move by as much as the centre: it stays where the chord is below a radius, because that is more than the ends miss.
     """
     chord = math.dist(start, end)
-    if chord < math.dist(start, centre):
+    if chord < SAME or (chord < math.dist(start, centre) and abs(turned) > math.pi):
         return centre
     u = ((end[0] - start[0]) / chord, (end[1] - start[1]) / chord)
     along = ((start[0] + end[0]) / 2 - centre[0]) * u[0] + ((start[1] + end[1]) / 2 - centre[1]) * u[1]

@@ -16,9 +16,12 @@ from postproc.motion.axis_words import AxisWords
 from postproc.motion.circle_columns import CircleColumns
 from postproc.motion.circles import SAME
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
-from postproc.motion.moves import Arc, Cycle, Kind, Known, Polar, PolarEnd
+from postproc.motion.moves import Arc, Cycle, Kind, Known, Paced, Polar, PolarEnd
+from postproc.motion.rotary_words import RotaryWord
 from postproc.text import blocks as text_blocks
 from postproc.text.blocks import Blocks
+from postproc.text.number_style import decimals_for
+from rendering.shown import Shown
 
 
 def column(compute: Callable[[Motions], AnyArray]) -> cached_property[AnyArray]:
@@ -26,8 +29,8 @@ def column(compute: Callable[[Motions], AnyArray]) -> cached_property[AnyArray]:
     return cached_property(wraps(compute)(lambda motions: read_only(compute(motions))))
 
 
-@dataclass(frozen=True)
-class Motions:
+@dataclass(frozen=True, repr=False)
+class Motions(Shown):
     """One row per move, in program order; positions `(n, axes)` in programmed coordinates, mm and degrees.
 
     Its columns are read-only, because several Motions share them.
@@ -72,8 +75,24 @@ class Motions:
     """Columns of the plane, by row of a move that the control shifts by the tool radius."""
     locked_axes: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     """Columns of axes for which no word may be added to the block, by row."""
+    paced: Mapping[int, Paced] = field(default_factory=dict)
+    """Feed moves of rotary axes alone that are corrected, by row."""
+    rotary_words: Mapping[int, Mapping[int, RotaryWord]] = field(default_factory=dict)
+    """By row and column of the axis, how the control reads rotary words; axes that are left out count whole turns."""
     polar_ends: Mapping[int, PolarEnd] = field(default_factory=dict)
     """Polar ends of Klartext blocks by index of the block."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        return f"{len(self)} moves of {self.machine.name}"
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """Line, kind, and axis positions at the end, mm and degrees, of the moves by name `(n,)`."""
+        kinds = np.array([kind.name.lower() for kind in Kind])[self.kind]
+        axes = zip(self.machine.names, (self.machine_target / self.machine.scale).T, strict=True)
+        return {"line": self.line, "kind": kinds, **dict(axes)}
 
     def __post_init__(self) -> None:
         for name in COLUMNS:
@@ -141,13 +160,15 @@ class Motions:
 
         Their F is an angular speed. On controls where F is the speed of X Y Z as soon as one of them moves, a
         correction of some micrometres would make F the speed along these micrometres: the rotary axes would run at
-        rapid.
+        rapid. Those in `paced` do not count: their F is written anew.
         """
         way = np.abs(self.target - self.start)
         linear, rotary = list(self.machine.translators), self.machine.rotary
         still = (way[:, linear] < SAME).all(axis=1) & (self.known == self.known_start)[:, linear].all(axis=1)
         turns = (way[:, rotary] > SAME).any(axis=1)
-        return np.asarray((self.kind == Kind.LINE) & ~self.timed & still & turns)
+        found = np.asarray((self.kind == Kind.LINE) & ~self.timed & still & turns)
+        found[list(self.paced)] = False
+        return found
 
     def take(self, rows: np.ndarray) -> Motions:
         """These rows, in this order; a row taken more than once shares its arc and words."""
@@ -189,6 +210,18 @@ class Motions:
         uncorrected[~self.programmed | self.intermediate | (self.kind == Kind.RAPID)] = False
         return np.asarray(uncorrected)
 
+    @column
+    def uncorrected_moves(self) -> NDArrayBool:
+        """Rows `(n,)` of feed moves and holes with axes that are not corrected, to positions that are known."""
+        known = (self.known[:, self.machine.translators] != Known.ASSUMED).all(axis=1)
+        return np.asarray(known & self.uncorrected.any(axis=1))
+
+    @column
+    def uncorrected_paths(self) -> NDArrayBool:
+        """Those of `uncorrected_moves` that are feed moves from known positions."""
+        known = (self.known_start[:, self.machine.translators] != Known.ASSUMED).all(axis=1)
+        return np.asarray(known & self.uncorrected_moves & (self.kind != Kind.CYCLE))
+
     def _said(self, known: np.ndarray) -> NDArrayBool:
         return np.asarray((known[:, self.machine.translators] == Known.PROGRAM).all(axis=1))
 
@@ -220,6 +253,14 @@ class Motions:
         """The circles of all arcs."""
         return CircleColumns.of(self.arcs, self.start, self.target)
 
+    @column
+    def path_lengths(self) -> Array:
+        """Lengths of the programmed paths `(n,)`, mm and degrees: only those of the segments of one move compare."""
+        lengths = np.linalg.norm(self.target - self.start, axis=1)
+        if self.arcs:
+            lengths[self.circles.rows] = self.circles.lengths
+        return np.asarray(lengths)
+
     @property
     def line(self) -> np.ndarray:
         """Number of the first line of the block of each move `(n,)`."""
@@ -250,6 +291,12 @@ class Motions:
                 q[rows] = to_machine(self.machine, frame, program[rows])
         return q
 
+    def as_written(self, q: Array, axis: int) -> Array:
+        """Positions `(n,)`, rad, that a rotary axis takes for `(n,)` ones by words of its resolution."""
+        offset = np.array([frame.offset[axis] for frame in self.frames])[self.frame]
+        scale, decimals = self.machine.scale[axis], decimals_for(self.machine.axes[axis].resolution)
+        return np.asarray((np.round(q / scale - offset, decimals) + offset) * scale)
+
     def in_program(self, q: Array) -> Array:
         """Programmed positions `(n, axes)`, mm and degrees, of axis positions given for all rows."""
         if len(self.frames) == 1 and len(self):
@@ -267,7 +314,7 @@ COLUMNS = (
     *("start", "target", "known_start", "known"),
 )
 """Fields of Motions with one row per move."""
-BY_ROW = ("arcs", "cycles", "polars", "cutter_compensated", "locked_axes")
+BY_ROW = ("arcs", "cycles", "polars", "cutter_compensated", "locked_axes", "paced", "rotary_words")
 """Fields of Motions with entries for some rows."""
 
 

@@ -117,3 +117,14 @@ class Polar(NamedTuple):
     angle: float
     words: tuple[int | None, int | None]
     """Indices of the radius and angle words; None if the value of an earlier block is in force."""
+
+
+class Paced(NamedTuple):
+    """A corrected feed move of rotary axes alone: its F is written such that it takes the programmed time."""
+
+    minutes: float
+    """Time of the whole move."""
+    feed: float
+    """F in force, deg/min."""
+    form: str
+    """`inverse-time`: by G93; `linear`: by an F for the path of X Y Z; `combined`: its F counts all axes and stays."""

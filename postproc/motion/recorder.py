@@ -17,9 +17,11 @@ from postproc.motion.motions import BY_ROW, Motions
 from postproc.motion.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd
 from postproc.motion.plain_moves import PlainMoves
 from postproc.motion.probe_lengths import ProbeLengths
+from postproc.motion.rotary_words import RotaryAxes
 from postproc.text.block import Block
 from postproc.text.blocks import Blocks, PlainRun
 
+_Texts = Mapping[int, str]
 _Places = tuple[float, ...]
 _Knowledge = tuple[Known, ...]
 _Modes = tuple[bool, bool, bool]
@@ -70,11 +72,14 @@ class Recorder:
     _probes: ProbeLengths = field(init=False, default_factory=ProbeLengths)
     used: Frame | None = field(init=False, default=None)
     """The frame of the last programmed move."""
+    rotary: RotaryAxes = field(init=False)
+    """The ways and turns of the rotary axes."""
 
     def __post_init__(self) -> None:
         home = [axis.home for axis in self.machine.axes]
         self.position = [h - offset for h, offset in zip(home, self.frame.offset, strict=True)]
         self.known = [Known.ASSUMED] * len(home)
+        self.rotary = RotaryAxes(self.machine)
         self._frames = [self.frame]
         self._by_row = {name: {} for name in BY_ROW}
         if self.frame.tcp:
@@ -131,7 +136,8 @@ class Recorder:
 
     def plain_moves(self, run: PlainRun, unit: float) -> PlainMoves:
         """The moves of plain lines to absolute positions; unit: mm per unit of the words of linear axes."""
-        return PlainMoves.of(run, np.where(self.machine.rotary, 1.0, unit), self.position, self.known)
+        moves = PlainMoves.of(run, np.where(self.machine.rotary, 1.0, unit), self.position, self.known)
+        return moves if self.rotary.plain else moves._replace(**self.rotary.of_run(run, moves.target, self.position))
 
     def append(
         self,
@@ -165,6 +171,8 @@ class Recorder:
                 **moves._asdict(),
             }
         )
+        if not self.rotary.plain:
+            self._by_row["rotary_words"].update(self.rotary.words_of_run(self._joined - lines, run, moves.target))
         start, target, _, known = (column[-1].tolist() for column in moves)
         self.position, self.known = target, [Known(value) for value in known]
         self._last = (self.frame, tuple(start), tuple(target), arcs.get(lines - 1))
@@ -210,6 +218,8 @@ class Recorder:
 
     def call(self, block: int, unit: float, words: tuple[AxisWord, ...]) -> None:
         """Record a preset: its words give the current position in the present frame, which they define."""
+        for word in words:
+            self.rotary.turns[word.axis] = 0.0
         self._record(block, Kind.PRESET, self.position, unit, (False, False, True), words, tuple(self.known))
 
     def record_machine_position(self, axis: int, position: float) -> None:
@@ -224,12 +234,17 @@ class Recorder:
         self.known[axis] = Known.PROGRAM
         self._record(block, Kind.MACHINE, target, 1.0, (False, False, True), (AxisWord(axis, 0, False),), before)
 
-    def move_to_machine_position(self, block: int, targets: dict[int, float], words: tuple[AxisWord, ...]) -> None:
-        """Record a move of some axes to machine positions, mm and degrees."""
+    def move_to_machine_position(
+        self, block: int, targets: Mapping[int, float], words: tuple[AxisWord, ...], modes: _Texts | None = None
+    ) -> None:
+        """Record a move of some axes to machine positions, mm and degrees; modes: of rotary words, by axis."""
         q = to_machine(self.machine, self.frame, np.array([self.position]))[0]
         before = tuple(self.known)
         for axis, value in targets.items():
-            q[axis] = value * self.machine.scale[axis]
+            scale, position = float(self.machine.scale[axis]), value
+            if axis in self.rotary.axes:
+                position = self.rotary.position(axis, value, float(q[axis]) / scale, 0.0, (modes or {}).get(axis, ""))
+            q[axis] = position * scale
             self.known[axis] = Known.MACHINE
         self.mark_uncertain(self._coupled(targets))
         target = to_program(self.machine, self.frame, q[None])[0].tolist()
@@ -246,10 +261,11 @@ class Recorder:
 
     def target(self, block: Block, words: Iterable[tuple[AxisWord, float]]) -> list[float]:
         """End of a move with these words, mm and degrees; Refusal for an increment from an unknown position."""
-        target = list(self.position)
+        target, rotary = list(self.position), self.rotary
         for word, value in words:
             if not word.incremental:
-                target[word.axis] = value
+                at = self.position[word.axis], self.frame.offset[word.axis]
+                target[word.axis] = rotary.read(block, word, value, *at) if word.axis in rotary.axes else value
             elif self.known[word.axis]:
                 target[word.axis] += value
             else:
@@ -294,6 +310,7 @@ class Recorder:
         for axis in axes:
             q[axis] = self.machine.axes[axis].home * self.machine.scale[axis]
             self.known[axis] = Known.ASSUMED
+            self.rotary.turns[axis] = 0.0
         for axis in self._coupled(axes):
             self.known[axis] = Known.ASSUMED
         self.position = to_program(self.machine, self.frame, q[None])[0].tolist()
@@ -315,7 +332,8 @@ class Recorder:
         self._columns, self._column_words, self._joined, self._frames = [], [], 0, [self.frame]
         self._by_row = {name: {} for name in BY_ROW}
         polar_ends, self._polar_ends = self._polar_ends, {}
-        columns: dict[str, Any] = self._none()
+        sizes = ((0, len(self.position)) if name in POSITIONS else 0 for name in RECORDED)
+        columns: dict[str, Any] = {n: np.zeros(size, RECORDED[n]) for n, size in zip(RECORDED, sizes, strict=True)}
         if parts:
             columns = {name: np.concatenate([part[name] for part in parts]) for name in RECORDED}
         n = len(columns["block"])
@@ -328,11 +346,6 @@ class Recorder:
     def _row(self) -> int:
         """Number of the next row."""
         return self._joined + len(self._rows)
-
-    def _none(self) -> dict[str, np.ndarray]:
-        """Columns without rows."""
-        axes = len(self.machine.axes)
-        return {name: np.zeros((0, axes) if name in POSITIONS else 0, kind) for name, kind in RECORDED.items()}
 
     def _join_rows(self) -> None:
         """Make columns of the rows behind the last run of plain lines."""
@@ -355,6 +368,8 @@ class Recorder:
     ) -> None:
         start = tuple(self.position)
         self.position = list(target)
+        if found := self.rotary.words_of_move():
+            self._by_row["rotary_words"][self._row] = found
         frame = len(self._frames) - 1
         self._rows.append((block, kind, frame, unit, *modes, start, tuple(target), before, tuple(self.known)))
         self._words.append(words)

@@ -1,4 +1,4 @@
-"""Rows beside those of the program: segments of moves, and backlash take-ups before moves."""
+"""Rows in addition to those of the program: segments of moves, and backlash take-ups before moves."""
 
 from __future__ import annotations
 
@@ -172,6 +172,8 @@ def with_backlash_take_ups(motions: Motions, before: np.ndarray, axes: NDArrayBo
     known[rows] = np.where(axes, Known.PROGRAM, np.minimum(result.known_start[rows], Known.MACHINE))
     gone = set(rows.tolist())
     left: dict[str, Any] = {
-        name: {row: v for row, v in getattr(result, name).items() if row not in gone} for name in BY_ROW
+        name: {row: v for row, v in getattr(result, name).items() if row not in gone}
+        for name in BY_ROW
+        if name != "rotary_words"
     }
     return replace(result, kind=kind, added=added, target=target, known=known, words=result.words.without(rows), **left)

@@ -85,8 +85,8 @@ def _form(sequence: ProbingSequence, settings: ProbingSettings, control: str) ->
         raise UserError(f"--dialect {control}: for a probing program expected one of {', '.join(CONTROLS)}")
     if (settings.offset is None) == (control == "fanuc"):
         raise UserError(
-            "--dialect fanuc: G53 of this control always moves in rapid; give the work offset that is active, "
-            "--work-offset G54=x,y,z"
+            "a program for fanuc (--dialect, or family of the control): G53 of this control always moves in rapid; "
+            "give the work offset that is active, --work-offset G54=x,y,z"
             if control == "fanuc"
             else f"--work-offset: a probing program for {control} uses machine coordinates"
         )

@@ -51,6 +51,10 @@ REFUSED_G = {
     291.0: "switches to ISO programs, which are not followed here: write these blocks in a file of their own",
 }  # fmt: skip
 
+LENGTH_STAYS = (
+    "G18 or G19 with a tool length: the length is taken to stay along Z, which needs setting data SD42940 "
+    "($SC_TOOL_LENGTH_CONST) other than 0"
+)
 HARMLESS_NAMES = _all(
     "BRISK BRISKA SOFT SOFTA DRIVE DRIVEA FFWON FFWOF COMPOF STOPRE DIAMOF CFC CFTCP CFIN FNORM FLIN FCUB "
     "ORIAXES ORIVECT ORIEULER ORIRPY ORIMACHAX ORIPLANE NORM KONT KONTC KONTT CUT2D CUT2DF SPATH UPATH "
@@ -65,6 +69,9 @@ HARMLESS_CALLS = _all(
     "MSG SETAL CYCLE832 CYCLE62 GROUP_BEGIN GROUP_END WORKPIECE FGROUP STOPRE SPCON SPCOF WAITM FFWON DELAYFSTON "
     "SOFTA BRISKA DRIVEA SPOS WAITS WAITP"
 )
+SKIPPABLE_G = frozenset((DWELL, 9.0, 60.0, 64.0, *map(float, range(641, 646))))
+SKIPPABLE_NAMES = (HARMLESS_NAMES | HARMLESS_CALLS) - FRAME_ENDS - {"CYCLE832"}
+"""Whether they run does not change the meaning of other blocks."""
 MEANT_NAMES = _all("SUPA RET TRAFOOF TRAORI ORIWKS ORIMKS MCALL CYCLE800") | CALCULATED_ARCS
 """Words that the interpreter follows, alone or with parentheses."""
 FRAME_NAMES = _all("TRANS ATRANS ROT AROT ROTS AROTS CROTS SCALE ASCALE MIRROR AMIRROR")

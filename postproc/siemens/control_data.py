@@ -55,9 +55,10 @@ class ControlData:
         if frame is None:
             raise NotKnown(f"{FRAMES}[{number}] is no work offset: write an index from 0 to {max(SETTABLE)}")
         if len(indices) == 1 and isinstance(value, str):
-            self.whole[frame] = axes_of(value)
+            shifts = axes_of(value)
+            self.whole[frame] = {axis: shift for axis, shift in shifts.items() if FINE not in axis}
             self.single.pop(frame, None)
-            self.fine.pop(frame, None)
+            self.fine[frame] = {axis.removesuffix(FINE): shifts[axis] for axis in shifts if FINE in axis}
         elif len(indices) == 3 and isinstance(value, float):
             axis, part = indices[1], str(indices[2])
             if isinstance(axis, float):
@@ -122,15 +123,27 @@ def _index(indices: tuple[Value, ...], position: int) -> int:
     return int(value)
 
 
-# ---- frames as values of expressions: shifts, in a text such as `X=10.0 Y=2.5`
+# ---- frames as values of expressions: shifts, in a text such as `X=10.0 Y=2.5 X~=0.01`
+
+FINE = "~"
+"""Behind the axis of a fine shift."""
 
 
 def translation(*parts: Value) -> str:
     """CTRANS(X, 10, Y, 2.5)."""
+    return _text(_pairs(parts))
+
+
+def fine_translation(*parts: Value) -> str:
+    """CFINE(X, 0.01): shifts that stay apart, because a statement may set the coarse ones alone."""
+    return _text([(axis + FINE, value) for axis, value in _pairs(parts)])
+
+
+def _pairs(parts: Sequence[Value]) -> list[tuple[str, float]]:
     if len(parts) % 2:
         raise TypeError
     pairs = zip(parts[::2], parts[1::2], strict=True)
-    return _text([(axis, value) for axis, value in pairs if isinstance(axis, str) and isinstance(value, float)])
+    return [(axis, value) for axis, value in pairs if isinstance(axis, str) and isinstance(value, float)]
 
 
 def unturned(*parts: Value) -> str:
@@ -156,7 +169,7 @@ def chained(first: Value, second: Value) -> str:
 
 
 def axes_of(frame: str) -> dict[str, float]:
-    """The shifts of a frame by axis."""
+    """The shifts of a frame by axis, fine ones by axis and FINE."""
     try:
         return {axis: float(value) for axis, value in (part.split("=") for part in frame.split())}
     except ValueError:

@@ -6,17 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.control.interpreter import Interpreter
 from postproc.control.tilted_planes import normal_of, perpendicular
 from postproc.motion.frames import Placement, rotated_in_turn, shifted
+from postproc.motion.moves import AxisWord
+from postproc.siemens.channel import Channel
 from postproc.siemens.variables import EMPTY
+from postproc.siemens.words import Content
 from postproc.text.block import Block, Word
 from postproc.text.expressions import NotKnown, Scope, number
 
 ARGUMENTS = ("FR", "TC", "ST", "MODE", "X0", "Y0", "Z0", "A", "B", "C", "X1", "Y1", "Z1", "DIR", "FR_I")
 """Parameters of CYCLE800 in their order; parameters for the display follow them."""
 STATES = {0: "new", 10: "new", 200000: "new", 200010: "new", 1: "added", 11: "added", 200001: "added", 200011: "added"}
-"""ST: a new plane, or one within the last plane; the tool tip may be held during the turn."""
+"""ST: a new plane, or one within the last plane; the control may keep the tool tip in place during the turn."""
 
 
 class TiltedPlane(NamedTuple):
@@ -28,7 +30,32 @@ class TiltedPlane(NamedTuple):
     """The solution with the lower angle of the axis that tilts, of the two solutions for the rotary axes."""
 
 
-def read_tilted_plane(block: Block, word: Word, scope: Scope, unit: float) -> TiltedPlane | None:
+def tilt(channel: Channel, index: int, block: Block, content: Content) -> None:
+    """CYCLE800: turns the rotary axes on a path that the control chooses, and tilts the coordinates with them."""
+    modal, transformations = channel.modal, channel.modal.transformations
+    plane = _read_tilted_plane(block, block.words[content.names["CYCLE800"]], channel.scope, modal.unit)
+    if content.axes or content.g or len(content.names) > 1 or modal.tcp:
+        raise block.refuse("CYCLE800 must be alone in its block, and TRAORI must be off: write TRAFOOF before it")
+    modal.polar.clear()
+    if plane is None:
+        transformations.tilt(None)
+        channel.notes.add("CYCLE800(): the rotary axes are taken to keep their positions", block.line)
+    else:
+        before = transformations.tilted
+        if plane.added and before is not None:
+            plane = plane._replace(plane=before.then(plane.plane))
+        positions = _rotary_positions(block, channel, plane)
+        words = tuple(AxisWord(i, 0, False) for i in positions)
+        channel.recorder.move_to_machine_position(index, positions, words)
+        listed = " ".join(f"{channel.machine.names[i]}{angle:g}" for i, angle in positions.items())
+        channel.notes.add(f"CYCLE800 is taken to turn the rotary axes to {listed}", block.line)
+        tilts = plane.plane != Placement() or any(positions.values())
+        transformations.tilt(plane.plane if tilts else None)
+    channel.change_frame(range(len(channel.machine.axes)))
+    channel.recorder.mark_unknown(list(channel.x_y_z))
+
+
+def _read_tilted_plane(block: Block, word: Word, scope: Scope, unit: float) -> TiltedPlane | None:
     """The plane of a call of CYCLE800, None for the call that ends it; Refusal for forms that are not followed."""
     given = word.arguments or ()
     if all(argument == EMPTY for argument in given):
@@ -62,13 +89,13 @@ def _turned(block: Block, mode: int, angles: list[float]) -> Placement:
     return rotated_in_turn("".join(axes), angles)
 
 
-def rotary_positions(block: Block, control: Interpreter, tilt: TiltedPlane) -> dict[int, float]:
+def _rotary_positions(block: Block, channel: Channel, tilt: TiltedPlane) -> dict[int, float]:
     """Positions, degrees by column, with the tool perpendicular to the plane; nearest to 0 of equivalent ones.
 
     The direction that the call prefers is that of the axis that tilts: the one whose angle differs between the two
     solutions, and whose travel ends.
     """
-    machine, rotary = control.machine, control.rotary_axes
+    machine, rotary = channel.machine, channel.rotary_axes
     if not rotary:
         raise block.refuse(f"a tilted plane needs a rotary axis, and machine {machine.name} has none")
     found, _ = perpendicular(machine, normal_of(tilt.plane), dict.fromkeys(rotary, 0.0))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
-from postproc.siemens.control_data import PARTS, ControlData, chained, translation, unscaled, unturned
+from postproc.siemens.control_data import PARTS, ControlData, chained, fine_translation, translation, unscaled, unturned
 from postproc.text.expressions import (
     ARITHMETIC,
     COMPARISONS,
@@ -15,13 +15,12 @@ from postproc.text.expressions import (
     NotKnown,
     Operation,
     Operations,
-    Scope,
     Value,
-    evaluate,
+    Variable,
     known_value,
     nearly,
+    operations_in,
     truth,
-    whole,
 )
 
 NAMES = frozenset("XYZABCUVWE") | PARTS
@@ -38,10 +37,20 @@ DATA = ("$P_UIFR", "$TC_")
 EITHER_WAY = "read with comparisons last, and with comparisons first"
 _SPEEDS = "ACC ACCLIMA JERKLIM JERKLIMA VELOLIM VELOLIMA OVRA FL FGREF FA SPOS SPOSA"
 _OUTPUTS = "OUT OUTA DBB DBW DBD DBR"
-SETTINGS = frozenset((*_SPEEDS.split(), *(f"$A_{name}" for name in _OUTPUTS.split())))
-"""Speeds of axes, positions of spindles, and outputs: they move nothing elsewhere."""
+_COUNTERS = "$AC_TIMER $AC_MARKER $AC_PARAM"
+SETTINGS = frozenset((*_SPEEDS.split(), *(f"$A_{name}" for name in _OUTPUTS.split()), *_COUNTERS.split()))
+"""Speeds of axes, positions of spindles, outputs, timers and markers: they move nothing elsewhere."""
 MOST = 100_000
 """Elements of a field."""
+EMPTY = Operation("an omitted argument", ())
+"""An argument that is left out."""
+_TEXTS = "STRLEN TOUPPER TOLOWER INDEX RINDEX MINDEX SUBSTR MATCH SPRINT NUMBER ISNUMBER"
+_NAMES = "ISVAR ISAXIS ISFILE AXNAME AXTOINT AXTOSPI SPI GETT GETDNO CTABEXISTS MODAXVAL"
+READING = frozenset(("SET", "REP", *_TEXTS.split(), *_NAMES.split()))
+"""Functions that ncomp does not follow, and that write no result into their arguments.
+
+Others may, as CALCDAT, INTERSEC, CALCPOSI, GETACTTD, GETTCOR, CORRTRAFO and MEASURE do, and the procedures READ, WRITE,
+DELETE, CONTPRON, CONTDCON, EXECUTE, GETSELT, GETEXET and those for files."""
 
 
 def _quotient(a: float, b: float) -> float:
@@ -58,6 +67,10 @@ def _rounded(a: float) -> float:
     if nearly(a % 1.0, 0.5) and a < 0.0:
         raise NotKnown(f"the rounding of {a:g} is not documented: write the whole number")
     return float(math.floor(a + 0.5))
+
+
+CONVERSIONS: Mapping[str, Callable[[float], float]] = {"INT": _rounded, "BOOL": lambda a: truth(a != 0.0)}
+"""Numbers as variables of other types than REAL take them (Job planning 07/2010, implicit data type conversions)."""
 
 
 def _joined(a: Value, b: Value) -> str:
@@ -87,13 +100,14 @@ OPERATIONS: Operations = {
     "POT": lambda a: a * a,
     "ATAN2": lambda a, b: math.degrees(math.atan2(a, b)),
     "TRUNC": lambda a: float(math.trunc(a)),
+    "ROUNDUP": lambda a: float(math.ceil(a)),
     "ROUND": _rounded,
     "MINVAL": min,
     "MAXVAL": max,
     "BOUND": lambda low, high, value: min(max(low, value), high),
     EITHER_WAY: _agreed,
     "CTRANS": translation,
-    "CFINE": translation,
+    "CFINE": fine_translation,
     "CROT": unturned,
     "CSCALE": unscaled,
     "CMIRROR": unturned,
@@ -114,6 +128,8 @@ class _Level:
     values: dict[tuple[str, tuple[int, ...]], Value | NotKnown] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
     """Types of the declared variables, by name."""
+    sizes: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    """Sizes of the declared variables, by name; () for one that is no array."""
     arguments: dict[int, Value | NotKnown] = field(default_factory=dict)
     """By their position in the call, from 1."""
 
@@ -181,27 +197,85 @@ class SiemensVariables:
             raise NotKnown(
                 f"{name} is neither a declared variable nor an axis: write DEF, or passive_axes in the machine file"
             )
-        if here.kinds.get(name) == "INT" and isinstance(value, float):
-            value = _rounded(value)
-        (self.shared if name == "R" else here.values)[name, _whole_indices(indices)] = value
+        at, sizes = _whole_indices(indices), here.sizes.get(name)
+        if sizes == () and at and here.kinds[name] == "STRING":
+            at, value = (), NotKnown("a character of it was set, and texts are followed as a whole only")
+        elif sizes is not None and (len(at) != len(sizes) or any(i >= size for i, size in zip(at, sizes, strict=True))):
+            raise NotKnown(f"{_named(name, at)} is no element of {_named(name, sizes)}, as DEF declares it")
+        if name != "R" and isinstance(value, float):
+            value = CONVERSIONS.get(here.kinds[name], float)(value)
+        (self.shared if name == "R" else here.values)[name, at] = value
+
+    def fill(self, name: str, indices: tuple[Value, ...], values: Sequence[Value | NotKnown | None]) -> None:
+        """Give an element of an array, and those behind it, values in the order of their indices, the last one first.
+
+        The element of a None is not set.
+        """
+        for at, value in zip(self._elements(name, indices, len(values)), values, strict=True):
+            if value is not None:
+                self.set(name, tuple(map(float, at)), value)
+
+    def elements_behind(self, name: str, indices: tuple[Value, ...]) -> int:
+        """Number of elements from one on to the last of its array; of R parameters, to the last that is set."""
+        if name == "R":
+            (first,) = _whole_indices(indices)
+            return max(*(at[0] + 1 - first for _, at in self.shared), 0, 0)
+        sizes = self.levels[-1].sizes.get(name, ())
+        at = (*_whole_indices(indices), *(0 for _ in sizes))[: len(sizes)]
+        return math.prod(sizes) - sum(i * math.prod(sizes[level + 1 :]) for level, i in enumerate(at))
+
+    def _elements(self, name: str, indices: tuple[Value, ...], count: int) -> list[tuple[int, ...]]:
+        """The indices of elements from one on; NotKnown where the array has fewer."""
+        if name.startswith("$"):
+            raise NotKnown(
+                f"{name} belongs to the control, and a list of values for it is not followed: write one value"
+            )
+        at = _whole_indices(indices)
+        if name == "R" and len(at) == 1:
+            return [(at[0] + i,) for i in range(count)]
+        if count > self.elements_behind(name, indices):
+            raise NotKnown(
+                f"{_named(name, at)} has fewer elements behind it than the list has values: correct the list"
+            )
+        sizes = self.levels[-1].sizes.get(name, ())
+        first = math.prod(sizes) - self.elements_behind(name, indices)
+        return list(itertools.islice(itertools.product(*map(range, sizes)), first, first + count))
+
+    def lose_results(self, expression: Expression) -> None:
+        """Mark the variables as unknown that functions get as arguments, for they may write their results there."""
+        for name, variable in set_by(expression):
+            self.lose(name, variable)
+
+    def lose(self, name: str, variable: Variable) -> None:
+        """Mark a variable, all elements of an array, as unknown: a function or procedure of a name may set it."""
+        for values in (self.shared, self.levels[-1].values):
+            for key in values:
+                if key[0] == variable.name:
+                    values[key] = NotKnown(f"{name} may write a result there")
+
+    @property
+    def state(self) -> object:
+        """The values of all variables, and the data of the control that the program has set."""
+        return self.shared, self.levels, self.data
+
+    def forget(self, reason: str) -> None:
+        """Mark the R parameters as unknown."""
+        self.shared = dict.fromkeys(self.shared, NotKnown(reason))
 
     def declare(self, kind: str, name: str, sizes: Sequence[int], values: Sequence[Value | NotKnown | None]) -> None:
         """A new variable, with first values in the order of its elements, last index first."""
         here = self.levels[-1]
-        here.kinds[name] = kind
+        here.kinds[name], here.sizes[name] = kind, tuple(sizes)
         empty: Value = "" if kind in ("STRING", "CHAR", "AXIS", "FRAME") else 0.0
         elements = math.prod(sizes)
         if elements > MOST:
             raise NotKnown(f"the array has {elements} elements: write at most {MOST}")
-        for i in range(elements):
-            reversed_indices, left = [], i
-            for size in reversed(sizes):
-                left, index = divmod(left, size)
-                reversed_indices.append(index)
-            given = values[i] if i < len(values) else None
-            here.values[name, tuple(reversed(reversed_indices))] = empty
-            if given is not None:
-                self.set(name, tuple(float(index) for index in reversed(reversed_indices)), given)
+        every = list(itertools.product(*(range(size) for size in sizes)))
+        for at in every:
+            here.values[name, at] = empty
+        for at, value in zip(every, values, strict=False):
+            if value is not None:
+                self.set(name, tuple(map(float, at)), value)
 
     def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
         """A subprogram has variables of its own."""
@@ -212,59 +286,11 @@ class SiemensVariables:
         return self.levels.pop().arguments
 
 
-class Receive(NamedTuple):
-    """PROC: the parameters of a subprogram take the arguments of its call."""
-
-    parameters: tuple[tuple[str, str, Expression | None], ...]
-    """Kind, name, and the value that holds where the call gives none."""
-
-    def run(self, scope: Scope) -> None:
-        """Declare them with the given values; in a program that nothing has called they are not known."""
-        assert isinstance(scope, SiemensVariables)
-        arguments = scope.levels[-1].arguments
-        if len(arguments) and max(arguments) > len(self.parameters):
-            raise NotKnown("the call has more arguments than the subprogram has parameters: remove the others")
-        for i, (kind, name, default) in enumerate(self.parameters, start=1):
-            omitted = NotKnown(f"the call omits the argument for {name}")
-            given = arguments.get(i, omitted if default is None else _known(default, scope))
-            scope.declare(kind, name, (), [given])
-
-
-class Declare(NamedTuple):
-    """DEF: a new variable."""
-
-    kind: str
-    name: str
-    sizes: tuple[Expression, ...]
-    first: Expression | None
-
-    def run(self, scope: Scope) -> None:
-        """Declare it; SET gives the elements one by one, REP all alike."""
-        assert isinstance(scope, SiemensVariables)
-        sizes = [whole(size, scope) for size in self.sizes]
-        scope.declare(self.kind, self.name, sizes, self._values(scope, math.prod(sizes)))
-
-    def _values(self, scope: Scope, elements: int) -> list[Value | NotKnown | None]:
-        first = self.first
-        if isinstance(first, Operation) and first.name == "SET":
-            return [None if part == EMPTY else _known(part, scope) for part in first.operands]
-        if isinstance(first, Operation) and first.name == "REP":
-            if not first.operands:
-                raise NotKnown("REP has no value: write one in its parentheses")
-            times = whole(first.operands[1], scope) if len(first.operands) > 1 else elements
-            return [_known(first.operands[0], scope)] * min(times, elements, MOST)
-        return [] if first is None else [_known(first, scope)]
-
-
-EMPTY = Operation("an omitted argument", ())
-"""An argument that is left out."""
-
-
-def _known(expression: Expression, scope: Scope) -> Value | NotKnown:
-    try:
-        return evaluate(expression, scope)
-    except NotKnown as reason:
-        return reason
+def set_by(expression: Expression) -> Iterator[tuple[str, Variable]]:
+    """The variables that functions of an expression may set, each with the name of the function."""
+    for function in operations_in(expression):
+        if function.name not in OPERATIONS and function.name not in READING:
+            yield from ((function.name, given) for given in function.operands if isinstance(given, Variable))
 
 
 def _whole_indices(indices: tuple[Value, ...]) -> tuple[int, ...]:
@@ -276,6 +302,10 @@ def _whole_indices(indices: tuple[Value, ...]) -> tuple[int, ...]:
             raise NotKnown(f"{index:g} is no index: write a whole number of 0 or more")
         found.append(int(index))
     return tuple(found)
+
+
+def _named(name: str, at: tuple[int, ...]) -> str:
+    return f"{name}[{', '.join(map(str, at))}]" if at else name
 
 
 def _shown(index: Value) -> str:

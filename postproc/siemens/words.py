@@ -20,6 +20,8 @@ from postproc.siemens.codes import (
     MOVE_ADDRESSES,
     REFERENCE,
     REFUSED_NAMES,
+    SKIPPABLE_G,
+    SKIPPABLE_NAMES,
 )
 from postproc.text.block import Block, Word
 from postproc.text.expressions import Constant, Formula
@@ -27,6 +29,8 @@ from postproc.text.expressions import Constant, Formula
 AXES = "XYZABCUVWEQ"
 ALLOWED = HARMLESS_ADDRESSES | MOVE_ADDRESSES | CORNERS | {"T", "D"}
 """Addresses that may be in any block."""
+OF_CONTROL = re.compile(r"CYCLE\d+")
+"""Names of cycles of the control: their variables are their own."""
 _SPINDLE_M = re.compile(r"M\d+")
 _SPINDLE_S = re.compile(r"[SH]\d+")
 _MACHINE_AXIS = re.compile(r"[A-Z]\d+|FP")
@@ -80,13 +84,14 @@ def check(block: Block, content: Content, accept: Callable[..., None]) -> None:
     accept: passes a name that the user accepts unchanged, as `Interpreter.accept`.
     """
     if block.skippable:
-        active = content.moves or content.g or content.names or not {"T", "D"}.isdisjoint(content.other)
-        if active or not SKIPPABLE_M.issuperset(content.m):
+        active = content.moves or content.axes or not {"T", "D"}.isdisjoint(content.other)
+        names = all(name in SKIPPABLE_NAMES for name in content.names)
+        if active or not (names and SKIPPABLE_G.issuperset(content.g) and SKIPPABLE_M.issuperset(content.m)):
             raise block.refuse_skip()
     for name, i in content.names.items():
         if name in REFUSED_NAMES:
             raise block.refuse(f"{name} {REFUSED_NAMES[name]}")
-        if not _known(name, block.words[i]):
+        if not is_known(name, block.words[i]):
             reason = f"{name} is not known to ncomp: write the moves of this cycle, subprogram or function"
             accept(block, name, reason, moves=content.moves)
     if not ALLOWED.issuperset(content.other):
@@ -109,7 +114,7 @@ def _check_others(block: Block, content: Content) -> None:
             raise block.refuse(_strange(address))
 
 
-def _known(name: str, word: Word) -> bool:
+def is_known(name: str, word: Word) -> bool:
     """True for a word or call that ncomp follows or passes."""
     known = HARMLESS_CALLS | CYCLES if word.arguments is not None else HARMLESS_NAMES | FRAME_NAMES
     return name in known or name in MEANT_NAMES

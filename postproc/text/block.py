@@ -86,7 +86,10 @@ class Block(NamedTuple):
 
     def refuse_skip(self) -> Refusal:
         """The exception for a block whose run depends on the operator and matters to other blocks."""
-        return self.refuse("the block-skip switch decides whether this block runs: delete the slash or the block")
+        return self.refuse(
+            "the block-skip switch decides whether this block runs: state it by --block-skip on (it is skipped) or off "
+            "(it runs), or by block_skip under [control] of the machine file"
+        )
 
 
 class Edit(NamedTuple):
@@ -111,7 +114,7 @@ def edited(text: str, edits: Iterable[Edit]) -> str:
 TYPING = (
     (r"[Oo]", r"[A-Za-z][-+]?\d*$", "write the digit 0 in place of the letter O"),
     (r"[lI]", r"[A-Z][-+]?\d*$", "write the digit 1 in place of the letter"),
-    (r",\d", r"\d$", "write the decimal point as '.'"),
+    (r",\d", r"(?:^|[^.\d])\d+$", "write the decimal point as '.'"),
     ("\xe2\x88\x92|\xe2\x80\x93|\x96", r"[A-Z]$", "write the plain minus sign - in place of the typographic one"),
     ("\xc2\xa0", "", "write a plain blank in place of the no-break space"),
     ("\xef\xbc[\x90-\x99]", "", "write plain digits in place of the wide ones"),

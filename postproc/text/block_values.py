@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from postproc.text.block import Block, Word
 from postproc.text.blocks import PlainRun
 from postproc.text.expressions import Constant, Expression, NotKnown, Scope, evaluate, may_be_one, number, variables
-from postproc.text.statements import TURNS, Assign, Code, Step, When
+from postproc.text.statements import TURNS, Code, Setting, Step, When
 
 FREE = frozenset(("F", "S", "FU", "FZ", "FT"))
 """Addresses whose values need not be known: they move the tool nowhere."""
@@ -41,7 +41,7 @@ def _with_value(block: Block, word: Word, scope: Scope) -> Word:
     except NotKnown as reason:
         if word.address in FREE:
             return word
-        raise block.refuse(f"{block.text[word.at : word.end]}: {reason}") from None
+        raise block.refuse(f"{block.text[word.at : word.end + word.tail]}: {reason}") from None
 
 
 def _argument(expression: Expression, scope: Scope) -> Expression:
@@ -70,7 +70,7 @@ def _assign(block: Block, steps: Iterable[Step], scope: Scope) -> None:
 def check_order(block: Block) -> Block:
     """The block, refused if it sets a variable and reads it elsewhere: controls evaluate it in different orders."""
     code = block.code or Code()
-    steps = [step for step in code.before + code.after if isinstance(step, Assign)]
+    steps = [step for step in code.before + code.after if isinstance(step, Setting)]
     if not steps:
         return block
     read = [(-1, v) for word in block.words if word.formula for v in variables(word.formula.expression)]
@@ -78,7 +78,7 @@ def check_order(block: Block) -> Block:
     for i, step in enumerate(steps):
         read += [(i, v) for e in (step.value, *step.target.indices) for v in variables(e)]
     for i, step in enumerate(steps):
-        if any(j != i and may_be_one(variable, step.target) for j, variable in read):
+        if any(j != i and may_be_one(variable, step.written) for j, variable in read):
             raise block.refuse(
                 "variable assigned and used in the same block: the order of evaluation depends on the control"
             )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import msgspec
 from msgspec.structs import replace
 
@@ -31,6 +34,18 @@ def rank_of(address: str) -> int:
 def rank(word: Word) -> int | None:
     """Rank of a word (X, or IX for a Klartext increment) among coordinates; None for other words."""
     return _RANKS.get(word.address) if word.start < word.end else None
+
+
+class Form(NamedTuple):
+    """How a word shows the value that it leads to."""
+
+    number: Callable[[float], float] = float
+    """The number of a word for a value."""
+    mode: str = ""
+    """Siemens: mode of the word, DC."""
+
+
+PLAIN = Form()
 
 
 class Layout(msgspec.Struct, frozen=True):
@@ -124,14 +139,14 @@ class WordEditor(msgspec.Struct):
         """The number that a word of this name had when the block ran first, where that is near enough."""
         return number if self.iterations is None else self.iterations.agreed(name, number, decimals)
 
-    def add(self, address: str, wanted: float, held: float, decimals: int) -> float:
+    def add(self, address: str, wanted: float, held: float, decimals: int, form: Form = PLAIN) -> float:
         """Add a word if the rounded wanted value differs from the held one; returns the value of the control then."""
         number = None if round(wanted - held, decimals) == 0.0 else round(wanted, decimals)
         if self.iterations is not None:
             number = self.iterations.added(address, number, wanted, held, decimals)
         if number is None:
             return held
-        self.insert(address, number, decimals)
+        self.insert(address, form.number(number), decimals)
         return number
 
     def insert(self, address: str, value: float, decimals: int) -> None:

@@ -17,6 +17,14 @@ CLOSE = 1e-9
 class NotKnown(Exception):
     """A value that the text of the program does not determine, with the reason."""
 
+    def __eq__(self, other: object) -> bool:
+        """True for the same reason."""
+        return isinstance(other, NotKnown) and self.args == other.args
+
+    def __hash__(self) -> int:
+        """By the reason."""
+        return hash(self.args)
+
 
 class Ambiguous(Exception):
     """An expression that controls interpret differently; the reason is its text."""
@@ -79,13 +87,22 @@ class Scope(Protocol):
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
         """Give a variable a value, or the reason why it has none that is known; NotKnown when it is none to be set."""
 
+    def lose_results(self, expression: Expression) -> None:
+        """Mark the variables that functions in an expression set, in addition to their value, as unknown."""
+
 
 def evaluate(expression: Expression, scope: Scope) -> Value:
-    """The value of an expression; NotKnown, with the reason, where the program does not give it."""
+    """The value of an expression; NotKnown, with the reason, where the program does not give it.
+
+    Functions that set variables are not among the operations, so that an expression with a value has set none.
+    """
     try:
         return _value(expression, scope)
     except RecursionError:
         raise NotKnown("the formula is too long or nested too deeply: divide it") from None
+    except NotKnown:
+        scope.lose_results(expression)
+        raise
 
 
 def _value(expression: Expression, scope: Scope) -> Value:
@@ -136,6 +153,17 @@ def variables(expression: Expression) -> Iterator[Variable]:
     elif isinstance(expression, Operation):
         for operand in expression.operands:
             yield from variables(operand)
+
+
+def operations_in(expression: Expression) -> Iterator[Operation]:
+    """All operators and functions of an expression."""
+    if isinstance(expression, Variable):
+        for index in expression.indices:
+            yield from operations_in(index)
+    elif isinstance(expression, Operation):
+        yield expression
+        for operand in expression.operands:
+            yield from operations_in(operand)
 
 
 def may_be_one(a: Variable, b: Variable) -> bool:

@@ -6,6 +6,7 @@ a whole and followed in the order of execution; every block comes as often as it
 
 from __future__ import annotations
 
+import copy
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol, cast
@@ -41,6 +42,13 @@ class Variables(Scope, Protocol):
 
     def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
         """Begin a subprogram, with its own local variables or, for None, those of its caller."""
+
+    @property
+    def state(self) -> object:
+        """The values of all variables, to be copied and compared."""
+
+    def forget(self, reason: str) -> None:
+        """Mark all variables as unknown that a construct which ncomp does not follow may set."""
 
     def leave(self) -> dict[int, Value | NotKnown]:
         """End the subprogram; returns the values of its numbered local variables."""
@@ -100,13 +108,29 @@ class _Frame(msgspec.Struct):
     """Remaining iterations of a loop, by the block that opens it."""
 
 
+class _Repetition(msgspec.Struct):
+    """Finds a program that comes back to a state: it never ends. The state is kept at the powers of two (Brent)."""
+
+    steps: int = 0
+    kept: tuple[int, object] | None = None
+
+    def found(self, at: int, state: object) -> bool:
+        """Whether the program has been in this state before a block; called at every step back."""
+        if self.kept == (at, state):
+            return True
+        self.steps += 1
+        if self.steps & (self.steps - 1) == 0:
+            self.kept = at, copy.deepcopy(state)
+        return False
+
+
 def never(_: Block) -> bool:
     """False for every block, if one file holds one program."""
     return False
 
 
 class Flow:
-    """Walks through a program that is held as a whole."""
+    """Walks through a program whose blocks are all in memory."""
 
     def __init__(
         self,
@@ -136,6 +160,7 @@ class Flow:
             EndModal: self._end_modal,
             Rerun: self._rerun,
         }
+        self.repetition = _Repetition()
         self.ran: set[int] = set()
         """Blocks that have run."""
         self._jumped = False
@@ -169,7 +194,13 @@ class Flow:
                     then = self._steps(at, block, block.code.after)
             if reader.ended:
                 return
-            at = self._behind(at) if then is None else then
+            then = self._behind(at) if then is None else then
+            if then <= at and self.repetition.found(then, (self.scope.state, self.frames)):
+                raise block.refuse(
+                    "the program does not end: from here on it runs the same blocks with the same values for ever; "
+                    "check the condition of its loop or jump"
+                )
+            at = then
 
     def _behind(self, at: int) -> int:
         """The block that runs after one without a jump."""

@@ -51,7 +51,7 @@ def _packed(text: bytes, start: np.ndarray, end: np.ndarray, decimals: int) -> A
 
 
 def _spelled(text: bytes, start: np.ndarray, end: np.ndarray, decimals: int) -> Array:
-    """As `_packed`, of numbers of up to WIDEST characters."""
+    """The result of `_packed` for numbers of up to WIDEST characters."""
     width = np.minimum(end - start, WIDEST)
     places = np.arange(int(width.max()), dtype=np.int32)[:, None]
     digits = np.frombuffer(text, np.uint8)[np.maximum(end - 1 - places, 0)] - np.uint8(ord("0"))

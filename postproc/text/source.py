@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 
 from kinematics.files import reason_of
+from kinematics.files.inputs import note_input
 from kinematics.files.mistaken import PROGRAM, kind_of_file, missing
 from kinematics.user_error import UserError
 
@@ -35,7 +36,7 @@ _ODD = re.compile(f"[{re.escape(''.join(map(chr, sorted({0, *_CONTROLS}))))}]")
 
 
 class Source(msgspec.Struct, frozen=True, dict=True):
-    """A program to be read, more than once if need be; a file is never held in memory as a whole."""
+    """A program to be read, more than once if necessary; a file is never in memory as a whole."""
 
     name: str
     head: str
@@ -150,6 +151,7 @@ def open_source(path: str) -> Source:
         data = sys.stdin.buffer.read()
         source = Source("<stdin>", data[:HEAD_SIZE].decode(ENCODING), data)
     else:
+        note_input(path)
         try:
             with Path(path).open("rb") as stream:
                 head = stream.read(HEAD_SIZE)

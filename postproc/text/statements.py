@@ -1,8 +1,8 @@
-"""Statements of a block beside its words: assignments, jumps, loops, calls; shared by all dialects."""
+"""Statements of a block, in addition to its words: assignments, jumps, loops, calls; shared by all dialects."""
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from postproc.text.expressions import Expression, NotKnown, Scope, Value, Variable, evaluate
 
@@ -14,11 +14,33 @@ class Simple(Protocol):
         """Execute it; NotKnown if a value is missing."""
 
 
+@runtime_checkable
+class Setting(Simple, Protocol):
+    """A statement that gives variables a value."""
+
+    @property
+    def target(self) -> Variable:
+        """The variable that it names."""
+
+    @property
+    def value(self) -> Expression:
+        """The formula of the value, or of the values."""
+
+    @property
+    def written(self) -> Variable:
+        """The variable that it sets; with an index that is no constant where it sets several elements."""
+
+
 class Assign(NamedTuple):
     """Give a variable a value."""
 
     target: Variable
     value: Expression
+
+    @property
+    def written(self) -> Variable:
+        """The variable itself."""
+        return self.target
 
     def run(self, scope: Scope) -> None:
         """Set it, or note why its value is not known."""

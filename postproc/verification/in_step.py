@@ -30,7 +30,7 @@ class Matched(NamedTuple):
     nominal: Motions
     """Moves of the original."""
     matched: Motions
-    """The same with the segments and backlash take-ups of the corrected program."""
+    """The moves with the segments and backlash take-ups of the corrected program."""
     commanded: Motions
     """Moves of the corrected program, row by row as `matched`."""
 

@@ -38,12 +38,10 @@ def _verdict(verdict: Verdict) -> str:
     if not before.count:
         before, after = verdict.before, verdict.after
         where = f"at {before.count} block ends"
-    if not before.count:
+    if not verdict.anywhere.where:
         return "No error is evaluated: no move gives the positions of all axes that position the tool."
-    return (
-        f"Tool point error{_relative(verdict)} {where}: {before.rms:.2f} -> {after.rms:.2f} um RMS, at most "
-        f"{before.largest:.2f} -> {after.largest:.2f} um."
-    )
+    rms = f"{before.rms:.2f} -> {after.rms:.2f} um RMS {where}, " if before.count else ""
+    return f"Tool point error{_relative(verdict)}: {rms}at most {verdict.anywhere.text()}."
 
 
 def _relative(verdict: Verdict) -> str:

@@ -7,8 +7,7 @@ Along a straight move whose errors provably change evenly, those at its points f
 
 from __future__ import annotations
 
-import bisect
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,18 +21,19 @@ from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.correction import COLD, PoseErrors, pose_errors
 from postproc.compensation.datum import datum_shifts, touched
-from postproc.compensation.predicted_error import MachineStates, directions_at, in_a_program
+from postproc.compensation.predicted_error import MachineStates, in_a_program
+from postproc.control.interpreter import Interpreter
 from postproc.control.setup import Setup
-from postproc.dialects import Dialect, Interpreter
+from postproc.control.without_effect import refuse_without_effect, unused_set_up
+from postproc.dialects import Dialect
 from postproc.evaluation.joined_moves import Joined, JoinedMoves
-from postproc.evaluation.predicted_errors import Statistic
+from postproc.evaluation.predicted_errors import AT_ENDS, BETWEEN_ENDS, UNCORRECTED, LargestErrors, Statistic
 from postproc.evaluation.trace import DrawnPaths
 from postproc.execution import execution
-from postproc.motion.along import positions_along
+from postproc.motion.along import CLOSELY, INNER, positions_along
 from postproc.motion.axis_words import AxisWords
-from postproc.motion.motions import Motions
+from postproc.motion.motions import Motions, merged
 from postproc.motion.moves import Kind
-from postproc.motion.reversals import INNER
 from postproc.text.blocks import Blocks
 from postproc.text.notes import Notes
 from postproc.text.source import Source
@@ -46,6 +46,9 @@ EVEN = 5e-6
 """mm, half of the last printed digit: errors that deviate by less from an even change follow from those at the ends."""
 STRAIGHT = 1e-3
 """mm: as EVEN, of the places of these errors, which the best fit needs."""
+QUARTERS = (0.0, 0.25, 0.5, 0.75, 1.0)
+HALVINGS = 7
+"""An eighth of a move is halved so often at most: 1024 places, 128 features of the errors along a move."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,8 @@ class Verdict:
     """True if a work offset was touched off: errors relative to the datum then differ from absolute errors."""
     best_fit: tuple[BestFit, BestFit] = field(default_factory=lambda: (BestFit(), BestFit()))
     """Best fit of the errors along feed moves, before and after, all aligned as one part."""
+    anywhere: LargestErrors = field(default_factory=LargestErrors)
+    """Largest errors of all these, and of moves with axes that are not corrected."""
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form; every length in um."""
@@ -92,6 +97,7 @@ class Verdict:
             "best_fit_along_feed_moves_um": {
                 when: fit.json() for when, fit in zip(("before", "after"), self.best_fit, strict=True)
             },
+            "anywhere_um": self.anywhere.json(),
             "contributions_before_um": {name: statistic.json() for name, statistic in self.contributions.items()},
         }
 
@@ -101,10 +107,24 @@ def read_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setu
     return list(run_motions(source, dialect, dialect.interpreter(machine, setup, Notes())))
 
 
+def motions_with_lines(source: Source, dialect: Dialect, machine: Machine, setup: Setup) -> Motions:
+    """All moves of a program together, with their blocks, and so with the numbers of their lines."""
+    parts = execution(source, dialect, dialect.interpreter(machine, setup, Notes())).parts()
+    return merged([_with_tags(part.motions) for part in parts])
+
+
+def assumed_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setup) -> tuple[Motions, str]:
+    """All moves of a program together, and the part of the set-up that is assumed, as a sentence; empty for none."""
+    interpreter = dialect.interpreter(machine, setup, Notes())
+    motions = merged(list(run_motions(source, dialect, interpreter)))
+    refuse_without_effect(unused_set_up(interpreter.control_state))
+    return motions, interpreter.control_state.assumption()
+
+
 def run_motions(
     source: Source, dialect: Dialect, interpreter: Interpreter, progress: Callable[[int], None] = lambda _: None
 ) -> Iterator[Motions]:
-    """As `read_motions`, as they are read, with an interpreter that then holds the set-up that the program used.
+    """The moves of a program chunk by chunk; the interpreter then has the set-up that the program used.
 
     progress: called with the number of characters of each chunk.
     """
@@ -137,11 +157,19 @@ def verify(
     return verifier.verdict()
 
 
+def between_eighths(halvings: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
+    """Shares of moves between their eighths, and the moves whose eighths are halved so often; halvings `(k,)`."""
+    for level in range(1, int(halvings.max(initial=0)) + 1):
+        rows, parts = np.flatnonzero(halvings >= level), 8 * 2**level
+        for odd in range(1, parts, 2):
+            yield odd / parts, rows
+
+
 class Verifier:
     """Evaluates the moves of a corrected program against those of its original, some thousand at a time.
 
-    Backlash take-ups and segments belong to the moves of the original. Directions are those of the moves of each text;
-    a travel below half of the tolerance is no reversal.
+    Backlash take-ups and segments belong to the moves of the original. Axes with backlash follow the moves of their
+    text.
     """
 
     def __init__(
@@ -155,6 +183,7 @@ class Verifier:
     ) -> None:
         """`traced`: keep feed moves for a figure of the tool path."""
         self._model, self._conditions = model.part(in_a_program), conditions
+        self._features = self._model.feature_lengths(machine)
         before = MachineStates(self._model, machine, conditions, tolerance_um)
         after = MachineStates(self._model, machine, conditions, tolerance_um, written=True)
         self._tracked, self._joined = (before, after), JoinedMoves(machine, 9)
@@ -171,41 +200,80 @@ class Verifier:
         nominal = moves.matched
         relative = self._verdict.relative or bool(touched(nominal)[0])
         self._verdict = replace(self._verdict, moves=self._verdict.moves + len(moves.nominal), relative=relative)
-        shift = datum_shifts(nominal, self._model, self._conditions).T
+        datum = datum_shifts(nominal, self._model, self._conditions).T
         at_ends, feed = nominal.evaluated, nominal.evaluated_paths
-        directions = [
-            states.along(motions) for states, motions in zip(self._tracked, (nominal, moves.commanded), strict=True)
-        ]
+        for states, motions in zip(self._tracked, (nominal, moves.commanded), strict=True):
+            states.follow(motions)
         ends = np.full((3, 3, len(nominal)), np.nan)
         some = np.flatnonzero(at_ends | feed)
-        ends[..., some] = self._vectors(moves, directions, 1.0, some)
-        self._add(ends[..., at_ends], shift[:, at_ends], at_end=True)
+        ends[..., some] = self._vectors(moves, 1.0, some)
+        self._add(ends[..., at_ends], datum[:, at_ends], at_end=True)
         joined = self._joined.follow(nominal, moves.commanded, moves.commanded.machine_target, ends.reshape(9, -1).T)
         between, straight = np.flatnonzero(feed), self._straight(nominal, joined)[feed]
         starts, exact = joined.first.T.reshape(ends.shape)[..., between], np.flatnonzero(~straight)
-        ways, shift = ends[..., between] - starts, shift[:, between]
+        ways, shift = ends[..., between] - starts, datum[:, between]
         for share in INNER:
             vectors = starts + share * ways
             if len(exact):
-                vectors[..., exact] = self._vectors(moves, directions, share, between[exact])
+                vectors[..., exact] = self._vectors(moves, share, between[exact])
             self._add(vectors, shift, at_end=False)
+        self._add_closely(moves, joined, between[exact], datum)
+        self._add_uncorrected(moves, datum)
         self._contributions.add(nominal, self._tracked[0].approach)
         if self.paths is not None:
             self.paths.add_moves(self._model, nominal, moves.commanded, self._tracked)
 
-    def _vectors(self, moves: Matched, directions: Sequence[Array | None], share: float, rows: np.ndarray) -> Array:
+    def _halvings(self, motions: Motions, joined: Joined, rows: np.ndarray) -> np.ndarray:
+        """How often the eighths of moves `(k,)` are halved until eight are in each shortest feature of the errors."""
+        ways = np.abs(joined.ends[0] - joined.starts[0])[rows]
+        others = np.flatnonzero(~joined.rows[rows] | motions.tcp[rows] | np.isin(rows, list(motions.arcs)))
+        if len(others):
+            some = rows[others]
+            bare, shares = motions.bare.take(some), (np.full(len(some), share) for share in QUARTERS)
+            positions = [bare.in_machine(positions_along(motions, some, share)) for share in shares]
+            ways[others] = np.abs(np.diff(positions, axis=0)).sum(axis=0)
+        features = (ways / self._features).max(axis=1, initial=1.0)
+        return np.asarray(np.minimum(np.ceil(np.log2(features)), HALVINGS).astype(int))
+
+    def _add_closely(self, moves: Matched, joined: Joined, rows: np.ndarray, shift: Array) -> None:
+        """Add the errors between the eighths of feed moves `(k,)` to the largest ones, where they may be larger."""
+        for share, some in between_eighths(self._halvings(moves.matched, joined, rows)):
+            self._add_largest(moves, BETWEEN_ENDS, share, rows[some], shift)
+        reverses = [states.reverses[rows] for states in self._tracked if states.reverses is not None]
+        turned = rows[np.any(reverses, axis=0)] if reverses else rows[:0]
+        for share in CLOSELY if len(turned) else ():
+            self._add_largest(moves, BETWEEN_ENDS, share, turned, shift)
+
+    def _add_uncorrected(self, moves: Matched, shift: Array) -> None:
+        """Add moves with axes that are not corrected, and moves from such places, to the largest errors."""
+        motions = moves.matched
+        for where, some, shares in (
+            (UNCORRECTED, motions.uncorrected_paths, INNER),
+            (UNCORRECTED, motions.uncorrected_moves, (1.0,)),
+            (BETWEEN_ENDS, motions.known_paths & ~motions.evaluated_paths, INNER),
+        ):
+            rows = np.flatnonzero(some)
+            for share in shares if len(rows) else ():
+                self._add_largest(moves, where, share, rows, shift)
+
+    def _add_largest(self, moves: Matched, where: str, share: float, rows: np.ndarray, shift: Array) -> None:
+        """Add the errors at a share of the paths of moves `(k,)` to the largest ones; shift `(3, n)`, mm: datum's."""
+        _, *errors = self._vectors(moves, share, rows)
+        self._verdict.anywhere.add(where, *(length(error - shift[:, rows]) * 1e3 for error in errors))
+
+    def _vectors(self, moves: Matched, share: float, rows: np.ndarray) -> Array:
         """Nominal tool points, and the absolute errors before and after `(3, 3, k)`, mm, workpiece frame.
 
         At a share of the paths of rows `(k,)`, by the exact model.
         """
-        looked_at, shares = bisect.bisect_left((*INNER, 1.0), share), np.full(len(rows), share)
+        shares = np.full(len(rows), share)
         bare, found, aim = moves.matched.bare.take(rows), list[PoseErrors](), None
         positions = [
             bare.in_machine(text.target[rows] if share == 1.0 else positions_along(text, rows, shares))
             for text in (moves.matched, moves.commanded)
         ]
-        for q, approach in zip(positions, directions, strict=True):
-            states = self._conditions.states(directions_at(approach, looked_at, rows))
+        for q, tracked in zip(positions, self._tracked, strict=True):
+            states = tracked.states_at(rows, share, q)
             found.append(pose_errors(bare.machine, self._model, q, positions[0], bare.tool, states, nominal_pose=aim))
             aim = found[0].nominal_pose
         return np.array([found[0].nominal.T, *(errors.apart.T for errors in found)])
@@ -232,8 +300,10 @@ class Verifier:
             else ((verdict.path_before, absolute.path_before), (verdict.path_after, absolute.path_after))
         )
         point, *errors = vectors
-        for (relative, from_offset), fit, error in zip(pairs, verdict.best_fit, errors, strict=True):
-            relative.add(length(error - shift) * 1e3)
+        largest = [length(error - shift) * 1e3 for error in errors]
+        verdict.anywhere.add(AT_ENDS if at_end else BETWEEN_ENDS, *largest)
+        for (relative, from_offset), fit, error, size in zip(pairs, verdict.best_fit, errors, largest, strict=True):
+            relative.add(size)
             from_offset.add(length(error) * 1e3)
             if not at_end:
                 fit.add(point.T, error.T)

@@ -13,6 +13,7 @@ from postproc.compensation.conditions import Conditions
 from postproc.compensation.predicted_error import in_a_program, model_notes
 from postproc.compensation.used_datums import UsedDatums
 from postproc.control.setup import Setup
+from postproc.control.without_effect import refuse_without_effect, unused_set_up
 from postproc.correct.classes import ClassResiduals, ClassTable
 from postproc.correct.mark import PARTS, Mark, check_mark, mark_in_program, mark_of
 from postproc.correct.plausibility import parse_accepted
@@ -22,6 +23,7 @@ from postproc.text.notes import Notes
 from postproc.text.source import Source
 from postproc.verification.in_step import DifferentMoves, Matched, in_step
 from postproc.verification.verify import Verdict, Verifier, run_motions
+from rendering.shown import Shown
 
 
 class Models(NamedTuple):
@@ -48,22 +50,32 @@ class Models(NamedTuple):
         return found
 
 
-@dataclass(frozen=True)
-class Verification:
+@dataclass(frozen=True, repr=False)
+class Verification(Shown):
     """Tool point errors of a program before and after correction."""
 
     models: Models
+    """The calibrations by which errors are computed."""
     setup: Setup
+    """Work offsets and tool lengths of the control."""
     verdicts: dict[str, Verdict]
     """Results by key of `Models.by_key`."""
     datums: UsedDatums
+    """Datums of the work offsets that the programs used."""
     classes: list[ClassResiduals]
     """Errors that each ISO/TR 16907 class would leave; empty unless requested."""
     assumptions: tuple[str, ...]
     """Assumed parts of the set-up, as sentences."""
     notes: list[str]
+    """Notes for the user."""
     paths: DrawnPaths | None = None
     """Feed moves with their errors by the first model, for a figure; None unless `traced` was set."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        errors = self.verdict
+        return f"{self.setup.machine.name}, error at most {errors.before.largest:.3g} -> {errors.after.largest:.3g} um"
 
     @property
     def verdict(self) -> Verdict:
@@ -111,6 +123,7 @@ def verify_programs(
     table = ClassTable(machine, models.evaluated, conditions) if classes else None
     different = _evaluated(in_step(nominal, commanded), [*verifiers.values()], datums, table)
     states = [interpreter.control_state for interpreter in interpreters]
+    refuse_without_effect(unused_set_up(states[0]))
     here = mark_of(models.calibration, states[0])
     notes += _mark_notes(programs[1].name, corrected, here, models.earlier, accepted)
     if different is not None:

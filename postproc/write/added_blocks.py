@@ -1,4 +1,4 @@
-"""Blocks that ncomp adds beside those of the program: their text, and the tags by which they are recognised."""
+"""Blocks that ncomp adds to those of the program: their text, and the tags by which they are recognised."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from postproc.control.codes import DISTANCES
 from postproc.iso.codes import FEED_MODES, UNITS
 from postproc.siemens.codes import CALCULATED_ARCS
 from postproc.text.block import Block, Word
-from postproc.text.editing import Iterations, Layout, rank_of
+from postproc.text.editing import PLAIN, Form, Iterations, Layout, rank_of
 
 ARCS = frozenset((2.0, 3.0))
 MODES = DISTANCES | FEED_MODES | UNITS.keys()
 NO_INSERTION = "no block can be added beside it (jump, call, cutter compensation, rounded corner, cycle or tool vector)"
-"""Reason why no block may be added beside a block."""
+"""Reason why no block may be added next to a block."""
 START_M = frozenset((3.0, 4.0, 7.0, 8.0, 13.0, 14.0))
 """M functions that every control runs before the move of their block: they stay with its first segment."""
 END_M = frozenset((0.0, 1.0, 2.0, 30.0))
@@ -26,9 +26,6 @@ EXACT_STOP = 9.0
 """G9: exact stop at the end of its block."""
 SINGLE_FEEDS = frozenset(("FB", "FT", "FMAXT"))
 """Addresses of feeds that are in force for one block only."""
-LASTING = frozenset(("DC", "ACP", "ACN"))
-"""Siemens: modes of a rotary position with a given direction of rotation."""
-
 TURN_WORDS = frozenset(("P", "TURN"))
 """ISO and Siemens: addresses of the number of turns of an arc."""
 
@@ -94,7 +91,7 @@ def lacks_motion(block: Block) -> bool:
 
 
 class AddedBlock(msgspec.Struct):
-    """Block added beside a block of the program, built word by word in the style of the program."""
+    """Block that is added next to a block of the program, built word by word in the style of the program."""
 
     beside: Block
     layout: Layout
@@ -104,9 +101,9 @@ class AddedBlock(msgspec.Struct):
     preface: str = ""
     """Text of a block before it; empty for none."""
     iterations: Iterations | None = None
-    """Iterations of the block beside it, if that may run several times."""
+    """Iterations of the block next to it, if that may run several times."""
     number: int = 0
-    """Number among the blocks added beside the same block, from 0."""
+    """Number among the blocks that are added next to one block, from 0."""
     modes: list[str] = msgspec.field(default_factory=list)
     """Words for distances, feed and unit."""
     feed: list[str] = msgspec.field(default_factory=list)
@@ -117,12 +114,12 @@ class AddedBlock(msgspec.Struct):
 
     @property
     def klartext(self) -> bool:
-        """True beside a block of Klartext."""
+        """True next to a block of Klartext."""
         return self.beside.kind != "words"
 
     @property
     def beside_absolute_centre(self) -> bool:
-        """True beside a Siemens block with an absolute centre: I, J or K by AC."""
+        """True next to a Siemens block with an absolute centre: I, J or K by AC."""
         return any(word.mode == "AC" and word.address in "IJK" for word in self.beside.words)
 
     @property
@@ -139,19 +136,20 @@ class AddedBlock(msgspec.Struct):
         own = f"{self.number} {name}"
         return number if self.iterations is None else self.iterations.agreed(own, number, decimals)
 
-    def add(self, address: str, target: float, held: float, decimals: int) -> float:
-        """Add a word if the rounded target differs from the held value; returns the value on the control then."""
+    def add(self, address: str, target: float, held: float, decimals: int, form: Form = PLAIN) -> float:
+        """Add a word if the rounded target differs from the value in force; returns the value on the control then."""
         number = None if round(target - held, decimals) == 0.0 else round(target, decimals)
         if self.iterations is not None:
             number = self.iterations.added(f"{self.number} {address}", number, target, held, decimals)
         if number is None:
             return held
-        self.insert(address, number, decimals)
+        self.insert(address, form.number(number), decimals, form.mode)
         return number
 
-    def insert(self, address: str, value: float, decimals: int) -> None:
-        """Add a word."""
-        self._words.append((address, self.layout.numbers.write(value, decimals)))
+    def insert(self, address: str, value: float, decimals: int, mode: str = "") -> None:
+        """Add a word; mode: of a Siemens word, DC."""
+        text = self.layout.numbers.write(value, decimals)
+        self._words.append((address, f"={mode}({text})" if mode else text))
 
     def feed_of(self, value: float) -> None:
         """Add an F word with this value, with six digits."""

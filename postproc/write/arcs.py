@@ -77,8 +77,9 @@ class CircleWriter:
             raise block.refuse("rounding would exchange this arc and a full circle: its end points are too close")
         centre = circle.centre(start, end)
         unit = float(motions.unit[row])
-        if arc.form in ABOUT_POLES or dropped or self._helix_beside(arc, editor):
-            about = arc._replace(centre=between(start, end, centre) if dropped else centre)
+        by_angle = self._ends_by_angle(arc, editor, dropped)
+        if arc.form in ABOUT_POLES or by_angle:
+            about = arc._replace(centre=between(start, end, centre, turned) if by_angle else centre)
             centre = self._poles.write_arc(motions, row, about, ends, pole_editor, editor, dropped)
             end = (ends[1][i], ends[1][j])
         elif arc.form.startswith("radius") and not (isinstance(editor, AddedBlock) and not editor.klartext):
@@ -99,6 +100,11 @@ class CircleWriter:
         if math.dist(start, centre) < SAME or math.dist(end, centre) < SAME:
             raise block.refuse("rounding would leave this arc without a radius: it is too small")
         return arc._replace(centre=centre)
+
+    def _ends_by_angle(self, arc: Arc, editor: WordEditor | AddedBlock, dropped: list[int] | None) -> bool:
+        """True if an angle gives the end of the written arc, whose radius is then that of its start."""
+        own = arc.form == "polar" and isinstance(editor, WordEditor)
+        return own or bool(dropped) or self._helix_beside(arc, editor)
 
     def _helix_beside(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
         """True for an added Klartext segment that moves across the plane of its arc, which CR cannot."""

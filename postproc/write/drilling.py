@@ -1,4 +1,7 @@
-"""Holes of canned cycles at their corrected depth; R gets the same correction, so the number of pecks stays."""
+"""Holes of canned cycles at their corrected depth; R gets the same correction, so the number of pecks stays.
+
+R stays at the level before the cycle or below it, as in the program: controls differ in the return from above it.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,15 @@ class Depth(NamedTuple):
     nominal: float
     programmed: bool
     """True if the program has given the position of the axis, so that it is corrected."""
+
+
+class WordScale(NamedTuple):
+    """How numbers are written."""
+
+    unit: float
+    """mm per unit."""
+    decimals: int
+    """Number of decimals."""
 
 
 class Scale(NamedTuple):
@@ -39,29 +51,35 @@ class HoleWriter:
     def __init__(self) -> None:
         self._level = 0.0
         """Position of the axis before the first cycle, mm."""
+        self._nominal_level = 0.0
+        """Position of the axis before the first cycle in the program, mm."""
         self._held: dict[str, float] = {}
         """Last written positions of R and the depth, mm."""
 
     def write(
-        self, editor: WordEditor, cycle: Cycle, name: str, depth: Depth, held: float, unit: float, decimals: int
+        self, editor: WordEditor, cycle: Cycle, name: str, depth: Depth, before: tuple[float, float], scale: WordScale
     ) -> tuple[float, float]:
         """Edit the block of a hole; returns its written bottom and the level to which the axis returns, mm.
 
-        name: name of the drilling axis. held: its position before the hole, mm.
+        name: name of the drilling axis. before: its positions before the hole, as written and as programmed, mm.
         """
         if cycle.first:
-            self._level = held
+            self._level, self._nominal_level = before
             self._held.clear()
-        corrected = {"R": cycle.clear + depth.corrected - depth.nominal, "depth": depth.corrected}
+        clear = cycle.clear + depth.corrected - depth.nominal
+        if cycle.clear <= self._nominal_level:
+            clear = min(clear, self._level)
+        unit, decimals = scale
+        corrected = {"R": clear, "depth": depth.corrected}
         incremental = cycle.incremental != cycle.switched
         above = self._level if incremental else 0.0
         both = (incremental or cycle.switched) and any(
             self._differs(quantity, value, unit, decimals) for quantity, value in corrected.items()
         )
-        scale = Scale(unit, decimals, depth.programmed, both)
-        clear = self._write_word(editor, cycle.retract_word, ("R", "R"), corrected["R"], above, scale)
+        words = Scale(unit, decimals, depth.programmed, both)
+        clear = self._write_word(editor, cycle.retract_word, ("R", "R"), corrected["R"], above, words)
         bottom = self._write_word(
-            editor, cycle.word, (name, "depth"), corrected["depth"], clear if incremental else 0.0, scale
+            editor, cycle.word, (name, "depth"), corrected["depth"], clear if incremental else 0.0, words
         )
         return bottom, clear if cycle.to_retract else self._level
 

@@ -9,9 +9,8 @@ import numpy as np
 
 from postproc.compensation.correction import Correction
 from postproc.motion.motions import Motions
-from postproc.text.editing import WordEditor
+from postproc.text.block import Block
 from postproc.text.line_numbers import ranges, shortened
-from postproc.write.added_blocks import AddedBlock
 
 BY_ANGLE = frozenset(("circle", "circle_radius", "tangent", "polar_circle", "polar_tangent"))
 """Kinds of blocks that become a helix by an angle instead of their end: C, CR, CT, CP, CTP."""
@@ -27,21 +26,19 @@ def axes_across(motions: Motions, row: int, moved: Iterable[int]) -> list[int]:
     return [axis for axis in moved if axis not in named and unmoved[axis]]
 
 
-def replaced_by_angle(
-    motions: Motions, row: int, across: list[int], editor: WordEditor | AddedBlock
-) -> list[int] | None:
+def replaced_by_angle(motions: Motions, row: int, across: list[int], block: Block | None) -> list[int] | None:
     """Indices of the words that an angle must replace so that the block can name the axes `across`.
 
     None if the block cannot name them, because of the control (`klartext_arcs`) or the words of the block.
+    block: that of the program; None for an added one.
     """
     how, arc = motions.machine.control.klartext_arcs, motions.arcs[row]
     if how == "axes":
         return []
     if how == "plane" or across != [arc.plane[2]]:
         return None
-    if isinstance(editor, AddedBlock):
+    if block is None:
         return []
-    block = editor.block
     if block.kind == "polar_circle" and any(word.address == "IPA" for word in block.words):
         return []
     replaced = [word.word for word in motions.words[row] if word.axis in arc.plane[:2] and word.word >= 0]
@@ -49,6 +46,15 @@ def replaced_by_angle(
     replaced += [i for i, word in enumerate(block.words) if word.address.removeprefix("I") in ("PR", "PA")]
     movable = block.kind in BY_ANGLE and not block.no_insertion
     return replaced if movable and not any(block.words[i].formula for i in replaced) else None
+
+
+def stays_in_plane(motions: Motions, row: int) -> bool:
+    """True for a Klartext arc whose block cannot name the axis across its plane."""
+    block = motions.blocks[motions.block[row]]
+    across = axes_across(motions, row, (motions.arcs[row].plane[2],))
+    if not across or (motions.added[row] and motions.machine.control.klartext_arcs != "plane"):
+        return False
+    return replaced_by_angle(motions, row, across, block) is None
 
 
 class FlatArcs(msgspec.Struct):

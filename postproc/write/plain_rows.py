@@ -212,7 +212,7 @@ def plain_stretches(motions: Motions, arcs: Iterable[int]) -> dict[int, PlainRun
     """
     again = motions.block[1:] == motions.block[:-1]
     single = np.isin(motions.kind, (Kind.RAPID, Kind.LINE))
-    single[list(arcs)] = True
+    single[list(arcs)], single[list(motions.paced)] = True, False
     single &= ~np.append(False, again) & ~np.append(again, False)
     linear = list(motions.machine.translators)
     found = {}
@@ -318,7 +318,7 @@ def _to_write(
 
 
 def _rounded(values: Array, decimals: np.ndarray) -> tuple[Array, Array]:
-    """As the built-in `round`: in units of the last decimal, and as floats."""
+    """Numbers that are rounded like by the built-in `round`: in units of the last decimal, and as floats."""
     scale = POWERS[decimals]
     scaled = values * scale
     counts = np.rint(scaled)

@@ -38,7 +38,7 @@ class PlainWords(NamedTuple):
     line: np.ndarray
     """Index of the line in its piece of the program."""
     axis: np.ndarray
-    """Column of the axis, or of the word beside an added one."""
+    """Column of the axis, or of the word next to an added one."""
     counts: Array
     """The number in units of its last decimal."""
     decimals: np.ndarray

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from kinematics.machine import Machine
-from postproc.motion.circles import Point
+from postproc.motion.circles import Point, same
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc
 from postproc.motion.segments import arc_turned
@@ -20,8 +20,6 @@ from postproc.write.polar_words import (
     write_tangent_as_circle,
 )
 
-NEAR = 3e-4
-"""Distance, mm, below which the pole on the control is used as the centre of an arc."""
 Ends = tuple[list[float], list[float]]
 """Positions of all axes on the control before and after a move, mm and degrees."""
 
@@ -69,7 +67,7 @@ class PoleWriter:
         unit = float(motions.unit[row])
         if pole_editor is not None:
             centre = self._write_pole(pole_editor, arc, unit)
-        elif self._pole_is_near(arc, editor):
+        elif self._pole_is_there(arc, unit, editor):
             assert self._held is not None
             _, centre = self._held
         else:
@@ -78,10 +76,15 @@ class PoleWriter:
         self._write_end(motions, row, arc._replace(centre=centre), ends, editor, dropped)
         return centre
 
-    def _pole_is_near(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
-        """True if the pole on the control is near enough to the centre of an arc."""
-        near = self._held is not None and self._held[0] == arc.pole and math.dist(self._held[1], arc.centre) < NEAR
-        return near and (editor.iterations is None or editor.iterations.chosen("pole is near", near))
+    def _pole_is_there(self, arc: Arc, unit: float, editor: WordEditor | AddedBlock) -> bool:
+        """True if the pole on the control has the numbers that the centre of an arc would get."""
+        decimals = decimals_of_axis(self.machine, arc.plane[0], unit)
+        there = (
+            self._held is not None
+            and self._held[0] == arc.pole
+            and same(self._held[1], _rounded(arc.centre, decimals, unit))
+        )
+        return there and (editor.iterations is None or editor.iterations.chosen("pole is there", there))
 
     def _write_pole(self, editor: WordEditor, arc: Arc, unit: float) -> Point:
         """Write the pole into a CC of the program; returns the written pole, mm."""
@@ -134,6 +137,12 @@ class PoleWriter:
             assert polar is not None
             turned = math.degrees(arc_turned(motions, row))
             held[i], held[j] = write_arc_end(editor, polar, arc.centre, points, turned, resolution)
+
+
+def _rounded(point: Point, decimals: int, unit: float) -> Point:
+    """A point, mm, by its rounded words; unit: mm per unit of the words."""
+    x, y = (round(coordinate / unit, decimals) * unit for coordinate in point)
+    return x, y
 
 
 def _is_nominal(motions: Motions, row: int, ends: Ends) -> bool:

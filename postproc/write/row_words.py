@@ -6,20 +6,24 @@ inserted.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from kinematics.machine import Machine, NDArrayBool
+from kinematics.machine import TURN, Machine, NDArrayBool
 from postproc.compensation.correction import Correction
 from postproc.motion.cutter_compensation import check_turned
 from postproc.motion.motions import Motions
-from postproc.text.editing import WordEditor
+from postproc.motion.rotary_words import RotaryWord
+from postproc.text.editing import PLAIN, Form, WordEditor
 from postproc.text.number_style import decimals_holding
 from postproc.write.added_blocks import AddedBlock
 from postproc.write.arcs import round_off
 from postproc.write.decimals import decimals_of_axis
 from postproc.write.helices import axes_across, replaced_by_angle
 from postproc.write.polar import PolarWriter
+
+HALF_TURN = TURN / 2
 
 
 @dataclass
@@ -64,8 +68,12 @@ class RowWords:
             elif axis in self.written and index not in self.dropped:
                 unit, base = self._unit(axis), self.start[axis] if incremental else 0.0
                 number = (self.corrected[axis] - base) / unit
+                decimals = self._decimals(axis, unit, number)
                 assert isinstance(self.editor, WordEditor)  # an added block has no axis words yet
-                held[axis] = base + self.editor.set(index, number, self._decimals(axis, unit, number)) * unit
+                if not incremental and axis in self.turning:
+                    held[axis] = self._turn(self.editor, axis, index, decimals)
+                else:
+                    held[axis] = base + self.editor.set(index, number, decimals) * unit
             else:
                 held[axis] = float(motions.target[row, axis])
         for axis in motions.arcs[row].plane[:2] if self.dropped else ():
@@ -106,7 +114,9 @@ class RowWords:
             held, unit = self.held[axis], self._unit(axis)
             base = held if incremental else 0.0
             number, before = (self.corrected[axis] - base) / unit, (held - base) / unit
-            after = self.editor.add(self.machine.names[axis], number, before, self._decimals(axis, unit, number))
+            decimals = self._decimals(axis, unit, number)
+            form = self._form(axis, held, decimals) if axis in self.turning and not incremental else PLAIN
+            after = self.editor.add(self.machine.names[axis], number, before, decimals, form)
             self.held[axis] = held if after == before else base + after * unit
 
     def check_cutter_compensation(self) -> None:
@@ -116,6 +126,37 @@ class RowWords:
         nominal = motions.start[row].tolist(), motions.target[row].tolist()
         before, after = (((a[i], a[j]), (b[i], b[j])) for a, b in (nominal, (self.start, self.held)))
         check_turned(motions.blocks[motions.block[row]], before, after)
+
+    @property
+    def turning(self) -> Mapping[int, RotaryWord]:
+        """How the control reads the words of the rotary axes that do not simply count turns."""
+        return self.motions.rotary_words.get(self.row, {})
+
+    def _turn(self, editor: WordEditor, axis: int, index: int, decimals: int) -> float:
+        """Write the word of a rotary axis; the position that it leads to, degrees."""
+        word, here = self.turning[axis], self.start[axis]
+        return self._checked(axis, editor.set(index, word.number(self.corrected[axis], here, decimals), decimals))
+
+    def _form(self, axis: int, here: float, decimals: int) -> Form:
+        """How an added word of a rotary axis shows a position."""
+        word = self.turning[axis]
+
+        def number(position: float) -> float:
+            shown = word.number(position, here, decimals)
+            self._checked(axis, shown)
+            return shown
+
+        return Form(number, word.mode)
+
+    def _checked(self, axis: int, number: float) -> float:
+        """The position that a number leads to, degrees; Refusal where this is not the corrected one."""
+        reached = self.turning[axis].reached(number, self.start[axis])
+        if abs(reached - self.corrected[axis]) > HALF_TURN or (not number and math.copysign(1.0, number) < 0.0):
+            raise self.motions.blocks[self.motions.block[self.row]].refuse(
+                f"the corrected position of {self.machine.names[axis]} lies just before the present one, and the "
+                "control would turn it once round: program the shortest way, or leave the orientation uncorrected"
+            )
+        return reached
 
     def _move_as_programmed(self, axis: int) -> None:
         self.held[axis] += float(self.motions.target[self.row, axis] - self.motions.start[self.row, axis])
@@ -140,7 +181,8 @@ class RowWords:
             and abs(self.corrected[axis] - self.start[axis]) >= 0.5 * 10.0 ** -decimals_of_axis(self.machine, axis, 1.0)
         ]
         across = axes_across(self.motions, self.row, moved)
-        dropped = replaced_by_angle(self.motions, self.row, across, self.editor) if across else []
+        block = self.editor.block if isinstance(self.editor, WordEditor) else None
+        dropped = replaced_by_angle(self.motions, self.row, across, block) if across else []
         for axis in across if dropped is None else ():
             self.corrected[axis] = self.start[axis]
         return dropped or []

@@ -34,7 +34,7 @@ from postproc.write.added_blocks import (
 )
 from postproc.write.arcs import ABOUT_POLES, CircleWriter, NominalArc
 from postproc.write.decimals import decimals_of_axis
-from postproc.write.drilling import Depth, HoleWriter
+from postproc.write.drilling import Depth, HoleWriter, WordScale
 from postproc.write.editors import Editors
 from postproc.write.inverse_time import add_inverse_time, write_inverse_time
 from postproc.write.plain_arcs import writable_arcs
@@ -42,6 +42,7 @@ from postproc.write.plain_rows import PlainRows, WrittenAxis, WrittenRows, plain
 from postproc.write.plain_texts import PlainText, PlainWords, joined, plain_texts
 from postproc.write.polar import PolarWriter
 from postproc.write.poles import PoleWriter
+from postproc.write.rotary_feed import restored_feed, write_feed, write_feed_mode
 from postproc.write.row_words import RowWords, corrected_end, kept_axes
 
 
@@ -49,7 +50,7 @@ class Written(NamedTuple):
     """A written chunk; positions `(rows, axes)` in programmed coordinates, mm and degrees."""
 
     texts: list[str | PlainText]
-    """Texts of all blocks, edited, with the added blocks beside them; consecutive plain lines have one."""
+    """Texts of all blocks, edited, with the added blocks next to them; consecutive plain lines have one."""
     starts: Array
     """Positions on the control before each move."""
     ends: Array
@@ -226,20 +227,24 @@ class Writer:
         self, motions: Motions, correction: Correction, row: int, held: list[float], rotary_only: bool
     ) -> None:
         """Edit the block of one move, or write an added block; `held` becomes the position after it."""
-        block = int(motions.block[row])
+        block, start = int(motions.block[row]), list(held)
         if self._ours[row]:
-            added, start = self._added_block(motions, row), list(held)
+            added = self._added_block(motions, row)
             self._write_words(motions, correction, row, held, rotary_only, added)
-            self._put_beside(motions, row, added, math.dist(start, held))
+            self._put_beside(motions, row, added, self._path(start, held))
             return
         self._editors.layout = self._editors.layout.after(motions.blocks[block])
         again = block in self._begun and row in motions.cycles
         editor = self._editors.new(motions, block) if again else self._editors.of(motions, block)
         if self._straight and row in motions.arcs and lacks_motion(motions.blocks[block]):
             editor.insert_motion_code("G3" if motions.arcs[row].sense > 0 else "G2")
+        if row in motions.paced:
+            write_feed_mode(motions, row, editor)
         self._write_words(motions, correction, row, held, rotary_only, editor)
         if row in motions.cycles:
             self._write_depth(motions, correction, row, held, editor)
+        if row in motions.paced:
+            self._write_feed(motions, row, editor, self._path(start, held))
         if again and sorted(editor.edits) != sorted(self._editors.of(motions, block).edits):
             raise motions.blocks[block].refuse(
                 "the block drills several holes that need different corrections: program them one by one"
@@ -301,7 +306,20 @@ class Writer:
         z = cycle.axis
         depth = Depth(float(correction.target[row, z]), float(motions.target[row, z]), bool(self._programmed[row, z]))
         decimals, name = decimals_of_axis(self.machine, z, unit), self.machine.names[z]
-        self._bottom, held[z] = self._holes.write(editor, cycle, name, depth, held[z], unit, decimals)
+        before = held[z], float(motions.start[row, z])
+        self._bottom, held[z] = self._holes.write(editor, cycle, name, depth, before, WordScale(unit, decimals))
+
+    def _path(self, start: list[float], end: list[float]) -> float:
+        """Length of a straight path of X Y Z, mm."""
+        return math.dist(*([at[axis] for axis in self.machine.translators] for at in (start, end)))
+
+    def _write_feed(self, motions: Motions, row: int, editor: WordEditor, moved: float) -> None:
+        """Write the F of a corrected move of rotary axes alone, and the line behind it unless segments follow."""
+        write_feed(motions, row, editor, moved)
+        if not self._inner[row]:
+            lines = restored_feed(motions, row, editor.layout.numbers, self.comment)
+            editor.lines_after(lines)
+            self._added += len(lines)
 
     def _pole_editor(self, motions: Motions, row: int) -> WordEditor | None:
         """Klartext: editor of the CC directly before an arc; None if there is no CC that may be changed."""
@@ -329,14 +347,19 @@ class Writer:
         begun = block in self._begun
         if not begun:
             added.modes += mode_words(added.beside)
+        paced = row in motions.paced and begun
         if motions.timed[row]:
             add_inverse_time(motions, row, added, moved)
+        elif paced:
+            write_feed(motions, row, added, moved)
         elif not begun:
             added.feed += feed_words(added.beside)
         editor = self._editors.of(motions, block)
         if not self._inner[row]:
             added.functions += self._at_end.pop(block, ())
         lines = added.lines(self.comment)
+        if paced and not self._inner[row]:
+            lines += restored_feed(motions, row, added.layout.numbers, self.comment)
         (editor.lines_after if begun else editor.lines_before)(lines)
         self._added += len(lines)
         self._straight = added.tag is Tag.TAKE_UP

@@ -75,7 +75,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Config:
-    """A machine: one joint per letter of `axes`, in the order of the kinematics module."""
+    """A machine: one joint per letter of `joints`, in the order of the kinematics module."""
 
     axes: str
     kinematics: str = "trivkins"
@@ -92,13 +92,24 @@ class Config:
     written: Sequence[str] = ()
     """Names of files that the program writes, as of a probe's log."""
     velocity: float = 20_000.0
-    """Velocity of every axis and joint, mm/s or deg/s."""
+    """Velocity of every axis and joint, in units of length or degrees, per second."""
     acceleration: float = 200_000.0
+    gantry: str = ""
+    """The letter of the axis that each joint moves, where two move one; otherwise `axes`."""
+    unit: str = "mm"
+    """LINEAR_UNITS: of all lengths here and in `Samples`."""
+    of_joints: Mapping[int, str] = field(default_factory=dict)
+    """Further lines of the section of a joint in the INI file."""
+
+    @property
+    def joints(self) -> str:
+        """The letter of the axis that each joint moves."""
+        return self.gantry or self.axes
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Positions in mm and degrees, one column per joint or axis in the order of `Config.axes`, one row per instant."""
+    """Positions in mm and degrees, one column per joint or axis in the order of `Config`, one row per instant."""
 
     joint: Array
     """Commands behind the kinematics, `joint.N.pos-cmd`."""
@@ -177,7 +188,7 @@ def _text(folder: Path, name: str) -> str:
 
 def _channels(config: Config) -> dict[str, list[str]]:
     """What is sampled: the HAL pins of each field of `Samples`."""
-    joints = range(len(config.axes))
+    joints = range(len(config.joints))
     return {
         "joint": [f"joint.{j}.pos-cmd" for j in joints],
         "motor": [f"joint.{j}.motor-pos-cmd" for j in joints],
@@ -202,7 +213,7 @@ def _files(config: Config, channels: Mapping[str, Sequence[str]]) -> dict[str, s
 def _ini(config: Config) -> str:
     kinematics = config.kinematics
     if kinematics == "trivkins":
-        kinematics += f" coordinates={config.axes}"
+        kinematics += f" coordinates={config.joints}" + (" kinstype=BOTH" if config.gantry else "")
     limits = (
         "MIN_LIMIT = -1e6\nMAX_LIMIT = 1e6\n"
         f"MAX_VELOCITY = {config.velocity!r}\nMAX_ACCELERATION = {config.acceleration!r}\n"
@@ -229,10 +240,10 @@ TOOL_TABLE = sim.tbl
 HALFILE = sim.hal
 [KINS]
 KINEMATICS = {kinematics}
-JOINTS = {len(config.axes)}
+JOINTS = {len(config.joints)}
 [TRAJ]
-COORDINATES = {config.axes}
-LINEAR_UNITS = mm
+COORDINATES = {config.joints}
+LINEAR_UNITS = {config.unit}
 ANGULAR_UNITS = degree
 NO_FORCE_HOMING = 1
 MAX_LINEAR_VELOCITY = {config.velocity!r}
@@ -240,14 +251,16 @@ DEFAULT_LINEAR_VELOCITY = {config.velocity!r}
 MAX_ANGULAR_VELOCITY = {config.velocity!r}
 DEFAULT_ANGULAR_VELOCITY = {config.velocity!r}
 """
-    for joint, letter in enumerate(config.axes):
-        text += f"[AXIS_{letter}]\n{limits}[JOINT_{joint}]\n{limits}"
+    text += "".join(f"[AXIS_{letter}]\n{limits}" for letter in config.axes)
+    for joint, letter in enumerate(config.joints):
+        text += f"[JOINT_{joint}]\n{limits}"
         text += f"TYPE = {'ANGULAR' if letter in 'ABC' else 'LINEAR'}\nFERROR = 1e6\nMIN_FERROR = 1e6\n"
         text += "HOME_SEQUENCE = 0\n"  # and no search velocity: homed where it stands
         if letter in config.backlash:
             text += f"BACKLASH = {config.backlash[letter]!r}\n"
         if letter in config.tables:
             text += f"COMP_FILE = {letter}.comp\nCOMP_FILE_TYPE = {config.tables[letter].kind}\n"
+        text += config.of_joints.get(joint, "")
     return text
 
 

@@ -6,5 +6,14 @@ An examiner is a module of this package with two functions, `draw(seed) -> Case`
 finds is shrunk and written to `found/EXAMINER/`, from where `tests/test_fuzz.py` replays it.
 """
 
-EXAMINERS: tuple[str, ...] = ("linuxcnc", "play", "mutated_programs", "mutated_files", "verified")
+EXAMINERS: tuple[str, ...] = (
+    "linuxcnc",
+    "play",
+    "drives",
+    "mutated_programs",
+    "mutated_files",
+    "verified",
+    "contours",
+    "cycles",
+)
 """Modules of this package that examine."""

@@ -150,7 +150,7 @@ def _recorded() -> dict[str, str]:
 
     from calibration.continuous.record_file import write_records
     from calibration.continuous.virtual import Targets
-    from calibration.measurement.file import write_measurement
+    from calibration.measurement.written_file import write_measurement
 
     measured = virtual_case(0, targets=Targets(150.0, both=False)).measured
     run, targets = io.BytesIO(), io.BytesIO()
@@ -244,10 +244,9 @@ def _read_study(path: Path, _: list[str]) -> None:
 
 def _read_etalon(path: Path, _: list[str]) -> None:
     import machines
-    from postproc.tables.readers import read_tables
-    from postproc.tables.readers.source import Source
+    from postproc.control_data.formats import FORMATS
 
-    read_tables("etalon", Source(machines.load("dmu50"), {path.name: path.read_text(errors="replace")}, "error"))
+    FORMATS["etalon"].read_files(machines.load("dmu50"), {path.name: path.read_text(errors="replace")}, "error")
 
 
 def _read_continuous(path: Path, _: list[str]) -> None:

@@ -26,7 +26,8 @@ from kinematics.effects import Backlash, ErrorMotion
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.user_error import UserError
 from postproc.control.setup import Setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import Dialect, find_dialect
 from postproc.motion.motions import merged
 from postproc.motion.segments import like

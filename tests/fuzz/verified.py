@@ -21,7 +21,8 @@ import numpy as np
 
 from kinematics.error_model.model import ErrorModel, decode_model, no_errors
 from kinematics.user_error import UserError
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.correct.result import CorrectionResult
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged

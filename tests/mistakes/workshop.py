@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 import ncomp
-from calibration.measurement.file import write_measurement
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.plan_file import write_plan
+from calibration.measurement.written_file import write_measurement
 from calibration.simulation.measure_plan import VirtualInstrument
 from calibration.simulation.true_model import random_true_model
 from kinematics.error_model.model import write_model

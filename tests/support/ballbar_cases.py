@@ -1,7 +1,7 @@
 """Virtual ballbar measurements on the C-frame machine."""
 
 import machines
-from calibration.measurement.instruments import Ballbar
+from calibration.instruments import Ballbar
 from calibration.measurement.measurement import Target
 from calibration.simulation.ballbar import Circles, swept
 from calibration.simulation.measure_plan import streams

@@ -9,7 +9,7 @@ import numpy as np
 import machines
 from calibration.continuous.records import QuasiStatic, Record
 from calibration.continuous.virtual import Laser, Measured, Motion, Targets, end_effect, measure
-from calibration.measurement.instruments import Interferometer
+from calibration.instruments import Interferometer
 from calibration.measurement.measurement import Measurement
 from calibration.simulation.effect_text import read_effects
 from calibration.simulation.simulate import observe

@@ -15,7 +15,6 @@ from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import fit
 from calibration.observation.equations import specified_covariance
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
-from calibration.observation.stops_and_lines import stops
 from kinematics.error_model.model import no_errors
 from kinematics.running.progress import silent
 from support.virtual_measurements import THREE, measured, positions
@@ -49,7 +48,7 @@ def with_stops(rows_of_a_stop, sizes, seed=3):
     observed = data.observed + np.einsum("nij,nj->ni", np.linalg.cholesky(specified_covariance(data)), noise)
     rotation = exact.registration.rotations(data)
     for k, size in sizes.items():
-        observed += rotation[:, :, k] * (size * rng.standard_normal(int(stops(data).max()) + 1))[stops(data), None]
+        observed += rotation[:, :, k] * (size * rng.standard_normal(int(data.stops.max()) + 1))[data.stops, None]
     return replace(data, observed=observed, state=replace(data.state, observed=observed))
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import machines
-from calibration.measurement.file import write_measurement
 from calibration.measurement.measurement import Target
+from calibration.measurement.written_file import write_measurement
 from kinematics.effects import Effect, LocationError, Scale
 from kinematics.error_model.model import ErrorModel, write_model
 from kinematics.machine import Machine

@@ -12,11 +12,12 @@ import pytest
 
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
+from kinematics.running.child_process import ChildProcess
 from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
-from postproc.second_process import SecondProcess
 from postproc.text.source import Source, open_source
 
 PIECES: dict[str, Callable[[bytes], list[bytes]]] = {
@@ -52,7 +53,7 @@ def outcome(
     pieces: Callable[[bytes], list[bytes]] | None,
     *,
     processes: int = 1,
-    process: type = SecondProcess,
+    process: type = ChildProcess,
 ) -> Outcome:
     """A program corrected in these pieces, or line by line without any; `process`: stands for a second process."""
     source = open_source(str(path))
@@ -70,8 +71,8 @@ def outcome(
     out = io.BytesIO()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("postproc.correct.pipeline.LARGE", 0)
-        patch.setattr("postproc.evaluation.evaluation_process.SecondProcess", process)
-        patch.setattr("postproc.read_ahead.SecondProcess", process)
+        patch.setattr("postproc.evaluation.evaluation_process.ChildProcess", process)
+        patch.setattr("postproc.read_ahead.ChildProcess", process)
         if pieces is not None:
             patch.setattr(Source, "pieces", divided)
         try:
@@ -84,7 +85,7 @@ def outcome(
 
 
 def differing(
-    path: Path, machine: Machine, model: ErrorModel, process: type = SecondProcess
+    path: Path, machine: Machine, model: ErrorModel, process: type = ChildProcess
 ) -> tuple[Outcome, list[str]]:
     """The outcome of a program line by line, and the roads on which it differs."""
     single = outcome(path, machine, model, None)

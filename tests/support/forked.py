@@ -13,7 +13,7 @@ from postproc import cli
 FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(
     ["postproc.cli", "postproc.command_line", "postproc.correct.pipeline", "postproc.correct.report", "postproc.iso.interpreter",
-     "postproc.tool_tables", "postproc.commands.show.terminal", "kinematics.derived.gantry", "jinja2",
+     "postproc.control_data.tool_tables", "postproc.commands.show.terminal", "kinematics.derived.gantry", "jinja2",
      "rendering.page", "typer._adapters"]
 )  # fmt: skip
 

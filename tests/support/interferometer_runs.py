@@ -3,7 +3,7 @@
 import numpy as np
 
 import machines
-from calibration.measurement.instruments import Interferometer
+from calibration.instruments import Interferometer
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from kinematics.state import State
 

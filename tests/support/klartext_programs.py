@@ -4,7 +4,8 @@ import io
 import re
 
 from kinematics.error_model.model import no_errors
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING, Source

@@ -3,7 +3,7 @@
 import pickle
 from collections import deque
 
-from postproc.second_process import BUFFERS
+from kinematics.running.child_process import BUFFERS
 
 
 class Here:

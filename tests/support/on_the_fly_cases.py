@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 
 import machines
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.on_the_fly.drive import PathDynamics
 from calibration.on_the_fly.nominal_path import NominalPath

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import strategies as st
 
 from kinematics.user_error import UserError
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from support.programs import AT_MOST, setup_of, source_of
 

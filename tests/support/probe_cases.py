@@ -6,9 +6,9 @@ import numpy as np
 
 import machines
 from calibration.evaluation.volumetric import rigid_columns, volumetric_error_um
-from calibration.fit.datum import error_motions, to_datum
+from calibration.fit.datum import to_datum
 from calibration.fit.location_errors import split_locations, transformed
-from calibration.measurement.instruments import TouchProbe
+from calibration.instruments import TouchProbe
 from calibration.measurement.measurement import Target
 from calibration.measurement.plan import Choices
 from calibration.planning.strategies import plan
@@ -78,7 +78,7 @@ def in_datum(model, found):
     """Location errors of a true model, um and urad, by name, in the datum of a fit."""
     machine, fitted = found.measurement.machine, found.model
     parameters = np.zeros(len(fitted.parameters))
-    for effect, part in error_motions(fitted):
+    for effect, part in fitted.error_motions:
         i, low, high = machine.index(effect.axis), *effect.basis.interval
         positions = np.zeros((50, len(machine.axes)))
         x = np.linspace(low, high, 50)

@@ -13,7 +13,8 @@ from kinematics.machine import Machine
 from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
 from postproc.correct.check import check
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.correct.plausibility import REASONS
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
@@ -111,7 +112,7 @@ def corrected(job: Job, processes: int = 1) -> dict[str, Any]:
     content["calibration"].pop("age_days")
     trace = pipeline.trace
     assert trace is not None
-    figures = [trace.bins.edges, trace.bins.largest, trace.bins.rms, *trace.bins.corrections,
+    figures = [trace.bins.edges, trace.bins.lines, trace.bins.largest, trace.bins.rms, *trace.bins.corrections,
                trace.paths.points, trace.paths.errors]  # fmt: skip
     return {
         "text": out.getvalue().decode(ENCODING),

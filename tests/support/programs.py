@@ -14,10 +14,12 @@ import numpy as np
 import machines
 from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
 from kinematics.effects import Effect, ErrorMotion, LocationError
-from kinematics.error_model.model import ErrorModel, Provenance, no_errors, reference
+from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.error_model.provenance import Provenance, reference
 from kinematics.machine import Machine
 from postproc.control.setup import Setup, make_setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.correct.plausibility import HIGHEST_UM
 from postproc.correct.result import CorrectionResult
 from postproc.correct.unroll import UnrolledProgram, unrolled

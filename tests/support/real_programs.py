@@ -5,7 +5,8 @@ import io
 import pytest
 
 from postproc.control.setup import make_setup
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.source import open_source
 from support.programs import load

@@ -6,7 +6,8 @@ import re
 import numpy as np
 
 from kinematics.error_model.model import no_errors
-from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.job import Job
+from postproc.correct.pipeline import Pipeline
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING

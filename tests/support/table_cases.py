@@ -13,10 +13,11 @@ from kinematics.basis import Legendre
 from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, LocationError
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
-from postproc.tables import build, remaining_error
-from postproc.tables.export import Exported, export
-from postproc.tables.format import parse_settings
-from postproc.tables.formats import find_format
+from postproc.control_data import remaining_error
+from postproc.control_data.format import parse_settings
+from postproc.control_data.formats import FORMATS
+from postproc.control_data.tables import build
+from postproc.control_data.tables.export_tables import Exported, export
 from support.programs import load, model_of
 
 TOOL = (0.0, 0.0, -100.0)
@@ -87,7 +88,7 @@ class Case:
         return _EXPORTED[self.id]
 
     def _export(self) -> Exported:
-        form = find_format(self.format)
+        form = FORMATS[self.format]
         meaning = form.sign or self.sign
         assert meaning in ("error", "correction")
         settings = parse_settings(form.settings, self.settings)

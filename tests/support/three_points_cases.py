@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.registration import Registration
-from calibration.observation.equations import expected
+from calibration.registration.registration import Registration
 from kinematics.basis import Harmonics, Legendre
 from kinematics.effects import Effect, ErrorMotion, LocationError
-from kinematics.error_model.model import ErrorModel, Observation, Provenance, reference
+from kinematics.error_model.model import ErrorModel, Observation
+from kinematics.error_model.provenance import Provenance, reference
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array, Pose, rotation_vector_matrix
@@ -107,7 +107,7 @@ def measured(
     blank = Measurement(machine, instrument, state, empty, targets, "bed", run=runs, source="virtual.csv")
     registration = Registration(dict(stations), {name: np.zeros(3) for name in stations})
     shift = np.zeros((len(runs), 3))
-    seen = expected(blank, registration, Observation(truth.errors(machine, state), shift))
+    seen = blank.instrument.expected(blank, registration, Observation(truth.errors(machine, state), shift))
     if rng is not None:
         root = np.linalg.cholesky(instrument.covariance(seen))
         seen = seen + (root @ rng.standard_normal((len(runs), 3, 1)))[:, :, 0]

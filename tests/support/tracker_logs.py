@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
-from calibration.measurement.observed_points import target_points
+from calibration.registration.observed_points import target_points
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from kinematics.state import State

@@ -8,11 +8,10 @@ import msgspec
 import numpy as np
 
 import machines
-from calibration.measurement.file import write_measurement
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.measurement.registration import Registration
-from calibration.observation import equations
+from calibration.measurement.written_file import write_measurement
+from calibration.registration.registration import Registration
 from kinematics.basis import Fourier
 from kinematics.effects import COMPONENTS, ErrorMotion
 from kinematics.error_model.model import ErrorModel, no_errors
@@ -86,9 +85,9 @@ def measured(
     registration = pose_of(names, {k: np.array(t.position) for k, t in targets.items() if not t.known})
     # instrument effects use the beam to the nominal point
     state = replace(
-        state, observed=equations.expected(empty, registration, no_errors(machine).observation(machine, state))
+        state, observed=empty.instrument.expected(empty, registration, no_errors(machine).observation(machine, state))
     )
-    observed = equations.expected(empty, registration, model.observation(machine, state))
+    observed = empty.instrument.expected(empty, registration, model.observation(machine, state))
     if noise:
         root = np.linalg.cholesky(tracker.covariance(observed))
         observed = observed + (root @ rng.normal(size=(n, 3, 1)))[:, :, 0]

@@ -10,7 +10,6 @@ import numpy as np
 from calibration.diagnosis.next.fixed_standards import BAR_MM, bar, references
 from calibration.diagnosis.next.follow_up import Data, FollowUpDesign, unused
 from calibration.measurement.measurement import Target
-from calibration.measurement.observed_points import target_points
 from kinematics.machine import Vector
 from kinematics.transforms import Array, Pose, rotation_about, turn
 
@@ -30,7 +29,7 @@ def from_elsewhere(data: Data) -> Iterator[FollowUpDesign]:
     there, name = data.following(data.index, STATION_MIN), data.set_up
     assert name is not None
     pose = registration.poses[str(m.groups[-1])]
-    centre = target_points(there, None, registration.tool(there)).mean(axis=0)
+    centre = registration.points(there).mean(axis=0)
     for where, angle in (("across the volume", np.pi), ("a quarter round the volume", np.pi / 2)):
         round_it = rotation_about((0.0, 0.0, 1.0), angle)
         moved = pose @ Pose(round_it, centre - turn(round_it, centre))

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement.measurement import Carrier, Measurement, Target
-from calibration.measurement.observed_points import target_points
-from calibration.measurement.registration import Registration
+from calibration.registration.registration import Registration
 from kinematics.transforms import Array
 
 BAR_MM, BAR_U_UM = 2000.0, 1.0
@@ -55,7 +54,7 @@ def bar(measurement: Measurement, registration: Registration) -> tuple[dict[str,
 
 
 def _tool_points(measurement: Measurement, registration: Registration) -> Array:
-    return target_points(measurement, None, registration.tool(measurement))
+    return registration.points(measurement)
 
 
 def _target(measurement: Measurement, position: Array) -> Target:

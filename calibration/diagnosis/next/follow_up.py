@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.diagnosis.next.fixed_standards import Length
-from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, with_moves
-from calibration.measurement.observed_points import target_points
-from calibration.measurement.registration import Registration
+from calibration.registration.registration import Registration
 from kinematics.effects import Effect, TrackerDrift
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -103,7 +101,7 @@ class Data:
     @property
     def own_drift(self) -> tuple[Effect, ...]:
         """Drift of a tracker that is set up again, or on another day: the data do not determine it."""
-        tracker = isinstance(self.measurement.instrument, LaserTracker)
+        tracker = self.measurement.instrument.BY_BEAM
         return (TrackerDrift(),) if tracker and self.measurement.state.time is not None else ()
 
     @property
@@ -166,7 +164,7 @@ class Data:
             registration = replace(registration, zeros=zeros, slopes=slopes)
             done = replace(measurement, observed=np.zeros((n, 1)))
         else:
-            points = target_points(measurement, None, registration.tool(measurement))
+            points = registration.points(measurement)
             observed = registration.apply(measurement, points)
             done = replace(measurement, observed=observed, state=replace(measurement.state, observed=observed))
         time = measurement.state.time

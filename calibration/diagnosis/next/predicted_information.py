@@ -24,7 +24,6 @@ from calibration.diagnosis.search.derivatives import derivatives, signals
 from calibration.diagnosis.search.linearised_fit import RIDGE, LinearisedFit
 from calibration.fit.linear import Posterior, pseudo_inverse
 from calibration.measurement.measurement import Measurement
-from calibration.observation import equations
 from calibration.observation.normal_equations import whiteners
 from kinematics.effects import Effect
 from kinematics.transforms import Array
@@ -155,7 +154,7 @@ class PredictedInformation:
     def _lengths(self) -> Array:
         """Lengths of the registration's columns, by which the linearised fit scales them."""
         some = self.linearised.measurement.rows(self.linearised.rows)
-        own = self.linearised.white @ equations.registration_design(some, self.linearised.fit.registration)
+        own = self.linearised.white @ some.instrument.registration_design(some, self.linearised.fit.registration)
         return np.asarray(np.linalg.norm(own.reshape(self.linearised.scalars, -1), axis=0))
 
 

@@ -11,9 +11,7 @@ import numpy as np
 from calibration.diagnosis.next.extra_setups import from_elsewhere, with_bar, with_other_tools, with_references
 from calibration.diagnosis.next.follow_up import Data, FollowUpDesign
 from calibration.fit.fit import Fit
-from calibration.measurement.instruments import Interferometer, LaserTracker
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes
 from kinematics.state import State
 from kinematics.transforms import Array
 
@@ -35,12 +33,12 @@ def follow_up_designs(fit: Fit) -> Iterator[FollowUpDesign]:
     """All designs that make sense after the data of a fit; none unless a tracker or an interferometer was used."""
     measurement = fit.measurement
     data = Data(measurement, fit.registration)
-    if isinstance(measurement.instrument, LaserTracker | Interferometer):
+    if measurement.instrument.FOLLOWED_UP:
         yield from _once_more(data)
         if not data.in_motion:
             yield from _otherwise_approached(data)
             yield from _finer(data)
-    if isinstance(measurement.instrument, LaserTracker):
+    if measurement.instrument.STATIONED:
         yield from from_elsewhere(data)
         yield from with_other_tools(data)
         yield from with_references(data)
@@ -99,7 +97,7 @@ def _at_another_feed(data: Data) -> FollowUpDesign:
 
 def _otherwise_approached(data: Data) -> Iterator[FollowUpDesign]:
     """The same positions approached from the other side, and by moves of different lengths."""
-    index, axes = data.index, list(moving_axes(data.measurement))
+    index, axes = data.index, list(data.measurement.moving)
     if data.measurement.state.approach is None or data.measurement.state.last_move is None:
         return
     does = f"measure {data.positions} once more, each axis coming from the other side by {SHORT_MM:g} mm"
@@ -158,7 +156,7 @@ def _finer(data: Data) -> Iterator[FollowUpDesign]:
     rng = np.random.default_rng(1)
     off = data.index[np.linspace(0, len(data.index) - 1, min(OFF_LINE, len(data.index))).astype(int)]
     off, again = (off, f", and {len(off)} of the positions again") if data.set_up else (off[:0], "")
-    for axis in moving_axes(m):
+    for axis in m.moving:
         i = m.machine.index(axis)
         line = np.tile(middle, (FINER, 1))
         line[:, i] = np.sort(rng.uniform(m.state.positions[:, i].min(), m.state.positions[:, i].max(), FINER))

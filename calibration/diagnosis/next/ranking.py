@@ -17,13 +17,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy import special
 
+from calibration.diagnosis.next.follow_up import FollowUpDesign
 from calibration.diagnosis.next.predicted_information import Information, PredictedInformation
 from calibration.diagnosis.next.proposals import follow_up_designs
 from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
-from calibration.diagnosis.not_visible import REMEDIES
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unexplained import shared_rms
-from calibration.diagnosis.search.candidates import contract_kind
 from calibration.diagnosis.search.evaluation import SEEN, WORTH
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.unseen.swing import FoundSwing
@@ -32,6 +31,8 @@ from calibration.fit.fit import Fit
 from kinematics.effects import Effect
 from kinematics.transforms import Array
 
+DIGITS = 2
+"""Digits of a power in the report."""
 SURE = 0.8
 """Power from which a design separates a tie or confirms a cause."""
 MARGIN = 2.33
@@ -50,6 +51,15 @@ AT_REST = (
 """Measurement that a swing needs."""
 WEIGHTS = {"unexplained": 1.0, "tied": 1.0, "weak": 0.5}
 Kind = Literal["unexplained", "tied", "weak"]
+
+
+class _Best(NamedTuple):
+    """The proposed measurement with the largest power for a question; of equal ones, the shortest."""
+
+    power: float
+    """Rounded to DIGITS: powers that are equal but for rounding are equal."""
+    minus_minutes: float
+    name: str
 
 
 class ProposedMeasurement(NamedTuple):
@@ -159,29 +169,36 @@ def proposed_measurements(
     now = predicted.now
     first: list[ProposedMeasurement] = []
     others: list[ProposedMeasurement] = []
-    best: dict[Question, tuple[float, str] | None] = dict.fromkeys(questions)
+    best: dict[Question, _Best | None] = dict.fromkeys(questions)
+    answered: set[Question] = set()
     for follow_up in follow_up_designs(stage.fit):
         after = predicted.after(now, follow_up)
         gains = {q: WEIGHTS[q.kind] * max(q.information(after, now) - q.information(now, now), 0.0) for q in questions}
         powers = {q: q.power(after, now) if gains[q] > 0.0 else 0.0 for q in questions}
         for question, power in powers.items():
-            best[question] = max(best[question] or (0.0, ""), (power, follow_up.name))
+            one = _Best(round(power, DIGITS), -follow_up.minutes, follow_up.name)
+            best[question] = max(best[question] or one, one)
         answers = [(q, power) for q, power in powers.items() if power >= SURE]
+        answered.update(question for question, _ in answers)
         if answers:
-            does = f"{follow_up.does[0].upper()}{follow_up.does[1:]}"
-            text = f"{does} ({follow_up.minutes:.0f} min): this {_expected(answers, stage, dependence)}."
-            gain = sum(gains.values()) / follow_up.minutes
-            found = ProposedMeasurement(follow_up.name, follow_up.minutes, gain, text)
+            found = _proposed(follow_up, sum(gains.values()), _expected(answers, stage, dependence))
             (first if any(q.kind == "unexplained" for q, _ in answers) else others).append(found)
     without = [
         (question.kind, ProposedMeasurement("remedy", 0.0, 0.0, _unanswered(question, effects, most)))
         for question, most in best.items()
-        if most is None or most[0] < SURE
+        if question not in answered
     ]
     yield from sorted(first, key=lambda proposed: -proposed.gain_per_minute)
     yield from (text for kind, text in without if kind == "unexplained")
     yield from sorted(others, key=lambda proposed: -proposed.gain_per_minute)
     yield from (text for kind, text in without if kind != "unexplained")
+
+
+def _proposed(follow_up: FollowUpDesign, gain: float, expected: str) -> ProposedMeasurement:
+    """A design with its gain, and what it is expected to do."""
+    does = f"{follow_up.does[0].upper()}{follow_up.does[1:]}"
+    text = f"{does} ({follow_up.minutes:.0f} min): this {expected}."
+    return ProposedMeasurement(follow_up.name, follow_up.minutes, gain / follow_up.minutes, text)
 
 
 def _measured_again(fit: Fit, noise: str) -> Iterator[ProposedMeasurement]:
@@ -235,17 +252,17 @@ def _expected(answers: Sequence[tuple[Question, float]], stage: Stage, dependenc
             parts.append(
                 f"shows whether {question.name}, which no cause explains, recurs with the position or with the time "
                 f"(power {_chance(power)}): a recurring error can be predicted, and the residual falls from {rms:.2f} "
-                f"to {left:.2f} um RMS"
+                f"to {left:.2f} {stage.fit.measurement.unit} RMS"
             )
     parts += [f"separates {q.name} from {q.other} (power {_chance(power)})" for q, power in answers if q.kind == "tied"]
     parts += [f"confirms {q.name} (power {_chance(power)})" for q, power in answers if q.kind == "weak"]
     return "; ".join(parts)
 
 
-def _unanswered(question: Question, effects: Sequence[Effect], best: tuple[float, str] | None) -> str:
+def _unanswered(question: Question, effects: Sequence[Effect], best: _Best | None) -> str:
     """The result for a question that no design answers, as text.
 
-    best: largest power of a design, and its name; None without designs.
+    best: the design with the largest power; None without designs.
     """
     does = {
         "unexplained": f"shows whether {question.name} recurs with the position or with the time",
@@ -253,8 +270,8 @@ def _unanswered(question: Question, effects: Sequence[Effect], best: tuple[float
         "weak": f"confirms {question.name}",
     }[question.kind]
     text = f"No proposed measurement {does}"
-    if best is not None and best[0] > 0.0:
-        return f"{text}: the best one, '{best[1]}', would do so with a power of {best[0]:.2f} only."
+    if best is not None and best.power > 0.0:
+        return f"{text}: the best one, '{best.name}', would do so with a power of {best.power:.{DIGITS}f} only."
     if question.kind == "unexplained":
         return f"{text}. Measure the same positions again in another order."
     if best is not None and question.kind == "tied":
@@ -262,8 +279,7 @@ def _unanswered(question: Question, effects: Sequence[Effect], best: tuple[float
         alike = (one.ACTS_ON == "instrument", one.REMEDY) == (other.ACTS_ON == "instrument", other.REMEDY)
         same = " The remedy is the same for both." if alike else ""
         return f"{text}: in each of them one can have the same signal as the other.{same}"
-    remedy = REMEDIES.get(contract_kind(effects[question.signals[-1].cause]), "other positions")
-    return f"{text}. It may need {remedy}."
+    return f"{text}. It may need {effects[question.signals[-1].cause].SHOWN_BY}."
 
 
 def _chance(power: float) -> str:

@@ -98,7 +98,7 @@ def without_support(stage: Stage, fair: Stage, dependence: Unexplained) -> list[
         without = fair.without(i)
         score = each.score if fair.linearised is stage.linearised else evaluate(without, [each.candidate])[0].score
         own, alone = -0.5 * score.delta_bic, log_odds_of_function(without, dependence, whole=whole)
-        named = not isinstance(each.candidate.effect, Unnamed)
+        named = each.candidate.effect.NAMES_CAUSE
         imitated = own + together - alone < EVIDENCE and own < MOST * alone
         part = own < together or share_of_excess(without, fair.linearised) < CLEARLY
         depends = not _variables(each.candidate).isdisjoint(dependence.variables)

@@ -16,7 +16,6 @@ from calibration.diagnosis.residual.unexplained import of_machine
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Accepted, Stage
-from calibration.observation.full_model import moving_axes
 from kinematics.effects import Backlash, Cyclic, Hysteresis, LateralPlay, QuantisedCompensation, ReversalSpike
 from kinematics.transforms import Array
 
@@ -51,7 +50,7 @@ def modulated(stage: Stage) -> list[Modulated]:
         if even.linearised is not stage.linearised:
             score = evaluate(even.without(i), [each.candidate])[0].score
         columns = even.linearised.columns(effect)
-        for axis in moving_axes(even.linearised.measurement):
+        for axis in even.linearised.measurement.moving:
             if axis == effect.axis:
                 continue
             more = even.linearised.projected(_times_polynomial(even.linearised, columns, axis))
@@ -86,7 +85,7 @@ def _with_modulation(linearised: LinearisedFit, found: Modulated) -> Array:
 
 def _times_polynomial(linearised: LinearisedFit, columns: Array, axis: str) -> Array:
     """White columns `(N, k)` multiplied by polynomials, without the constant, of the position of an axis."""
-    low, high = moving_axes(linearised.measurement)[axis]
+    low, high = linearised.measurement.moving[axis]
     values = legendre.legvander(2.0 * (linearised.positions(axis) - low) / (high - low) - 1.0, DEGREE)[:, 1:]
     by_row = columns.reshape(len(values), -1, columns.shape[1])
     return np.asarray((by_row[:, :, :, None] * values[:, None, None, :]).reshape(len(columns), -1))

@@ -17,9 +17,8 @@ from calibration.diagnosis.residual.dependence import EVIDENCE, LENGTHS, READING
 from calibration.diagnosis.residual.unnamed import MOST_TERMS, ROWS_PER_TERM, evidence, terms_of
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.row_sensitivity import RowSensitivity
-from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
-from kinematics.effects.instrument import beam
+from kinematics.effects.combined.where import beam
 from kinematics.transforms import Array
 
 SETS = (READINGS[:2], READINGS[::2], READINGS)
@@ -54,7 +53,7 @@ def readings(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
 
     The azimuth counts from its mean direction.
     """
-    if not isinstance(measurement.instrument, LaserTracker) or measurement.state.observed is None:
+    if not measurement.instrument.BY_BEAM or measurement.state.observed is None:
         return {}
     points = measurement.state.observed[rows]
     azimuth, elevation = beam(points).angles.T

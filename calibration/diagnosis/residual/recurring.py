@@ -17,7 +17,6 @@ from calibration.diagnosis.residual.unnamed import evidence
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
 from calibration.diagnosis.search.stage import Accepted, Stage
-from calibration.observation.full_model import moving_axes
 from kinematics.effects import Component, LocationJump, StationShift
 from kinematics.effects.base import unit_of
 
@@ -36,7 +35,7 @@ def recurring(stage: Stage) -> list[Accepted]:
             continue
         without = even.without(i)
         own = by_evidence(without, each.candidate)
-        motions = product(moving_axes(stage.fit.measurement), get_args(Component))
+        motions = product(stage.fit.measurement.moving, get_args(Component))
         if any(own - _added(without, even.linearised, *motion) < EVIDENCE for motion in motions):
             found.append(each)
     return found

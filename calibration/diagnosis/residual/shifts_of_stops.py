@@ -11,7 +11,6 @@ import numpy as np
 
 from calibration.diagnosis.residual.dependence import Unexplained, explaining_variables
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.observation.stops_and_lines import stops
 from kinematics.state import TIME
 from kinematics.transforms import Array
 
@@ -30,7 +29,7 @@ def function_of_stops(linearised: LinearisedFit, variables: dict[str, Array]) ->
     noise = linearised.measurement.noise
     if noise is None or not noise.non_repeatability or linearised.measurement.components < 3:
         return None
-    _, first, stop = np.unique(stops(linearised.measurement)[linearised.rows], return_index=True, return_inverse=True)
+    _, first, stop = np.unique(linearised.measurement.stops[linearised.rows], return_index=True, return_inverse=True)
     arms, shifts = _shifts(linearised, stop)
     at_stops = {name: values[first] for name, values in variables.items()}
     found = explaining_variables(shifts, at_stops, np.random.default_rng(SEED), short=TIME)

@@ -28,7 +28,6 @@ from calibration.diagnosis.search.shapes.proposed_shapes import (
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.fit.linear import pseudo_inverse
-from calibration.observation.full_model import moving_axes
 from kinematics.effects import Component, Cyclic, QuantisedCompensation
 from kinematics.effects.base import own_component, unit_of
 from kinematics.transforms import Array
@@ -134,7 +133,7 @@ def _rivals(without: LinearisedFit, beside: LinearisedFit, effect: Repeating) ->
     waves = [Cyclic(component, effect.axis, float(1.0 / each), (0.0,), (0.0,)) for each in best]
     tried = {_period(each): each for each in (*waves, *_steps(without, effect.axis, component))}
     likely = {period: _delta_bic(sensitivity, each) for period, each in tried.items()}
-    travel = float(np.ptp(moving_axes(without.measurement)[effect.axis]))
+    travel = float(np.ptp(without.measurement.moving[effect.axis]))
     return [
         period
         for period in sorted(likely, key=lambda period: likely[period])

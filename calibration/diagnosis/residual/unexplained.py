@@ -37,10 +37,9 @@ from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Score
 from calibration.diagnosis.search.stage import Accepted, Stage
-from calibration.measurement.instruments import LaserTracker, TouchProbe
+from calibration.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import carried
-from calibration.observation.full_model import moving_axes
+from calibration.registration.observed_points import carried
 from kinematics.effects import AngleStep
 from kinematics.state import TIME
 from kinematics.transforms import Array
@@ -64,7 +63,7 @@ def tests(linearised: LinearisedFit) -> list[Test]:
     """Tests whether the residuals of a linearised fit are white; the parameters fitted to them are accounted for."""
     measurement, rows = linearised.measurement, linearised.rows
     state, machine = measurement.state, measurement.machine
-    moving = list(moving_axes(measurement))
+    moving = list(measurement.moving)
     where = {axis: state.position(machine, axis)[rows] for axis in moving}
     side = {} if state.approach is None else {axis: state.approach[rows, machine.index(axis)] for axis in moving}
     columns = Columns(
@@ -81,7 +80,7 @@ def tests(linearised: LinearisedFit) -> list[Test]:
 def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
     """Variables `(n,)` that residuals may depend on and that vary: axes, time, temperatures, feed, directions."""
     state, machine = measurement.state, measurement.machine
-    moving = list(moving_axes(measurement))
+    moving = list(measurement.moving)
     found = {axis: state.position(machine, axis)[rows] for axis in moving}
     if state.time is not None:
         found["time"] = state.time[rows]
@@ -293,7 +292,7 @@ def _numbers(stage: Stage, causes: Sequence[Accepted]) -> list[int]:
 
 
 def _jumps(accepted: Accepted) -> bool:
-    return getattr(accepted.candidate.effect, "since_s", None) is not None
+    return accepted.candidate.effect.moment is not None
 
 
 def _likelier_with(stage: Stage, numbers: Sequence[int], dependence: Unexplained) -> bool:
@@ -419,7 +418,7 @@ def shared_squares(linearised: LinearisedFit, dependence: Unexplained) -> Array:
     A tracker makes the function as uncertain across the beam as a reading: its own square would be that uncertainty.
     """
     both = [linearised.in_lengths(linearised.residual), in_lengths(linearised, dependence)]
-    if isinstance(linearised.measurement.instrument, LaserTracker):
+    if linearised.measurement.instrument.BY_BEAM:
         turns = linearised.fit.registration.rotations(linearised.measurement.rows(linearised.rows))
         both = [np.einsum("nji,nj->ni", turns, lengths) for lengths in both]
     shared = np.prod(both, axis=0) * linearised.measurement.per_micro[linearised.rows] ** 2
@@ -438,7 +437,7 @@ def of_machine(linearised: LinearisedFit, values: Array) -> Array:
 def _into_tool(linearised: LinearisedFit) -> Array | None:
     """Rotations `(n, 3, 3)` from observations to the tool; None without points or without moving rotary axes."""
     measurement = linearised.measurement
-    turning = [axis for axis in moving_axes(measurement) if axis[0] in "ABC"]
+    turning = [axis for axis in measurement.moving if axis[0] in "ABC"]
     if not turning or not isinstance(measurement.instrument, LaserTracker | TouchProbe):
         return None
     some = measurement.rows(linearised.rows)

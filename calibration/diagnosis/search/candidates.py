@@ -20,16 +20,11 @@ from calibration.measurement.measurement import Measurement
 from kinematics.basis import Interval, Legendre
 from kinematics.effects import (
     Component,
-    ControlTable,
-    DriftWithSensor,
     Effect,
-    ErrorMotion,
     LocationError,
     Racking,
     Reversal,
     Scale,
-    ThermalDrift,
-    Unnamed,
     Wobble,
 )
 from kinematics.effects.base import own_component
@@ -38,26 +33,9 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.machine import split_chain
 from kinematics.transforms import Array
 
-KINDS = {
-    "thermal-drift-sensor": "thermal-drift",
-    "thermal-drift-workpiece": "thermal-drift",
-    "thermal-drift-workpiece-sensor": "thermal-drift",
-    "thermal-scale-sensor": "thermal-scale",
-    "thermal-scale-quadratic": "thermal-scale",
-    "thermal-distortion-sensor": "thermal-distortion",
-    "tracker-angle-step": "tracker-angle",
-}
-"""Kinds in the contract of the diagnosis where the table of effects has other names."""
 HIGHER_FREQUENCY, BACKLASH = "higher-frequency", "backlash"
 RARE = 3.0
 """Log odds of common causes against rare ones, before any data: 20 to 1."""
-RARE_KINDS = (
-    "settling", "first-cycle", "late-read-back", "tracker-drift", "reversal", "lateral-play", "hysteresis",
-    "reversal-spike", "servo-mismatch", "location-jump", "thermal-distortion", "thermal-distortion-sensor",
-    "thermal-scale-duty", "tracker-range-drift", "air-scale-drift", "racking", "wobble", "joint-compliance", "ram-sag",
-    "thermal-drift-workpiece", "thermal-drift-workpiece-sensor", "tracker-angle-step",
-)  # fmt: skip
-"""Kinds that also imitate a common cause: backlash, a thermal drift, a knock at the tracker, a change of geometry."""
 FEW = 3
 """Most parameters of a simple cause."""
 WOBBLES = (1, 2)
@@ -98,12 +76,13 @@ class Candidate:
     def rarity(self) -> float:
         """Log odds of a common cause against this one, before any data; a drift rather shifts than tilts."""
         tilt = contract_kind(self.effect) == "thermal-drift" and str(self.axis) in "ABC"
-        return RARE if tilt or self.effect.kind in RARE_KINDS else 0.0
+        return RARE if tilt or self.effect.RARE else 0.0
 
     @property
     def shifts_tool(self) -> bool:
         """True for a thermal drift of the tool along an axis: one direction of a vector."""
-        return isinstance(self.effect, (ThermalDrift, DriftWithSensor)) and self.effect.component in "XYZ"
+        effect = self.effect
+        return contract_kind(effect) == "thermal-drift" and effect.ACTS_ON == "tool" and not effect.angular
 
     @property
     def unit(self) -> Array:
@@ -126,7 +105,7 @@ class Candidate:
         fields = (
             getattr(self.effect, field, None) for field in ("component", "other", "degree", "motion", "side", "over")
         )
-        moment = None if getattr(self.effect, "since_s", None) is None else "since"
+        moment = None if self.effect.moment is None else "since"
         return self.kind, self.axis, "".join(str(field) for field in (*fields, moment) if field is not None) or None
 
     @property
@@ -145,7 +124,7 @@ class Untested:
 
 def contract_kind(effect: Effect) -> str:
     """The kind of an effect in a diagnosis (contract 4.3)."""
-    return KINDS.get(effect.kind, effect.kind)
+    return effect.DIAGNOSED_AS or effect.kind
 
 
 def where(effect: Effect) -> str | None:
@@ -183,7 +162,7 @@ def changes(model: ErrorModel) -> Iterator[Candidate]:
     Scales, location errors, wobble and racking, which a first calibration contains as error motions; and a change of
     each other effect that the calibration has, at zero.
     """
-    axes = {effect.axis: effect for effect in model.effects if isinstance(effect, ErrorMotion)}
+    axes = {motion.axis: motion for motion, _ in model.error_motions}
     for axis in axes:
         rotary = axis[0] in "ABC"
         own = along_own_line(axis) if rotary else "XYZ" + _about(axis)
@@ -191,10 +170,8 @@ def changes(model: ErrorModel) -> Iterator[Candidate]:
         yield from (Candidate(line) for line in lines if line.name not in SQUARE_BY_DATUM)
         yield from _wobbles(axis) if rotary else [Candidate(Scale(axis, 0.0))]
     for effect in model.effects:
-        if (
-            not isinstance(effect, (ErrorMotion, LocationError, ControlTable, Unnamed))
-            and effect.ACTS_ON != "instrument"
-        ):
+        of_its_own = effect.NAMES_CAUSE and not (effect.OF_ISO_230 or effect.OF_SEVERAL_CLASSES)
+        if of_its_own and effect.ACTS_ON != "instrument":
             yield Candidate(at_zero(effect), changes=effect)
     yield from _racking(model, {axis: motion.basis.interval for axis, motion in axes.items()})
 

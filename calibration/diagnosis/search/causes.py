@@ -11,13 +11,15 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations, permutations
 from typing import Any, NamedTuple, cast, get_args
 
+import msgspec
 import numpy as np
 
-from calibration.measurement.instruments import Ballbar, LaserTracker, Part, TouchProbe
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import is_log, moving_axes, observed_components
-from kinematics.basis import Interval, Legendre
+from calibration.observation.full_model import is_log, observed_components
+from calibration.observation.mean_lines import arms_of, point_of
+from kinematics.basis import Legendre
 from kinematics.effects import (
+    EFFECTS,
     AirDrift,
     AirScale,
     AngleHarmonic,
@@ -42,6 +44,7 @@ from kinematics.effects import (
     LocationJump,
     MeasuringMachineScale,
     MeasuringMachineSquareness,
+    ProbeLobing,
     QuadraticGrowth,
     RamSag,
     RangeDrift,
@@ -58,9 +61,9 @@ from kinematics.effects import (
     WorkpieceDriftWithSensor,
 )
 from kinematics.effects.base import own_component
+from kinematics.effects.combined.where import Direction
 from kinematics.effects.friction import way_since_reversal
-from kinematics.effects.instrument import CIRCLES
-from kinematics.effects.thermal import Direction
+from kinematics.effects.tracker import CIRCLES
 from kinematics.forward import forward
 from kinematics.state import State
 
@@ -97,23 +100,26 @@ class Cause(NamedTuple):
 
 def causes(measurement: Measurement) -> Iterator[Cause]:
     """The causes that are tried on a measurement; some need columns that it lacks."""
-    axes = moving_axes(measurement)
-    for axis, interval in axes.items():
-        yield from _of_drive(measurement, axis, interval)
-    yield from _thermal(measurement, axes)
+    for axis in measurement.moving:
+        yield from _of_drive(measurement, axis)
+    yield from _thermal(measurement)
     if measurement.axis is None:
-        yield from _crossed(axes)
-        yield from _loads(measurement, list(axes))
-        if not isinstance(measurement.instrument, Part):
-            yield from _distortions(measurement, axes)
-    if isinstance(measurement.instrument, LaserTracker):
+        yield from _crossed(measurement)
+        yield from _loads(measurement)
+        if measurement.instrument.CLOCK_OF_MACHINE:
+            yield from _distortions(measurement)
+    if measurement.instrument.BY_BEAM:
         yield from _of_tracker(measurement)
-    if isinstance(measurement.instrument, Part):
+    if measurement.instrument.OWN_TIP and any(_in_head(measurement, axis) for axis in measurement.moving):
+        yield Cause(ProbeLobing(cosine_um=0.0, sine_um=0.0))
+    if not measurement.instrument.CLOCK_OF_MACHINE:
         yield from _of_measuring_machine(measurement)
     if given(measurement.state, "velocity"):
         yield Cause(LateReadBack(lag_ms=0.0))
-        for one, other in combinations([axis for axis in axes if axis[0] not in "ABC"], 2):
+        for one, other in combinations([axis for axis in measurement.moving if axis[0] not in "ABC"], 2):
             yield Cause(ServoMismatch(axis=one, other=other, lag_ms=0.0))
+    for kind in EFFECTS:
+        yield from map(Cause, kind.candidates(measurement.moving))
 
 
 def jumps(measurement: Measurement) -> Iterator[Effect]:
@@ -124,9 +130,9 @@ def jumps(measurement: Measurement) -> Iterator[Effect]:
     the stations of a tracker: a knock would be blamed on the machine.
     """
     state, start = measurement.state, -np.inf
-    if state.time is None or isinstance(measurement.instrument, Part):
+    if state.time is None or not measurement.instrument.CLOCK_OF_MACHINE:
         return
-    if isinstance(measurement.instrument, LaserTracker | TouchProbe):
+    if measurement.instrument.MAY_BE_KNOCKED:
         if state.station is None:
             return
         for station in np.unique(state.station).tolist():
@@ -134,7 +140,7 @@ def jumps(measurement: Measurement) -> Iterator[Effect]:
         for name, target in measurement.targets.items():
             if target.carrier == "tool":
                 yield TargetOffset(target=name, offset_um=(0.0, 0.0, 0.0), since_s=start)
-    for axis in moving_axes(measurement):
+    for axis in measurement.moving:
         yield LocationJump(own_component(axis), axis, 0.0, start)
         if measurement.axis is None:
             for component in _lateral(axis, "XYZ" if axis[0] in "ABC" else "ABC"):
@@ -143,7 +149,7 @@ def jumps(measurement: Measurement) -> Iterator[Effect]:
 
 def angle_steps(measurement: Measurement) -> Iterator[AngleStep]:
     """Steps of the angles that a tracker reads, over one of its circles; the angle is to be searched for."""
-    if isinstance(measurement.instrument, LaserTracker):
+    if measurement.instrument.BY_BEAM:
         yield from (AngleStep(circle, over, 0.0, 0.0) for circle in CIRCLES for over in CIRCLES)
 
 
@@ -163,15 +169,21 @@ def _lateral(axis: str, letters: str) -> list[Component]:
     return [cast(Component, letter) for k, letter in enumerate(letters) if k != own]
 
 
+def _in_head(measurement: Measurement, axis: str) -> bool:
+    """True for a rotary axis that carries the tool."""
+    own = measurement.machine.axes[measurement.machine.index(axis)]
+    return own.rotary and own.side == "tool"
+
+
 def _roll(axis: str) -> Component:
     return cast(Component, "ABC"["XYZ".index(own_component(axis))])
 
 
-def _of_drive(measurement: Measurement, axis: str, interval: Interval) -> Iterator[Cause]:
+def _of_drive(measurement: Measurement, axis: str) -> Iterator[Cause]:
     yield Cause(Backlash(axis=axis, width=0.0))
     if not is_log(measurement, axis):  # the moves between rows of a log are no moves of the machine
         yield Cause(Settling(axis=axis, share_ppm=0.0))
-    if not isinstance(measurement.instrument, Ballbar):  # the lag of all axes lies along a circle: see ServoMismatch
+    if measurement.instrument.OBSERVES != "distance":  # the lag of all axes lies along a circle: see ServoMismatch
         yield Cause(FollowingError(axis=axis, lag_ms=0.0))
     own = own_component(axis)
     if measurement.state.cycle is not None:
@@ -180,13 +192,14 @@ def _of_drive(measurement: Measurement, axis: str, interval: Interval) -> Iterat
         return
     yield Cause(Backlash(axis=axis, width=0.0, windup=0.0))
     if measurement.axis is None:  # for an interferometer a shape is proposed
-        yield Cause(Reversal(own, axis, Legendre(interval, REVERSAL_DEGREE), (0.0,) * (REVERSAL_DEGREE + 1)))
+        basis = Legendre(measurement.moving[axis], REVERSAL_DEGREE)
+        yield Cause(Reversal(own, axis, basis, (0.0,) * (REVERSAL_DEGREE + 1)))
     seen = get_args(Component) if measurement.axis is None else observed_components(measurement, axis)
     yield from (Cause(LateralPlay(component, axis, 0.0)) for component in seen if component != own)
     ways = way_since_reversal(measurement.machine, measurement.state, axis, "a hysteresis")
     ways = ways[np.isfinite(ways) & (ways > 0.0)]
     lengths = np.unique(np.round(np.quantile(ways, LENGTHS), 3)).tolist() if len(ways) else []
-    if isinstance(measurement.instrument, Ballbar) and len(ways):
+    if measurement.instrument.OBSERVES == "distance" and len(ways):
         lengths = [*ON_CIRCLES_MM, *lengths]
     for length in lengths:
         if length > 0.0:
@@ -194,18 +207,18 @@ def _of_drive(measurement: Measurement, axis: str, interval: Interval) -> Iterat
             yield Cause(ReversalSpike(axis, 0.0, length), 1, 1.0 + PER_SHAPE)
 
 
-def _thermal(measurement: Measurement, axes: dict[str, Interval]) -> Iterator[Cause]:
+def _thermal(measurement: Measurement) -> Iterator[Cause]:
     """Drift and growth with time and with temperatures.
 
     None with the time of a part: that is the measuring machine's, and the machine tool's at its cuts is unknown.
     """
-    state, of_machine = measurement.state, not isinstance(measurement.instrument, Part)
+    state, of_machine = measurement.state, measurement.instrument.CLOCK_OF_MACHINE
     span = float(np.ptp(state.time)) if state.time is not None else 0.0
     courses: list[dict[str, Any]] = [{"rate": 0.0}]
     courses += [{"amplitudes": (0.0,), "time_constants_s": (max(share * span, 1.0),)} for share in TIME_CONSTANTS]
     courses = courses if of_machine else []
-    linear = [axis for axis in axes if axis[0] not in "ABC"]
-    along = {own_component(axis) for axis in axes}
+    linear = [axis for axis in measurement.moving if axis[0] not in "ABC"]
+    along = {own_component(axis) for axis in measurement.moving}
     if measurement.component is not None:
         along |= {cast(Component, str(letter)) for letter in np.unique(measurement.component) if letter}
     components = [c for c in get_args(Component) if measurement.axis is None or c in along]
@@ -260,10 +273,10 @@ def _warming(state: State, least: float) -> list[str]:
     return [name for name, kelvin in state.temperatures.items() if np.ptp(kelvin) > least]
 
 
-def _distortions(measurement: Measurement, axes: dict[str, Interval]) -> Iterator[Cause]:
+def _distortions(measurement: Measurement) -> Iterator[Cause]:
     """Squareness, bow and roll of linear axes, and the line of rotary ones, with time and with temperatures."""
     sensors = _warming(measurement.state, WARMER)
-    for axis, interval in axes.items():
+    for axis, interval in measurement.moving.items():
         if axis[0] in "ABC":
             shapes = [(component, 0) for letters in ("XYZ", "ABC") for component in _lateral(axis, letters)]
         else:
@@ -277,30 +290,33 @@ def _distortions(measurement: Measurement, axes: dict[str, Interval]) -> Iterato
                 yield Cause(DistortionWithSensor(**where, sensor=sensor, coefficient=0.0))
 
 
-def _crossed(axes: dict[str, Interval]) -> Iterator[Cause]:
+def _crossed(measurement: Measurement) -> Iterator[Cause]:
+    """Errors of an axis that depend on another axis; turns of linear axes about the centre of the measured points."""
     count = (OWN_DEGREE + 1) * OTHER_DEGREE
-    for axis, other in permutations(axes, 2):
+    centres = {axis: point_of(arms) for axis, arms in arms_of(measurement).items()}
+    for axis, other in permutations(measurement.moving, 2):
         for component in get_args(Component):
             yield Cause(
                 CrossAxis(
                     component=component,
                     axis=axis,
                     other=other,
-                    own_interval=axes[axis],
-                    other_interval=axes[other],
+                    own_interval=measurement.moving[axis],
+                    other_interval=measurement.moving[other],
                     own_degree=OWN_DEGREE,
                     other_degree=OTHER_DEGREE,
                     coefficients=(0.0,) * count,
+                    about=centres.get(axis, msgspec.UNSET) if component in "ABC" else msgspec.UNSET,
                 )
             )
 
 
-def _loads(measurement: Measurement, moving: list[str]) -> Iterator[Cause]:
+def _loads(measurement: Measurement) -> Iterator[Cause]:
     """Compliance of rotary axes of the head whose load does not follow from their own angle alone; sag of double rams.
 
     The lever of the tool changes if an axis behind it moves, or the direction of gravity if one before it tilts it.
     """
-    machine = measurement.machine
+    machine, moving = measurement.machine, measurement.moving
     head = [axis for axis in machine.axes if axis.side == "tool"]
     for i, axis in enumerate(head):
         horizontal = abs(axis.unit_direction[2]) < 0.99
@@ -312,7 +328,7 @@ def _loads(measurement: Measurement, moving: list[str]) -> Iterator[Cause]:
         for other in head[:i] if not axis.rotary else []:
             parallel = float(other.unit_direction @ axis.unit_direction)
             if not other.rotary and other.name in moving and abs(parallel) > 0.99:
-                low, _ = moving_axes(measurement)[axis.name]
+                low, _ = moving[axis.name]
                 yield Cause(RamSag(axis.name, 0.0, low, 1, other.name))
 
 

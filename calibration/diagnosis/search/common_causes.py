@@ -55,7 +55,7 @@ def knocked(selector: Selector, stage: Stage) -> Stage:
     first, without = stage.accepted[jumping[0]].candidate, stage.without(*jumping)
     others = [each for i, each in enumerate(stage.accepted) if i not in jumping]
     known = {each.candidate.cause for each in others}
-    since = getattr(first.effect, "since_s", None)
+    since = first.effect.moment
     for knock in jumps(selector.measurement):
         if not isinstance(knock, StationShift):
             continue

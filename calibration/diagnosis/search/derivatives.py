@@ -11,14 +11,15 @@ import numpy as np
 from calibration.fit.fit import Fit
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.registration import Registration
-from calibration.observation import equations
+from calibration.registration.registration import Registration
 from kinematics.effects import Effect
 from kinematics.error_model.effect_sums import Design
 from kinematics.transforms import Array
 
 TOGETHER = 16
 """Effects whose columns are computed at once."""
+NO_SIGNAL = 1e-12
+"""Sum of squares below which a column of typical size, in standard deviations of the noise, is rounding alone."""
 
 
 class Derivatives(NamedTuple):
@@ -42,8 +43,8 @@ def derivatives(
 ) -> Derivatives:
     """White derivatives by registration and model of a fit, at rows of its data or others; `white` `(n, d, d)`."""
     some = measurement.rows(rows)
-    transform = white @ equations.transform(some, registration)
-    own = white @ equations.registration_design(some, registration)
+    transform = white @ some.instrument.transform(some, registration)
+    own = white @ some.instrument.registration_design(some, registration)
     effects, machine, state = fit.model.effects, measurement.machine, measurement.state
     of_model = Design(effects, machine, state, with_instrument=True).of(rows, transform)
     n = len(rows) * some.components
@@ -84,7 +85,7 @@ class Signals:
         return self.decorrelation.apply(columns.reshape(len(self.rows), -1, columns.shape[1])).reshape(columns.shape)
 
     def changing(self, effects: Sequence[Effect]) -> Array:
-        """Columns `(N, k)` of effects, less their values at the mean time and temperatures."""
+        """Columns `(N, k)` of effects, less their values at the mean time and temperatures; 0 without a signal."""
         columns = self.of(effects)
         moving = [bool({"time", "temperatures"} & set(effect.needs)) for effect in effects]
         some = [effect for effect, moves in zip(effects, moving, strict=True) if moves]
@@ -99,6 +100,7 @@ class Signals:
             )
             steady = self.of(some, replace(self.measurement, state=mean))
             columns[:, np.repeat(moving, widths(effects))] -= steady
+        columns[:, np.einsum("ij,ij->j", columns, columns) < NO_SIGNAL] = 0.0
         return columns
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from calibration.fit.fit import Fit
-from calibration.observation.stops_and_lines import stops, whole_stops
+from calibration.observation.stops_and_lines import whole_stops
 
 ROWS, LEAST_ROWS = 5000, 1500
 """Largest number of rows, evenly spread, on which candidates are evaluated, for few and for many parameters.
@@ -25,7 +25,7 @@ def evaluated_rows(fit: Fit) -> np.ndarray:
     lost = ~fit.kept & (fit.residual_um > LOST)
     rows = np.flatnonzero(~fit.copies & ~lost & ~np.isin(measurement.groups, _astray(fit)))
     most = _most_rows(fit)
-    return rows if len(rows) <= most else rows[whole_stops(stops(measurement)[rows], most)]
+    return rows if len(rows) <= most else rows[whole_stops(measurement.stops[rows], most)]
 
 
 def _most_rows(fit: Fit) -> int:

@@ -26,9 +26,9 @@ from calibration.fit.linear import Posterior
 from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
 from calibration.observation.correlation import correlation_length, lines_of
-from calibration.observation.normal_equations import whitened, whiteners
+from calibration.observation.normal_equations import decorrelation_of, whitened, whiteners
 from calibration.observation.outliers import huber_weights, robust_factor
-from calibration.observation.stops_and_lines import held_out_blocks, lines_or_positions, stops, whole_stops
+from calibration.observation.stops_and_lines import held_out_blocks, lines_or_positions, whole_stops
 from kinematics.effects import Effect
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -89,11 +89,11 @@ class LinearisedFit:
         weights = huber_weights(
             distances,
             components,
-            robust_factor(distances, components, effective_parameters, fit.variance_factor, stops(measurement)[rows]),
+            robust_factor(distances, components, effective_parameters, fit.variance_factor, measurement.stops[rows]),
         )
         # the square of an outlier is bounded, so that no cause is found in a few of them
         weights = np.where(fit.kept[rows], weights, weights**2)
-        decorrelation = Decorrelation.of(some.noise, white, weights)
+        decorrelation = decorrelation_of(some, weights)
         white = white * np.sqrt(weights / fit.variance_factor)[:, None, None]
         parts = derivatives(fit, measurement, rows, fit.registration, white, decorrelation)
         length = np.linalg.norm(parts.own, axis=0)
@@ -170,7 +170,7 @@ class LinearisedFit:
         """The linearised fit of at most so many of its rows: whole stops, evenly spread."""
         if len(self.rows) <= most:
             return self
-        return self.of_rows(whole_stops(stops(self.measurement)[self.rows], most))
+        return self.of_rows(whole_stops(self.measurement.stops[self.rows], most))
 
     def of_rows(self, kept: np.ndarray) -> LinearisedFit:
         """The linearised fit of some of its rows, given by their indices `(k,)` in order."""
@@ -181,7 +181,7 @@ class LinearisedFit:
             self,
             rows=self.rows[kept],
             white=self.white[kept],
-            decorrelation=Decorrelation.of(some.noise, whiteners(some), self.weights[kept]),
+            decorrelation=decorrelation_of(some, self.weights[kept]),
             transform=self.transform[kept],
             design=self.design[mine],
             residual=self.residual[mine],

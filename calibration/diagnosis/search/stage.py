@@ -23,7 +23,6 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Score
 from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import Fit
-from calibration.observation.stops_and_lines import stops
 from kinematics.transforms import Array
 
 WORSE = 1.02
@@ -126,7 +125,7 @@ class Stage(NamedTuple):
         """True where the BIC grows by more than `IRREPLACEABLE` without a cause of which others explain a share."""
         missing = own.score.gain * max(1.0 - explained, 0.0)
         # noise of one axis from stop to stop may take the place of the cause
-        count = len(np.unique(stops(self.linearised.measurement)[self.linearised.rows]))
+        count = len(np.unique(self.linearised.measurement.stops[self.linearised.rows]))
         spared = 2.0 * own.candidate.rarity + own.score.effective_parameters * float(np.log(self.linearised.scalars))
         return count * float(np.log1p(missing / count)) > spared + IRREPLACEABLE
 

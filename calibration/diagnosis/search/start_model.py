@@ -30,7 +30,8 @@ from calibration.fit.fit import Fit, fit
 from calibration.fit.noise import WithNoise
 from calibration.fit.problem import FIXED
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import TARGETS, is_log, moving_axes, priors, with_effects
+from calibration.observation.full_model import TARGETS, is_log, priors, with_effects
+from calibration.observation.mean_lines import arms_of, centred
 from calibration.observation.outliers import Variance
 from kinematics.basis import Legendre
 from kinematics.effects import (
@@ -38,9 +39,7 @@ from kinematics.effects import (
     Cyclic,
     Effect,
     ErrorMotion,
-    LocationError,
     QuantisedCompensation,
-    Scale,
     UnknownApproach,
 )
 from kinematics.error_model.model import ErrorModel
@@ -93,7 +92,7 @@ class Base:
     def lines(self) -> list[Effect]:
         """Scales and location errors that are free because they have changed since the calibration."""
         first = len(self.model.effects) if self.present is None else len(self.present.model.effects)
-        return [effect for effect in self.model.effects[first:] if isinstance(effect, (LocationError, Scale))]
+        return [effect for effect in self.model.effects[first:] if effect.OF_AXIS_LINE]
 
     @property
     def as_it_is(self) -> Base:
@@ -253,8 +252,8 @@ def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: 
     if calibration is None:
         return _automatic(measurement, (), (FINEST, np.inf), progress, {})
     machine_effects = calibration.part(lambda effect: effect.ACTS_ON != "instrument")
-    known = {effect.axis for effect in machine_effects.effects if isinstance(effect, ErrorMotion)}
-    unknown = [axis for axis in moving_axes(measurement) if axis not in known]
+    known = {motion.axis for motion, _ in machine_effects.error_motions}
+    unknown = [axis for axis in measurement.moving if axis not in known]
     if unknown:
         raise UserError(
             f"the calibration has no error motions of {', '.join(unknown)}, which moves in {measurement.source}: "
@@ -272,14 +271,14 @@ def _finest(measurement: Measurement, effects: Sequence[Effect]) -> int:
     least = coarse(measurement)
     if least != COARSE_OF_A_LOG:
         return FINEST
-    axes = moving_axes(measurement)
+    axes = measurement.moving
     waves = [np.ptp(axes[effect.axis]) / effect.period for effect in effects if isinstance(effect, Cyclic)]
     return int(np.clip(min(waves, default=least), least, FINEST))
 
 
 def coarse(measurement: Measurement) -> int:
     """Most parameters of a linear axis' error motion during the search for causes."""
-    return COARSE_OF_A_LOG if all(is_log(measurement, axis) for axis in moving_axes(measurement)) else COARSE
+    return COARSE_OF_A_LOG if all(is_log(measurement, axis) for axis in measurement.moving) else COARSE
 
 
 def _automatic(
@@ -329,7 +328,7 @@ def unknown_approaches(measurement: Measurement) -> list[Effect]:
     if state.approach is None or measurement.axis is not None:
         return []
     unknown = np.any(state.approach == 0.0, axis=0)
-    return [UnknownApproach(axis=axis, offset=0.0) for axis in moving_axes(measurement) if unknown[machine.index(axis)]]
+    return [UnknownApproach(axis=axis, offset=0.0) for axis in measurement.moving if unknown[machine.index(axis)]]
 
 
 def _refitted(calibration: ErrorModel, measurement: Measurement) -> Base:
@@ -337,9 +336,10 @@ def _refitted(calibration: ErrorModel, measurement: Measurement) -> Base:
 
     A curve between few positions has more parameters than there are positions: a spline with one for each replaces it.
     """
-    kept = [at_zero(effect) for effect in calibration.effects if not isinstance(effect, LocationError)]
+    kept = [at_zero(each) for each in calibration.effects if not (each.OF_ISO_230 and each.OF_AXIS_LINE)]
     zero = [as_table(effect, measurement) for effect in kept]
-    model = msgspec.structs.replace(calibration, effects=(*zero, *unknown_approaches(measurement)), covariance=None)
+    motions = centred(zero, arms_of(measurement))
+    model = msgspec.structs.replace(calibration, effects=(*motions, *unknown_approaches(measurement)), covariance=None)
     return Base(model, priors(model), "refitted", curves=zero != kept)
 
 
@@ -366,7 +366,7 @@ def _turns_of_targets(calibration: ErrorModel, measurement: Measurement) -> list
     if not carried or carried[-1][0] in "ABC" or sizes[0] < TOGETHER:
         return []
     unseen = "ABC"[int(np.abs(lines[0]).argmax())] if sizes[1] < TOGETHER else ""
-    motions = [each for each in calibration.effects if isinstance(each, ErrorMotion) and each.axis == carried[-1]]
+    motions = [motion for motion, _ in calibration.error_motions if motion.axis == carried[-1]]
     seen = [each for each in motions if each.component in "ABC" and each.component != unseen]
     return [ErrorMotion(each.component, each.axis, Legendre(each.basis.interval, 0), (0.0,), u=(0.0,)) for each in seen]
 
@@ -381,7 +381,7 @@ def _refined(present: Base, measurement: Measurement, effects: Sequence[Effect],
     common = [*changes(present.model), *library(measurement, present.model)[0]]
     known = {effect.name for effect in effects}
     free = [each.effect for each in common if each.simple and each.effect.name not in known]
-    axes = dict.fromkeys(effect.axis for effect in present.model.effects if isinstance(effect, ErrorMotion))
+    axes = dict.fromkeys(motion.axis for motion, _ in present.model.error_motions)
     generous = _with_added(present, measurement, dict.fromkeys(axes, GENEROUS))
     turns = _turns_of_targets(present.model, measurement)
     besides = [*effects, *turns, *free]
@@ -393,8 +393,7 @@ def _refined(present: Base, measurement: Measurement, effects: Sequence[Effect],
     lines = [
         at_zero(effect)
         for effect in found.model.effects[len(base.model.effects) + len(effects) + len(turns) :]
-        if isinstance(effect, (LocationError, Scale))
-        and effect.parameters[0] ** 2 > limit * effect.uncertainties[0] ** 2
+        if effect.OF_AXIS_LINE and effect.parameters[0] ** 2 > limit * effect.uncertainties[0] ** 2
     ]
     return _with_free(base, [*turns, *lines])
 

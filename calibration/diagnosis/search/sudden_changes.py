@@ -21,7 +21,6 @@ from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.equations import covariance
-from calibration.observation.stops_and_lines import stops
 from kinematics.effects import Effect, StationShift, TargetOffset
 
 LEAST, STOPS = 5, 3
@@ -89,7 +88,7 @@ def like_outliers(fit: Fit, rows: np.ndarray) -> Iterator[tuple[Effect, float]]:
 
 def _moments_beyond_outliers(fit: Fit, effect: Effect) -> Iterator[float]:
     """Moments of a jump beyond the outliers next to its own, before it and behind it; none for other effects."""
-    measurement, since = fit.measurement, getattr(effect, "since_s", None)
+    measurement, since = fit.measurement, effect.moment
     if since is None or measurement.state.time is None:
         return
     rows = np.flatnonzero(_acts_on(measurement, effect) & ~fit.copies)
@@ -125,7 +124,7 @@ def _likeliest(stage: Stage, measurement: Measurement) -> tuple[Evaluated, np.nd
     outlying[fit.outliers] = True
     if time is None or np.count_nonzero(outlying) < LEAST:
         return None
-    stop, moments, sequences = stops(measurement), set[float](), np.zeros(len(measurement), bool)
+    stop, moments, sequences = measurement.stops, set[float](), np.zeros(len(measurement), bool)
     for part in _parts(measurement):
         rows = np.flatnonzero(part & ~fit.copies)
         rows = rows[np.argsort(time[rows], kind="stable")]

@@ -18,9 +18,7 @@ from calibration.diagnosis.residual.unnamed import COMPONENTS, Direction
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.unseen.beside_function import BesideFunction
 from calibration.diagnosis.unseen.swing import MOST_TURNS, ROWS, ROWS_PER_TURN, STEP, Swinging, duration_of
-from calibration.observation.full_model import moving_axes
 from calibration.observation.normal_equations import whitened
-from calibration.observation.stops_and_lines import stops
 from kinematics.effects import UM
 from kinematics.state import TIME
 from kinematics.transforms import Array
@@ -76,7 +74,7 @@ def fast_swing(linearised: LinearisedFit, smooth: Unexplained | None) -> Unexpla
 def _likeliest(linearised: LinearisedFit, turns: Array) -> tuple[tuple[Direction, float], float]:
     """Direction and number of turns of the swing that explains most, and the chance of one where stops are permuted."""
     rng, n = np.random.default_rng(SEED), len(linearised.rows)
-    rows, stop = linearised.residual.reshape(n, -1), stops(linearised.measurement)[linearised.rows]
+    rows, stop = linearised.residual.reshape(n, -1), linearised.measurement.stops[linearised.rows]
     by_stop = np.split(np.arange(n), np.flatnonzero(np.diff(stop)) + 1)
     orders = (np.concatenate([by_stop[k] for k in rng.permutation(len(by_stop))]) for _ in range(PERMUTATIONS))
     tables = np.stack([rows, *(rows[order] for order in orders)], axis=2).reshape(rows.size, -1)
@@ -93,7 +91,7 @@ def _of_path(linearised: LinearisedFit, turns: Array, count: float) -> bool:
     """True where an axis repeats its path in time: so many turns may be waves along it as well."""
     time = linearised.state.need("time", "a swing")
     phase, one = 2.0 * np.pi * (time - time.min()) / duration_of(linearised), np.ones((len(time), 1, 1))
-    for axis in moving_axes(linearised.measurement):
+    for axis in linearised.measurement.moving:
         x = linearised.positions(axis)
         # an axis that rests at most stops is no wave of the time, however slowly it goes on
         tried = np.arange(1.0, turns[-1] + STEP, STEP) if np.mean(np.diff(x) != 0.0) > MOVES else turns
@@ -109,7 +107,7 @@ def _amplitudes(linearised: LinearisedFit) -> list[Array]:
     """White columns `(n, d, k)` of the tool in each direction: everywhere the same, and linear along each axis."""
     measurement = linearised.measurement
     linear = [np.ones(len(linearised.rows))]
-    for axis in moving_axes(measurement):
+    for axis in measurement.moving:
         x = linearised.positions(axis)
         linear.append((x - x.mean()) / max(float(np.ptp(x)), 1e-12))
     first = 6 * len(measurement.machine.axes)

@@ -19,8 +19,6 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.unseen.unseen_states import moments, squares_along
 from calibration.fit.curves.between_positions import FEW
 from calibration.fit.fit import Fit
-from calibration.observation.full_model import moving_axes
-from calibration.observation.stops_and_lines import stops
 from kinematics.basis import BSpline
 from kinematics.effects import UM, Cyclic
 from kinematics.effects.base import own_component, own_motion, unit_of
@@ -245,9 +243,9 @@ def squares_by_fine_errors(linearised: LinearisedFit) -> Array:
 def _visited(linearised: LinearisedFit) -> list[_Visited]:
     """The linear axes with positions that several stops share."""
     measurement = linearised.measurement
-    machine, stop = measurement.machine, stops(measurement)[linearised.rows]
+    machine, stop = measurement.machine, measurement.stops[linearised.rows]
     found = []
-    for axis in moving_axes(measurement):
+    for axis in measurement.moving:
         if axis[0] in "ABC" or measurement.axis is not None or measurement.across is not None:
             continue
         number = np.unique(np.round(linearised.positions(axis), DIGITS), return_inverse=True)[1].reshape(-1)

@@ -12,7 +12,7 @@ import numpy as np
 from calibration.diagnosis.residual.absorber import steps_of_walk, with_fair_noise, with_walk
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.unseen.unseen_states import moments
-from calibration.observation.full_model import ROTARY, moving_axes
+from calibration.observation.full_model import ROTARY
 from kinematics.effects import Unnamed
 from kinematics.error_model.model import no_errors
 from kinematics.state import TIME
@@ -25,7 +25,7 @@ def squares_by_walk(linearised: LinearisedFit) -> Array:
     Noise of the axes may hold the walk: it is estimated beside even noise, unless the stops shift independently. It is
     as large as it was in the measurement, counted from its start as the model is, with its uncertainty.
     """
-    turning = [axis for axis in moving_axes(linearised.measurement) if axis[0] in ROTARY]
+    turning = [axis for axis in linearised.measurement.moving if axis[0] in ROTARY]
     if not turning or linearised.measurement.components != 3 or linearised.state.time is None:
         return np.zeros(3)
     walked, squares = with_walk(with_fair_noise(linearised, with_walk)), np.zeros(3)

@@ -21,7 +21,6 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.unseen.beside_function import scaled
 from calibration.diagnosis.unseen.unseen_states import MOMENTS, POSES, Moment, moments
-from calibration.diagnosis.updated_model import lasting
 from calibration.diagnosis.verdict import tied_with
 from kinematics.effects import Backlash, Effect, unit_of
 from kinematics.transforms import Array
@@ -132,12 +131,12 @@ def _instead(stage: Stage, found: Forms) -> Iterator[_Possible]:
     own, others, without = found.own, found.others, found.without
     costs = np.array([own.cost, *(each.cost for each in others)])
     odds = np.exp(-0.5 * (costs - costs.min()))
-    instead = lasting(_of_size(own.candidate, own.size))
+    instead = _of_size(own.candidate, own.size).lasting()
     kept = np.delete(np.arange(len(stage.fit.model.parameters)), stage.fit.model.slices[stage.numbers[found.number]])
     for each, weight in zip(others, (odds[1:] / odds.sum()).tolist(), strict=True):
         moved = np.zeros(len(stage.fit.model.parameters))
         moved[kept] = _in_priors(without, each.signal - own.signal)
-        effect = lasting(_of_size(each.candidate, each.size))
+        effect = _of_size(each.candidate, each.size).lasting()
         yield _Possible(weight, effect, -scaled(stage.fit.prior, moved), instead)
 
 

@@ -12,6 +12,7 @@ from calibration.evaluation.volumetric import VolumetricError
 from kinematics.basis import Interval
 from kinematics.machine import Machine
 from kinematics.transforms import Array
+from rendering.shown import Shown
 
 Straightness = Literal["end-point", "least-squares"]
 
@@ -26,6 +27,11 @@ class Figure(NamedTuple):
     b: float
     U_a: float
     U_b: float
+
+    @property
+    def shown(self) -> str:
+        """Its name for people: the reversal value B of ISO 230-2 in words."""
+        return f"backlash {self.name.removeprefix('B ')} (B)" if self.name.startswith("B ") else self.name
 
     @property
     def U(self) -> float:
@@ -120,20 +126,30 @@ class Volume(NamedTuple):
         }
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Shown):
     """Result of the comparison."""
 
     machine: Machine
+    """The machine."""
     reference: Mapping[str, float]
     """Reference positions by axis, mm or degrees."""
     straightness: Straightness
+    """Reference line of the straightness."""
     motions: tuple[Motion, ...]
+    """Both curves of each error motion and their difference, um or urad, with U (k = 2)."""
     figures: tuple[Figure, ...]
     """Squareness, location errors of rotary axes, reversal."""
     volume: Volume
+    """Difference over the volume, um."""
     left_out: tuple[str, ...]
     """Effects that were not compared, each with the reason."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        aligned = self.volume.aligned
+        return f"{self.machine.name}, {aligned.rms:.3g} um RMS over the volume, at most {aligned.largest:.3g} um"
 
     def json(self) -> dict[str, Any]:
         """The comparison as JSON: U with k = 2; differences are B minus A."""

@@ -12,16 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import (
-    ROTARY,
-    TARGETS,
-    BasisChoice,
-    distinct_positions,
-    moving_axes,
-    repeated_targets,
-)
+from calibration.observation.full_model import ROTARY, TARGETS, BasisChoice, repeated_targets
 from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -139,13 +131,13 @@ class Search:
         if unknown:
             known = ", ".join(kind for kind, sizes in SIZES.items() if sizes)
             raise UserError(f"basis auto:{unknown[0]}: the kind is unknown; known kinds are ({known})")
-        most = {axis: distinct_positions(measurement, axis) for axis in moving_axes(measurement)}
+        most = {axis: measurement.distinct_positions[axis] for axis in measurement.moving}
         turning = "ABC" if measurement.axis is None else ""
         few = {axis: int(min(n, finest_turn if axis[0] in turning else finest)) for axis, n in most.items()}
         targets = {axis: len(repeated_targets(measurement, axis)) for axis in most}
         targets = {axis: number for axis, number in targets.items() if 0 < number <= AT_TARGETS * finest}
         kinds_of_axes = {axis[0] in ROTARY for axis in most}
-        apart = prior_scale is None and isinstance(measurement.instrument, TouchProbe) and len(kinds_of_axes) == 2
+        apart = prior_scale is None and measurement.instrument.OBSERVES == "offset" and len(kinds_of_axes) == 2
         return cls(kinds, rotary_kind, prior_scale, few, targets, apart)
 
     @property

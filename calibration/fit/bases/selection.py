@@ -18,20 +18,16 @@ from calibration.fit.bases.search import FINEST, ROTARY_KIND, SIZES, Choice, Sea
 from calibration.fit.fit import DOUBTFUL_P, Fit, fit
 from calibration.fit.linear import NormalBlocks, Part
 from calibration.fit.problem import solution
-from calibration.measurement.estimated_noise import Decorrelation
-from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
-from calibration.observation import equations
 from calibration.observation.full_model import (
     BasisChoice,
     axis_effects,
-    distinct_positions,
     least_priors,
     parse_basis,
     priors,
     with_effects,
 )
-from calibration.observation.normal_equations import NormalEquations, residuals, whitened, whiteners
+from calibration.observation.normal_equations import NormalEquations, decorrelation_of, residuals, whitened, whiteners
 from calibration.observation.products import Products, arm_products, between, factored
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, no_errors
@@ -66,7 +62,7 @@ def choose(
     fit finds outliers, registration and, where the specified uncertainties are too small (p < DOUBT), the size of the
     noise. Spheres are few rows, with which fine bases reach a row that is off: it is found by a coarse fit.
     """
-    if isinstance(measurement.instrument, TouchProbe):
+    if measurement.instrument.OBSERVES == "offset":
         measurement = measurement.rows(np.flatnonzero(coarse_fit(measurement, effects).kept))
     search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest, finest_turn)
     fine = {axis: BasisChoice("b-spline", max(2, min(FINE, number))) for axis, number in search.most.items()}
@@ -100,7 +96,7 @@ def finer(choice: Choice, measurement: Measurement, margin: int) -> Choice:
     """
     bases = dict(choice.bases)
     for axis, basis in choice.bases.items():
-        most = min(distinct_positions(measurement, axis), FINEST if axis[0] not in "ABC" else np.inf)
+        most = min(measurement.distinct_positions[axis], FINEST if axis[0] not in "ABC" else np.inf)
         sizes = [size for size in SIZES[basis.kind] if size > basis.size]
         few = [BasisChoice(basis.kind, s) for s in sizes if BasisChoice(basis.kind, s).over((0.0, 1.0)).size <= most]
         bases[axis] = few[:margin][-1] if few[:margin] else basis
@@ -124,10 +120,10 @@ class LinearEvidence:
         other_effects = sum(len(effect.parameters) for effect in effects)
         self._other_effects = first.model.parameters[len(first.prior) - other_effects :]
         self._white = whiteners(self._measurement) / np.sqrt(self._factor)
-        self._transform = self._white @ equations.transform(self._measurement, self._registration)
+        self._transform = self._white @ self._measurement.instrument.transform(self._measurement, self._registration)
         at_start = msgspec.structs.replace(no_errors(self._measurement.machine), effects=self._effects)
         left = residuals(self._measurement, at_start.with_parameters(self._other_effects), self._registration)
-        self._decorrelation = Decorrelation.of(self._measurement.noise, whiteners(self._measurement))
+        self._decorrelation = decorrelation_of(self._measurement)
         self._residual = self._decorrelation.apply(whitened(self._white, left))
         self._columns = cache(self._made)
         self._arms: dict[str, Array] = {}
@@ -191,7 +187,7 @@ class LinearEvidence:
     def _made(self, part: Part) -> Products:
         """Whitened derivatives by the parameters of a part."""
         if part == REGISTRATION:
-            design = equations.registration_design(self._measurement, self._registration)
+            design = self._measurement.instrument.registration_design(self._measurement, self._registration)
             return Products(self._white @ design).decorrelated(self._decorrelation)
         machine, state = self._measurement.machine, self._measurement.state
         made = factored(self._model(part), machine, state, self._transform).decorrelated(self._decorrelation)

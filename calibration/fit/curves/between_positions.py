@@ -16,7 +16,7 @@ Their shapes, in which errors are not linear, stay, and so do other error motion
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import count
@@ -32,11 +32,9 @@ from calibration.fit.curves.spline_of_process import cubic, following, root_of
 from calibration.fit.fit import Fit
 from calibration.fit.linear import pseudo_inverse
 from calibration.fit.problem import UNSEEN
-from calibration.measurement.estimated_noise import Decorrelation
-from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import ROTARY, least_priors
-from calibration.observation.normal_equations import assemble, whitened, whiteners
+from calibration.observation.normal_equations import assemble, decorrelation_of, whitened, whiteners
 from kinematics.basis import Basis, BSpline
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.effects.base import own_component
@@ -75,6 +73,11 @@ class BetweenPositions:
         """True where the uncertainty is worth a sentence."""
         return 2.0 * max(self.u_um or 0.0, self.u_urad or 0.0) >= NOTICED
 
+    def exceeds(self, residual: float, unit: str) -> bool:
+        """True where U (k=2) is larger than the RMS residual, um, or urad where `unit` is."""
+        u = self.u_urad if unit == "urad" else self.u_um
+        return 2.0 * (u or 0.0) > residual
+
     def json(self) -> dict[str, float | int | None]:
         """For programs."""
         return {"positions": self.positions, "u_um": self.u_um, "u_urad": self.u_urad}
@@ -111,7 +114,7 @@ def with_curves_between(found: Fit, information: Information | None = None) -> t
     axes = {axis: x for axis, x in axes.items() if len(x)}
     if not axes:
         return found, ()
-    open_lines = information is not None or isinstance(found.measurement.instrument, TouchProbe)
+    open_lines = information is not None or found.measurement.instrument.OBSERVES == "offset"
     values = _Values.of(found, axes, information or partial(_information, found), open_lines=open_lines)
     processes = values.processes()
     intervals = {axis: splines[axis][0].interval for axis in axes}
@@ -120,6 +123,11 @@ def with_curves_between(found: Fit, information: Information | None = None) -> t
         for axis, own in processes.items()
     }
     return values.with_curves(processes, bases), tuple(_between(axis, processes[axis]) for axis in few)
+
+
+def _motion_of(effect: Effect, axes: Container[str]) -> ErrorMotion | None:
+    """An effect that is an error motion of one of these axes; None for others."""
+    return effect if isinstance(effect, ErrorMotion) and effect.axis in axes else None
 
 
 def as_table(effect: Effect, measurement: Measurement) -> Effect:
@@ -145,9 +153,9 @@ def _splines(found: Fit) -> dict[str, list[BSpline]]:
     machine, bases = found.measurement.machine, dict[str, list[Basis]]()
     if found.measurement.across is not None:
         return {}
-    for effect in found.model.effects:
-        if isinstance(effect, ErrorMotion) and not machine.axes[machine.index(effect.axis)].turns_fully:
-            bases.setdefault(effect.axis, []).append(effect.basis)
+    for motion, _ in found.model.error_motions:
+        if not machine.axes[machine.index(motion.axis)].turns_fully:
+            bases.setdefault(motion.axis, []).append(motion.basis)
     splines = {axis: [basis for basis in own if isinstance(basis, BSpline)] for axis, own in bases.items()}
     return {axis: own for axis, own in splines.items() if len(own) == len(bases[axis])}
 
@@ -198,10 +206,10 @@ class _Values:
         priors: list[Array] = []
         for effect, part in zip(found.model.effects, found.model.slices, strict=True):
             own = np.where(np.isfinite(found.prior[part]), found.prior[part], UNLIMITED)
-            if isinstance(effect, ErrorMotion) and effect.axis in axes:
-                x = axes[effect.axis]
-                values = effect.basis.columns(x) @ np.array(effect.parameters)
-                effects.append(_motion(effect, BSpline(tuple(x.tolist()), 1), values))
+            if motion := _motion_of(effect, axes):
+                x = axes[motion.axis]
+                values = motion.basis.columns(x) @ np.array(motion.parameters)
+                effects.append(_motion(motion, BSpline(tuple(x.tolist()), 1), values))
                 priors.append(np.full(len(x), own.max()))
             else:
                 effects.append(effect)
@@ -240,7 +248,7 @@ class _Values:
 
     def _of_spheres(self, axis: str) -> bool:
         """True for a linear axis of which spheres leave some lines to the prior."""
-        return isinstance(self.found.measurement.instrument, TouchProbe) and axis[0] not in ROTARY
+        return self.found.measurement.instrument.OBSERVES == "offset" and axis[0] not in ROTARY
 
     def _typical_size(self, axis: str) -> float:
         """Size of the processes of an axis that is expected, um or urad."""
@@ -254,7 +262,7 @@ class _Values:
         free = {
             axis: (axis[0] not in ROTARY) & (least[self._rows(axis)][:: len(x)] == 0.0) for axis, x in self.axes.items()
         }
-        shares = OF_SPHERES if isinstance(self.found.measurement.instrument, TouchProbe) else BESIDE_FUNCTION
+        shares = OF_SPHERES if self.found.measurement.instrument.OBSERVES == "offset" else BESIDE_FUNCTION
         return line_shares(processes, free, self.information[np.ix_(rows, rows)], self._right[rows], shares)
 
     def with_curves(self, processes: Mapping[str, Processes], bases: Mapping[str, BSpline]) -> Fit:
@@ -264,11 +272,11 @@ class _Values:
         roots: list[Array] = []
         numbers = {axis: count() for axis in self.axes}
         for effect, part in zip(self.found.model.effects, self.parts, strict=True):
-            if isinstance(effect, ErrorMotion) and effect.axis in self.axes:
-                own, basis = processes[effect.axis], bases[effect.axis]
-                roots.append(root_of(own, next(numbers[effect.axis]), basis))
+            if motion := _motion_of(effect, self.axes):
+                own, basis = processes[motion.axis], bases[motion.axis]
+                roots.append(root_of(own, next(numbers[motion.axis]), basis))
                 reached.append(basis.columns(own.positions) @ roots[-1])
-                effects.append(_motion(effect, basis, np.zeros(basis.size)))
+                effects.append(_motion(motion, basis, np.zeros(basis.size)))
             else:
                 effects.append(effect)
                 roots.append(np.diag(self.prior[part]))
@@ -287,17 +295,17 @@ class _Values:
 
     def _moving(self, model: ErrorModel) -> np.ndarray:
         """Numbers of the parameters that are found again; shapes, and error motions without curves, stay."""
-        moving = [
-            np.array(effect.linear) & (not isinstance(effect, ErrorMotion) or effect.axis in self.axes)
-            for effect in model.effects
-        ]
-        return np.flatnonzero(np.concatenate(moving))
+        moving = np.concatenate([effect.linear for effect in model.effects])
+        for motion, part in model.error_motions:
+            if motion.axis not in self.axes:
+                moving[part] = False
+        return np.flatnonzero(moving)
 
     def _pulled(self, model: ErrorModel) -> Array:
         """Distances `(q,)` of the parameters of other effects from their priors, in units of these; 0 for curves."""
         pulled = np.zeros(len(model.parameters))
         for effect, own, part in zip(self.found.model.effects, self.found.model.slices, model.slices, strict=True):
-            if not (isinstance(effect, ErrorMotion) and effect.axis in self.axes):
+            if not _motion_of(effect, self.axes):
                 limited = np.isfinite(self.found.prior[own])
                 pulled[part] = np.where(limited, self.found.away[own], 0.0)
         return pulled
@@ -305,15 +313,13 @@ class _Values:
     def _rows(self, axis: str) -> np.ndarray:
         """Numbers of the values of the error motions of an axis."""
         own = zip(self.effects, self.parts, strict=True)
-        return np.concatenate(
-            [np.arange(p.start, p.stop) for effect, p in own if isinstance(effect, ErrorMotion) and effect.axis == axis]
-        )
+        return np.concatenate([np.arange(p.start, p.stop) for effect, p in own if _motion_of(effect, (axis,))])
 
     def _values(self, axis: str) -> Iterator[tuple[str, Array]]:
         """Class of each error motion of an axis, and its values at the positions."""
         for effect in self.effects:
-            if isinstance(effect, ErrorMotion) and effect.axis == axis:
-                yield _class_of(effect), np.array(effect.parameters)
+            if motion := _motion_of(effect, (axis,)):
+                yield _class_of(motion), np.array(motion.parameters)
 
     @cached_property
     def _right(self) -> Array:
@@ -348,7 +354,7 @@ def _information(found: Fit, model: ErrorModel) -> tuple[Array, Array]:
     measurement, registration = found.measurement, found.registration
     white = whiteners(measurement)
     weights = found.kept / (found.variance_factor * found.widening)
-    decorrelation = Decorrelation.of(measurement.noise, white, weights)
+    decorrelation = decorrelation_of(measurement, weights)
     root = np.sqrt(weights)
     residual = decorrelation.apply(whitened(white, found.residual) * root[:, None])
     normal = assemble(measurement, model, registration, white * root[:, None, None], residual, decorrelation)
@@ -363,7 +369,7 @@ def _information(found: Fit, model: ErrorModel) -> tuple[Array, Array]:
 
 
 def _motion(effect: ErrorMotion, basis: BSpline, values: Array) -> ErrorMotion:
-    return ErrorMotion(effect.component, effect.axis, basis, tuple(values.tolist()), u=(0.0,) * basis.size)
+    return msgspec.structs.replace(effect, basis=basis, parameters=tuple(values.tolist()), u=(0.0,) * basis.size)
 
 
 def _class_of(effect: ErrorMotion) -> str:

@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
+from scipy.linalg import lapack
 
 from kinematics.transforms import Array, read_only
 
@@ -169,7 +169,7 @@ def log_evidence(information: Array, right: Array) -> float:
     information `(q, q)` on the values, in units of a root of their covariance, and its product with them `(q,)`.
     """
     factor = np.linalg.cholesky(np.eye(len(right)) + information)
-    explained = linalg.solve_triangular(factor, right, lower=True, check_finite=False)
+    explained, _ = lapack.dtrtrs(factor.T, right, lower=False, trans=True)
     return 0.5 * float(explained @ explained) - float(np.log(np.diag(factor)).sum())
 
 
@@ -186,6 +186,10 @@ class _Evidence:
         return {}
 
     @cached_property
+    def _known_products(self) -> dict[tuple[Correlation, float, int, int], tuple[Array, Array]]:
+        return {}
+
+    @cached_property
     def _known(self) -> dict[tuple[object, ...], float]:
         return {}
 
@@ -198,15 +202,12 @@ class _Evidence:
         return np.array([self._known[key] for key in keys])
 
     def _of(self, process: Process) -> float:
-        k, size = len(self.processes.positions), len(self.right)
-        own = [slice(start, start + k) for start in range(0, size, k)]
-        whole, along = np.empty((size, size)), np.empty(size)
-        roots = [self._root(process, motion) for motion in range(len(own))]
-        for part, root in zip(own, roots, strict=True):
-            whole[:, part] = self.information[:, part] @ root
-        for part, root in zip(own, roots, strict=True):
-            whole[part], along[part] = root.T @ whole[part], root.T @ self.right[part]
-        return log_evidence(whole, along) - self.processes.away(process)
+        k, motions = len(self.processes.positions), range(len(self.processes.classes))
+        roots = np.stack([self._root(process, motion) for motion in motions])
+        columns, along = zip(*(self._products(process, motion) for motion in motions), strict=True)
+        whole = np.concatenate(columns, axis=1).reshape(len(motions), k, -1)
+        whole = (roots.transpose(0, 2, 1) @ whole).reshape(len(self.right), -1)
+        return log_evidence(whole, np.concatenate(along)) - self.processes.away(process)
 
     def _root(self, process: Process, motion: int) -> Array:
         which = self.processes.classes[motion]
@@ -214,6 +215,15 @@ class _Evidence:
         if key not in self._roots:
             self._roots[key] = self.processes.root(process, motion)
         return self._roots[key]
+
+    def _products(self, process: Process, motion: int) -> tuple[Array, Array]:
+        """Products of information and right side with the root of an error motion `(q, k)` and `(k,)`."""
+        key = process.correlation, process.length, process.sizes[self.processes.classes[motion]], motion
+        if key not in self._known_products:
+            k, root = len(self.processes.positions), self._root(process, motion)
+            part = slice(k * motion, k * (motion + 1))
+            self._known_products[key] = self.information[:, part] @ root, root.T @ self.right[part]
+        return self._known_products[key]
 
     def climbed(self, starts: Sequence[Process]) -> list[tuple[float, Process]]:
         """From each start the process that no step of one size makes likelier, with its value."""

@@ -19,9 +19,8 @@ from calibration.fit.cross_validation import cross_validate, diagonals
 from calibration.fit.fit import Fit, fit
 from calibration.fit.identifiability import identifiability
 from calibration.fit.noise import with_estimated_noise
-from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import distinct_positions, moving_axes, stated_bases, with_effects
+from calibration.observation.full_model import stated_bases, with_effects
 from calibration.observation.outliers import Variance, duplicates
 from kinematics.effects import Effect
 from kinematics.running.progress import Progress
@@ -52,7 +51,7 @@ class Wanted:
     def choice(self, measurement: Measurement, finest: int = FINEST) -> Choice:
         """The bases of all axes under the noise of the measurement, of at most so many parameters on linear axes."""
         if not self.automatic:
-            return Choice(stated_bases(self.basis, list(moving_axes(measurement))), self.prior_scale or 1.0)
+            return Choice(stated_bases(self.basis, list(measurement.moving)), self.prior_scale or 1.0)
         found = choose(
             measurement,
             AUTOMATIC_KINDS if self.basis == AUTO else (self.basis.removeprefix(f"{AUTO}:"),),
@@ -83,7 +82,7 @@ def with_bases_and_noise(measurement: Measurement, wanted: Wanted) -> tuple[Choi
         if coarse.noise is not None and coarse.noise.arms.shape[2]:
             found.append(_again(coarse, wanted))
     best = max(found, key=lambda each: each[1].log_probability)
-    if wanted.automatic and isinstance(measurement.instrument, TouchProbe):
+    if wanted.automatic and measurement.instrument.OBSERVES == "offset":
         return _determined(*best, wanted)
     return best
 
@@ -123,7 +122,7 @@ def _resolving(choice: Choice, noisy: Measurement) -> Choice:
     does not contain this misfit. The prior limits the parameters that the data do not determine.
     """
     bases = {
-        axis: replace(basis, size=max(basis.size, min(FEWEST, distinct_positions(noisy, axis) - 1)))
+        axis: replace(basis, size=max(basis.size, min(FEWEST, noisy.distinct_positions[axis] - 1)))
         if axis[0] not in "ABC"
         else basis
         for axis, basis in choice.bases.items()
@@ -137,5 +136,5 @@ def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Ch
     In units of the instrument's variance; infinite where no line can be held out.
     """
     model, prior = with_effects(measurement, choice.bases, effects, *choice.scales)
-    held_out = cross_validate(measurement, model, prior, ~duplicates(measurement))
+    held_out = cross_validate(measurement.rows(np.flatnonzero(~duplicates(measurement))), model, prior)
     return np.array([np.inf if held_out is None else -held_out.improvement])

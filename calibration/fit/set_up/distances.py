@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from calibration.fit.fit import Fit
-from calibration.observation.equations import distance_residuals, known_distances
-from calibration.plausibility.checks import Finding
+from calibration.instruments.distances import distance_residuals, known_distances
+from calibration.plausibility.finding import Finding
 
 DISAGREES = 4.0
 """Standard uncertainties from which a distance disagrees with the fit."""
@@ -17,8 +17,8 @@ def distance_findings(found: Fit) -> Iterator[Finding]:
 
     A single distance determines the scale, and disagrees only where the priors of the axes oppose it.
     """
-    distances = known_distances(found.measurement, found.registration)
-    off = distance_residuals(found.measurement, found.registration).tolist()
+    distances = known_distances(found.measurement.distances, found.registration)
+    off = distance_residuals(found.measurement.distances, found.registration).tolist()
     for each, in_u in zip(distances, off, strict=True):
         if abs(in_u) > DISAGREES:
             yield Finding(

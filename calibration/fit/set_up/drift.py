@@ -18,12 +18,11 @@ from calibration.fit.bases.search import ROTARY_KIND, Choice
 from calibration.fit.fit import Fit
 from calibration.fit.set_up.bases_and_noise import Wanted, with_bases_and_noise
 from calibration.fit.set_up.repeated_centres import repeat_findings
-from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import BasisChoice
-from calibration.plausibility.checks import Finding
+from calibration.plausibility.finding import Finding
 from kinematics.effects import Effect, ThermalDrift, WorkpieceDrift
-from kinematics.effects.thermal import Direction
+from kinematics.effects.combined.where import Direction
 from kinematics.error_model.model import ErrorModel
 
 ROW_S = 60.0
@@ -54,7 +53,7 @@ class Drift:
     @property
     def side(self) -> str:
         """The part of the machine that drifts."""
-        return "workpiece" if isinstance(self.effects[0], WorkpieceDrift) else "tool point"
+        return "workpiece" if self.effects[0].ACTS_ON == "workpiece" else "tool point"
 
     def left_out(self, model: ErrorModel) -> ErrorModel:
         """The model without the drift; its covariance stays that beside it."""
@@ -65,7 +64,7 @@ class Drift:
 def with_bases_noise_and_drift(measurement: Measurement, wanted: Wanted) -> Drift:
     """The fit, with a drift where a centre that was measured again shows one."""
     plain = Drift(*with_bases_and_noise(measurement, wanted), (), ())
-    if not isinstance(measurement.instrument, TouchProbe):
+    if measurement.instrument.OBSERVES != "offset":
         return plain
     shown = tuple(repeat_findings(plain.fit))
     kept = plain.fit.kept

@@ -13,7 +13,6 @@ import numpy as np
 
 from calibration.fit.bases.selection import coarse_fit
 from calibration.fit.fit import Fit
-from calibration.measurement.instruments import TouchProbe
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.spheres import moment
 from kinematics.effects import Component, ThermalDrift
@@ -43,7 +42,7 @@ class _Step(NamedTuple):
 
 def moved_spheres(measurement: Measurement) -> str:
     """Statement, without a full stop, of the spheres that moved, by how much, and before which row; empty for none."""
-    if not isinstance(measurement.instrument, TouchProbe):
+    if measurement.instrument.OBSERVES != "offset":
         return ""
     found = coarse_fit(measurement)
     tried = [(step, coarse_fit(_renamed(measurement, step))) for step in _steps(found)]

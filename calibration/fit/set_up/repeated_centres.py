@@ -8,8 +8,8 @@ import numpy as np
 from scipy import special
 
 from calibration.fit.fit import Fit
-from calibration.measurement.instruments import TouchProbe
-from calibration.plausibility.checks import Finding
+from calibration.plausibility.finding import Finding
+from kinematics.files.number_text import uncertainty
 from kinematics.transforms import Array
 
 SIGNIFICANCE = 0.01
@@ -31,7 +31,7 @@ def repeat_findings(found: Fit, rows: np.ndarray | None = None, chi2: float | No
     at least that of the specification.
     """
     measurement = found.measurement
-    if not isinstance(measurement.instrument, TouchProbe):
+    if measurement.instrument.OBSERVES != "offset":
         return
     first, again = _repeats(measurement.groups, measurement.state.positions[:, measurement.machine.rotary])
     shift = -1e3 * (found.residual[again] - found.residual[first])
@@ -50,9 +50,10 @@ def repeat_findings(found: Fit, rows: np.ndarray | None = None, chi2: float | No
     yield Finding(
         "drift",
         f"{measurement.where(int(again[k]))}: the centre of sphere {measurement.groups[again[k]]} is ({moved}) um +- "
-        f"{COVERAGE * u:.1f} um (k=2) from where {measurement.where(int(first[k]))} found it at the same rotary "
-        "positions: spindle, table or sphere moved or warmed up in between, or one of both rows is off. Measure again "
-        f"in a warm machine; ncomp diagnose{times} separates a drift (thermal-drift) from a knock (station-shift)",
+        f"{uncertainty(COVERAGE * u, 1)} um (k=2) from where {measurement.where(int(first[k]))} found it at the same "
+        "rotary positions: spindle, table or sphere moved or warmed up in between, or one of both rows is off. Measure "
+        f"again in a warm machine; ncomp diagnose{times} separates a drift (thermal-drift) from a knock "
+        "(station-shift)",
         False,
     )
 

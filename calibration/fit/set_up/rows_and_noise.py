@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from calibration.fit.fit import Fit
-from calibration.plausibility.checks import Finding
+from calibration.plausibility.finding import Finding
 
 LISTED = 5
 """Most outliers of a measurement that are listed one by one."""

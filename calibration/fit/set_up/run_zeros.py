@@ -10,9 +10,9 @@ import numpy as np
 from scipy import special
 
 from calibration.fit.fit import Fit
-from calibration.measurement.measurement import Measurement
 from calibration.observation.equations import specified_covariance
-from calibration.plausibility.checks import Finding
+from calibration.plausibility.finding import Finding
+from kinematics.transforms import Array
 
 SIGNIFICANCE = 1e-3
 """Chance that zeros which differ by noise alone count as spread."""
@@ -64,7 +64,7 @@ def run_zeros(found: Fit) -> list[RunZero]:
                 factor * noise / len(rows) ** 0.5,
                 "um" if factor < 1e6 else "urad",
                 bool(measurement.positioning[first]),
-                _direction(measurement, rows, axis),
+                _direction(measurement.state.approach, rows, measurement.machine.index(axis)),
             )
         )
     return result
@@ -99,9 +99,9 @@ def _first(groups: np.ndarray) -> tuple[list[str], list[int]]:
     return names.tolist(), first.tolist()
 
 
-def _direction(measurement: Measurement, rows: np.ndarray, axis: str) -> float:
-    approach = measurement.state.approach
+def _direction(approach: Array | None, rows: np.ndarray, column: int) -> float:
+    """The direction -1 or 1 in which an axis approaches all these rows; 0 where it differs, or is unknown."""
     if approach is None:
         return 0.0
-    own = np.unique(approach[rows, measurement.machine.index(axis)])
+    own = np.unique(approach[rows, column])
     return float(own[0]) if len(own) == 1 else 0.0

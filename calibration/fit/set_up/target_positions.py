@@ -17,19 +17,12 @@ import numpy as np
 from scipy import linalg, special
 
 from calibration.fit.fit import Fit, fit
-from calibration.measurement.instruments import LaserTracker, TouchProbe
 from calibration.measurement.measurement import Measurement, Target
-from calibration.observation.full_model import (
-    BasisChoice,
-    distinct_positions,
-    moving_axes,
-    priors,
-    rigid_model,
-)
+from calibration.observation.full_model import BasisChoice, priors, rigid_model
 from calibration.observation.outliers import first_registration
-from calibration.plausibility.checks import Finding
+from calibration.plausibility.finding import Finding
 from kinematics.effects import AirScale, AngleHarmonic, Effect, RangeOffset, TargetOffset
-from kinematics.machine import Vector
+from kinematics.machine import Machine, Vector
 from kinematics.transforms import Array
 
 SIGNIFICANCE = 1e-6
@@ -119,7 +112,7 @@ def target_positions(measurement: Measurement) -> list[TargetPosition]:
         return []
     part = _some(_with_first_positions(measurement))
     offsets = _Offsets.of(_with_offsets(part, on_tool), len(on_tool))
-    of_tracker, beside = isinstance(measurement.instrument, LaserTracker), None
+    of_tracker, beside = measurement.instrument.BY_BEAM, None
     chosen = [on_tool.index(name) for name in unknown]
     others: dict[int, tuple[str, ...]] = {}
     reductions: dict[int, float] = {}
@@ -153,23 +146,21 @@ def target_positions(measurement: Measurement) -> list[TargetPosition]:
                 at_once,
             )
         )
-    return _of_turned_spindle(measurement, on_tool, result)
+    return _of_turned_spindle({name: measurement.targets[name] for name in on_tool}, result)
 
 
-def _of_turned_spindle(
-    measurement: Measurement, on_tool: Sequence[str], found: list[TargetPosition]
-) -> list[TargetPosition]:
+def _of_turned_spindle(on_tool: Mapping[str, Target], found: list[TargetPosition]) -> list[TargetPosition]:
     """The positions; of one tip with the spindle at 0 and at 180 degrees, half of the difference for each.
 
     A runout turns with the spindle: what both have in common belongs to the machine.
     """
-    tips = [measurement.targets[name] for name in on_tool]
+    names, tips = list(on_tool), list(on_tool.values())
     if len(tips) != 2 or len(found) != 1 or abs(tips[0].spindle_deg - tips[1].spindle_deg) % 360.0 != 180.0:
         return found
     (each,) = found
     mine = replace(each, offset=each.offset / 2.0, u=each.u / 2.0, others=(), runout=True)
-    other = replace(mine, name=next(name for name in on_tool if name != each.name), offset=-mine.offset)
-    return sorted([mine, other], key=lambda one: on_tool.index(one.name))
+    other = replace(mine, name=next(name for name in names if name != each.name), offset=-mine.offset)
+    return sorted([mine, other], key=lambda one: names.index(one.name))
 
 
 def at_positions(measurement: Measurement, found: Sequence[TargetPosition]) -> Measurement:
@@ -188,15 +179,15 @@ def findings(measurement: Measurement, found: Sequence[TargetPosition]) -> Itera
         yield Finding("targets", each.text, False)
     if len(_on_tool(measurement)) != 1:
         return
-    if isinstance(measurement.instrument, LaserTracker):
+    if measurement.instrument.BY_BEAM:
         yield Finding("targets", ONE_TARGET, False)
-    if isinstance(measurement.instrument, TouchProbe):
-        yield Finding("targets", ONE_TIP + _zero_of_table(measurement), False)
+    if measurement.instrument.OBSERVES == "offset":
+        yield Finding("targets", ONE_TIP + _zero_of_table(measurement.machine), False)
 
 
-def _zero_of_table(measurement: Measurement) -> str:
+def _zero_of_table(machine: Machine) -> str:
     """Clause on the zero of a rotary axis that turns all spheres as one; empty without such an axis."""
-    first = measurement.machine.axes[0]
+    first = machine.axes[0]
     if not first.rotary or first.side != "workpiece":
         return ""
     return (
@@ -243,8 +234,8 @@ def significant(gain: float, targets: int) -> bool:
 def _with_offsets(measurement: Measurement, on_tool: Sequence[str], others: Sequence[Effect] = ()) -> Fit:
     """The fit of coarse error motions, other effects, and an offset of each target; the noise from the residuals."""
     bases = {
-        axis: BasisChoice("b-spline", max(2, min(NODES, distinct_positions(measurement, axis))))
-        for axis in moving_axes(measurement)
+        axis: BasisChoice("b-spline", max(2, min(NODES, measurement.distinct_positions[axis])))
+        for axis in measurement.moving
     }
     rigid = rigid_model(measurement, bases)
     wide = [WIDE * quantity.typical for effect in others for quantity in effect.parameter_table]

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from calibration.measurement.file import measurement_of
 from calibration.measurement.measurement import Measurement
+from calibration.measurement.measuring_date import MEASURED, date_in
 from calibration.measurement.readers import (
     ballbar_angles,
     cmm,
@@ -29,7 +30,7 @@ from calibration.measurement.readers import (
     twincat_scope,
 )
 from calibration.measurement.readers.text import given_entries, old_text
-from calibration.measurement.text_table import Table, parse_table, refuse_empty
+from calibration.measurement.text_table import Entry, Table, parse_table, refuse_empty
 from kinematics.files import read_input
 from kinematics.files.mistaken import kind_of_file, none_of
 from kinematics.machine import Machine
@@ -137,7 +138,11 @@ def _table(
         return robot_tables.to_table(data, source, machine, header, plan)
     if plan is not None:
         raise UserError(f"{source}: a plan is for a tracker's log and for delimited exports, not for format {format}")
-    return FOREIGN[format].to_table(data, source, machine, header)
+    table, notes = FOREIGN[format].to_table(data, source, machine, header)
+    date = date_in(old_text(data[:HEAD]).replace("\r", "\n"))
+    if date is None or MEASURED in table.entries:
+        return table, notes
+    return replace(table, entries={**table.entries, MEASURED: Entry(str(date))}), notes
 
 
 def _at_standstills(table: Table, machine: Machine, plan: Path | None) -> tuple[Table, list[str]]:
@@ -185,6 +190,6 @@ def _recognised(data: bytes, path: Path) -> str:
     named = iso230_table.meant(head)
     cure = f"{named}; otherwise give a column map" if named else "give a column map"
     raise UserError(
-        f"{path}: the format of the file is unknown: {cure} (--columns MAP.toml, docs/measurements.md); known formats "
-        f"are {KNOWN}"
+        f"{path}: the format of the file is unknown: {cure} (--columns MAP.toml, docs/measurements/formats.md); known "
+        f"formats are {KNOWN}"
     )

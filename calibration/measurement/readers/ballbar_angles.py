@@ -21,7 +21,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from calibration.measurement.balls.ballbar import BALLBAR, CENTRE, LENGTH, RADIUS
+from calibration.instruments.ballbar import CENTRE, LENGTH, RADIUS, Ballbar
 from calibration.measurement.readers.text import given_entries
 from calibration.measurement.text_table import Entry, Table, parse_table, table_of
 from kinematics.inverse import linear_positions
@@ -51,8 +51,8 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
     table = replace(table, entries={**table.entries, **given_entries(header, {})})
     table.allow_columns(lambda name: name in KNOWN, KNOWN)
     table.need_columns([ANGLE, RUN], "circles of a ballbar by angle")
-    stated = table.entries.get("instrument", Entry(BALLBAR)).value
-    if stated != BALLBAR:
+    stated = table.entries.get("instrument", Entry(Ballbar.kind())).value
+    if stated != Ballbar.kind():
         raise UserError(f"{table.head}: column {ANGLE}: angles are those of a ballbar, and the instrument is {stated}")
     radius = _readings(table)
     angles, runs = table.numbers([ANGLE])[ANGLE], table.texts([RUN])[RUN]
@@ -64,7 +64,7 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
     if "time_s" in table.names:
         columns["time_s"] = table.texts(["time_s"])["time_s"].tolist()
     entries = {key: entry for key, entry in table.entries.items() if key not in (PLANE, FEED)}
-    entries["instrument"] = Entry(BALLBAR)
+    entries["instrument"] = Entry(Ballbar.kind())
     read = table_of(source, table.fingerprint, entries, columns, table.lines.tolist())
     notes = ["circles by angle: axis positions are those of the nominal circle about the stated centre"]
     return read, notes

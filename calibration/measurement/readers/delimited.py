@@ -41,7 +41,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from calibration.measurement import error_columns
+from calibration.instruments import error_columns
 from calibration.measurement.readers.text import (
     ANGLE_DEVIATIONS,
     ANGLES,
@@ -56,7 +56,7 @@ from calibration.measurement.readers.text import (
 from calibration.measurement.states import CARRIERS
 from calibration.measurement.text_table import Table, read_table, table_of
 from kinematics.files import fingerprint, read_input, toml_entries
-from kinematics.files.mistaken import none_of
+from kinematics.files.mistaken import did_you_mean, none_of
 from kinematics.files.toml_entries import at_line, entry, utf8_text
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
@@ -246,7 +246,8 @@ def _joined(
     measured = _names(texts, keys)
     for name, line in zip(measured, lines, strict=True):
         if name not in rows:
-            raise UserError(f"{source}:{line} column {key}: {name!r} is not in the plan {plan_table.source}")
+            where = f"{source}:{line} column {key}"
+            raise UserError(f"{where}: {name!r} is not in the plan {plan_table.source}{did_you_mean(name, rows)}")
     missing = [name for name in names if name not in set(measured)]
     if missing:
         more = ", ..." if len(missing) > 5 else ""

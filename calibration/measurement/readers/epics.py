@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.measurement.readers.axis_motion import SPAN, AxisMotion, motion_table
-from calibration.measurement.readers.text import number_at, numbered_lines
+from calibration.measurement.readers.text import axis_named, number_at, numbered_lines
 from calibration.measurement.text_table import Table
 from kinematics.machine import Machine
 from kinematics.transforms import Array
@@ -52,6 +52,7 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
     """The file as a table of the contract's columns, and notes; `header` names the variables and the axis."""
     lines = numbered_lines(data)
     given = {key: header.get(key, "") for key in _GIVEN}
+    given["axis"] = axis_named(given["axis"], machine)
     _check_given(given, lines, source, machine)
     command, observed = (_variable(lines, given[key], source) for key in ("command", "observed"))
     first, second, notes = _paired(command, observed, given, source)

@@ -21,6 +21,7 @@ from itertools import chain
 from calibration.measurement.readers.text import (
     ANGLE_DEVIATIONS,
     LENGTH_DEVIATIONS,
+    axis_named,
     given_entries,
     number_at,
     numbered_lines,
@@ -85,7 +86,7 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
             f"'{delimiter.join(('target_mm', '1 up', '1 down'))}', found {names.strip()!r}"
         )
     columns = [_column(cell.strip(), f"{source}:{names_line}") for cell in names.split(delimiter)[1:]]
-    target, axis = names.split(delimiter)[0].strip(), header.pop("axis", "")
+    target, axis = names.split(delimiter)[0].strip(), axis_named(header.pop("axis", ""), machine)
     if axis not in machine.names:
         raise UserError(f"{source}: state the axis (# axis: {' | '.join(machine.names)}), got {axis!r}")
     turns = machine.axes[machine.index(axis)].rotary

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 _CENTRES = (
     "write the axis positions at which the sphere's centre was found into a measurement file of a touch probe "
-    "(# instrument: touch-probe, columns X,Y,Z,...,sphere; docs/measurements.md)"
+    "(# instrument: touch-probe, columns X,Y,Z,...,sphere; docs/measurements/touch_probe.md)"
 )
 
 
@@ -75,7 +75,7 @@ PROTOCOLS = (
         r"(?i)\bballbar\b[^\n]*<|<[^\n>]*\bballbar\b|renishaw[^\n]*ballbar|ballbar[^\n]*renishaw",
         "its layout is not public",
         "export angle and deviation as text, and add a header and names of columns (angle_deg,deviation_um,run,feed; "
-        "docs/measurements.md#ballbar-angles)",
+        "docs/measurements/ballbar.md#ballbar-angles)",
         ("Renishaw Ballbar", "<Ballbar"),
     ),
     Protocol(

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.measurement.readers.text import given_entries, number_at, numbered_lines
+from calibration.measurement.readers.text import axis_named, given_entries, number_at, numbered_lines
 from calibration.measurement.text_table import Table, table_of
 from kinematics.files import fingerprint
 from kinematics.machine import Machine
@@ -52,7 +52,7 @@ def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, st
     """The file as a table of the contract's columns, and notes. `header` may contain the axis and uncertainties."""
     content = _content(data, source)
     header = dict(header)
-    axis = header.pop("axis", content.texts.get("axis", "")).strip()
+    axis = axis_named(header.pop("axis", content.texts.get("axis", "")).strip(), machine)
     if axis not in machine.names:
         raise UserError(
             f"{source}: Axis: {axis!r} is no axis of machine {machine.name} ({machine.chain}); state axis, one of these"

@@ -59,10 +59,17 @@ def unit_size(units: Mapping[str, float], unit: str, where: str) -> float:
     return units[unit]
 
 
+def axis_named(name: str, machine: Machine) -> str:
+    """The axis of the machine with this name, in large or small letters; the name itself for none."""
+    by_large_letters = {each.upper(): each for each in machine.names}
+    return by_large_letters.get(name.strip().upper(), name)
+
+
 def axis_of(name: str, machine: Machine, source: str) -> str:
     """The axis given for a file that names none, or the only axis of the machine; UserError for another."""
     if not name and len(machine.names) == 1:
         return machine.names[0]
+    name = axis_named(name, machine)
     if name not in machine.names:
         fault = f"axis {name!r} is none of machine {machine.name} ({machine.chain})" if name else "the axis is missing"
         raise UserError(f"{source}: {fault}: state --header axis=NAME, one of {', '.join(machine.names)}")

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.measurement.registration import rigid
+from calibration.registration.registration import rigid
 from kinematics.transforms import Array, Pose, turn
 
 NEAR, NEAR_PER_MM = 1.0, 3e-4

@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.observed_points import carried, target_points
 from calibration.measurement.plan import Plan
 from calibration.measurement.plan_file import read_plan
 from calibration.measurement.standstill.detection import RADIUS, Found, Stream, find_standstills
 from calibration.measurement.standstill.matching import Matched, Positions, match
 from calibration.measurement.states import CARRIERS, read_stands_on
 from calibration.measurement.text_table import Table, read_table, table_of
+from calibration.registration.observed_points import carried, target_points
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.fit.fit import fit
 from calibration.fit.identifiability import Unidentifiable, identifiability
-from calibration.measurement.instruments import LaserTracker
+from calibration.instruments import LaserTracker
 from calibration.measurement.measurement import AcrossPath, Measurement, Target, with_moves
 from calibration.observation.full_model import priors
 from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM, across_path

@@ -13,8 +13,7 @@ import msgspec
 import numpy as np
 
 from calibration.measurement.measurement import Measurement
-from calibration.measurement.registration import Registration
-from calibration.observation import equations
+from calibration.registration.registration import Registration
 from kinematics.basis import Interval, Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.effects.base import own_component
@@ -45,7 +44,7 @@ def common_odd_mode(measurement: Measurement, registration: Registration) -> str
     return (
         f"{', '.join(names[:-1])} and {names[-1]} in proportion to their travels, with one common shape that is odd "
         f"about the middle and zero at the ends: {100 * max(shares):.2g} % of it lies across this path. Edges, face "
-        "and space diagonals do not show it; 'ncomp plan --strategy on-the-fly' makes a path that does"
+        "and space diagonals do not show it; 'ncomp plan path' makes a path that does"
     )
 
 
@@ -64,7 +63,7 @@ def _share_across(
     for rows in blocks(len(measurement)):
         part, own = measurement.rows(rows), errors[rows].reshape(-1, errors[rows].shape[1] * 6, 1)
         width = own.shape[1]
-        across += float(np.sum((equations.transform(part, registration)[:, :, :width] @ own) ** 2))
+        across += float(np.sum((part.instrument.transform(part, registration)[:, :, :width] @ own) ** 2))
         part = replace(part, across=None)
-        whole += float(np.sum((equations.transform(part, registration)[:, :, :width] @ own) ** 2))
+        whole += float(np.sum((part.instrument.transform(part, registration)[:, :, :width] @ own) ** 2))
     return float(np.sqrt(across / whole)) if whole else 0.0

@@ -6,28 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from kinematics.effects import (
-    AngleStep,
-    Cyclic,
-    DistortionWithSensor,
-    DistortionWithTime,
-    Effect,
-    GrowthWithDuty,
-    GrowthWithSensor,
-    GrowthWithTime,
-    LocationError,
-    LocationJump,
-    Parameter,
-    QuadraticGrowth,
-    Scale,
-    StationShift,
-    TargetOffset,
-    Unnamed,
-    WorkpieceDrift,
-    WorkpieceDriftWithSensor,
-)
-from kinematics.effects.base import HOUR, own_component
-from kinematics.effects.workshop import WORKSHOP, Workshop
+from kinematics.effects import Effect, Parameter
 from rendering.report import shortened
 
 if TYPE_CHECKING:
@@ -36,13 +15,8 @@ if TYPE_CHECKING:
 MANY = 8
 """Most parameters of a cause that are printed; the JSON has all."""
 COVERAGE = 2
-TURN = 360.0
-WHOLE = 0.02
-"""Relative difference of a period from a whole part of the turn up to which its order is given."""
-SMALL_WAVE = 0.05
-"""Least amplitude of a harmonic in words, as a share of the largest."""
-LARGE = 1000.0
-"""Amplitude, urad, above which it is also given in degrees."""
+CERTAIN = 1e6
+"""Odds from which a similar cause is excluded in practice."""
 REMEDIES = {
     "program": "The corrected program (ncomp) compensates it; a table of one axis cannot.",
     "table": "A compensation table of the axis or the corrected program compensates it.",
@@ -56,50 +30,13 @@ def title(cause: Named) -> str:
     """Title of a cause: its kind and its axis or component, with a mark for the instrument."""
     if cause.kind == "higher-frequency":
         return f"{cause.effect.name} needs a higher spatial frequency"
-    if isinstance(cause.effect, Unnamed):
+    if not cause.effect.NAMES_CAUSE:
         return f"{cause.effect.name}: no cause"
-    changed = cause.present is not None or isinstance(cause.effect, (LocationError, Scale))
+    changed = cause.present is not None or cause.effect.OF_AXIS_LINE
     change = "change of " if changed else ""
     name = cause.effect.name if cause.kind == "location" else in_full(cause.effect.name)
-    meaning = meaning_of(cause.effect)
+    meaning = cause.effect.meaning
     return f"{change}{name}" + (f" ({meaning})" if meaning else " (instrument)" if cause.where == "instrument" else "")
-
-
-def meaning_of(effect: Effect) -> str:
-    """Meaning of a location error or of a drift, period of a cyclic error; empty for others."""
-    if isinstance(effect, LocationError):
-        return line_meaning(effect.component, effect.axis)
-    if isinstance(effect, Cyclic):
-        return f"period {effect.period:.4g} {'deg' if effect.axis[0] in 'ABC' else 'mm'}"
-    if isinstance(effect, (WorkpieceDrift, WorkpieceDriftWithSensor)):
-        return "of the table, the fixture or the part, in the workpiece's directions"
-    if isinstance(effect, (LocationJump, DistortionWithTime, DistortionWithSensor)):
-        return _motion_meaning(effect)
-    return ""
-
-
-def _motion_meaning(effect: LocationJump | DistortionWithTime | DistortionWithSensor) -> str:
-    """Meaning of an error motion that changes."""
-    axis, component = effect.axis, effect.component
-    if axis[0] in "ABC" or isinstance(effect, LocationJump):
-        other = "line" if axis[0] in "ABC" else "squareness"
-        return f"{'zero' if component == own_component(axis) else other} of {axis}"
-    if component in "ABC":
-        return f"roll, pitch or yaw of {axis}"
-    return f"squareness of {axis}" if effect.degree == 1 else f"straightness of {axis}"
-
-
-def line_meaning(component: str, axis: str) -> str:
-    """Name of a location error by ISO 230-1: squareness of two linear axes, position and tilt of a rotary axis."""
-    along = own_component(axis)
-    if component == along:
-        return f"zero of {axis}"
-    if axis[0] in "ABC":
-        return f"{'position' if component in 'XYZ' else 'tilt'} of the line of {axis} " + (
-            f"in {component}" if component in "XYZ" else f"about {'XYZ'['ABC'.index(component)]}"
-        )
-    (other,) = (letter for letter in "XYZ" if letter not in (along, "XYZ"["ABC".index(component)]))
-    return f"squareness of {axis} to {other}"
 
 
 def present(cause: Named) -> Iterator[str]:
@@ -123,44 +60,11 @@ def sizes(cause: Named) -> list[str]:
     if cause.kind == "higher-frequency":
         basis = getattr(effect, "basis", None)
         return [f"{len(effect.parameters)} parameters" if basis is None else f"written with {basis.size} parameters"]
-    if isinstance(effect, Unnamed):
-        return [f"{effect.rms_um:.2g} um RMS over its ranges", f"{len(effect.terms)} terms"]
-    if cause.kind == "outliers":
-        return [f"{len(getattr(effect, 'rows', ()))} rows"]
+    if effect.size_summary:
+        return list(effect.size_summary)
     table = zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
-    texts = [f"{_label(q)} {with_uncertainty(value, u)} {q.unit}" for q, value, u in table]
-    return [*_waves(effect), *shortened(texts, MANY, "parameters"), *_given(effect)]
-
-
-def _waves(effect: Effect) -> Iterator[str]:
-    """Order and amplitude of a cyclic error: waves per turn of a rotary axis, and its largest harmonics."""
-    if not isinstance(effect, Cyclic):
-        return
-    unit, rotary = effect.parameter_table[1].unit, effect.axis[0] in "ABC"
-    amplitudes = [math.hypot(sine, cosine) for sine, cosine in zip(effect.sine, effect.cosine, strict=True)]
-    order = round(TURN / effect.period)
-    whole = rotary and order > 0 and abs(order * effect.period / TURN - 1.0) < WHOLE
-    for k, amplitude in enumerate(amplitudes, start=1):
-        if amplitude >= SMALL_WAVE * max(amplitudes):
-            name = (
-                f"order {order * k} of the turn"
-                if whole
-                else f"wave of {effect.period / k:.4g} {'deg' if rotary else 'mm'}"
-            )
-            degrees = f" ({math.degrees(amplitude * 1e-6):.3g} deg)" if unit == "urad" and amplitude > LARGE else ""
-            yield f"{name}: amplitude {amplitude:.4g} {unit}{degrees}"
-
-
-def _given(effect: Effect) -> Iterator[str]:
-    """Conditions of a size: the moment of a jump, the fixed point of a growth."""
-    if isinstance(effect, (StationShift, TargetOffset, LocationJump)) and effect.since_s is not None:
-        yield f"from {effect.since_s / HOUR:.4g} h on"
-    if isinstance(effect, LocationJump) and effect.turns and effect.fixed_point:
-        yield f"about {effect.axis} {effect.fixed_point:.5g} mm"
-    if isinstance(effect, AngleStep):
-        yield f"from {effect.over} {effect.above_deg:.4g} deg on"
-    if isinstance(effect, (GrowthWithSensor, GrowthWithTime, QuadraticGrowth, GrowthWithDuty)):
-        yield f"from {effect.axis} {effect.fixed_point:.5g} mm"
+    texts = [f"{_label(q)} {with_uncertainty(value, u)} {q.unit}" for q, value, u in table if not q.held]
+    return [*effect.waves, *shortened(texts, MANY, "parameters"), *effect.conditions]
 
 
 def with_uncertainty(value: float, u: float) -> str:
@@ -189,8 +93,14 @@ def _label(quantity: Parameter) -> str:
 
 
 def odds(value: float) -> str:
-    """Odds as text, with few digits."""
-    return f"{value:.0f}" if value < 1e4 else f"{value:.0e}" if value < 1e99 else "> 1e99"
+    """Odds in words; beyond a million to one their size says nothing more."""
+    return f"{value:,.0f} to 1" if value < CERTAIN else "over 1,000,000 to 1"
+
+
+def similarity(cosine: float, *, tied: bool) -> str:
+    """The cosine of two signals; only signals that the data do not separate are shown as the same."""
+    text = f"{cosine:.2f}"
+    return text if tied or text != "1.00" else "> 0.99"
 
 
 def held_out(cause: Named) -> str:
@@ -201,11 +111,6 @@ def held_out(cause: Named) -> str:
 def verdict(cause: Named) -> str:
     """The verdict in one word; a tie in capitals."""
     return cause.verdict.upper() if cause.verdict == "tied" else cause.verdict
-
-
-def workshop(effect: Effect) -> Workshop:
-    """Usual origin of an effect in the workshop, and its repair."""
-    return WORKSHOP[effect.kind]
 
 
 def remedy(effect: Effect) -> str:

@@ -15,65 +15,11 @@ import numpy as np
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.reports.causes.view import BLUNT, IN_ORDER, CauseInFit, Curve, View, lined, motions_of
-from kinematics.effects import (
-    COMPONENTS,
-    INSTRUMENT,
-    UM,
-    URAD,
-    AirDrift,
-    AirScale,
-    AngleHarmonic,
-    AngleStep,
-    Backlash,
-    ControlTable,
-    CrossAxis,
-    Cyclic,
-    DistortionWithSensor,
-    DistortionWithTime,
-    DriftWithDuty,
-    DriftWithSensor,
-    Effect,
-    ErrorMotion,
-    FirstCycle,
-    FollowingError,
-    GrowthWithDuty,
-    GrowthWithSensor,
-    GrowthWithTime,
-    Hysteresis,
-    JointCompliance,
-    LateralPlay,
-    LateReadBack,
-    LocationError,
-    LocationJump,
-    MeasuringMachineScale,
-    MeasuringMachineSquareness,
-    Outliers,
-    QuadraticGrowth,
-    QuantisedCompensation,
-    Racking,
-    RamSag,
-    RangeDrift,
-    RangeOffset,
-    Reversal,
-    ReversalSpike,
-    Scale,
-    ServoMismatch,
-    Settling,
-    StationShift,
-    TargetOffset,
-    ThermalDrift,
-    TrackerDrift,
-    UnknownApproach,
-    Unnamed,
-    Wobble,
-    WorkpieceDrift,
-    WorkpieceDriftWithSensor,
-    unit_of,
-)
+from kinematics.effects import COMPONENTS, INSTRUMENT, UM, URAD, Effect, unit_of
 from kinematics.effects.base import own_motion
+from kinematics.effects.combined.where import beam, workpiece_direction
 from kinematics.effects.friction import way_since_reversal
-from kinematics.effects.instrument import CIRCLES, beam
-from kinematics.effects.thermal import workpiece_direction
+from kinematics.effects.tracker import CIRCLES
 from kinematics.state import REFERENCE, TIME, State
 from kinematics.transforms import Array
 from rendering.figures import clock
@@ -84,7 +30,7 @@ DENSE = 400
 
 def views(linearised: LinearisedFit, effect: Effect) -> list[View]:
     """The panels of a cause with its fitted parameters, on a linearised fit whose model has it."""
-    return list(VIEWS.get(type(effect), _by_row)(CauseInFit(linearised, effect)))
+    return list(VIEWS[effect.SHOWN_OVER](CauseInFit(linearised, effect)))
 
 
 def _by_row(cause: CauseInFit) -> Iterator[View]:
@@ -136,7 +82,7 @@ def _course(cause: CauseInFit, view: View, x: Array) -> Curve:
 
 def _folded(cause: CauseInFit) -> Iterator[View]:
     effect = cause.effect
-    period = effect.period if isinstance(effect, Cyclic) else effect.pitch
+    period = getattr(effect, "period", None) or effect.pitch
     start = getattr(effect, "offset", 0.0)
     label = f"{cause.label(effect.axis)}, folded at {period:.5g}"
     phases = np.linspace(0.0, period, DENSE, endpoint=False)
@@ -252,7 +198,7 @@ def _by_variable(cause: CauseInFit) -> Iterator[View]:
 
 
 def _by_time(cause: CauseInFit) -> Iterator[View]:
-    since = getattr(cause.effect, "since_s", None)
+    since = cause.effect.moment
     if cause.state.time is None:
         yield from _by_row(cause)
         return
@@ -325,53 +271,29 @@ def _outliers(cause: CauseInFit) -> Iterator[View]:
     yield View("residuals", rows.astype(float), sizes, one, sizes, IN_ORDER, label, groups, means=False)
 
 
-VIEWS: Mapping[type, Callable[[CauseInFit], Iterator[View]]] = {
-    Backlash: _by_direction,
-    UnknownApproach: _by_row,
-    Reversal: _by_direction,
-    Cyclic: _folded,
-    QuantisedCompensation: _folded,
-    ErrorMotion: _by_position,
-    LocationError: _by_position,
-    Scale: _by_position,
-    Wobble: _by_position,
-    Racking: _by_position,
-    CrossAxis: _map,
-    ControlTable: _of_table,
-    FollowingError: _by_velocity,
-    LateReadBack: _by_velocity,
-    Settling: _by_last_move,
-    FirstCycle: _by_cycle,
-    ThermalDrift: _by_heat,
-    DriftWithSensor: _by_heat,
-    WorkpieceDrift: _of_workpiece,
-    WorkpieceDriftWithSensor: _of_workpiece,
-    GrowthWithTime: _growth,
-    GrowthWithSensor: _growth,
-    Unnamed: _by_variable,
-    StationShift: _by_time,
-    TrackerDrift: _by_time,
-    TargetOffset: _by_target,
-    AngleHarmonic: _by_angle,
-    AngleStep: _over_angle,
-    RangeOffset: _by_range,
-    AirScale: _by_range,
-    Outliers: _outliers,
-    LocationJump: _by_time,
-    LateralPlay: _by_direction,
-    Hysteresis: _by_way,
-    ReversalSpike: _by_way,
-    ServoMismatch: _by_velocity,
-    QuadraticGrowth: _growth,
-    GrowthWithDuty: _by_time,
-    DriftWithDuty: _by_time,
-    DistortionWithTime: _distortion,
-    DistortionWithSensor: _distortion,
-    JointCompliance: _over_position,
-    RamSag: _over_position,
-    RangeDrift: _by_time,
-    AirDrift: _by_time,
-    MeasuringMachineScale: _over_coordinate,
-    MeasuringMachineSquareness: _over_coordinate,
+VIEWS: Mapping[str, Callable[[CauseInFit], Iterator[View]]] = {
+    "angle": _by_angle,
+    "angle of a step": _over_angle,
+    "coordinate": _over_coordinate,
+    "cycle": _by_cycle,
+    "distance since reversal": _by_way,
+    "heat": _by_heat,
+    "heat along the workpiece": _of_workpiece,
+    "heat and position": _distortion,
+    "heat per metre": _growth,
+    "last move": _by_last_move,
+    "period": _folded,
+    "position": _by_position,
+    "position by direction": _by_direction,
+    "range": _by_range,
+    "rows": _by_row,
+    "rows over position": _over_position,
+    "size of the residual": _outliers,
+    "table": _of_table,
+    "target": _by_target,
+    "time": _by_time,
+    "two axes": _map,
+    "variables": _by_variable,
+    "velocity": _by_velocity,
 }
-"""Views by class of effect; any other effect is drawn over the rows."""
+"""Views by the variable over which an effect is drawn, its `SHOWN_OVER`."""

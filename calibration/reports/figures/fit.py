@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from calibration.fit.datum import error_motions
 from calibration.fit.fit import Fit
 from calibration.observation.equations import covariance
 from kinematics.effects import ErrorMotion
@@ -35,7 +34,7 @@ LEAST = 0.05
 def error_motions_figure(model: ErrorModel) -> Figure:
     """The error motions with their uncertainties."""
     whole = np.array(model.covariance)
-    panels = [_motion(effect, whole[part, part]) for effect, part in error_motions(model)]
+    panels = [_motion(effect, whole[part, part]) for effect, part in model.error_motions]
     return grid(panels, ACROSS, height=220)
 
 
@@ -78,7 +77,7 @@ def along_axes(fitted: Fit) -> Figure:
     rows = some(np.arange(len(residual)))
     panels = []
     for label, x in _variables(fitted):
-        panel = Panel(label, "residual, um")
+        panel = Panel(label, f"residual, {measurement.unit}")
         for k in range(residual.shape[1]):
             dots(panel, x[rows], residual[rows, k], COLOURS[k], "xyz"[k] if residual.shape[1] > 1 else "")
         for sign in (-2.0, 2.0):
@@ -105,7 +104,7 @@ def by_direction(fitted: Fit) -> Figure:
     approach = measurement.state.approach
     assert approach is not None
     squares = np.mean((fitted.residual * measurement.per_micro)[rows] ** 2, axis=1)
-    panel = Panel("axis and direction of approach", "residual RMS, um")
+    panel = Panel("axis and direction of approach", f"residual RMS, {measurement.unit}")
     for sign, name, colour in ((1, "forward", COLOURS[0]), (-1, "backward", COLOURS[1])):
         sides = {axis.name: approach[rows, i] == sign for i, axis in enumerate(measurement.machine.axes)}
         known = {axis: side for axis, side in sides.items() if side.any()}

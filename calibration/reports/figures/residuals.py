@@ -10,7 +10,6 @@ from calibration.diagnosis.improvement import in_micro
 from calibration.diagnosis.residual.readings import readings
 from calibration.diagnosis.residual.unexplained import in_lengths, variables
 from calibration.diagnosis.result import Diagnosis
-from calibration.observation.full_model import moving_axes
 from calibration.reports.causes.text import title
 from calibration.reports.figures.fit import in_uncertainties
 from kinematics.state import REFERENCE
@@ -62,7 +61,7 @@ def before_and_after(found: Diagnosis) -> Figure:
     panels = []
     for label, x in across.items():
         for name, stage in zip(("before", "after"), values, strict=True):
-            panel = Panel(label, "residual, um", name, axes={"yaxis": {"range": limits}})
+            panel = Panel(label, f"residual, {found.measurement.unit}", name, axes={"yaxis": {"range": limits}})
             for k in range(stage.shape[1]):
                 dots(panel, x[rows], stage[rows, k], COLOURS[k], opacity=0.35)
                 line(panel, *_means(x[kept], stage[kept, k]), COLOURS[k], names[k], width=2)
@@ -75,9 +74,9 @@ def by_direction(found: Diagnosis) -> Figure:
     measurement = found.measurement
     rows = np.flatnonzero(found.before.fit.kept & found.after.fit.kept)
     panels = []
-    for axis in moving_axes(measurement):
+    for axis in measurement.moving:
         side = np.asarray(measurement.state.need("approach", axis))[rows, measurement.machine.index(axis)]
-        panel = Panel(f"direction of approach of {axis}", "residual RMS, um", f"Axis {axis}")
+        panel = Panel(f"direction of approach of {axis}", f"residual RMS, {measurement.unit}", f"Axis {axis}")
         signs = [(sign, name) for sign, name in APPROACHES if (side == sign).any()]
         for stage, name, colour in ((found.before, "before", BEFORE), (found.after, "after", AFTER)):
             squares = np.mean(in_micro(stage.fit, stage.fit.residual)[rows] ** 2, axis=1)
@@ -107,7 +106,7 @@ def unexplained_shape(found: Diagnosis) -> Figure:
     chosen = dict(_shown(found, name, known[name]) for name in found.unexplained.variables)
     panels = []
     for name, x in chosen.items():
-        panels.append(Panel(name, "unexplained, um"))
+        panels.append(Panel(name, f"unexplained, {found.measurement.unit}"))
         for k in range(micro.shape[1]):
             dots(panels[-1], x, micro[:, k], COLOURS[k], "xyz"[k] if micro.shape[1] > 1 else "")
     if len(chosen) < 2:
@@ -115,7 +114,7 @@ def unexplained_shape(found: Diagnosis) -> Figure:
     k = int(np.argmax(np.sum(micro**2, axis=0)))
     (first, x), (second, y) = list(chosen.items())[:2]
     most = float(np.abs(micro[:, k]).max())
-    label = f"unexplained{' in ' + 'xyz'[k] if micro.shape[1] > 1 else ''}, um"
+    label = f"unexplained{' in ' + 'xyz'[k] if micro.shape[1] > 1 else ''}, {found.measurement.unit}"
     panels.append(Panel(first, second))
     coloured_dots(panels[-1], x, y, micro[:, k])
     return grid(panels, 3, colours=colour_axis(-most, most, label, signed=True))
@@ -127,7 +126,7 @@ def _axes_of_figures(found: Diagnosis) -> Iterator[tuple[str, Array]]:
     if state.time is not None and np.ptp(state.time) > 0:
         unit, label = clock(state.time)
         yield label, state.time / unit
-    for axis in moving_axes(measurement):
+    for axis in measurement.moving:
         yield f"{axis}, {machine.axes[machine.index(axis)].unit}", state.position(machine, axis)
 
 

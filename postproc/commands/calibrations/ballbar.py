@@ -7,7 +7,7 @@ from pathlib import Path
 import ncomp
 from postproc.commands.options.declared import argument
 from postproc.commands.options.measurement import DataOptions
-from postproc.commands.options.shared import MachineName, ResultOptions, check_files, whole_results
+from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
 
 EPILOG = (
     "Examples:\n\n"
@@ -18,7 +18,7 @@ EPILOG = (
 
 def ballbar(
     *,
-    data: Path = argument("Measurement file of a ballbar.", "DATA.csv"),
+    data: Path = argument("Measurement file of a ballbar.", "DATA.csv", reads=True),
     machine: MachineName,
     form: DataOptions,
     others: ResultOptions,
@@ -28,30 +28,17 @@ def ballbar(
     The causes are effects of the table of effects, fitted together with centre and radius. U (k = 2) contains the
     uncertainties of the bar; causes that these circles do not distinguish are named as tied.
     """
-    from calibration.circles.circles import circles_of, need_ballbar, one_way_planes
-    from calibration.circles.figures import circular_tests
-    from calibration.circles.shares import shares
-    from calibration.plausibility.checks import usable
-    from calibration.reports.ballbar import ballbar_json, ballbar_report
+    from calibration.reports.ballbar import ballbar_report
     from calibration.reports.head import measured_head
     from postproc.commands.show.terminal import say, show
 
-    inputs = check_files((data, form.plan), others.by_option)
+    inputs = (data, form.plan)
     measurement = form.read([data], ncomp.load_machine(machine))
-    need_ballbar(measurement)
-    findings = usable(measurement)
-    circles = circles_of(measurement)
-    tests, found = circular_tests(measurement, circles), shares(measurement, circles)
+    found = ncomp.ballbar(measurement)
     head = measured_head(measurement, None, f"ncomp ballbar {data} --machine {machine}")
-    report = ballbar_report(tests, found, measurement.source, head)
-    for finding in findings:
-        say("note", finding.message)
-    for plane in one_way_planes(circles):
-        say(
-            "note",
-            f"plane {plane} was measured in one direction only: there backlash, lateral play and reversal spikes are "
-            "not sure beside other error motions; measure both directions",
-        )
+    report = ballbar_report(found.tests, found.shares, measurement.source, head)
+    for note in found.notes:
+        say("note", note)
     with whole_results(*others.files) as files:
-        others.write(ballbar_json(tests, found), report, files, inputs)
+        others.write(found.json(), report, files, inputs)
     show(report, *others.files)

@@ -4,28 +4,18 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, ClassVar, Literal
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import REQUIRED, argument, option, refuse_given
-from postproc.commands.options.measurement import HeaderLines, header_of
-from postproc.commands.options.shared import (
-    ResultOptions,
-    check_files,
-    machine_names,
-    whole_results,
-)
+from postproc.commands.options.declared import DATA, MODEL, argument, option, output_option, refuse_given
+from postproc.commands.options.measurement import HeaderLines
+from postproc.commands.options.shared import OptionalMachine, ResultOptions, whole_results
 
 if TYPE_CHECKING:
-    from calibration.continuous.axis_model import AxisModel
-    from calibration.continuous.estimate import Estimate, TableRows
-    from calibration.continuous.reading import Data
-    from calibration.continuous.records import QuasiStatic
-    from kinematics.machine import Machine
+    from calibration.continuous.estimate import TableRows
 
 EPILOG = (
     "Examples:\n\n"
@@ -43,14 +33,16 @@ EPILOG = (
 class CalibrationOptions:
     """The estimate as a calibration of a machine."""
 
-    PANEL: ClassVar[str] = "Calibration"
+    PANEL: ClassVar[str] = MODEL
 
     write_calibration: str | None = option(
-        "File for the errors of both directions, with their uncertainties, as a calibration of --machine.", "CAL.json"
+        "File for the errors of both directions, with their uncertainties, as a calibration of --machine.",
+        "CAL.json",
+        writes="file",
     )
-    machine: str | None = option("Name of the machine, or path of its .toml file.", None, "-m", complete=machine_names)
+    machine: OptionalMachine
     add_to: Path | None = option(
-        "Calibration of the machine, in which the errors along this axis are replaced.", "OLD.json"
+        "Calibration of the machine, in which the errors along this axis are replaced.", "OLD.json", reads=True
     )
 
     def check(self) -> None:
@@ -66,14 +58,15 @@ def continuous(
     data: tuple[Path, ...] = argument(
         "Continuous runs and quasi-static data, which their columns distinguish.",
         "CONTINUOUS.csv... QUASISTATIC.csv...",
+        reads=True,
     ),
-    output: str = option("File for the error table; `-` is standard output.", "TABLE.csv", "-o", default=REQUIRED),
+    output: str = output_option("File for the error table; `-` is standard output.", "TABLE.csv"),
     spacing_mm: float | None = option("Distance of the rows of the table, mm; default: about 500 rows.", "mm"),
     direction: Literal["auto", "forward", "backward", "mean"] = option(
         "Direction of the table; auto: mean where both directions have continuous runs, else that of the run.",
         default="auto",
     ),
-    run: tuple[str, ...] = option("Quasi-static run to use; default: all.", "NAME"),
+    run: tuple[str, ...] = option("Quasi-static run to use; default: all.", "NAME", panel=DATA),
     header: HeaderLines,
     model: CalibrationOptions,
     others: ResultOptions,
@@ -84,63 +77,34 @@ def continuous(
     target, positive where the axis goes too far in its positive direction; u_um is their standard uncertainty (k = 1).
     Cyclic errors, table steps, vibrations, reversal and drift between runs are reported.
     """
-    from calibration.continuous.estimate import estimate
-    from calibration.continuous.reading import read_all
     from calibration.fit.beyond_measured import calibration_file
     from calibration.reports.continuous import continuous_json, continuous_report
     from postproc.commands.show.terminal import console, say, show
 
-    outputs = {"--output": output, "--write-calibration": model.write_calibration, **others.by_option}
-    inputs = check_files((*data, model.add_to), outputs)
     model.check()
-    if spacing_mm is not None and spacing_mm <= 0.0:
-        raise UserError(f"--spacing-mm {spacing_mm:g}: expected a length above zero")
     machine = None if model.machine is None else ncomp.load_machine(model.machine)
-    with console.status("reading") as status:
-        read = read_all(data, header_of(header))
-        quasi = _runs(read.quasi, run)
-        status.update("joining")
-        found = estimate(read.records, quasi, spacing_mm, direction)
-        made = None if machine is None else _calibration(found, read, quasi, machine, model.add_to, header)
+    with console.status("joining"):
+        result = ncomp.continuous(
+            data,
+            machine,
+            spacing_mm=spacing_mm,
+            direction=direction,
+            run=run,
+            header=header,
+            add_to=model.add_to,
+        )
+    found, read, made = result.estimate, result.data, result.calibration
     report = continuous_report(found, read, f"ncomp continuous {' '.join(map(str, data))}")
-    for note in (*read.notes, *found.notes, *(made.notes if made else ())):
+    for note in result.notes:
         say("note", note)
     with whole_results(*others.files, model.write_calibration, output) as (results, page, calibration, file):
-        _write_table(found.table(), file)
+        _write_table(result.table, file)
         if made is not None and machine is not None:
             calibration.write(calibration_file(made.model, machine))
-        others.write(continuous_json(found, read), report, (results, page), inputs)
-    show(report, *outputs.values())
+        others.write(continuous_json(found, read), report, (results, page), (*data, model.add_to))
+    show(report, output, model.write_calibration, *others.files)
     if made is not None:
         say("calibration", f"{model.write_calibration}: {', '.join(made.effects)}; {made.nodes} nodes")
-
-
-def _calibration(
-    found: Estimate, read: Data, quasi: QuasiStatic, machine: Machine, add_to: Path | None, header: Sequence[str]
-) -> AxisModel:
-    """The estimate as a calibration of the machine; UserError where the data are of another machine or axis."""
-    from calibration.continuous.axis_model import axis_model, line_of
-    from calibration.measurement.readers import read_any
-    from kinematics.error_model.model import read_model
-
-    if read.machine not in ("", machine.name):
-        raise UserError(f"{', '.join(read.fingerprints)}: of machine {read.machine}, --machine is {machine.name}")
-    if read.axis not in machine.names:
-        raise UserError(f"{', '.join(read.fingerprints)}: {machine.name} ({machine.chain}) has no axis {read.axis}")
-    base = None if add_to is None else read_model(add_to, machine)
-    entries = header_of(header)
-    line = line_of([read_any(path, machine, header=entries) for path in read.standing], read.axis)
-    return axis_model(found, read, quasi, machine, line, base)
-
-
-def _runs(quasi: QuasiStatic, chosen: Sequence[str]) -> QuasiStatic:
-    """The readings of the requested runs, all of them by default; UserError for an unknown run."""
-    import numpy as np
-
-    unknown = [name for name in chosen if name not in quasi.runs]
-    if unknown:
-        raise UserError(f"--run {unknown[0]}: {quasi.source} has runs {', '.join(quasi.runs)}")
-    return quasi.rows(np.flatnonzero(np.isin(quasi.run, list(chosen)))) if chosen else quasi
 
 
 def _write_table(rows: TableRows, file: BinaryIO) -> None:

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import REQUIRED, argument, option
+from postproc.commands.options.declared import MODEL, argument, option, output_option
 from postproc.commands.options.measurement import DataOptions, Force, Noise
-from postproc.commands.options.shared import (
-    MachineName,
-    ResultOptions,
-    check_files,
-    whole_results,
-)
+from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
 
 EPILOG = (
     "Examples:\n\n"
@@ -26,17 +21,26 @@ EPILOG = (
 )
 
 
-def diagnose(
-    *,
-    data: tuple[Path, ...] = argument("Measurement files, as for ncomp fit.", "DATA.csv..."),
-    machine: MachineName,
-    output: Path = option("File for the new calibration.", "NEW.json", "-o", default=REQUIRED),
-    calibration: Path | None = option("Present model; default: error motions of all axes.", "CAL.json", "-c"),
-    noise: Noise,
-    unexplained: Literal["report", "add"] = option(
+Unexplained = Annotated[
+    Literal["report", "add"],
+    option(
         "Residuals without a known cause: only reported, or also added to the calibration as a smooth function.",
         default="report",
+        panel=MODEL,
     ),
+]
+
+
+def diagnose(
+    *,
+    data: tuple[Path, ...] = argument("Measurement files, as for ncomp fit.", "DATA.csv...", reads=True),
+    machine: MachineName,
+    output: Path = output_option("File for the new calibration.", "NEW.json"),
+    calibration: Path | None = option(
+        "Present model; default: error motions of all axes.", "CAL.json", "-c", reads=True, panel=MODEL
+    ),
+    noise: Noise,
+    unexplained: Unexplained,
     force: Force,
     form: DataOptions,
     others: ResultOptions,
@@ -51,7 +55,7 @@ def diagnose(
     from calibration.reports.diagnosis_json import diagnosis_json
     from postproc.commands.show.terminal import console, show
 
-    inputs = check_files((*data, form.plan, calibration), {"--output": output, **others.by_option})
+    inputs = (*data, form.plan, calibration)
     found_machine = ncomp.load_machine(machine)
     present = None if calibration is None else ncomp.load_calibration(found_machine, calibration)
     measurement = form.read(data, found_machine)
@@ -70,3 +74,4 @@ def diagnose(
     show(report, *others.files, str(output))
     if not found.accepted:
         raise UserError(f"{measurement.source}: {found.reason}")
+    form.note_date([measurement])

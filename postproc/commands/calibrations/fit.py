@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 import ncomp
 from kinematics.running.progress import Progress
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import REQUIRED, argument, option
+from postproc.commands.options.declared import MODEL, argument, option, output_option
 from postproc.commands.options.measurement import DataOptions, Force, Noise
-from postproc.commands.options.path import OnTheFlyOptions, read_path
+from postproc.commands.options.path import OnTheFlyOptions, Reversal, read_path
 from postproc.commands.options.program import SetUpOptions
-from postproc.commands.options.shared import (
-    MachineName,
-    ResultOptions,
-    check_files,
-    whole_results,
-)
+from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,6 +27,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, kw_only=True)
 class FitOptions:
     """The fitted model, its prior and its validity, by the names of the public interface."""
+
+    PANEL: ClassVar[str] = MODEL
 
     basis: str = option(
         "Basis of the error motions: b-spline:NODES (a table), cubic:NODES, legendre:DEGREE, polynomial:DEGREE, "
@@ -54,6 +51,13 @@ class FitOptions:
     force: Force
 
 
+@dataclass(frozen=True, kw_only=True)
+class PathSetUp(SetUpOptions):
+    """Set-up of the program of data taken on the fly."""
+
+    PANEL: ClassVar[str] = "Program of data taken on the fly"
+
+
 EPILOG = (
     "Examples:\n\n"
     "`ncomp fit tracker.csv --machine gantry -o gantry.json --report gantry.html`\n\n"
@@ -73,13 +77,13 @@ EPILOG = (
 
 def fit(
     *,
-    data: tuple[Path, ...] = argument("Measurement files, of one instrument or of several.", "DATA.csv..."),
+    data: tuple[Path, ...] = argument("Measurement files, of one instrument or of several.", "DATA.csv...", reads=True),
     machine: MachineName,
-    output: Path = option("File for the calibration.", "CAL.json", "-o", default=REQUIRED),
+    output: Path = output_option("File for the calibration.", "CAL.json"),
     model: FitOptions,
     form: DataOptions,
     moving: OnTheFlyOptions,
-    set_up: SetUpOptions,
+    set_up: PathSetUp,
     others: ResultOptions,
 ) -> None:
     """Fit the machine's errors to measured points, with uncertainties, and list the errors that the points cannot show.
@@ -89,9 +93,10 @@ def fit(
     together: each has its own registration and is also predicted by the others.
     """
     from calibration.fit.beyond_measured import calibration_file
+    from calibration.measurement.measurement import Measurement
     from postproc.commands.show.terminal import console, show
 
-    inputs = check_files((*data, form.plan, moving.path), {"--output": output, **others.by_option})
+    inputs = (*data, form.plan, moving.path)
     moving.check(form, set_up)
     if moving.path is not None and len(data) > 1:
         raise UserError("--path needs one measurement file: several cannot be along one path")
@@ -112,6 +117,7 @@ def fit(
     show(found.report, *others.files)
     if found.refusal is not None:
         raise found.refusal
+    form.note_date([each if isinstance(each, Measurement) else each.measurement for each in measured])
 
 
 class _Fitted(NamedTuple):
@@ -124,7 +130,7 @@ class _Fitted(NamedTuple):
 
 
 def _of_one(
-    measured: Sequence[Measurement | OnTheFly], model: FitOptions, reversal: str, command: str, progress: Progress
+    measured: Sequence[Measurement | OnTheFly], model: FitOptions, reversal: Reversal, command: str, progress: Progress
 ) -> _Fitted:
     """The fit of the measurement by one instrument."""
     from calibration.fit.calibrate import NotAccepted
@@ -141,7 +147,7 @@ def _of_one(
 
 
 def _of_several(
-    measured: Sequence[Measurement | OnTheFly], model: FitOptions, _: str, command: str, progress: Progress
+    measured: Sequence[Measurement | OnTheFly], model: FitOptions, _: Reversal, command: str, progress: Progress
 ) -> _Fitted:
     """The fit of the measurements by several instruments."""
     from calibration.fit.together import TogetherNotAccepted

@@ -8,14 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import ncomp
-from postproc.commands.options.declared import argument, option
+from postproc.commands.options.declared import argument, output_option
 from postproc.commands.options.measurement import DataOptions
-from postproc.commands.options.shared import (
-    MachineName,
-    ResultOptions,
-    check_files,
-    whole_results,
-)
+from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,9 +26,9 @@ EPILOG = (
 
 def iso230(
     *,
-    data: Path = argument("Interferometer data, in any known format.", "DATA"),
+    data: Path = argument("Interferometer data, in any known format.", "DATA", reads=True),
     machine: MachineName,
-    output: str | None = option("Error tables of both directions; `-` is standard output.", "TABLE.csv", "-o"),
+    output: str | None = output_option("Error tables of both directions; `-` is standard output.", "TABLE.csv", None),
     form: DataOptions,
     others: ResultOptions,
 ) -> None:
@@ -44,15 +39,14 @@ def iso230(
     """
     from calibration.reports.head import measured_head
     from calibration.reports.iso230 import iso230_report
-    from calibration.single_axis.iso230 import evaluate
     from postproc.commands.show.terminal import console, say, show
 
-    inputs = check_files((data, form.plan), {"--output": output, **others.by_option})
+    inputs = (data, form.plan)
     found = ncomp.load_machine(machine)
     with console.status("1 of 2: reading") as status:
         measurement = form.read([data], found)
         status.update("2 of 2: evaluating")
-        tests = evaluate(measurement)
+        tests = ncomp.iso230(measurement)
     head = measured_head(measurement, None, f"ncomp iso230 {data} --machine {machine}")
     for test in tests:
         for note in test.notes:

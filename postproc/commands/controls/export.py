@@ -4,31 +4,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import ncomp
 from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import REQUIRED, option
 from postproc.commands.options.program import SetUpOptions, moves_of
-from postproc.commands.options.shared import (
-    CalibrationName,
-    MachineName,
-    ResultOptions,
-    check_files,
-    whole_results,
-)
+from postproc.commands.options.shared import CalibrationName, MachineName, ResultOptions, whole_results
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from kinematics.error_model.model import ErrorModel
     from kinematics.machine import Machine
     from postproc.control.setup import Setup
-    from postproc.tables.export import Exported
-    from postproc.tables.not_representable import Unrepresented
-    from postproc.tables.remaining_error import EvaluationPoints
+    from postproc.control_data.exported import ExportedData, Unrepresented
+    from postproc.control_data.remaining_error import EvaluationPoints
+    from postproc.control_data.tables.export_tables import Exported
 
+FORMAT_LIST = (
+    "Formats of tables: linuxcnc, siemens-eec, siemens-cec, heidenhain, heidenhain-kinematics, fanuc, isg, isg-cross, "
+    "isg-volumetric, etalon, mitsubishi, klipper, reprap, csv (docs/tables.md). Of kinematic parameters: "
+    "linuxcnc-kinematics, siemens-trafo5, siemens-tcarr, heidenhain-transformations, fanuc-kinematics "
+    "(docs/kinematic_parameters.md).\n\n"
+)
+"""All formats, for the help."""
 EPILOG = (
-    "Examples:\n\n"
+    f"{FORMAT_LIST}Examples:\n\n"
     "`ncomp export --machine gantry --calibration cal.json --format linuxcnc -o tables`\n\n"
     "`ncomp export --machine mill.toml -c cal.json --format siemens-cec --probe X -o probe`  writes a "
     "table that shows the sign of the values\n\n"
@@ -39,10 +42,9 @@ EPILOG = (
 
 def format_names() -> list[str]:
     """Names of the formats that can be written."""
-    from postproc.kinematic_parameters.formats import FORMATS as PARAMETERS
-    from postproc.tables.formats import FORMATS
+    from postproc.control_data.formats import FORMATS
 
-    return [*FORMATS, *PARAMETERS]
+    return list(FORMATS)
 
 
 def check_format(name: str) -> None:
@@ -57,8 +59,10 @@ def check_format(name: str) -> None:
 class TableOptions:
     """Format and conventions of compensation tables."""
 
+    PANEL: ClassVar[str] = "Tables"
+
     format: str = option(
-        "Format of the tables (docs/tables.md), or of the kinematic parameters (docs/kinematic_parameters.md).",
+        "Format of the tables or of the kinematic parameters, one of those below.",
         default=REQUIRED,
         complete=format_names,
     )
@@ -72,12 +76,16 @@ def export(
     *,
     machine: MachineName,
     tables: TableOptions,
-    output: Path = option("New folder for the tables.", "DIR", "-o", default=REQUIRED),
+    output: Path = option("New folder for the tables.", "DIR", "-o", default=REQUIRED, writes="folder"),
     calibration: CalibrationName,
     tool_mm: float = option("Length of the tool for which the tables are made, mm.", "mm", default=0.0, min=0.0),
     probe: str | None = option("Write only a probe table, which shows the sign of the values of this axis.", "AXIS"),
-    rest: Path | None = option("File for the calibration less the errors that the tables compensate.", "REST.json"),
-    program: str | None = option("Also show the errors along this program; `-` is standard input.", "IN.nc"),
+    rest: Path | None = option(
+        "File for the calibration less the errors that the tables compensate.", "REST.json", writes="file"
+    ),
+    program: str | None = option(
+        "Also show the errors along this program; `-` is standard input.", "IN.nc", reads=True
+    ),
     set_up: SetUpOptions,
     others: ResultOptions,
 ) -> None:
@@ -86,46 +94,57 @@ def export(
     Tables hold the part of the correction that is a function of quantities in the control, with the values and nodes
     that leave least volumetric error. A program is then corrected with REST.json, and no error is corrected twice.
     """
-    from kinematics.error_model.model import encode_model
-    from kinematics.files import whole_folder
-    from postproc.commands.controls.control_files import encoded, probe_command, show_export, write_probe
-    from postproc.commands.controls.export_parameters import find_parameters, is_parameters, write_parameters
-    from postproc.tables.export import sign_of
-    from postproc.tables.format import parse_settings
-    from postproc.tables.formats import find_format
-    from postproc.tables.probe import probe as probe_files
-    from postproc.tables.report import export_report
-    from postproc.tables.sheet import sheet
+    from postproc.commands.controls.control_files import probe_command, write_probe
+    from postproc.control_data.format import parse_settings, sign_of
+    from postproc.control_data.formats import FORMATS
 
-    inputs = check_files((calibration, program, *set_up.tool_table), {"--rest": rest, **others.by_option})
+    inputs = (calibration, program, *set_up.tool_table)
     _check_folder(output)
     check_format(tables.format)
-    found = ncomp.load_machine(machine)
+    found, form = ncomp.load_machine(machine), FORMATS[tables.format]
     if probe is not None and (tables.sign, rest, program, *others.files) != (None,) * 5:
         raise UserError("--probe excludes --sign, --rest, --program, --json and --report: it writes only a probe table")
-    if is_parameters(tables.format):
-        if program is not None:
-            raise UserError("--program: errors along a program are shown for tables only")
-        if probe is None:
-            shown = probe_command(machine, found, tables.format, rotary=True)
-            sign_of(find_parameters(tables.format), tables.sign, shown)
-        write_parameters(found, calibration, tables, output, tool_mm, probe, rest, others)
-        return
-    form = find_format(tables.format)
+    if program is not None and not form.ALONG_PROGRAMS:
+        raise UserError("--program: errors along a program are shown for tables only")
     chosen = parse_settings(form.settings, tables.settings)
     if probe is not None:
-        write_probe(output, probe_files(found, probe, form, chosen))
+        write_probe(output, form.probe(found, probe, chosen))
         return
-    sign_of(form, tables.sign, probe_command(machine, found, form.name, rotary=False))
+    sign_of(form, tables.sign, probe_command(machine, found, form.name, rotary=form.ROTARY))
     model = ncomp.load_calibration(found, calibration)
-    exported, left, errors = _exported(found, model, tables, tool_mm, program, set_up)
+    _write(_exported(found, model, tables, tool_mm, program, set_up), output, rest, inputs, others)
+
+
+class _Result(NamedTuple):
+    """The result of an export."""
+
+    exported: ExportedData
+    """The tables, or the kinematic parameters."""
+    left: list[Unrepresented]
+    """Errors that they cannot contain."""
+    errors: dict[str, dict[str, Any]]
+    """Remaining errors over the volume, and along a program."""
+
+
+def _write(
+    found: _Result, output: Path, rest: Path | None, inputs: Iterable[str | Path | None], others: ResultOptions
+) -> None:
+    """Write the files, their sheet, the calibration without their errors and the results, and show the report."""
+    from kinematics.error_model.model import encode_model
+    from kinematics.files import whole_folder
+    from postproc.commands.controls.control_files import encoded, show_export
+    from postproc.commands.controls.export_json import export_json
+    from postproc.control_data.export_report import export_report
+    from postproc.control_data.sheet import sheet
+
+    exported, left, errors = found
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
     report = export_report(exported, left, errors, str(output), list(files))
     written = whole_results(*others.files, None if rest is None else str(rest))
     with whole_folder(output, encoded(files)), written as (results, page, rest_file):
-        others.write(_json(exported, left, errors, list(files)), report, (results, page), inputs)
+        others.write(export_json(exported, left, errors, list(files)), report, (results, page), inputs)
         rest_file.write(encode_model(exported.rest))
-    last = f"{len(exported.files)} files and sheet.md in {output}; read sheet.md before loading the tables"
+    last = f"{len(exported.files)} files and sheet.md in {output}; read sheet.md before {exported.format.LOADED}"
     show_export(report, last, others)
 
 
@@ -136,23 +155,26 @@ def _exported(
     tool_mm: float,
     program: str | None,
     set_up: SetUpOptions,
-) -> tuple[Exported, list[Unrepresented], dict[str, dict[str, Any]]]:
-    """The tables, the errors that they cannot hold, and the remaining errors over the volume and along a program."""
+) -> _Result:
+    """The data of a control for a machine, and what they leave."""
     from postproc.commands.show.terminal import console
+    from postproc.control_data.formats import FORMATS
+    from postproc.control_data.tables.export_tables import Exported
 
-    steps = 3 if program is None else 5
-    with console.status(f"1 of {steps}: tables") as status:
-        exported = ncomp.export(machine, model=model, tool_mm=tool_mm, **vars(tables))
-        status.update(f"2 of {steps}: errors that the tables cannot hold")
+    steps, kind = (3 if program is None else 5), FORMATS[tables.format].KIND
+    export = ncomp.export if kind == "tables" else ncomp.export_parameters
+    with console.status(f"1 of {steps}: {kind}") as status:
+        exported = export(machine, calibration=model, tool_mm=tool_mm, **vars(tables))
+        status.update(f"2 of {steps}: errors that the {kind} cannot hold")
         left = exported.left
         status.update(f"3 of {steps}: remaining errors over the volume")
         errors = {"volume": exported.errors_in_the_volume()}
-        if program is not None:
+        if program is not None and isinstance(exported, Exported):
             status.update(f"4 of {steps}: reading {program}")
             points = _points(program, exported, set_up.setup(machine), set_up.dialect)
             status.update(f"5 of {steps}: remaining errors along the program")
             errors["program"] = exported.errors_at(points)
-    return exported, left, errors
+    return _Result(exported, left, errors)
 
 
 def _check_folder(output: Path) -> None:
@@ -164,7 +186,7 @@ def _check_folder(output: Path) -> None:
 
 
 def _points(program: str, exported: Exported, setup: Setup, dialect: str) -> EvaluationPoints:
-    from postproc.tables.remaining_error import program_points
+    from postproc.control_data.remaining_error import program_points
 
     motions = moves_of(program, exported.target.machine, setup, dialect)
     points = program_points(motions, exported.target.model)
@@ -173,27 +195,3 @@ def _points(program: str, exported: Exported, setup: Setup, dialect: str) -> Eva
             f"{program}: no move has known positions of all axes: the errors along the program cannot be evaluated"
         )
     return points
-
-
-def _json(exported: Exported, left: list[Unrepresented], errors: dict[str, Any], files: list[str]) -> dict[str, Any]:
-    from postproc.tables.sheet import table_rows
-
-    content = exported.content
-    return {
-        "format": exported.format.name,
-        "machine": exported.target.machine.name,
-        "calibration": exported.whole.id,
-        "demonstration": exported.whole.demonstration,
-        "values_are": content.sign,
-        "sign_confirmed": exported.format.sign is not None,
-        "tool_mm": -float(exported.target.tool[2]),
-        "files": files,
-        "tables": [row._asdict() for row in table_rows(exported)],
-        "errors": errors,
-        "not_carried": [
-            {"error": item.name, "rms_um": None if item.rms_um != item.rms_um else item.rms_um, "why": item.why}
-            for item in left
-        ],
-        "not_carried_orientation_urad": errors["volume"]["tool_axis_urad"]["after_tables"],
-        "datum_shift": {axis: round(value, 7) for axis, value in exported.datum.items()},
-    }

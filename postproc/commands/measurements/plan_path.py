@@ -1,12 +1,18 @@
-"""`ncomp plan --strategy on-the-fly`: a path along which every error is visible, or evaluation of a given path."""
+"""`ncomp plan path`: a path along which a tracker that follows sees every error, or evaluation of a given path."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Literal
 
+import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import option
+from postproc.commands.measurements.plan import FEED, MeasuringProgramOptions, PlanFile, write
+from postproc.commands.options.declared import option, refuse_given
+from postproc.commands.options.path import read_path
+from postproc.commands.options.program import ToolOptions
+from postproc.commands.options.shared import MachineName, ResultOptions
+from postproc.commands.options.strategy import POSITIONS, Margin, VolumeOptions
 from rendering.report import Report, facts, shortened
 
 if TYPE_CHECKING:
@@ -17,7 +23,13 @@ if TYPE_CHECKING:
     from calibration.on_the_fly.planning.predicted_fit import PathEvaluation
     from kinematics.machine import Machine
 
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp plan path --machine cframe --target t=0,0,-120 --length-m 21 --feed 2500 -o path.csv --nc path.nc`\n\n"
+    "`ncomp plan path --machine cframe --target t=0,0,-120 --path mine.nc -o path.csv`  evaluates a program"
+)
 STRATEGY = "on-the-fly"
+"""Name of the strategy in the file of the plan."""
 LENGTH = 12.7
 """Default length of a path, as a multiple of the sum of all travels: 21 m for 600 x 600 x 450 mm."""
 SHOWN = 6
@@ -25,28 +37,31 @@ SHOWN = 6
 
 
 @dataclass(frozen=True, kw_only=True)
-class PathOptions:
+class PathOptions(VolumeOptions):
     """A path for data taken on the fly."""
 
-    PANEL: ClassVar[str] = "Path on the fly"
-
+    margin_mm: Margin
+    rotary: Literal["fixed", "simultaneous"] = option(
+        "Rotary axes: fixed at home, or moved together with the linear axes.", default="fixed", panel=POSITIONS
+    )
+    feed: float = option("Feed along the path, mm/min.", "mm/min", default=FEED, min=0.1, panel=POSITIONS)
     length_m: float | None = option(
-        f"Length of the path, m; default: {LENGTH} times the sum of all travels.", "m", min=0.01
+        f"Length of the path, m; default: {LENGTH} times the sum of all travels.", "m", min=0.01, panel=POSITIONS
     )
-    minutes: float | None = option(
-        "Duration of the path at the feed, or of the plan of --optimise, min.", "min", min=0.01
+    minutes: float | None = option("Duration of the path at the feed, min.", "min", min=0.01, panel=POSITIONS)
+    path: str | None = option(
+        "NC program whose path is evaluated, instead of a planned path.", "PATH.nc", reads=True, panel=POSITIONS
     )
-    path: str | None = option("NC program whose path is evaluated, instead of a planned path.", "PATH.nc")
 
-    def length(self, travel: float, feed: float) -> float:
-        """Length of the path, mm; travel: sum of the travels of all linear axes, mm; feed, mm/min."""
+    def length(self, travel: float) -> float:
+        """Length of the path, mm; travel: sum of the travels of all linear axes, mm."""
         if self.length_m is not None and self.minutes is not None:
             raise UserError("--length-m and --minutes exclude each other: give one of them")
         if self.minutes is not None:
-            return self.minutes * feed
+            return self.minutes * self.feed
         return LENGTH * travel if self.length_m is None else self.length_m * 1e3
 
-    def planned(self, machine: Machine, choices: Choices, feed: float) -> NominalPath:
+    def planned(self, machine: Machine, choices: Choices) -> NominalPath:
         """The best path of this length; the terminal shows the progress of the search."""
         from itertools import pairwise
 
@@ -60,11 +75,43 @@ class PathOptions:
 
         ends = _ends(machine, choices)
         volume = Volume(machine, ends, choices.targets, CELL_MM, CORNER_MM)
-        length = self.length(float(np.ptp(ends[:, ~machine.rotary], axis=0).sum()), feed)
+        length = self.length(float(np.ptp(ends[:, ~machine.rotary], axis=0).sum()))
         with progress_of(STARTS + TRIES, "searching for the best path", 0) as progress:
             corners = best_path(volume, length, np.random.default_rng(choices.seed), progress).corners
         feed_distance = np.concatenate([[0.0], np.cumsum([volume.length(a, b) for a, b in pairwise(corners)])])
         return NominalPath(machine, corners, feed_distance, np.ones(len(corners), bool), "the planned path")
+
+
+def plan_path(
+    *,
+    machine: MachineName,
+    output: PlanFile,
+    path: PathOptions,
+    program: MeasuringProgramOptions,
+    tools: ToolOptions,
+    others: ResultOptions,
+) -> None:
+    """Plan a path that a laser tracker follows without stops, or evaluate the path of a program."""
+    from calibration.on_the_fly.planning.predicted_fit import evaluated_path
+    from postproc.generate import path_program
+
+    if path.path is None:
+        refuse_given("is for the program of --path: give it too", tools, *(each.name for each in fields(tools)))
+        program.refuse_without_effect()
+    else:
+        program.refuse_without_effect("work_offset")
+    found = ncomp.load_machine(machine)
+    choices = path.choices(found)
+    settings, dialect = program.settings(found, path.feed), program.control(found)
+    if path.path is None:
+        nominal = path.planned(found, choices)
+    else:
+        offsets = [program.work_offset] if program.work_offset else []
+        nominal = read_path(path.path, found, ncomp.set_up(found, work_offset=offsets, **tools.arguments))
+    evaluated = evaluated_path(nominal, choices.targets)
+    lines = path_program(nominal.machine, nominal.positions / nominal.machine.scale, settings, dialect)
+    report = path_report(nominal, evaluated, path.feed, len(choices.targets))
+    write(plan_of_path(nominal, choices, path.feed), lines, report, program, output, others, (path.path,))
 
 
 def plan_of_path(path: NominalPath, choices: Choices, feed: float) -> Plan:
@@ -114,8 +161,6 @@ def _ends(machine: Machine, choices: Choices) -> np.ndarray:
 
     from calibration.planning.strategies import fixed_positions, limits, need_ends
 
-    if choices.rotary not in ("fixed", "simultaneous"):
-        raise UserError(f"--rotary {choices.rotary}: on the fly, expected fixed or simultaneous")
     low, high = limits(machine, choices)
     standing = fixed_positions(machine, choices)
     for i in range(len(machine.axes)):

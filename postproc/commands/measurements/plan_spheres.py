@@ -1,15 +1,23 @@
-"""`ncomp plan --instrument touch-probe`: rotary positions at which spheres are measured, and the probing program."""
+"""`ncomp plan spheres`: rotary positions at which spheres are measured, and the probing program."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
+import msgspec
+
+import ncomp
+from kinematics.running.given_texts import numbers
 from kinematics.running.progress import Progress
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import numbers, option
-from postproc.commands.options.virtual_instrument import spheres_of
+from postproc.commands.measurements.plan import FEED, PlanFile, ProgramOptions
+from postproc.commands.options.declared import option
+from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
+from postproc.commands.options.strategy import POSITIONS, SEQUENCE, VolumeOptions
+from postproc.commands.options.virtual_instrument import Distance, UncertaintyOptions, spheres_of
 from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
@@ -23,32 +31,51 @@ if TYPE_CHECKING:
     from kinematics.machine import Machine
     from postproc.probing.sequence import ProbingSettings
 
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp plan spheres --machine dmu50 --points 34 --sphere s1=130,20,60 --sphere s2=-110,60,50 -o spheres.csv "
+    "--nc spheres.ngc --dialect linuxcnc`\n\n"
+    "`ncomp plan spheres --machine trunnion_ac --strategy bk --points 32 --range A=-90:0 -o bk.csv`"
+)
 TIP = (0.0, 0.0, -150.0)
 """Tip of the probe from the spindle nose if none is stated, mm."""
 DEFAULT_SPHERES = 3
 BACK = 0.2
 """Way back between both touches, as a share of the clearance."""
-INSTRUMENT = "touch-probe"
 
 
 @dataclass(frozen=True, kw_only=True)
-class SphereOptions:
+class RotaryPositionOptions(VolumeOptions):
+    """Rotary positions at which the spheres are measured."""
+
+    strategy: str = option(
+        "Strategy of the rotary positions: optimised, grid, bk, samba, random.",
+        "NAME",
+        default="optimised",
+        panel=POSITIONS,
+    )
+    points: int = option("Number of rotary positions.", default=34, panel=POSITIONS)
+    references: int = option(
+        "Number of positions between measurements of the first one, also at the end; 0: at the end only.",
+        "N",
+        default=0,
+        panel=SEQUENCE,
+    )
+    feed: float = option("Feed between spheres, mm/min.", "mm/min", default=FEED, min=0.1, panel=SEQUENCE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SphereOptions(UncertaintyOptions):
     """A touch probe and spheres on the table."""
 
     PANEL: ClassVar[str] = "Touch probe and spheres"
 
-    instrument: Literal["touch-probe"] | None = option(
-        "Instrument of the plan: touch-probe plans the centres of spheres at positions of the rotary axes (strategies "
-        "optimised, grid, bk, samba, random; --points counts rotary positions), with a program that measures them."
-    )
     sphere: tuple[str, ...] = option(
         "Sphere on the table, mm, in the workpiece frame with all axes at 0, to 2 mm. Default: three spheres about the "
         "middle of the table.",
         "s1=x,y,z",
     )
-    distance: tuple[str, ...] = option(
-        "Calibrated distance between two spheres, with its standard uncertainty (k=1), um.", "s1.s2=u_um"
-    )
+    distance: Distance
     dimensions: str | None = option(
         "Diameters and lengths, mm, of sphere (ball=25), its stem (stem=8, stem_length=60), the probe's tip (tip=6), "
         "stylus (stylus=4, free_length=40) and body (body=50).",
@@ -59,24 +86,18 @@ class SphereOptions:
     measuring_feed: float = option("Feed of the second touch, which counts, mm/min.", "mm/min", default=30.0, min=0.1)
 
     def planned(
-        self,
-        machine: Machine,
-        design: str | None,
-        points: int | None,
-        choices: Choices,
-        u_um: float,
-        feed: float,
-        progress: Progress,
+        self, machine: Machine, positions: RotaryPositionOptions, choices: Choices, progress: Progress
     ) -> ProbePlan:
-        """The plan of these spheres; design and points are those of --strategy and --points."""
-        from calibration.probing.plan import POINTS, Feeds, ProbeRequest, probe_plan
+        """The plan of these spheres at positions of the rotary axes."""
+        from calibration.probing.plan import Feeds, ProbeRequest, probe_plan
         from calibration.probing.touches import Approach
 
         probe, artefact = self._bodies(machine, choices)
+        u_um = self.instrument_of("touch-probe").u_um  # type: ignore[union-attr]
         request = ProbeRequest(
-            probe, artefact, design or "optimised", POINTS if points is None else points, choices.ranges,
-            choices.references, Approach(self.clearance, min(3.0, self.clearance)),
-            Feeds(feed, self.probing_feed, self.measuring_feed), u_um, choices.seed,
+            probe, artefact, positions.strategy, positions.points, choices.ranges, positions.references,
+            Approach(self.clearance, min(3.0, self.clearance)),
+            Feeds(positions.feed, self.probing_feed, self.measuring_feed), u_um, choices.seed,
         )  # fmt: skip
         return probe_plan(machine, request, progress)
 
@@ -130,6 +151,44 @@ class SphereOptions:
             if found[name] <= 0.0:
                 raise UserError(f"--dimensions {entry}: expected a size above zero, mm")
         return found
+
+
+def plan_spheres(
+    *,
+    machine: MachineName,
+    output: PlanFile,
+    positions: RotaryPositionOptions,
+    spheres: SphereOptions,
+    program: ProgramOptions,
+    others: ResultOptions,
+) -> None:
+    """Plan the centres of spheres that a touch probe measures at positions of the rotary axes, and their program."""
+    from calibration.measurement.plan_file import write_plan
+    from postproc.commands.show.terminal import console, say, show
+    from postproc.probing.program import mask_of
+
+    program.refuse_without_effect()
+    of = ncomp.load_machine(machine)
+    choices, dialect = positions.choices(of), program.control(of)
+    control = "linuxcnc" if dialect == "iso" else dialect
+    settings = spheres.settings(positions.feed, program.offset(of))
+    with console.status("positions within reach") as status:
+        found = spheres.planned(of, positions, choices, status.update)
+        predicted = spheres.predicted(found)
+    nc, mask = program.nc, mask_of(control, of)
+    lines = probing_lines(found, settings, control) if nc is not None else iter(())
+    beside = str(Path(nc).with_name("ncomp.a")) if mask and nc not in (None, "-") else None
+    report = msgspec.structs.replace(spheres_report(found, predicted), head=of.report.filled(machine=of.name))
+    for note in found.notes:
+        say("note", note)
+    if nc == "-" and mask:
+        say("note", "the mask of FN 16, ncomp.a, is written beside a program in a file only")
+    with whole_results(nc, output, beside, *others.files) as (file, rows, form, *files):
+        write_plan(found.plan, rows)
+        others.write(spheres_json(found, predicted), report, tuple(files), ())
+        file.writelines(f"{line}\n".encode() for line in lines)
+        form.write((mask or "").encode())
+    show(report, "-")
 
 
 def probing_lines(found: ProbePlan, settings: ProbingSettings, control: str) -> Iterator[str]:

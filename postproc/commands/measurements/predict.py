@@ -7,14 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import ncomp
-from postproc.commands.options.declared import argument, option
-from postproc.commands.options.shared import (
-    CalibrationName,
-    MachineName,
-    ResultOptions,
-    check_files,
-    whole_results,
-)
+from postproc.commands.options.declared import argument, output_option
+from postproc.commands.options.shared import CalibrationName, MachineName, ResultOptions, whole_results
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,10 +25,10 @@ EPILOG = (
 
 def predict(
     *,
-    points: Path = argument("States, in columns of a measurement file.", "POINTS.csv"),
+    points: Path = argument("States, in columns of a measurement file.", "POINTS.csv", reads=True),
     machine: MachineName,
     calibration: CalibrationName,
-    output: str = option("The table with its predictions; `-` is standard output.", "OUT.csv", "-o", default="-"),
+    output: str = output_option("The table with its predictions; `-` is standard output.", "OUT.csv", "-"),
     others: ResultOptions,
 ) -> None:
     """Predict the deviation of the tool point, or the target, at each row of a table of states.
@@ -48,12 +42,11 @@ def predict(
     from postproc.commands.show.prediction import Summary
     from postproc.commands.show.terminal import say, show
 
-    inputs = check_files((points, calibration), {"--output": output, **others.by_option})
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
     read = read_points(points, found)
     prediction = ncomp.predict(read, found, model)
-    notes = [*read.notes, *prediction.notes]
+    notes = prediction.notes
     summary = Summary()
     with whole_results(*others.files, output) as (results, page, file):
         for line in _head(read, model):
@@ -66,7 +59,7 @@ def predict(
         report = summary.report(prediction, partial(prediction_figure, prediction))
         relative = prediction.relative().json()
         numbers = summary.json() | {"u_um": relative, "calibration": _identity(model), "notes": notes}
-        others.write(numbers, report, (results, page), inputs)
+        others.write(numbers, report, (results, page), (points, calibration))
     show(report, *others.files, output)
 
 

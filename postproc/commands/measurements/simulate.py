@@ -11,10 +11,10 @@ from kinematics.files.mistaken import missing
 from kinematics.user_error import UserError
 from postproc.commands.measurements.simulate_on_the_fly import MotionOptions, simulate_on_path
 from postproc.commands.options.ballbar import BallbarOptions
-from postproc.commands.options.declared import REQUIRED, option, refuse_given
+from postproc.commands.options.declared import option, output_option, refuse_given
 from postproc.commands.options.path import read_path
 from postproc.commands.options.program import SetUpOptions
-from postproc.commands.options.shared import MachineName, check_files, whole_results
+from postproc.commands.options.shared import MachineName, whole_results
 from postproc.commands.options.strategy import StrategyOptions, targets_of
 from postproc.commands.options.virtual_instrument import FaultOptions, InstrumentOptions
 from postproc.commands.options.virtual_machine import SIMULATED, VirtualMachineOptions
@@ -65,7 +65,7 @@ class Given(NamedTuple):
 def simulate(
     *,
     machine: MachineName,
-    output: str = option("File for the measurement; `-` is standard output.", "DATA.csv", "-o", default=REQUIRED),
+    output: str = output_option("File for the measurement; `-` is standard output.", "DATA.csv"),
     strategy: StrategyOptions,
     errors: ErrorOptions,
     instrument: InstrumentOptions,
@@ -78,19 +78,17 @@ def simulate(
 
     The measurement is at the positions of a strategy, or on the fly, along the path of a program that does not stop.
     """
-    from calibration.measurement.file import write_measurement
+    from calibration.measurement.written_file import write_measurement
     from calibration.simulation.measure_plan import streams
     from calibration.simulation.simulate import Faults
     from kinematics.error_model.model import encode_model
     from postproc.commands.show.terminal import console, progress_of, say
 
     outputs = errors.truth, output
-    check_files((strategy.strategy, errors.calibration, motion.path), {"--output": output, "--truth": errors.truth})
     found, seed = ncomp.load_machine(machine), strategy.seed
-    draws = streams(
-        seed, 4
-    )  # the true model, the poses, the noise, the faults: each instrument measures the same machine
-    model = errors.model(found, draws[0], location=errors.location)
+    # the true model, the poses, the noise, the faults: each instrument measures the same machine
+    draws = streams(seed, 4)
+    model = errors.model(found, seed, location=errors.location)
     virtual = instrument.virtual_instrument(Faults(**vars(faults)), errors.temperatures())
     if motion.path is not None:
         motion.check(strategy, instrument, faults)

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import ncomp
+from kinematics.running.given_texts import numbers
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import REQUIRED, numbers, option
-from postproc.commands.options.shared import MachineName, Seed, check_files, whole_results
+from postproc.commands.options.declared import REQUIRED, option, output_option
+from postproc.commands.options.shared import MachineName, Seed, whole_results
 from postproc.commands.options.virtual_machine import SIMULATED, VirtualMachineOptions
 
 if TYPE_CHECKING:
-    from calibration.continuous.virtual import Laser, Motion
     from kinematics.effects import Effect
     from kinematics.machine import Machine
 
@@ -41,24 +41,6 @@ class RunOptions:
     passes: int = option("Number of runs.", default=1, min=1, panel="Motion")
     both: bool = option("Run forward and backward each time.", default=False, panel="Motion")
 
-    def motion(self) -> Motion:
-        """The motion in the units of the library."""
-        from calibration.continuous.virtual import Motion
-
-        return Motion(self.start_mm, self.end_mm, self.feed, self.acceleration * 1e3, self.jerk * 1e3, self.lag * 1e-3)
-
-    def check(self, machine: Machine, axis: str) -> None:
-        """UserError unless the run is that of a linear axis within its travel, with different ends."""
-        own = machine.axes[machine.index(axis)]
-        if own.rotary:
-            raise UserError(f"--axis {axis}: a laser follows linear axes only")
-        low, high = own.travel
-        for name, position in (("--start-mm", self.start_mm), ("--end-mm", self.end_mm)):
-            if not low <= position <= high:
-                raise UserError(f"{name} {position:g}: outside the travel of {axis}, {low:g} to {high:g} mm")
-        if self.start_mm == self.end_mm:
-            raise UserError(f"--end-mm {self.end_mm:g}: expected another position than --start-mm")
-
 
 @dataclass(frozen=True, kw_only=True)
 class LaserOptions:
@@ -74,29 +56,6 @@ class LaserOptions:
     )
     jitter: float = option("Standard deviation of the time stamps, us.", "us", default=0.0, min=0.0)
     dropped: float = option("Share of lost samples.", "share", default=0.0, min=0.0, max=0.9)
-
-    def laser(self) -> Laser:
-        """The laser in the units of the library."""
-        from calibration.continuous.virtual import Laser
-
-        return Laser(self.rate, self.noise_um, self._vibrations(), self._settling(), self.jitter * 1e-6, self.dropped)
-
-    def _vibrations(self) -> tuple[tuple[float, float], ...]:
-        found = []
-        for text in self.vibration:
-            frequency, amplitude = numbers(text, 2, f"--vibration {text}", ":")
-            if frequency <= 0.0:
-                raise UserError(f"--vibration {text}: expected a frequency above zero")
-            found.append((frequency, amplitude))
-        return tuple(found)
-
-    def _settling(self) -> tuple[float, float, float] | None:
-        if self.settling is None:
-            return None
-        frequency, amplitude, constant = numbers(self.settling, 3, f"--settling {self.settling}", ":")
-        if frequency <= 0.0 or constant <= 0.0:
-            raise UserError(f"--settling {self.settling}: expected a frequency and a time constant above zero")
-        return frequency, amplitude, constant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,10 +93,8 @@ def simulate_continuous(
     *,
     machine: MachineName,
     run: RunOptions,
-    output: str = option(
-        "File for the continuous runs; `-` is standard output.", "CONTINUOUS.csv", "-o", default=REQUIRED
-    ),
-    quasistatic: str = option("File for the readings at targets.", "QUASISTATIC.csv", default=REQUIRED),
+    output: str = output_option("File for the continuous runs; `-` is standard output.", "CONTINUOUS.csv"),
+    quasistatic: str = option("File for the readings at targets.", "QUASISTATIC.csv", default=REQUIRED, writes="file"),
     laser: LaserOptions,
     targets: TargetOptions,
     errors: ErrorOptions,
@@ -145,27 +102,22 @@ def simulate_continuous(
 ) -> None:
     """Simulate laser runs of one axis at constant velocity, and a quasi-static measurement before them."""
     from calibration.continuous.record_file import write_records
-    from calibration.continuous.virtual import Targets, measure
-    from calibration.measurement.file import write_measurement
-    from calibration.measurement.instruments import Interferometer
-    from calibration.simulation.measure_plan import streams
+    from calibration.measurement.written_file import write_measurement
     from kinematics.error_model.model import encode_model
     from postproc.commands.show.terminal import console
 
-    outputs = {"--output": output, "--quasistatic": quasistatic, "--truth": errors.truth}
-    check_files((errors.calibration,), outputs)
-    found, axis, draws = ncomp.load_machine(machine), run.axis.strip().upper(), streams(seed, 2)
-    run.check(found, axis)
-    if targets.spacing <= 0.0:
-        raise UserError(f"--spacing {targets.spacing:g}: expected a length above zero")
-    model = errors.model(found, draws[0], errors.at_ends(found, axis, run))
-    at = Targets(targets.spacing, targets.runs, dwell=targets.dwell)
+    found, axis = ncomp.load_machine(machine), run.axis.strip().upper()
+    model = errors.model(found, seed, errors.at_ends(found, axis, run))
     with console.status("simulating"):
-        measured = measure(
-            found, model, axis, run.motion(), laser.laser(), at, Interferometer(u_um=targets.u_um), draws[1],
-            passes=run.passes, both=run.both,
-            temperatures=errors.temperatures(),
-        )  # fmt: skip
+        measured = ncomp.simulate_continuous(
+            found,
+            model,
+            **vars(run),
+            **vars(laser),
+            **vars(targets),
+            temperature=errors.courses(),
+            seed=seed,
+        )
     with whole_results(errors.truth, quasistatic, output) as (truth, readings, file):
         write_records(measured.records, axis, found.name, file, SIMULATED)
         write_measurement(measured.quasi, readings, SIMULATED)

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, cast
 
+from kinematics.running.given_texts import numbers
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import numbers, option, refuse_given
+from postproc.commands.options.declared import option, refuse_given
 from postproc.commands.options.shared import whole_results
 from postproc.commands.options.strategy import StrategyOptions
 from postproc.commands.options.virtual_instrument import FaultOptions, InstrumentOptions
@@ -16,7 +17,7 @@ from postproc.commands.options.virtual_machine import SIMULATED
 if TYPE_CHECKING:
     import numpy as np
 
-    from calibration.measurement.instruments import LaserTracker
+    from calibration.instruments import LaserTracker
     from calibration.measurement.measurement import Target
     from calibration.on_the_fly.nominal_path import NominalPath
     from calibration.on_the_fly.virtual import Vibration
@@ -35,7 +36,7 @@ class MotionOptions:
 
     PANEL: ClassVar[str] = "Measurement on the fly"
 
-    path: str | None = option("NC program whose path the machine follows.", "PATH.nc")
+    path: str | None = option("NC program whose path the machine follows.", "PATH.nc", reads=True)
     feed: tuple[float, ...] = option("Feed, mm/min; the program runs once at each. Default: 2500.", "mm/min", min=1.0)
     acceleration: float = option(
         "Acceleration along the path, m/s2; the motion stops at corners.", "m/s2", default=1.0, min=1e-3

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinematics.user_error import UserError
-from postproc.commands.options.declared import REQUIRED, argument, option
-from postproc.commands.options.program import SetUpOptions, moves_of
-from postproc.commands.options.shared import (
-    DaskAddress,
-    ResultOptions,
-    check_files,
-    number_of_workers,
-    whole_results,
-)
+import ncomp
+from postproc.commands.options.declared import argument, option, output_option
+from postproc.commands.options.program import SetUpOptions
+from postproc.commands.options.shared import DaskAddress, ResultOptions, number_of_workers, whole_results
 
 if TYPE_CHECKING:
-    from calibration.design.volume import Volume
     from calibration.study.run import Draws
-    from postproc.motion.motions import Motions
 
-MANY = 3000
-"""Largest number of moves of a program that are evaluated, evenly spread."""
 EPILOG = (
     "Examples:\n\n"
     "`ncomp study my_study.toml -o results.csv --report study.html`\n\n"
@@ -37,15 +27,17 @@ EPILOG = (
 
 def study(
     *,
-    definition: Path = argument("Definition of the study: methods to compare (docs/study.md).", "STUDY.toml"),
-    output: str = option(
-        "Table with one row for each case; `-` is standard output.", "RESULTS.csv", "-o", default=REQUIRED
+    definition: Path = argument(
+        "Definition of the study: methods to compare (docs/study.md).", "STUDY.toml", reads=True
     ),
+    output: str = output_option("Table with one row for each case; `-` is standard output.", "RESULTS.csv"),
     workers: int | None = option(
         "Number of processes; default: one for each core.", "N", "--workers", "-w", "--jobs", "-j", min=1
     ),
     dask: DaskAddress,
-    program: str | None = option("NC program, along which the errors after correction are evaluated too.", "PART.nc"),
+    program: str | None = option(
+        "NC program, along which the errors after correction are evaluated too.", "PART.nc", reads=True
+    ),
     set_up: SetUpOptions,
     others: ResultOptions,
 ) -> None:
@@ -55,54 +47,26 @@ def study(
     depend on the distribution of the work.
     """
     from calibration.reports.study import study_report
-    from calibration.study.cases import read_cases, with_volume
-    from calibration.study.definition import read_study
-    from calibration.study.results import summary, write_results
-    from calibration.study.run import Draws, run
-    from calibration.study.spread import workers as team_of
+    from calibration.study.results import write_results
     from calibration.study.store import Store
-    from postproc.commands.show.terminal import console, show
+    from calibration.study.studied import Study
+    from postproc.commands.show.terminal import console, say_assumed, show
 
-    inputs = check_files((definition, program, *set_up.tool_table), {"--output": output, **others.by_option})
+    inputs = (definition, program, *set_up.tool_table)
     number = number_of_workers(workers, dask, "--workers")
-    defined = read_study(definition)
     with console.status("laying out the cases"):
-        try:
-            cases = read_cases(defined, definition.parent)
-        except UserError as fault:
-            raise UserError(f"study {definition}: {fault}") from None
+        planned = Study.read(definition)
     if program is not None:
-        machine = cases[0].plan.machine
-        moves = moves_of(program, machine, set_up.setup(machine), set_up.dialect)
-        along = _ends(moves, program, defined.instrument.temperature)
-        cases = [with_volume(case, along) for case in cases]
-    draws_given = None if defined.draws == "adaptive" else defined.draws
-    draws = Draws(draws_given, defined.tolerance_um, defined.most_draws)
-    store = Store.beside(output)
-    with team_of(number, dask) as team, _progress(draws, len(cases)) as progress:
-        found = run(cases, draws, team, store, defined.check_draws, progress)
-    report = study_report(found, defined, draws, f"ncomp study {definition}")
+        planned, assumption = ncomp.study_along(planned, program, set_up.setup(planned.machine), set_up.dialect)
+        say_assumed(assumption)
+    with _progress(planned.draws, len(planned.cases)) as progress:
+        found = planned.run(number, dask, Store.beside(output), progress)
+    report = study_report(found.results, found.definition, found.draws, f"ncomp study {definition}")
     with whole_results(*others.files, output) as (results, page, file):
-        write_results(found, file)
-        others.write(summary(found), report, (results, page), inputs)
-    store.clear(case.key for case in cases)
+        write_results(found.results, file)
+        others.write(found.json(), report, (results, page), inputs)
+    found.clear()
     show(report, output, *others.files)
-
-
-def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:
-    """The ends of the moves of a program, as a volume in which machines are evaluated."""
-    import numpy as np
-
-    from calibration.design.volume import Volume, standing
-
-    rows = np.flatnonzero(motions.evaluated)
-    if not len(rows):
-        raise UserError(
-            f"{program}: no move has known positions of all axes: the errors along the program cannot be evaluated"
-        )
-    if len(rows) > MANY:
-        rows = rows[np.linspace(0, len(rows) - 1, MANY).astype(int)]
-    return Volume.at(motions.machine, standing(motions.machine_target[rows], sensors), motions.tool[rows])
 
 
 @contextmanager

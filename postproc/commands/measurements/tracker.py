@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from postproc.commands.options.declared import argument, option
-from postproc.commands.options.shared import ResultOptions, check_files, whole_results
+import ncomp
+from postproc.commands.options.declared import argument, output_option
+from postproc.commands.options.shared import ResultOptions, whole_results
 
 if TYPE_CHECKING:
     from calibration.measurement.tracker_tests import Fitted
@@ -21,21 +22,19 @@ EPILOG = (
 def tracker(
     *,
     data: Path = argument(
-        "Tests: columns test, range_mm, range_2_mm, length_mm, and error_um or stated_um.", "TESTS.csv"
+        "Tests: columns test, range_mm, range_2_mm, length_mm, and error_um or stated_um.", "TESTS.csv", reads=True
     ),
-    output: str | None = option("File for the parameters; `-` is standard output.", "TRACKER.toml", "-o"),
+    output: str | None = output_option("File for the parameters; `-` is standard output.", "TRACKER.toml", None),
     others: ResultOptions,
 ) -> None:
     """Fit a laser tracker's standard uncertainties to its ranging, length and two-face tests (ASME B89.4.19)."""
-    from calibration.measurement.tracker_tests import fit_tests, read_tests
     from calibration.reports.tracker import tracker_json, tracker_report
     from postproc.commands.show.terminal import show
 
-    inputs = check_files((data,), {"--output": output, **others.by_option})
-    found = fit_tests(read_tests(data))
+    found = ncomp.tracker(data)
     report = tracker_report(found, data.name)
     with whole_results(*others.files, output) as (results, page, file):
-        others.write(tracker_json(found), report, (results, page), inputs)
+        others.write(tracker_json(found), report, (results, page), (data,))
         file.write(_toml(found).encode())
     show(report, *others.files, output)
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from kinematics.running.given_texts import numbers
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import numbers, option
+from postproc.commands.options.declared import option
 from postproc.commands.options.strategy import targets_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from calibration.measurement.instruments import Ballbar, Instrument
+    from calibration.instruments import Ballbar, Instrument
     from calibration.measurement.measurement import Target
     from calibration.simulation.ballbar import Circles
 
@@ -33,16 +34,16 @@ class BallbarOptions:
     )
 
     def refuse(self, instrument: str) -> None:
-        """UserError for an option of a ballbar beside another instrument."""
+        """UserError for an option of a ballbar with another instrument."""
         for name in ("centre", "plane", "arc", "bar"):
             if getattr(self, name):
                 raise UserError(f"--{name} is no option of --instrument {instrument}: leave it out")
 
     def instrument(self, of: Instrument) -> Ballbar:
         """The ballbar with these uncertainties and the given length."""
-        from calibration.measurement.instruments import Ballbar
+        from calibration.instruments import Ballbar
 
-        assert isinstance(of, Ballbar)
+        assert of.OBSERVES == "distance"
         if self.bar is None:
             return of
         values = numbers(self.bar, 2 if ":" in self.bar else 1, f"--bar {self.bar}", ":")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, field, fields, is_dataclass
 from functools import cached_property
@@ -12,11 +11,12 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from kinematics.files.mistaken import did_you_mean
+from kinematics.files.inputs import run_with_inputs
 from kinematics.user_error import UserError
+from postproc.commands.options.files import Form, refuse_inputs, refuse_same_output, refuse_unwritable
 
-METAVARS: dict[type, str] = {bool: " ", int: "N", float: "NUMBER", Path: "FILE"}
-"""Shown for the value of an option without a word of its own; a switch has no value."""
+MACHINE, SET_UP, MODEL, DATA, OUTPUT = "Machine", "Set-up", "Model", "Data", "Output"
+"""Headings in the help of the options that many commands have."""
 REQUIRED = MISSING
 """Default of an option that must be given."""
 
@@ -27,12 +27,24 @@ def option(help: str, metavar: str | None = None, *names: str, default: Any = No
     Its long name is the name of the field or parameter, unless `names` has another. `tuple[type, ...]` is a repeatable
     option, `Literal` one of some values; numbers must be finite. form: `min` and `max`; `complete`, a function that
     returns values for the shell; `panel`, the heading in the help, unless the dataclass has one for all its options.
+
+    An option that names a file says so: `reads` is True for the path of an input, or a function that returns the paths
+    of a value which may be something else too; `writes` is the `Form` of an output, and `may_replace` the name of the
+    input that the command itself compares with it.
     """
     return field(default=default, metadata={"names": names, "help": help, "metavar": metavar, **form})
 
 
+def output_option(help: str, metavar: str, default: Any = REQUIRED) -> Any:
+    """The file of a command's main result; `-` is standard output where its type is a text."""
+    return option(help, metavar, "-o", default=default, writes="file")
+
+
 def argument(help: str, metavar: str, default: Any = REQUIRED, **form: Any) -> Any:
-    """A declared argument, without a name on the command line: `name: type = argument(...)`. form: `complete`."""
+    """A declared argument, without a name on the command line: `name: type = argument(...)`.
+
+    form: `complete`, `reads`, `writes` and `may_replace`, as of `option`.
+    """
     return field(default=default, metadata={"help": help, "metavar": metavar, **form})
 
 
@@ -42,7 +54,8 @@ class Declared(msgspec.Struct, frozen=True):
     name: str
     kind: Any
     field: Field[Any]
-    panel: str | None
+    group: str | None
+    """Heading of the dataclass that has it."""
 
     @property
     def names(self) -> list[str]:
@@ -54,6 +67,27 @@ class Declared(msgspec.Struct, frozen=True):
         return sorted(given if any(name.startswith("--") for name in given) else (own, *given), reverse=True, key=len)
 
     @property
+    def label(self) -> str:
+        """Its name in messages."""
+        return self.names[0] if self.names else str(self.field.metadata["metavar"])
+
+    @property
+    def panel(self) -> str | None:
+        """Heading in the help; None for that of the options of one command."""
+        return self.field.metadata.get("panel") or self.group or (OUTPUT if self.writes else None)
+
+    @property
+    def default(self) -> Any:
+        """The value if it is not given."""
+        default = self.field.default
+        return tuple(default or ()) if self.item is not None and default is not REQUIRED else default
+
+    @property
+    def kinds(self) -> tuple[Any, ...]:
+        """Its type, and those of which this is made."""
+        return (self.kind, self.item, *get_args(self.kind))
+
+    @property
     def item(self) -> Any:
         """The type of each value of a repeatable option; None for one value."""
         return get_args(self.kind)[0] if get_origin(self.kind) is tuple else None
@@ -61,56 +95,20 @@ class Declared(msgspec.Struct, frozen=True):
     @property
     def choices(self) -> tuple[str, ...]:
         """The values of a `Literal`, also of one that may be None; empty for other types."""
-        kinds = (self.kind, *get_args(self.kind))
-        return next((get_args(kind) for kind in kinds if get_origin(kind) is Literal), ())
+        return next((get_args(kind) for kind in self.kinds if get_origin(kind) is Literal), ())
 
-    def parameter(self) -> inspect.Parameter:
-        """The parameter for Typer."""
-        import typer
+    @property
+    def writes(self) -> Form | None:
+        """What the named output is; None for an option that names none."""
+        return self.field.metadata.get("writes")
 
-        form = dict(self.field.metadata)
-        names, kind, default = self.names, self.kind, self.field.default
-        if self.item is not None:
-            kind = list[self.item] | None if names else list[self.item]  # type: ignore[name-defined]
-        elif self.choices:
-            kind = str if get_origin(kind) is Literal else str | None
-            form["metavar"] = form["metavar"] or "|".join(self.choices)
-            form["complete"] = lambda: list(self.choices)
-        complete = form.pop("complete", None)
-        form["metavar"] = form["metavar"] or next(
-            (word for kind, word in METAVARS.items() if self._holds(kind)), "NAME"
-        )
-        if form.pop("names", None) is None:
-            declared: Any = typer.Argument(autocompletion=complete, **form)
-        else:
-            help_text = form.pop("help") + (" Repeatable." if self.item is not None else "")
-            panel = form.pop("panel", self.panel)
-            names = [] if default is True else names  # Typer adds the name that begins with --no
-            declared = typer.Option(*names, help=help_text, rich_help_panel=panel, autocompletion=complete, **form)
-        return inspect.Parameter(
-            self.name,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=inspect.Parameter.empty if default is REQUIRED else default,
-            annotation=Annotated[kind, declared],
-        )
-
-    def _holds(self, kind: type) -> bool:
-        return kind in (self.kind, self.item, *get_args(self.kind))
-
-    def value(self, given: Any) -> Any:
-        """The value for the command; UserError for a value that the type excludes."""
-        if self.item is not None:
-            given = tuple(given or ())
-        elif self.choices and given is not None and given not in self.choices:
-            *others, last = self.choices
-            raise UserError(
-                f"{self.names[0]} {given}: expected {', '.join(others)} or {last}"
-                f"{did_you_mean(str(given), self.choices)}"
-            )
-        for number in given if isinstance(given, tuple) else (given,):
-            if isinstance(number, float) and not math.isfinite(number):
-                raise UserError(f"{self.names[0]} {number}: expected a finite number")
-        return given
+    def inputs(self, value: Any) -> list[Path]:
+        """The files that the command reads by this value of the option."""
+        reads, given = self.field.metadata.get("reads"), value if isinstance(value, tuple) else (value,)
+        if not reads:
+            return []
+        named = [Path(each) for each in given if each is not None] if reads is True else [reads(each) for each in given]
+        return [path for path in named if path is not None]
 
 
 class Signature(msgspec.Struct, frozen=True, dict=True):
@@ -138,43 +136,33 @@ class Signature(msgspec.Struct, frozen=True, dict=True):
         return [each for group in self._groups.values() for each in group]
 
     def run(self, given: Mapping[str, Any]) -> None:
-        """Run the command with the values of its options by name; UserError for a value that a type excludes."""
-        values = {}
-        for name, group in self._groups.items():
-            found = {each.name: each.value(given[each.name]) for each in group}
-            values[name] = self._hints[name](**found) if is_dataclass(self._hints[name]) else found[name]
-        self.command(**values)
+        """Run the command with the values of all options and arguments by name."""
+        self._check_files(given)
+        with run_with_inputs():
+            values = {}
+            for name, group in self._groups.items():
+                own = {each.name: given[each.name] for each in group}
+                values[name] = self._hints[name](**own) if is_dataclass(self._hints[name]) else own[name]
+            self.command(**values)
 
-
-def with_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The command for Typer, with one parameter for each declared option."""
-    signature = Signature(command)
-
-    def run(**given: Any) -> None:
-        signature.run(given)
-
-    run.__doc__, run.__name__ = command.__doc__, command.__name__
-    run.__signature__ = inspect.Signature([each.parameter() for each in signature.declared])  # type: ignore[attr-defined]
-    return run
+    def _check_files(self, found: Mapping[str, Any]) -> None:
+        """UserError, before any work, for an output that is an input or another output, or that cannot be written."""
+        inputs = {each.name: each.inputs(found[each.name]) for each in self.declared}
+        outputs = [each for each in self.declared if each.writes]
+        refuse_same_output({each.label: found[each.name] for each in outputs})
+        for each in outputs:
+            output, compared_by_command = found[each.name], each.field.metadata.get("may_replace")
+            others = [path for name, paths in inputs.items() if name != compared_by_command for path in paths]
+            refuse_inputs(others, [output])
+            if each.writes == "file" and output not in (None, "-"):
+                refuse_unwritable(each.label, output)
 
 
 def refuse_given(reason: str, options: Any, *names: str) -> None:
     """UserError `--name reason` for the first of these options, in a dataclass, that has not its default value."""
     for each in _fields(type(options)):
-        if each.name in names and getattr(options, each.name) != each.value(each.field.default):
+        if each.name in names and getattr(options, each.name) != each.default:
             raise UserError(f"{each.names[0]} {reason}")
-
-
-def numbers(text: str, count: int, where: str, separator: str = ",") -> tuple[float, ...]:
-    """`count` finite numbers in a text; UserError, with the option's name in `where`, for any other text."""
-    try:
-        values = tuple(float(entry) for entry in text.split(separator))
-    except ValueError:
-        values = ()
-    if len(values) != count or not all(map(math.isfinite, values)):
-        expected = "a number" if count == 1 else f"{count} numbers with {separator!r} between them"
-        raise UserError(f"{where}: {text!r} is not {expected}")
-    return values
 
 
 def _fields(group: Any) -> list[Declared]:

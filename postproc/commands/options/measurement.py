@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import ncomp
-from kinematics.user_error import UserError
-from postproc.commands.options.declared import option
+from postproc.commands.options.declared import DATA, MODEL, option
+from postproc.commands.options.files import file_if_there
 
 if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
@@ -33,6 +33,7 @@ HeaderLines = Annotated[
     option(
         "Entry that the data lack, by a key of the measurement file: u_um=0.3, axis=X, target.t1='0 0 -120'.",
         "KEY=VALUE",
+        panel=DATA,
     ),
 ]
 
@@ -41,18 +42,23 @@ Noise = Annotated[
     option(
         "Instrument's uncertainty: by its specification unless the residuals contradict it, or estimated from them.",
         default="sheet",
+        panel=MODEL,
     ),
 ]
 
 Force = Annotated[
     bool,
-    option("Write the calibration although too many rows disagree, or it predicts no better.", default=False),
+    option(
+        "Write the calibration although too many rows disagree, or it predicts no better.", default=False, panel=MODEL
+    ),
 ]
 
 
 @dataclass(frozen=True, kw_only=True)
 class DataOptions:
     """The form of files with measured data."""
+
+    PANEL: ClassVar[str] = DATA
 
     format: str = option(
         "Format of the data: auto, ncomp, rtl, iso230-table, ecmc-report, cmm, epics, twincat-scope, ballbar-angles, "
@@ -62,12 +68,36 @@ class DataOptions:
     )
     header: HeaderLines
     columns: str | None = option(
-        "Column map of a delimited export: spatialanalyzer, polyworks, leica, or a file.", "MAP.toml", complete=_maps
+        "Column map of a delimited export: spatialanalyzer, polyworks, leica, or a file.",
+        "MAP.toml",
+        complete=_maps,
+        reads=file_if_there,
     )
     plan: Path | None = option(
         "Axis positions of the data: by the names of points, by the standstills in a log, or a robot's joints.",
         "PLAN.csv",
+        reads=True,
     )
+    measured: str | None = option(
+        "Date of the measurement, where the data do not state it: the validity of a calibration begins then.",
+        "YYYY-MM-DD",
+    )
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """Entries that the data lack, with the date of the measurement."""
+        return self.header if self.measured is None else (*self.header, f"measured={self.measured}")
+
+    def note_date(self, measurements: Sequence[Measurement]) -> None:
+        """Note for the user where a calibration is made from data without a date."""
+        from postproc.commands.show.terminal import say
+
+        if any(each.measured is None and not each.simulated for each in measurements):
+            say(
+                "note",
+                "the data state no date of the measurement: the validity of the calibration begins today; --measured "
+                "YYYY-MM-DD states the date",
+            )
 
     def read(self, paths: Sequence[Path], machine: Machine) -> Measurement:
         """The measurement in a file, or in several as one; shows the notes of each."""
@@ -86,25 +116,11 @@ class DataOptions:
 
         each = []
         for path in paths:
-            header = header_of(self.header)
             each.append(
                 ncomp.read_measurement(
-                    path, machine, format=self.format, header=header, columns=self.columns, plan=self.plan
+                    path, machine, format=self.format, header=self.entries, columns=self.columns, plan=self.plan
                 )
             )
             for note in each[-1].notes:
                 say("note", note)
         return each
-
-
-def header_of(lines: Sequence[str]) -> dict[str, str]:
-    """Lines `KEY=VALUE` as a header; UserError for another form, and for a key that is given twice."""
-    header: dict[str, str] = {}
-    for line in lines:
-        key, equals, value = (part.strip() for part in line.partition("="))
-        if not (key and equals and value):
-            raise UserError(f"--header {line}: expected KEY=VALUE, as in u_um=0.3")
-        if key in header:
-            raise UserError(f"--header {line}: {key} is given twice: give it once")
-        header[key] = value
-    return header

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import ncomp
-from postproc.commands.options.declared import argument, option
+from postproc.commands.options.declared import SET_UP, argument, option
 
 if TYPE_CHECKING:
     from kinematics.machine import Machine
@@ -23,10 +22,13 @@ def _dialect_names() -> list[str]:
     return list(NAMES)
 
 
-Program = Annotated[str, argument("NC program; `-` is standard input.", "IN.nc")]
-Programs = Annotated[tuple[str, ...], argument("NC program, or several; `-` is standard input.", "IN.nc")]
+Program = Annotated[str, argument("NC program; `-` is standard input.", "IN.nc", reads=True)]
+Programs = Annotated[tuple[str, ...], argument("NC program, or several; `-` is standard input.", "IN.nc", reads=True)]
 NoTravelCheck = Annotated[
-    bool, option("Report positions outside the travel of an axis as notes, and do not refuse them.", default=False)
+    bool,
+    option(
+        "Report positions outside the travel of an axis as notes, and do not refuse them.", default=False, panel=SET_UP
+    ),
 ]
 
 
@@ -34,23 +36,28 @@ NoTravelCheck = Annotated[
 class ToolOptions:
     """Tools of the control."""
 
+    PANEL: ClassVar[str] = SET_UP
+
     tool_length: tuple[str, ...] = option("Length of a tool, mm.", "T1=mm")
-    tool_table: tuple[Path, ...] = option("Table of tools, presets or datums of a control.", "FILE")
+    tool_table: tuple[Path, ...] = option("Table of tools, presets or datums of a control.", "FILE", reads=True)
     table_unit: Literal["mm", "inch"] | None = option(
         "Unit of the lengths in a table that contains none. Default: that of the machine file, or mm."
     )
     set_up_zero: bool = option("Use zero for every work offset and tool length that is not given.", default=False)
 
-    def set_up(self, machine: Machine, **more: Sequence[str]) -> Setup:
-        """The set-up of the control; more: the other arguments of `ncomp.set_up`. UserError for an unusable option."""
-        return ncomp.set_up(
-            machine,
-            tool_length=self.tool_length,
-            tool_table=self.tool_table,
-            table_unit=self.table_unit,
-            zero=self.set_up_zero,
-            **more,
-        )
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of `ncomp.set_up`."""
+        return {
+            "tool_length": self.tool_length,
+            "tool_table": self.tool_table,
+            "table_unit": self.table_unit,
+            "zero": self.set_up_zero,
+        }
+
+    def setup(self, machine: Machine) -> Setup:
+        """The set-up of the control; UserError for an option that cannot be used."""
+        return ncomp.set_up(machine, **self.arguments)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,15 +70,27 @@ class SetUpOptions(ToolOptions):
     work_offset: tuple[str, ...] = option(
         "Work offset, mm; with rotary axes, degrees: `G54=-30,-20,150,C=90`.", "G54=x,y,z"
     )
+    block_skip: Literal["on", "off"] | None = option(
+        "Position of the block-skip switch: with `on`, blocks with a slash do not run. Default: that of the machine "
+        "file; without it a program in which it matters is refused."
+    )
     pass_through: str | None = option(
         "Codes, cycles, calls and functions unknown to ncomp that pass unchanged, because on this control they move "
         "nothing and change no mode: G234,CYCLE977,FN33.",
         "NAME,...",
     )
 
-    def setup(self, machine: Machine) -> Setup:
-        """The set-up of the control; UserError for an option that cannot be used."""
-        return self.set_up(machine, work_offset=self.work_offset, pass_through=self.passing)
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of `ncomp.set_up`."""
+        own = {"work_offset": self.work_offset, "block_skip": self.block_skip, "pass_through": self.passing}
+        return super().arguments | own
+
+    def setup_of(self, program: str | Path, machine: Machine) -> Setup:
+        """The set-up of the control, completed by the file next to a program."""
+        from postproc.folders.own_set_up import of_program
+
+        return ncomp.set_up(machine, **of_program(self.arguments, program, machine)[0])
 
     @property
     def passing(self) -> list[str]:
@@ -89,18 +108,61 @@ class DatumOptions(SetUpOptions):
         "G54=probed|true",
     )
 
-    def setup(self, machine: Machine) -> Setup:
-        """The set-up of the control; UserError for an option that cannot be used."""
-        return self.set_up(machine, work_offset=self.work_offset, pass_through=self.passing, datum=self.datum)
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of `ncomp.set_up`."""
+        return super().arguments | {"datum": self.datum}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrectionOptions:
+    """Extent and limits of the correction, by the names of the public interface."""
+
+    PANEL: ClassVar[str] = "Correction"
+
+    classes: str | None = option("ISO/TR 16907 classes of errors to correct; default: all but FOR.", "L-VOL,R-VOL,...")
+    tolerance_um: float = option(
+        "Largest deviation of a feed move from its path, um; moves that deviate more are split.",
+        "um",
+        default=1.0,
+        min=0.0,
+    )
+    max_correction_um: float | None = option(
+        "Largest correction of a linear axis, um; a program that needs more is refused. Default: twice the "
+        "calibration's largest error, at most 500.",
+        "um",
+        min=0.0,
+        max=5000.0,
+    )
+    accept: str | None = option(
+        "Implausible conditions to accept: stale, future, temperature, outside, insignificant, worse (docs/safety.md).",
+        "NAME,...",
+    )
+    rotary_feed: Literal["leave", "inverse-time", "scaled"] | None = option(
+        "Feed moves of rotary axes alone: left without a correction, or corrected in the programmed time, by G93 or by "
+        "an F for X Y Z; default: the entry of the machine file, else leave.",
+        "leave|inverse-time|scaled",
+    )
+    outside: Literal["refuse", "leave"] = option(
+        "Moves outside the range for which the calibration was measured: the program is refused, or they stay as "
+        "programmed and are listed.",
+        default="refuse",
+    )
+    unroll: bool = option("Write out loops and calls: each block as many times as it runs.", default=False)
+    force: bool = option("Correct a program that ncomp has already corrected.", default=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConditionsOptions:
     """Conditions of the machine while the program runs."""
 
+    PANEL: ClassVar[str] = SET_UP
+
     temperature: tuple[str, ...] = option("Temperature of a sensor while the program runs: spindle=31.5.", "NAME=degC")
     elapsed: float | None = option("Time from the zero of the thermal effects to the program's start, s.", "s")
-    log: Path | None = option("Log with columns time_s and temp_NAME, degC, up to the program's start.", "FILE.csv")
+    log: Path | None = option(
+        "Log with columns time_s and temp_NAME, degC, up to the program's start.", "FILE.csv", reads=True
+    )
 
     def conditions(self) -> Conditions:
         """The conditions; UserError for an option that cannot be used."""
@@ -111,14 +173,11 @@ def moves_of(program: str, machine: Machine, setup: Setup, dialect: str) -> Moti
     """All moves of a program; prints the part of the set-up that is assumed."""
     from postproc.commands.show.terminal import say_assumed
     from postproc.dialects import find_dialect
-    from postproc.motion.motions import merged
-    from postproc.text.notes import Notes
     from postproc.text.source import open_source
-    from postproc.verification.verify import run_motions
+    from postproc.verification.verify import assumed_motions
 
     source = open_source(program)
     language = find_dialect(dialect, source.name, source.text_head)
-    interpreter = language.interpreter(machine, setup, Notes())
-    motions = merged(list(run_motions(source, language, interpreter)))
-    say_assumed(interpreter.control_state.assumption())
+    motions, assumption = assumed_motions(source, language, machine, setup)
+    say_assumed(assumption)
     return motions

@@ -5,21 +5,20 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, ClassVar
 
 import msgspec
 
-from kinematics.files import true_path
-from kinematics.files.mistaken import missing
 from kinematics.files.report_head import ReportHead, read_head
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import REQUIRED, option
+from postproc.commands.options.declared import MACHINE, MODEL, OUTPUT, REQUIRED, option
+from postproc.commands.options.files import file_of_calibration, machine_file
 
 if TYPE_CHECKING:
     from rendering.report import Report
@@ -33,14 +32,42 @@ def machine_names() -> list[str]:
 
 
 MachineName = Annotated[
-    str, option("Name of a machine, or path of its .toml file.", "NAME", "-m", default=REQUIRED, complete=machine_names)
+    str,
+    option(
+        "Name of a machine, or path of its .toml file.",
+        "NAME",
+        "-m",
+        default=REQUIRED,
+        complete=machine_names,
+        reads=machine_file,
+        panel=MACHINE,
+    ),
+]
+OptionalMachine = Annotated[
+    str | None,
+    option(
+        "Name of a machine, or path of its .toml file.",
+        "NAME",
+        "-m",
+        complete=machine_names,
+        reads=machine_file,
+        panel=MACHINE,
+    ),
 ]
 CalibrationName = Annotated[
     str | None,
-    option("Calibration; none for a machine without errors; default: the machine's own.", "CAL.json|none", "-c"),
+    option(
+        "Calibration; none for a machine without errors; default: the machine's own.",
+        "CAL.json|none",
+        "-c",
+        reads=file_of_calibration,
+        panel=MODEL,
+    ),
 ]
-JsonFile = Annotated[str | None, option("File for the results as JSON; `-` is standard output.", "FILE")]
-ReportFile = Annotated[str | None, option("Page with tables and figures; `-` is standard output.", "FILE.html")]
+JsonFile = Annotated[str | None, option("File for the results as JSON; `-` is standard output.", "FILE", writes="file")]
+ReportFile = Annotated[
+    str | None, option("Page with tables and figures; `-` is standard output.", "FILE.html", writes="file")
+]
 Seed = Annotated[int, option("Seed of all random numbers: the same seed makes the same files.", default=0, min=0)]
 
 DaskAddress = Annotated[
@@ -52,7 +79,7 @@ DaskAddress = Annotated[
 def number_of_workers(given: int | None, dask: str | None, name: str) -> int:
     """The number of processes, by the option `name`: one for each core that this process may use, unless given.
 
-    UserError for a number beside the address of a cluster, whose workers are there already.
+    UserError for a number together with the address of a cluster, whose workers are there already.
     """
 
     if given is not None and dask not in (None, "local"):
@@ -64,12 +91,15 @@ def number_of_workers(given: int | None, dask: str | None, name: str) -> int:
 class ResultOptions:
     """Results in addition to the main output."""
 
+    PANEL: ClassVar[str] = OUTPUT
+
     json: JsonFile
     report: ReportFile
     report_head: Path | None = option(
         "TOML file whose table [report] has the entries of the page's head: operator, place, temperature, instrument, "
         "...; they come before those of the machine file.",
         "HEAD.toml",
+        reads=True,
     )
 
     def __post_init__(self) -> None:
@@ -79,8 +109,6 @@ class ResultOptions:
                 f"--report-head {self.report_head}: there is no page that it belongs to: add --report FILE.html"
             )
         _ = self.head
-        if self.report_head is not None:
-            check_files((self.report_head,), self.by_option)
         if self.report is not None:
             from postproc.commands.show.terminal import NOTES
 
@@ -102,7 +130,7 @@ class ResultOptions:
         return {"--json": self.json, "--report": self.report}
 
     def write(
-        self, results: dict[str, Any], report: Report, files: tuple[BinaryIO, ...], inputs: Iterable[str | Path]
+        self, results: dict[str, Any], report: Report, files: tuple[BinaryIO, ...], inputs: Iterable[str | Path | None]
     ) -> None:
         """Write the results for programs with their provenance, and the page where it is requested."""
         if self.json is not None:
@@ -117,17 +145,20 @@ class ResultOptions:
                 files[1].write(page(headed, partial(status.update, "drawing the page")))
 
 
-def provenance(head: ReportHead, inputs: Iterable[str | Path]) -> dict[str, Any]:
-    """Program, machine, calibration, and the fingerprints of the input files by their paths."""
+def provenance(head: ReportHead, inputs: Iterable[str | Path | None]) -> dict[str, Any]:
+    """Program, machine, calibration, and the fingerprints of the input files, as they were read, by their paths."""
     from kinematics.files import fingerprint
+    from kinematics.files.inputs import fingerprint_as_read
     from kinematics.version import VERSION
 
-    files = [Path(path) for path in inputs if path != "-"]
+    files = [Path(path) for path in inputs if path not in (None, "-")]
     return {
         "made_by": f"ncomp {VERSION}",
         "machine": head.machine,
         "calibration": head.calibration,
-        "inputs": {str(path): fingerprint(path.read_bytes()) for path in files if path.is_file()},
+        "inputs": {
+            str(path): fingerprint_as_read(path) or fingerprint(path.read_bytes()) for path in files if path.is_file()
+        },
     }
 
 
@@ -135,44 +166,6 @@ def made_now(head: ReportHead) -> ReportHead:
     """The head with the command as it was given, and the present time."""
     command = shlex.join(("ncomp", *sys.argv[1:]))
     return replace(head, command=command, made=f"{datetime.now():%Y-%m-%d %H:%M}")
-
-
-def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str | Path | None]) -> list[str | Path]:
-    """The inputs that are given; UserError, before any work is done, for outputs that cannot be written.
-
-    outputs: by their options. Two outputs with one file, and an output that would overwrite one of the inputs, are
-    refused as well; `-` is standard input or output.
-    """
-    given = [path for path in inputs if path is not None]
-    read = {true_path(path) for path in given if path != "-"}
-    seen: dict[str | Path, str] = {}
-    for name, output in outputs.items():
-        if output is None:
-            continue
-        path = Path(output)
-        where = "-" if str(output) == "-" else true_path(path)
-        if where in seen:
-            both = (
-                "cannot both go to standard output; name a file for one"
-                if where == "-"
-                else f"both name {output}; name two files"
-            )
-            raise UserError(f"{seen[where]} and {name} {both}")
-        seen[where] = name
-        if where == "-":
-            continue
-        if where in read:
-            raise UserError(f"{output} is an input and would be overwritten; name another file")
-        if name == "--report" and path.suffix.lower() == ".pdf":
-            html = path.with_suffix(".html")
-            raise UserError(f"--report {output}: a page is HTML; name {html}, and ncomp report {html} --pdf {output}")
-        if path.is_dir() or str(output).endswith(("/", os.sep)):
-            raise UserError(f"cannot write {output}: Is a directory: give the name of a file")
-        if not path.parent.is_dir():
-            if path.parent.exists():
-                raise UserError(f"cannot write {output}: Not a directory: {path.parent} is a file; name a folder")
-            raise UserError(f"cannot write {output}: No such file or directory{missing(path)}: make the folder")
-    return given
 
 
 class _Spool:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import ncomp
 from kinematics.files.mistaken import missing
+from kinematics.running.given_texts import numbers
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import numbers, option
+from postproc.commands.options.declared import option, refuse_given
+from postproc.commands.options.files import file_if_there
 from postproc.commands.options.shared import Seed
 
 if TYPE_CHECKING:
@@ -19,50 +21,25 @@ if TYPE_CHECKING:
     from kinematics.machine import Machine
 
 POSITIONS, SEQUENCE, TARGETS = "Positions", "Sequence", "Targets"
+Margin = Annotated[
+    float,
+    option("Distance from the travel ends of linear axes, mm.", "mm", "--margin", default=0.0, panel=POSITIONS),
+]
 
 
 @dataclass(frozen=True, kw_only=True)
-class StrategyOptions:
-    """Positions of a strategy, their sequence and the targets; names are those of the library's `Choices`."""
+class VolumeOptions:
+    """Volume of the positions, and the targets; names are those of the library's `Choices`."""
 
-    strategy: str | None = option("Strategy of the positions, as for ncomp plan, or file of a plan.", "NAME|PLAN.csv")
-    points: str | None = option(
-        "Number of positions, for each strategy joined by +: 170+150; default 600. Order, runs, targets and references "
-        "add observations.",
-        "N[+N...]",
-        panel=POSITIONS,
-    )
-    spacing: float | None = option(
-        "Largest distance of neighbouring positions, mm, instead of --points.", "mm", panel=POSITIONS
-    )
     ranges: tuple[str, ...] = option(
         "Range of an axis within its travel, mm or degrees: X=100:900; Z=300 fixes the axis. Default: the travel.",
         "X=low:high",
         "--range",
         panel=POSITIONS,
     )
-    margin_mm: float = option(
-        "Distance from the travel ends of linear axes, mm.", "mm", "--margin", default=0.0, panel=POSITIONS
-    )
-    rotary: Literal["fixed", "swept", "random", "simultaneous"] = option(
-        "Rotary axes: fixed at home, swept one by one afterwards, random, or moved together with the linear axes.",
-        default="fixed",
-        panel=POSITIONS,
-    )
-    order: Literal["given", "shuffled", "retraced"] = option(
-        "Order of the positions: shuffled separates drift from geometry; retraced is there and back.",
-        default="given",
-        panel=SEQUENCE,
-    )
-    runs: int = option("Number of repetitions of the whole sequence.", default=1, panel=SEQUENCE)
     target: tuple[str, ...] = option(
         "Position of a reflector, mm from the spindle nose; on the table table.p1=x,y,z, on the bed bed.r1=x,y,z.",
         "t1=x,y,z",
-        panel=TARGETS,
-    )
-    target_order: Literal["in-turn", "alternating"] = option(
-        "Order of the targets: the whole sequence with each target in turn, or all targets at each position.",
-        default="in-turn",
         panel=TARGETS,
     )
     seed: Seed
@@ -81,6 +58,70 @@ class StrategyOptions:
         }
         return Choices(**same | parsed)
 
+
+@dataclass(frozen=True, kw_only=True)
+class RotaryOptions(VolumeOptions):
+    """Positions within the travel, with the rotary axes."""
+
+    margin_mm: Margin
+    rotary: Literal["fixed", "swept", "random", "simultaneous"] = option(
+        "Rotary axes: fixed at home, swept one by one afterwards, random, or moved together with the linear axes.",
+        default="fixed",
+        panel=POSITIONS,
+    )
+    target_order: Literal["in-turn", "alternating"] = option(
+        "Order of the targets: the whole sequence with each target in turn, or all targets at each position.",
+        default="in-turn",
+        panel=TARGETS,
+    )
+
+    def refuse_without_effect(self, machine: Machine) -> None:
+        """UserError for an option that this machine does not use."""
+        if not machine.rotary.any():
+            refuse_given(f"has no effect: machine {machine.name} has no rotary axis", self, "rotary")
+        if len(self.target) < 2:
+            refuse_given("has no effect on one target: give another --target, or leave it out", self, "target_order")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrategyOptions(RotaryOptions):
+    """Positions of a strategy, and their sequence."""
+
+    strategy: str | None = option(
+        "Strategy of the positions, as for ncomp plan points, or file of a plan.",
+        "NAME|PLAN.csv",
+        reads=file_if_there,
+        panel=POSITIONS,
+    )
+    points: str | None = option(
+        "Number of positions, for each strategy joined by +: 170+150; default 600. Order, runs, targets and references "
+        "add observations.",
+        "N[+N...]",
+        panel=POSITIONS,
+    )
+    spacing: float | None = option(
+        "Largest distance of neighbouring positions, mm, instead of --points.", "mm", panel=POSITIONS
+    )
+    order: Literal["given", "shuffled", "retraced"] = option(
+        "Order of the positions: shuffled separates drift from geometry; retraced is there and back.",
+        default="given",
+        panel=SEQUENCE,
+    )
+    runs: int = option("Number of repetitions of the whole sequence.", default=1, panel=SEQUENCE)
+
+    @property
+    def parts(self) -> set[str]:
+        """Names of the strategies that are joined."""
+        return {part.strip() for part in str(self.strategy).split("+")}
+
+    def refuse_without_effect(self, machine: Machine) -> None:
+        """UserError for an option that this strategy, or this machine, does not use."""
+        from calibration.planning.patterns import SCATTERED
+
+        if self.parts <= set(SCATTERED):
+            refuse_given(f"has no effect on --strategy {self.strategy}: give --points", self, "spacing")
+        super().refuse_without_effect(machine)
+
     def plan(self, machine: Machine, choices: Choices) -> Plan:
         """The plan of the strategy; shows its notes."""
         from postproc.commands.show.terminal import say
@@ -90,7 +131,8 @@ class StrategyOptions:
             none = f"there is no such file{missing(strategy)}"
             reason = "a plan is an input of ncomp simulate" if Path(strategy).exists() else none
             raise UserError(f"--strategy {strategy}: {reason}")
-        made = ncomp.plan(machine, strategy, counts(self.points), self.spacing, choices)
+        self.refuse_without_effect(machine)
+        made = ncomp.plan(machine, strategy, _counts(self.points), self.spacing, choices)
         for note in made.notes:
             say("note", note)
         return made
@@ -122,7 +164,7 @@ def targets_of(texts: Sequence[str]) -> dict[str, Target]:
     return found
 
 
-def counts(text: str | None) -> int | list[int] | None:
+def _counts(text: str | None) -> int | list[int] | None:
     """Numbers of positions, one for each strategy; a single number for one strategy."""
     if text is None:
         return None

@@ -4,26 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from kinematics.files.mistaken import none_of
+from kinematics.running.given_texts import numbers
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import numbers, option
+from postproc.commands.options.declared import option
 from postproc.text.number_style import given_once
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from calibration.measurement.instruments import Instrument
+    from calibration.instruments import Instrument
     from calibration.observation.reach import Reach
     from calibration.simulation.measure_plan import VirtualInstrument
     from calibration.simulation.simulate import Faults
     from calibration.simulation.touch_probe import Spheres
 
 
+Distance = Annotated[
+    tuple[str, ...],
+    option("Calibrated distance between two spheres, with its standard uncertainty (k=1), um.", "s1.s2=u_um"),
+]
+
+
 @dataclass(frozen=True, kw_only=True)
-class TrackerOptions:
-    """Uncertainties, positions and reach of a laser tracker."""
+class UncertaintyOptions:
+    """Uncertainties of an instrument."""
 
     uncertainty: tuple[str, ...] = option(
         "Standard uncertainty (k=1) of the instrument, by its key in a measurement file; those not given are zero. "
@@ -31,27 +38,21 @@ class TrackerOptions:
         "u_angle_um=10",
         "-u",
     )
-    tracker: tuple[str, ...] = option(
-        "Position of the laser tracker, mm, in the workpiece frame (with --stands-on bed: machine frame). Several are "
-        "stations of ncomp simulate, and candidates of ncomp plan --optimise. Default: selected by ncomp.",
-        "x,y,z",
-    )
-    elevation: str | None = option("Range of the tracker's elevation, degrees: -59:79.", "low:high")
-    incidence: float | None = option("Largest angle between beam and axis of the reflector, degrees.", "deg")
 
     def instrument_of(self, kind: str, planar: bool = False) -> Instrument:
         """The instrument with these uncertainties, or those of its specification; UserError for unknown ones."""
         import msgspec
 
-        from calibration.measurement.file import KINDS, check_uncertainties, uncertainty_keys
-        from calibration.simulation.measure_plan import SPECIFICATIONS
+        from calibration.instruments import KINDS
 
-        if kind not in SPECIFICATIONS:
-            raise UserError(f"--instrument {none_of(kind, SPECIFICATIONS)}")
-        components = {"components": 2 if planar else 3} if kind == "part" else {}
+        if kind not in KINDS:
+            raise UserError(f"--instrument {none_of(kind, KINDS)}")
+        of: Any = KINDS[kind]
+        components = of.in_plane(planar)
         if not self.uncertainty:
-            return msgspec.structs.replace(SPECIFICATIONS[kind], **components)
-        known = uncertainty_keys(KINDS[kind])
+            typical: Instrument = msgspec.structs.replace(of.typical(), **components)
+            return typical
+        known = of.uncertainty_keys()
         given: list[tuple[str, float]] = []
         for text in self.uncertainty:
             name, _, value = text.partition("=")
@@ -62,8 +63,22 @@ class TrackerOptions:
                 raise UserError(f"--uncertainty {text}: expected a number of zero or above")
             given.append((name.strip(), number))
         values = given_once(given, "--uncertainty ")
-        check_uncertainties(kind, values, "--uncertainty", "-u {}=...")
-        return KINDS[kind](**values, **components)  # type: ignore[arg-type]
+        of.check_uncertainties(values, "--uncertainty", "-u {}=...")
+        instrument: Instrument = of(**values, **components)
+        return instrument
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerOptions(UncertaintyOptions):
+    """Uncertainties, positions and reach of a laser tracker."""
+
+    tracker: tuple[str, ...] = option(
+        "Position of the laser tracker, mm, in the workpiece frame (with --stands-on bed: machine frame). Several are "
+        "stations of ncomp simulate, and candidates of ncomp plan optimised. Default: selected by ncomp.",
+        "x,y,z",
+    )
+    elevation: str | None = option("Range of the tracker's elevation, degrees: -59:79.", "low:high")
+    incidence: float | None = option("Largest angle between beam and axis of the reflector, degrees.", "deg")
 
     @property
     def trackers(self) -> list[tuple[float, float, float]]:
@@ -92,7 +107,7 @@ class InstrumentOptions(TrackerOptions):
     PANEL: ClassVar[str] = "Instrument"
 
     instrument: str = option(
-        "Instrument: laser-tracker, interferometer, part (a measured workpiece), touch-probe or ballbar.",
+        "Instrument: laser-tracker, interferometer, part (a measured workpiece), touch-probe, ballbar or level.",
         "KIND",
         default="laser-tracker",
     )
@@ -110,9 +125,7 @@ class InstrumentOptions(TrackerOptions):
         "axes at 0; the linear axes follow from it.",
         "s1=x,y,z",
     )
-    distance: tuple[str, ...] = option(
-        "Calibrated distance between two spheres, with its standard uncertainty (k=1), um.", "s1.s2=u_um"
-    )
+    distance: Distance
     noise_scale: float = option("Multiple of the uncertainties in the data; 0: no noise.", default=1.0, min=0.0)
 
     def virtual_instrument(self, faults: Faults, temperatures: Mapping[str, tuple[float, float]]) -> VirtualInstrument:
@@ -141,11 +154,12 @@ class InstrumentOptions(TrackerOptions):
 
     def _letters(self) -> Sequence[str]:
         """Letters of the error motions in `all` or in a list; empty for None."""
+        from calibration.instruments import KINDS
         from kinematics.effects import COMPONENTS
 
         if self.error_motions is None:
             return ()
-        if self.instrument != "interferometer":
+        if not KINDS[self.instrument].CHOOSES_MOTIONS:
             raise UserError(f"--error-motions is no option of --instrument {self.instrument}: leave it out")
         text = ",".join(COMPONENTS) if self.error_motions == "all" else self.error_motions
         letters = tuple(letter.strip().upper() for letter in text.split(","))
@@ -157,7 +171,7 @@ class InstrumentOptions(TrackerOptions):
 
 def spheres_of(sphere: Sequence[str], distance: Sequence[str]) -> Spheres:
     """Spheres from `s1=x,y,z`, and distances between them from `s1.s2=u_um`."""
-    from calibration.measurement.balls.touch_probe import NAME
+    from calibration.instruments.touch_probe import NAME
     from calibration.simulation.touch_probe import Spheres
 
     centres, distances = [], []

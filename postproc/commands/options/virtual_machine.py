@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import option
+from postproc.commands.options.declared import MODEL, option
+from postproc.commands.options.files import file_if_there
 from postproc.text.number_style import given_once
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from kinematics.effects import Effect
     from kinematics.error_model.model import ErrorModel
     from kinematics.machine import Machine
@@ -30,49 +30,50 @@ class VirtualMachineOptions:
     PANEL: ClassVar[str] = "Errors of the machine"
 
     truth: str | None = option(
-        "File for the errors as a calibration, for comparison; `-` is standard output.", "TRUTH.json"
+        "File for the errors as a calibration, for comparison; `-` is standard output.", "TRUTH.json", writes="file"
     )
     errors: str | None = option(
         "Random error motions: within the half-widths of the virtual calibration paper (table-1), or of a file with "
         "E_XX = [a0, a1, n, b, c, ...]. Default: table-1, or none with --calibration.",
         "table-1|none|WIDTHS.toml",
+        reads=file_if_there,
     )
-    calibration: Path | None = option("Calibration with additional errors of the machine.", "CAL.json", "-c")
+    calibration: Path | None = option(
+        "Calibration with additional errors of the machine.", "CAL.json", "-c", reads=True, panel=MODEL
+    )
     effect: tuple[str, ...] = option(
-        "Effect of docs/effects.md, backlash:axis=X,width=12, or a JSON file of effects.", "kind:field=value,..."
+        "Effect of docs/effects.md, backlash:axis=X,width=12, or a JSON file of effects.",
+        "kind:field=value,...",
+        reads=file_if_there,
     )
     temperature: tuple[str, ...] = option(
         "Temperature of a sensor at the start and at the end, degC: spindle=20:28.5.", "name=start:end"
     )
 
-    def model(
-        self, machine: Machine, rng: np.random.Generator, others: Sequence[Effect] = (), location: float = 0.0
-    ) -> ErrorModel:
+    def model(self, machine: Machine, seed: int, others: Sequence[Effect] = (), location: float = 0.0) -> ErrorModel:
         """The errors of the virtual machine; location: largest random location error, um and urad."""
-        from calibration.simulation.effect_text import read_effects
-        from calibration.simulation.true_model import (
-            DEFAULT,
-            model_of,
-            random_location_errors,
-            random_true_model,
-            read_half_widths,
-        )
-        from kinematics.error_model.model import read_model
+        import msgspec
 
-        effects = read_effects(self.effect, machine)
-        found = [] if self.calibration is None else list(read_model(self.calibration, machine).effects)
         errors = self.errors or ("table-1" if self.calibration is None else "none")
-        if errors != "none":
-            widths = DEFAULT if errors == "table-1" else read_half_widths(Path(errors))
-            found += random_true_model(machine, rng, widths).effects
-        if location:
-            found += random_location_errors(machine, rng, location)
-        return model_of(machine, [*found, *effects, *others])
+        made = ncomp.virtual_machine(
+            machine,
+            errors=errors,
+            calibration="none" if self.calibration is None else self.calibration,
+            effects=self.effect,
+            location_um=location,
+            seed=seed,
+        )
+        return msgspec.structs.replace(made, effects=(*made.effects, *others))
 
     def temperatures(self) -> dict[str, tuple[float, float]]:
         """Start and end of temperatures by name, K from 20 degC."""
-        from calibration.measurement.states import PLAIN_NAME
         from kinematics.state import REFERENCE
+
+        return {name: (start - REFERENCE, end - REFERENCE) for name, (start, end) in self.courses().items()}
+
+    def courses(self) -> dict[str, tuple[float, float]]:
+        """Start and end of temperatures by name, degC."""
+        from calibration.measurement.states import PLAIN_NAME
         from postproc.compensation.conditions import degrees
 
         found = []
@@ -83,5 +84,5 @@ class VirtualMachineOptions:
             if not PLAIN_NAME.fullmatch(name) or len(ends) != 2:
                 raise UserError(f"{where}: expected NAME=start:end, e.g. spindle=20:28.5")
             start, end = (degrees(each, where) for each in ends)
-            found.append((name, (start - REFERENCE, end - REFERENCE)))
+            found.append((name, (start, end)))
         return given_once(found, "--temperature ")

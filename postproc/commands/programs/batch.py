@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from postproc.commands.options.declared import argument, option
-from postproc.commands.options.program import ConditionsOptions, DatumOptions, NoTravelCheck
-from postproc.commands.options.shared import (
-    CalibrationName,
-    DaskAddress,
-    MachineName,
-    ResultOptions,
-)
-from postproc.commands.programs.request import CorrectionOptions, Request
+from postproc.commands.options.program import ConditionsOptions, CorrectionOptions, DatumOptions, NoTravelCheck
+from postproc.commands.options.shared import CalibrationName, DaskAddress, OptionalMachine, ResultOptions
+from postproc.commands.programs.given import GivenForAll, JobOption, own_in
 
 EPILOG = (
     "Examples:\n\n"
@@ -26,9 +22,15 @@ EPILOG = (
 
 def batch(
     *,
-    folder: Path = argument("Folder of NC programs, with its subfolders.", "IN"),
-    output: Path = argument("Folder of the corrected programs, with the same subfolders and names.", "OUT"),
-    machine: MachineName,
+    folder: Path = argument("Folder of NC programs, with its subfolders.", "IN", reads=True),
+    output: Path = argument(
+        "Folder of the corrected programs, with the same subfolders and names.",
+        "OUT",
+        writes="folder",
+        may_replace="folder",
+    ),
+    machine: OptionalMachine,
+    job: JobOption,
     calibration: CalibrationName,
     glob: tuple[str, ...] = option("Pattern of the programs' names instead of the usual suffixes.", "PATTERN"),
     jobs: int | None = option("Number of processes; default: one for each core.", "N", "-j", min=1),
@@ -44,17 +46,12 @@ def batch(
     Each output is written whole or not at all. A program that is refused does not stop the others: it is listed with
     file, line and reason, and the exit status is 2.
     """
-    from postproc.commands.programs.folder import programs_of
     from postproc.commands.programs.several import correct_several
+    from postproc.folders.programs import programs_of
 
-    request = Request(
-        machine=machine,
-        calibration=calibration,
-        set_up=set_up,
-        travel_check=not no_travel_check,
-        correction=correction,
-        at=at,
-    )
+    request = GivenForAll(machine, calibration, set_up, no_travel_check, correction, at).request("batch", job)
     programs = programs_of(folder, output, glob)
-    command = f"ncomp batch {folder} {output} --machine {machine}"
+    if job is not None:
+        programs = [replace(each, own=own_in(job, each.path)) for each in programs]
+    command = f"ncomp batch {folder} {output} --machine {request.machine}"
     correct_several(programs, request, others, jobs=jobs, dask=dask, command=command)

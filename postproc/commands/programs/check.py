@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 from msgspec.structs import replace
 
 import ncomp
 from postproc.commands.options.program import NoTravelCheck, Program, SetUpOptions
-from postproc.commands.options.shared import MachineName, ResultOptions, check_files, whole_results
+from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
 from postproc.text.source import open_source
 
 EPILOG = "Examples:\n\n`ncomp check part.nc --machine dmu50`\n\n`ncomp check part.mpf --machine mill.toml --json -`"
@@ -28,10 +29,10 @@ def check(
     """
     from postproc.commands.show.terminal import show
 
-    inputs = check_files((program, *set_up.tool_table), others.by_option)
+    inputs: tuple[str | Path, ...] = (program, *set_up.tool_table)
     found = ncomp.load_machine(machine)
     source = open_source(program)
-    setup = set_up.setup(found)
+    setup = set_up.setup_of(program, found)
     with whole_results(*others.files) as files:
         findings = ncomp.check(source, found, dialect=set_up.dialect, setup=setup, travel_check=not no_travel_check)
         report = replace(findings.report(source.name), head=found.report.filled(machine=found.name))

@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+from kinematics.files.inputs import allow_to_replace
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import option
+from postproc.commands.options.files import check_files
 from postproc.commands.options.program import (
     ConditionsOptions,
+    CorrectionOptions,
     DatumOptions,
     NoTravelCheck,
     Programs,
 )
 from postproc.commands.options.shared import (
     CalibrationName,
-    MachineName,
+    OptionalMachine,
     ResultOptions,
-    check_files,
     number_of_workers,
     whole_results,
 )
+from postproc.commands.programs.given import GivenForAll, JobOption, own_in
 from postproc.commands.programs.in_place import backup_of, target_of
-from postproc.commands.programs.request import CorrectionOptions, Request
 from postproc.text.source import open_source
+
+if TYPE_CHECKING:
+    from postproc.folders.own_set_up import OwnSetUp
+    from postproc.interface.request import Request
 
 EPILOG = (
     "Examples:\n\n"
@@ -42,9 +51,14 @@ EPILOG = (
 def correct(
     *,
     programs: Programs,
-    machine: MachineName,
+    machine: OptionalMachine,
+    job: JobOption,
     output: str | None = option(
-        "Corrected program; default: `-`, standard output. Folder of the outputs for several programs.", "OUT.nc", "-o"
+        "Corrected program; default: `-`, standard output. Folder of the outputs for several programs.",
+        "OUT.nc",
+        "-o",
+        writes="any",
+        may_replace="programs",
     ),
     in_place: bool = option("Replace the input, and keep a backup IN.nc.orig beside it.", default=False),
     calibration: CalibrationName,
@@ -63,23 +77,20 @@ def correct(
     comment names machine and calibration. A program that ncomp does not fully understand is refused: exit status 2, no
     output.
     """
-    request = Request(
-        machine=machine,
-        calibration=calibration,
-        set_up=set_up,
-        travel_check=not no_travel_check,
-        correction=correction,
-        at=at,
-    )
+    request = GivenForAll(machine, calibration, set_up, no_travel_check, correction, at).request("correct", job)
     if len(programs) == 1:
-        correct_one(programs[0], request, others, output=output, in_place=in_place, jobs=jobs)
+        own = None if job is None else own_in(job, Path(programs[0]))
+        correct_one(programs[0], request, others, output=output, in_place=in_place, jobs=jobs, own=own)
         return
     from postproc.commands.programs.several import correct_several, listed_programs
 
     if in_place:
         raise UserError(f"--in-place replaces one program, and {len(programs)} are given: give -o FOLDER instead")
-    command = f"ncomp {' '.join(programs)} --machine {machine} -o {output}"
-    correct_several(listed_programs(programs, output, machine), request, others, jobs=jobs, dask=None, command=command)
+    command = f"ncomp {' '.join(programs)} --machine {request.machine} -o {output}"
+    listed = listed_programs(programs, output, request.machine)
+    if job is not None:
+        listed = [replace(each, own=own_in(job, each.path)) for each in listed]
+    correct_several(listed, request, others, jobs=jobs, dask=None, command=command)
 
 
 def correct_one(
@@ -90,15 +101,19 @@ def correct_one(
     output: str | None,
     in_place: bool = False,
     jobs: int | None = None,
+    own: OwnSetUp | None = None,
 ) -> None:
-    """Correct one program into the file `output`, and show its report."""
+    """Correct one program into the file `output`, and show its report; own: its set-up in the entry of a job file."""
     from postproc.commands.show.terminal import progress_of, show
     from postproc.correct.report import correction_report
 
     target = target_of(program, output, in_place=in_place)
-    inputs = check_files(request.inputs, {"--output": target, **others.by_option})
-    inputs += check_files((program,), others.by_option)
-    _, _, correction = request.prepared()
+    check_files(request.files, {"--output": target, **others.by_option})
+    check_files((program,), others.by_option)
+    inputs = (*request.inputs, program)
+    if in_place:
+        allow_to_replace(target)
+    _, _, correction = request.for_program(Path(program), own)[0].prepared()
     source = open_source(program)
     with (
         progress_of(source.size, "correcting") as progress,

@@ -6,8 +6,8 @@ import shutil
 import sys
 from pathlib import Path
 
-from kinematics.files import write_whole
-from kinematics.files.mistaken import did_you_mean, missing
+from kinematics.files import write_whole, writing
+from kinematics.files.mistaken import did_you_mean
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument, option
 
@@ -29,7 +29,7 @@ def hook(
     cam: str | None = argument(
         "Name of a hook; without it, the list.", "NAME", default=None, complete=lambda: list(HOOKS)
     ),
-    output: Path | None = option("Folder for the file; without it, standard output.", "FOLDER", "-o"),
+    output: Path | None = option("Folder for the file; without it, standard output.", "FOLDER", "-o", writes="folder"),
     install: bool = option("Copy the post into FreeCAD's macro folders.", default=False),
 ) -> None:
     """Write the file by which a CAM calls ncomp after every post, or list these files."""
@@ -48,9 +48,10 @@ def hook(
         screen.print(file.read_text().rstrip("\n"))
         return
     for folder in _macro_folders() if output is None else [output]:
-        if not folder.is_dir():
-            why = "it is a file: name a folder" if folder.exists() else f"No such folder{missing(folder)}: make it"
-            raise UserError(f"cannot write {folder}: {why}")
+        if folder.exists() and not folder.is_dir():
+            raise UserError(f"cannot write {folder}: it is a file: name a folder")
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
         target = folder / file.name
         line_end = "\r\n" if file.suffix == ".cmd" else "\n"
         write_whole(target, _with_path(file.read_text()).replace("\n", line_end).encode())

@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 
-from kinematics.files import fingerprint, read_input, true_path
+from kinematics.files import fingerprint, read_input
+from kinematics.files.inputs import true_path
 from kinematics.user_error import UserError
 
 SUFFIX = ".orig"

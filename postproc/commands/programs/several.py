@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from shlex import quote
 
+from kinematics.files import changed_since_read
 from kinematics.files.mistaken import missing
 from kinematics.user_error import UserError
-from postproc.commands.options.shared import ResultOptions, check_files, number_of_workers, whole_results
-from postproc.commands.programs.folder import FolderProgram, check_targets, corrected, folders_for
-from postproc.commands.programs.request import Request
+from postproc.commands.options.files import check_files
+from postproc.commands.options.shared import ResultOptions, number_of_workers, whole_results
+from postproc.folders.programs import FolderProgram
+from postproc.interface.request import Request
 
 
 def listed_programs(inputs: Sequence[str], output: str | None, machine: str) -> list[FolderProgram]:
@@ -48,39 +49,21 @@ def correct_several(
     command: str,
 ) -> None:
     """Correct programs, each into its own file, show the summary, and exit with its status unless that is 0."""
-    from kinematics.running.workers import workers
-    from postproc.commands.programs.folder_report import Summary
-    from postproc.commands.show.terminal import progress_of, show
+    from postproc.commands.show.terminal import progress_of, say, show
 
-    start, number = time.perf_counter(), number_of_workers(jobs, dask, "--jobs")
-    check_targets(programs, request.inputs)
-    inputs = check_files((*request.inputs, *(each.path for each in programs)), others.by_option)
-    found, model, one = request.prepared()
-    number, ends = min(number, len(programs)), {}
+    number = number_of_workers(jobs, dask, "--jobs")
+    files = request.files
+    check_files((*files, *(each.path for each in programs)), others.by_option)
+    inputs = (*request.inputs, *(each.path for each in programs))
     with (
         whole_results(*others.files) as (results, page),
-        folders_for(programs),
-        workers(number, dask, _packages()) as team,
         progress_of(sum(each.size for each in programs), f"correcting {len(programs)} programs") as progress,
     ):
-        for program, outcome in corrected(programs, one, team, sent=dask is not None):
-            ends[program] = outcome
-            progress(program.size)
-        ordered = {program: ends[program] for program in programs}
-        summary = Summary(found, model, ordered, time.perf_counter() - start, number)
+        summary = request.corrected(programs, others.by_option, number, dask, progress)
+        for path in changed_since_read(files):
+            say("note", f"{path} was changed during the run: all programs are corrected by its content at the start")
         shown = summary.report(command)
         others.write(summary.json(), shown, (results, page), inputs)
     show(shown, *others.files)
     if summary.status:
         sys.exit(summary.status)
-
-
-def _packages() -> tuple[str, ...]:
-    """Names of the packages that correct programs."""
-    import grammars
-    import kinematics
-    import machines
-    import postproc
-
-    packages: Iterable[object] = (postproc, kinematics, machines, grammars)
-    return tuple(getattr(package, "__name__", "") for package in packages)

@@ -12,7 +12,7 @@ EPILOG = "Example:\n\n`ncomp tutorial mill`"
 FOLDER = Path(__file__).parents[2] / "tutorial"
 
 
-def tutorial(*, folder: Path = argument("New folder.", "FOLDER")) -> None:
+def tutorial(*, folder: Path = argument("New folder.", "FOLDER", writes="folder")) -> None:
     """Write the files of the tutorial (docs/tutorial.md) into a new folder: a machine, its measurement, a program."""
     from postproc.commands.show.terminal import output
 

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import ncomp
-from postproc.commands.options.declared import argument, option
-from postproc.commands.options.program import (
-    ConditionsOptions,
-    DatumOptions,
-    Program,
-)
-from postproc.commands.options.shared import (
-    CalibrationName,
-    MachineName,
-    ResultOptions,
-    check_files,
-    whole_results,
-)
+from postproc.commands.options.declared import MODEL, argument, option
+from postproc.commands.options.files import file_of_calibration
+from postproc.commands.options.program import ConditionsOptions, DatumOptions, Program
+from postproc.commands.options.shared import CalibrationName, MachineName, ResultOptions, whole_results
 from postproc.text.source import open_source
 
 EPILOG = (
@@ -35,10 +27,15 @@ EPILOG = (
 class VerificationOptions:
     """Models and extent of the verification, by the names of the public interface."""
 
-    old: str | None = option("Earlier calibration, by which the errors are computed as well.", "CAL.json|none")
+    PANEL: ClassVar[str] = MODEL
+
+    old: str | None = option(
+        "Earlier calibration, by which the errors are computed as well.", "CAL.json|none", reads=file_of_calibration
+    )
     align: str | None = option(
         "Second calibration as the true errors: errors by its model, aligned at its own datum and by best fit.",
         "TRUE.json",
+        reads=True,
     )
     classes: bool = option("Also show the errors that each choice of ISO/TR 16907 classes would leave.", default=False)
     tolerance_um: float = option(
@@ -55,7 +52,7 @@ class VerificationOptions:
 def verify(
     *,
     program: Program,
-    corrected: str = argument("The corrected program.", "OUT.nc"),
+    corrected: str = argument("The corrected program.", "OUT.nc", reads=True),
     machine: MachineName,
     calibration: CalibrationName,
     options: VerificationOptions,
@@ -68,10 +65,10 @@ def verify(
     from postproc.verification.report import verification_report
 
     programs_and_models = (program, corrected, calibration, options.old, options.align)
-    inputs = check_files((*programs_and_models, *set_up.tool_table, at.log), others.by_option)
+    inputs = (*programs_and_models, *set_up.tool_table, at.log)
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
-    setup, conditions = set_up.setup(found), at.conditions()
+    setup, conditions = set_up.setup_of(program, found), at.conditions()
     programs = open_source(program), open_source(corrected)
     with progress_of(sum(source.size for source in programs), "verifying") as progress:
         done = ncomp.verify(

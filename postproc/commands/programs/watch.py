@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+import time
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
+from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument, option
-from postproc.commands.options.program import ConditionsOptions, DatumOptions, NoTravelCheck
-from postproc.commands.options.shared import CalibrationName, MachineName
-from postproc.commands.programs.request import CorrectionOptions, Request
+from postproc.commands.options.program import ConditionsOptions, CorrectionOptions, DatumOptions, NoTravelCheck
+from postproc.commands.options.shared import CalibrationName, OptionalMachine
+from postproc.commands.programs.each_result import EachResults
+from postproc.commands.programs.given import GivenForAll, JobOption
 
 EPILOG = (
     "Examples:\n\n"
@@ -18,9 +24,18 @@ EPILOG = (
 
 def watch(
     *,
-    folder: Path = argument("Folder in which NC programs appear, with its subfolders.", "IN"),
-    output: Path = argument("Folder of the corrected programs, with the same subfolders and names.", "OUT"),
-    machine: MachineName,
+    folder: Path = argument(
+        "Folder in which NC programs appear, with its subfolders; or a job file, without OUT.", "IN", reads=True
+    ),
+    output: Path | None = argument(
+        "Folder of the corrected programs, with the same subfolders and names.",
+        "OUT",
+        default=None,
+        writes="folder",
+        may_replace="folder",
+    ),
+    machine: OptionalMachine,
+    job: JobOption,
     calibration: CalibrationName,
     glob: tuple[str, ...] = option("Pattern of the programs' names instead of the usual suffixes.", "PATTERN"),
     settle: float = option(
@@ -31,22 +46,33 @@ def watch(
     no_travel_check: NoTravelCheck,
     correction: CorrectionOptions,
     at: ConditionsOptions,
+    results: EachResults,
 ) -> None:
     """Correct every program that appears or changes in a folder, each as `ncomp correct` does, until it is ended.
 
     A program that is refused is reported and does not stop the others; an earlier output of it is renamed to
     NAME.earlier, so that only present programs look corrected. Ctrl-C or SIGTERM ends the command with status 0.
     """
-    from postproc.commands.programs.folder import check_folders
-    from postproc.commands.programs.watching import Watch
+    from postproc.interface.job_file import is_job_file
+    from postproc.interface.watching import Folder, JobFile, Watch
 
-    check_folders(folder, output)
-    request = Request(
-        machine=machine,
-        calibration=calibration,
-        set_up=set_up,
-        travel_check=not no_travel_check,
-        correction=correction,
-        at=at,
-    )
-    Watch(folder, output, glob, request, settle).run(idle)
+    given = GivenForAll(machine, calibration, set_up, no_travel_check, correction, at)
+    source: Folder | JobFile
+    if is_job_file(folder):
+        given.refuse(f"is an entry of the job file {folder}")
+        if output is not None or job is not None or glob:
+            raise UserError(f"{folder} is a job file, which has its programs and outputs: give neither OUT nor --glob")
+        source = JobFile(folder)
+    else:
+        if output is None:
+            raise UserError(
+                "watch: OUT is missing: folder of the corrected programs; 'ncomp watch --help' lists its options"
+            )
+        source = Folder(folder, output, glob, partial(given.request, "watch", job), job)
+    watched = Watch(source, settle, _say, results)
+    with suppress(SystemExit):  # of SIGTERM
+        watched.run(idle)
+
+
+def _say(text: str) -> None:
+    print(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {text}", file=sys.stderr, flush=True)

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 SIGNS = (
     "The arrows show the motion of the tool relative to the workpiece for a positive command (ISO 841), short dotted "
-    "ones the motion of a table. Lengths are in mm, in the machine frame."
+    "ones the motion of a table. The tool is drawn lifted, at the end of its travel, and the workpiece where the "
+    "lowered tool would be, in the middle of the other travels. Lengths are in mm, in the workpiece frame."
 )
 PLACES = {"part": "middle left", "turn": "top left"}
 """Positions of the labels of shapes beside their points."""
@@ -34,14 +35,14 @@ def chain_report(machine: Machine) -> Report:
 
 
 def _figure(machine: Machine) -> Figure:
-    from rendering.figures import Figure, Panel
+    from rendering.figures import SCENE, Figure, Panel
 
     room = NEAR * size_of(machine)  # labels of dots within it would lie upon one another: the first one has all names
     panel, found = Panel("x, mm", "y, mm", z="z, mm", kind="scene", traces=[]), list(shapes(machine))
     for shape in found:
         near = [each for each in found if each.kind == shape.kind == "pivot" and _distance(each, shape) < room]
         panel.traces += list(_traces(shape, ", ".join(each.axis for each in near if near[0] is shape)))
-    return Figure([panel], height=480)
+    return Figure([panel], height=SCENE)
 
 
 def _distance(one: Shape, other: Shape) -> float:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.fit.prediction import Predicted, Prediction
+from kinematics.files.number_text import plus_minus
 from kinematics.files.report_head import calibration_text
 from kinematics.transforms import Array
 from postproc.compensation.significance import COVERAGE
@@ -117,7 +118,7 @@ class Summary:
             (
                 str(point.row + 1),
                 *(f"{at:.3f}" for at in position),
-                *(f"{d:.2f} ± {u:.2f}" for d, u in zip(point.deviation, point.u, strict=True)),
+                *(plus_minus(d, u, 2) for d, u in zip(point.deviation, point.u, strict=True)),
                 f"{point.size:.2f}",
             )
             for point, position in zip(self.largest, positions, strict=True)

@@ -165,7 +165,7 @@ def progress_of(total: int, label: str, long: int = LONG) -> Iterator[Callable[[
 def show(report: Report, *targets: str | Path | None) -> None:
     """Show a report: on standard output, or on standard error where one of these targets is standard output (`-`)."""
     if LEVEL.quiet:
-        report = replace(report, before=(), sections=())
+        report = replace(report, sections=())
     elif LEVEL.verbose:
         report = replace(report, sections=[replace(each, detail=False) for each in report.sections])
     rendering.terminal.show(report, (console if "-" in targets else output).to)

@@ -9,7 +9,7 @@ from typing import Literal
 
 from kinematics.files import reason_of
 from kinematics.user_error import UserError
-from postproc.commands.options.shared import JsonFile, check_files, result, write_json
+from postproc.commands.options.shared import JsonFile, result, write_json
 
 EPILOG = "Examples:\n\n`ncomp doctor`\n\n`ncomp doctor --json -`"
 State = Literal["good", "absent", "fault"]
@@ -46,7 +46,6 @@ def doctor(*, json: JsonFile) -> None:
     from postproc.commands.show.terminal import show
     from rendering.report import Report, Section, Table
 
-    check_files((), {"--json": json})
     findings = list(_findings())
     faults = sum(each.state == "fault" for each in findings)
     with result(json) as file:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import argument, option
-from postproc.commands.options.shared import check_files
+from postproc.commands.options.declared import MACHINE, MODEL, SET_UP, argument, option
+from postproc.commands.options.files import check_files, machine_file
+from postproc.commands.options.shared import machine_names
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -31,6 +33,8 @@ EPILOG = (
 class NewMachine:
     """Answers about the machine."""
 
+    PANEL: ClassVar[str] = MACHINE
+
     name: str | None = option("Name of the machine, which is also that of its file.", "NAME")
     description: str | None = option("Description of the machine.", "TEXT")
     chain: str | None = option("Chain from the workpiece w over the bed b to the tool t.", "'w C B b X Y Z t'")
@@ -41,47 +45,63 @@ class NewMachine:
     family: Literal["any", "fanuc", "linuxcnc"] | None = option("Control, where controls read ISO code differently.")
 
 
+@dataclass(frozen=True, kw_only=True)
+class JobAnswers:
+    """Answers about the job."""
+
+    PANEL: ClassVar[str] = "Job"
+
+    machine: str | None = option(
+        "Machine that exists already: no machine file is written.",
+        "NAME|FILE.toml",
+        "-m",
+        reads=machine_file,
+        panel=MACHINE,
+    )
+    calibration: str | None = option(
+        "Calibration of the job, relative to the folder.", "CAL.json|none", "-c", panel=MODEL
+    )
+    work_offset: tuple[str, ...] = option("Work offset, mm, of the job.", "G54=x,y,z", panel=SET_UP)
+    tool_length: tuple[str, ...] = option("Length of a tool, mm, of the job.", "T1=mm", panel=SET_UP)
+    program: tuple[str, ...] = option("Program of the job, relative to the folder.", "IN.nc")
+
+
 def init(
     *,
     folder: Path = argument(
-        "Folder of the files; it is made if it does not exist. Default: the present folder.", "FOLDER", default=Path()
+        "Folder of the files; it is made if it does not exist. Default: the present folder.",
+        "FOLDER",
+        default=Path(),
+        writes="folder",
     ),
-    machine: str | None = option("Machine that exists already: no machine file is written.", "NAME|FILE.toml", "-m"),
     new: NewMachine,
-    calibration: str | None = option("Calibration of the job, relative to the folder.", "CAL.json|none", "-c"),
-    work_offset: tuple[str, ...] = option("Work offset, mm, of the job.", "G54=x,y,z"),
-    tool_length: tuple[str, ...] = option("Length of a tool, mm, of the job.", "T1=mm"),
-    program: tuple[str, ...] = option("Program of the job, relative to the folder.", "IN.nc"),
+    given: JobAnswers,
     force: bool = option("Replace files that exist.", default=False),
 ) -> None:
     """Make a machine file and a job file: asks for values that the options leave open, checks them, draws the chain."""
-    from kinematics.files import write_whole, writing
     from postproc.commands.show.chain_svg import chain_svg
     from postproc.commands.show.terminal import say
     from postproc.commands.workplace.answers import Answers
-    from postproc.commands.workplace.job_file import read_job
     from postproc.commands.workplace.new_machine import lines_below_the_spindle
+    from postproc.interface.job_file import read_job
 
     answers = Answers()
     files: dict[str, bytes] = {}
+    machine, new_machine = given.machine, given.machine is None
     if machine is None:
         name, text = _machine(new, answers)
         found, machine = _parsed(text, f"{name}.toml"), f"{name}.toml"
         files |= {machine: text.encode(), f"{name}.svg": chain_svg(found)}
     else:
         found = ncomp.load_machine(machine)
-        machine = str(Path(machine).resolve()) if Path(machine).is_file() else machine
-    files["job.toml"] = _job(found, machine, calibration, work_offset, tool_length, program, answers).encode()
+        if machine not in machine_names() and Path(machine).is_file():
+            machine = _from(folder, Path(machine))
+    files["job.toml"] = _job(found, machine, given, answers).encode()
     if not force and (there := next((name for name in files if (folder / name).exists()), None)):
         raise UserError(f"{folder / there} exists: name another folder, or replace it by --force")
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    for name, data in files.items():
-        check_files((), {"FOLDER": folder / name})
-        write_whole(folder / name, data)
-        say("written", str(folder / name))
+    _write(folder, files)
     job = read_job(folder / "job.toml", there=False)
-    for line in lines_below_the_spindle(found) if machine == f"{found.name}.toml" else ():
+    for line in lines_below_the_spindle(found) if new_machine else ():
         say("compare", f"with the machine: {line}; if not, correct point in {folder / machine}")
     for absent in (each.path for each in job.programs if not each.path.exists()):
         say("first", f"put the program at {absent}")
@@ -89,6 +109,27 @@ def init(
     if b'calibration = "none"' in files["job.toml"]:
         path = folder / "job.toml"
         say("then", f"measure the machine, write its calibration into {path}, and correct by ncomp {path}")
+
+
+def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files by their names into a folder, which is made if it does not exist; UserError where that fails."""
+    from kinematics.files import write_whole, writing
+    from postproc.commands.show.terminal import say
+
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    for name, data in files.items():
+        check_files((), {"FOLDER": folder / name})
+        write_whole(folder / name, data)
+        say("written", str(folder / name))
+
+
+def _from(folder: Path, file: Path) -> str:
+    """The path of a file from a folder, so that both can be moved together; on another drive its whole path."""
+    try:
+        return Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
+    except ValueError:
+        return str(file.resolve())
 
 
 def _machine(new: NewMachine, answers: Answers) -> tuple[str, str]:
@@ -131,21 +172,14 @@ def _parsed(text: str, name: str) -> Machine:
     return machines.parse(text, name)
 
 
-def _job(
-    found: Machine,
-    machine: str,
-    calibration: str | None,
-    work_offset: tuple[str, ...],
-    tool_length: tuple[str, ...],
-    program: tuple[str, ...],
-    answers: Answers,
-) -> str:
+def _job(found: Machine, machine: str, given: JobAnswers, answers: Answers) -> str:
     """The text of the job file."""
     from machines import default_calibration
     from postproc.control.setup import parse_tool_length, parse_work_offset
 
+    work_offset, tool_length = given.work_offset, given.tool_length
     own = "" if default_calibration(found) else "none"
-    calibration = answers.one(calibration, "--calibration", "Calibration: CAL.json, or none", _calibration, own)
+    calibration = answers.one(given.calibration, "--calibration", "Calibration: CAL.json, or none", _calibration, own)
     if not work_offset and answers.asks:
         question = "Work offset of the part, mm, G54=x,y,z; empty if it is not known"
         work_offset = _given(answers.one(None, "", question, lambda text: _checked_offset(text, found), ""))
@@ -154,7 +188,7 @@ def _job(
         question = "Length of the first tool, mm, T1=mm; empty if it is not known"
         tool_length = _given(answers.one(None, "", question, _checked_tool, ""))
     tools = dict(map(parse_tool_length, tool_length))
-    programs = program or (
+    programs = given.program or (
         answers.one(None, "--program", "Program to correct, relative to the folder of the job file", str, "part.nc"),
     )
     return _job_text(machine, calibration, offsets, tools, programs)

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import ncomp
+from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument, option
 from postproc.commands.options.shared import DaskAddress
 
 if TYPE_CHECKING:
-    from postproc.commands.workplace.job_file import Job
+    from postproc.interface.job_file import Job
 
 EPILOG = (
     "Examples:\n\n"
@@ -24,7 +25,7 @@ EPILOG = (
 
 def job(
     *,
-    file: Path = argument("Job file.", "JOB.toml"),
+    file: Path = argument("Job file.", "JOB.toml", reads=True),
     jobs: int | None = option("Number of processes; default: one for each core.", "N", "-j", min=1),
     dask: DaskAddress,
     check: bool = option("Check the programs without correcting them, as ncomp check does.", default=False),
@@ -34,34 +35,38 @@ def job(
     Paths in the file are relative to its folder. A program that is refused does not stop the others: it is listed with
     file, line and reason, and the exit status is 2.
     """
+    from postproc.commands.options.shared import ResultOptions
     from postproc.commands.programs.correct import correct_one
-    from postproc.commands.programs.folder import folders_for
     from postproc.commands.programs.several import correct_several
-    from postproc.commands.workplace.job_file import read_job
+    from postproc.folders.programs import folders_for
+    from postproc.interface.job_file import read_job
 
     found = read_job(file)
     if check:
         _check(found)
         return
+    others = ResultOptions(**vars(found.results))
     if len(found.programs) == 1 and dask is None:
         (program,) = found.programs
         with folders_for(found.programs):
-            correct_one(str(program.path), found.request, found.others, output=str(program.target), jobs=jobs)
+            correct_one(
+                str(program.path), found.request, others, output=str(program.target), jobs=jobs, own=program.own
+            )
         return
-    correct_several(found.programs, found.request, found.others, jobs=jobs, dask=dask, command=f"ncomp {file}")
+    correct_several(found.programs, found.request, others, jobs=jobs, dask=dask, command=f"ncomp {file}")
 
 
 def _check(job: Job) -> None:
     """Show the check of each program; exit status 2 if one of them is refused."""
     from postproc.commands.show.terminal import show
+    from postproc.folders.checked import Checked
 
-    request, found = job.request, ncomp.load_machine(job.request.machine)
-    setup, refused = request.set_up.setup(found), False
-    for program in job.programs:
-        findings = ncomp.check(
-            program.path, found, dialect=request.set_up.dialect, setup=setup, travel_check=request.travel_check
-        )
-        show(findings.report(program.name))
-        refused |= bool(findings.refused)
-    if refused:
-        sys.exit(2)
+    findings = {}
+    for program, found in job.request.checks(job.programs):
+        findings[program] = found
+        show(found.report(program.name))
+    checked = Checked(ncomp.load_machine(job.request.machine), findings)
+    if checked.unused:
+        raise UserError(checked.unused[0])
+    if checked.status:
+        sys.exit(checked.status)

@@ -10,7 +10,8 @@ from msgspec.structs import replace
 import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.declared import argument, option
-from postproc.commands.options.shared import check_files, machine_names, made_now
+from postproc.commands.options.files import machine_file
+from postproc.commands.options.shared import machine_names, made_now
 from rendering.report import Report, Section, Table, facts
 
 if TYPE_CHECKING:
@@ -25,11 +26,14 @@ EPILOG = (
 def machines(
     *,
     name: str | None = argument(
-        "Name of a machine, or path of its .toml file.", "NAME", default=None, complete=machine_names
+        "Name of a machine, or path of its .toml file.",
+        "NAME",
+        default=None,
+        complete=machine_names,
+        reads=machine_file,
     ),
     draw: Path | None = option(
-        "Drawing of the chain with axes, pivots and positive directions.",
-        "FILE.svg",
+        "Drawing of the chain with axes, pivots and positive directions.", "FILE.svg", writes="file"
     ),
 ) -> None:
     """List the machines, or show one machine and check its file.
@@ -82,7 +86,6 @@ def _draw(machine: Machine, target: Path) -> None:
     """Write the drawing of a machine in the form of its suffix."""
     from kinematics.files import write_whole
 
-    check_files((), {"--draw": target})
     form = target.suffix.lower()
     if form == ".svg":
         from postproc.commands.show.chain_svg import chain_svg

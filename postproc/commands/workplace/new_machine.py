@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.machine import Machine, split_chain
+from kinematics.running.given_texts import numbers
 from kinematics.user_error import UserError
-from postproc.commands.options.declared import numbers
 from postproc.commands.workplace.answers import Answers, by_name
 
 CHAINS = {

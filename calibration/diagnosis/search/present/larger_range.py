@@ -15,7 +15,6 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from calibration.measurement.measurement import Measurement
-from calibration.observation.full_model import moving_axes
 from kinematics.basis import Basis, BSpline, Interval
 from kinematics.effects import ErrorMotion
 from kinematics.error_model.model import ErrorModel
@@ -45,7 +44,7 @@ class Larger(NamedTuple):
 def larger_ranges(calibration: ErrorModel, measurement: Measurement) -> Mapping[str, Larger]:
     """The axes that the data move beyond the range of their error motions."""
     found = {}
-    for name, moved in moving_axes(measurement).items():
+    for name, moved in measurement.moving.items():
         axis = measurement.machine.axes[measurement.machine.index(name)]
         ranges = [each.basis.interval for each in _motions(calibration) if each.axis == name]
         if not ranges:
@@ -103,7 +102,7 @@ def within(calibration: ErrorModel, measurement: Measurement) -> np.ndarray:
 
 
 def _motions(calibration: ErrorModel) -> list[ErrorMotion]:
-    return [effect for effect in calibration.effects if isinstance(effect, ErrorMotion)]
+    return [motion for motion, _ in calibration.error_motions]
 
 
 def _outside(axis: Axis, known: Interval, x: Array) -> Array:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import msgspec
 import numpy as np
@@ -21,12 +21,10 @@ from calibration.diagnosis.search.present.nested_bases import refined
 from calibration.fit.fit import DOUBTFUL_P, Fit
 from calibration.fit.linear import NormalBlocks, Part, of_columns
 from calibration.fit.problem import solution
-from calibration.measurement.estimated_noise import Decorrelation
 from calibration.measurement.measurement import Measurement
-from calibration.observation import equations
-from calibration.observation.full_model import distinct_positions
-from calibration.observation.normal_equations import NormalEquations, residuals, whitened, whiteners
-from calibration.observation.stops_and_lines import stops, whole_stops
+from calibration.observation.mean_lines import arms_of, centred
+from calibration.observation.normal_equations import NormalEquations, decorrelation_of, residuals, whitened, whiteners
+from calibration.observation.stops_and_lines import whole_stops
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.error_model.effect_sums import Design
 from kinematics.error_model.model import ErrorModel
@@ -66,16 +64,18 @@ def added(measurement: Measurement, calibration: ErrorModel, axis: str, level: i
     None where a basis of a linear axis would be finer than `FINEST` or than the positions of the data.
     """
     found = []
-    for effect in calibration.effects:
-        if not isinstance(effect, ErrorMotion) or effect.axis != axis:
+    for effect, _ in calibration.error_motions:
+        if effect.axis != axis:
             continue
         basis = effect.basis
         for _ in range(level):
             basis = refined(basis)
         zero = (0.0,) * basis.size
         found.append(ErrorMotion(effect.component, axis, basis, zero, u=zero))
-    most = min(FINEST, distinct_positions(measurement, axis))
-    return [] if level and any(effect.basis.size > most for effect in found) else found
+    most = min(FINEST, measurement.distinct_positions[axis])
+    if level and any(effect.basis.size > most for effect in found):
+        return []
+    return cast(list[ErrorMotion], list(centred(found, arms_of(measurement))))
 
 
 def chosen(found: Fit, present: ErrorModel, root: Array, besides: Sequence[Effect]) -> Refinement:
@@ -85,7 +85,7 @@ def chosen(found: Fit, present: ErrorModel, root: Array, besides: Sequence[Effec
     at their start, with a root `(p, p)` of its prior covariance. besides: changes with a name, free in the evidence.
     """
     evidence = _Evidence(found, present, root, besides)
-    axes = {effect.axis: None for effect in present.effects if isinstance(effect, ErrorMotion)}
+    axes = {motion.axis: None for motion, _ in present.error_motions}
     levels = {axis: [n for n in LEVELS if added(found.measurement, present, axis, n)] for axis in axes}
     best: dict[str, Added] = {axis: Added(own[-1], SCALES[2]) for axis, own in levels.items() if own}
     while True:
@@ -106,12 +106,12 @@ class _Evidence:
         self._measurement, self._registration = found.measurement, found.registration
         self._present, self._root, self._besides = present, root, besides
         rows = np.flatnonzero(found.kept)
-        self._rows = rows[whole_stops(stops(found.measurement)[rows], ROWS)] if len(rows) > ROWS else rows
+        self._rows = rows[whole_stops(found.measurement.stops[rows], ROWS)] if len(rows) > ROWS else rows
         some = found.measurement.rows(self._rows)
         white = whiteners(some)
-        self._decorrelation = Decorrelation.of(some.noise, white)
+        self._decorrelation = decorrelation_of(some)
         self._white = white / np.sqrt(found.variance_factor if found.p_value < DOUBTFUL_P else 1.0)
-        self._transform = self._white @ equations.transform(some, found.registration)
+        self._transform = self._white @ some.instrument.transform(some, found.registration)
         left = residuals(found.measurement, present, found.registration)[self._rows]
         self._residual = self._decorrelation.apply(whitened(self._white, left)).reshape(-1)
         self._columns = cache(self._made)
@@ -135,7 +135,7 @@ class _Evidence:
         n = len(self._rows)
         if part == REGISTRATION:
             some = self._measurement.rows(self._rows)
-            columns = self._white @ equations.registration_design(some, self._registration)
+            columns = self._white @ some.instrument.registration_design(some, self._registration)
         elif part == PRESENT:
             machine, state = self._measurement.machine, self._measurement.state
             design = Design(self._present.effects, machine, state, with_instrument=True)

@@ -15,10 +15,10 @@ from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.causes import angle_steps, jumps
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import GENEROUS
-from calibration.observation.full_model import moving_axes
 from calibration.plausibility.times import pauses
 from kinematics.effects import AngleStep, Effect, GrowthWithDuty, GrowthWithSensor, GrowthWithTime, LocationJump
-from kinematics.effects.instrument import CIRCLES, beam
+from kinematics.effects.combined.where import beam
+from kinematics.effects.tracker import CIRCLES
 from kinematics.transforms import Array
 
 APART = 1e3
@@ -68,7 +68,7 @@ def about_fixed_point(linearised: LinearisedFit, effect: Fixed) -> Effect | None
     if len(size) != 2 or not size[0]:
         return None
     point = effect.fixed_point - APART * float(size[1] / size[0])
-    low, high = moving_axes(linearised.measurement)[effect.axis]
+    low, high = linearised.measurement.moving[effect.axis]
     if not 2 * low - high < point < 2 * high - low:
         return None
     return msgspec.structs.replace(effect, fixed_point=round(point, 1))

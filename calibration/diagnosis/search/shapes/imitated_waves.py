@@ -19,7 +19,6 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.shapes.proposed_shapes import SCANNED, waves_of
 from calibration.diagnosis.search.stage import Accepted, Stage, chosen_of
-from calibration.observation.full_model import moving_axes
 from kinematics.effects import Component
 
 MOST = 0.5
@@ -61,6 +60,6 @@ def _strongest(selector: Selector, causes: Sequence[Accepted]) -> Evaluated | No
 
 def _waves(linearised: LinearisedFit) -> Iterator[Candidate]:
     """The strongest waves along each axis with few positions."""
-    for axis in moving_axes(linearised.measurement):
+    for axis in linearised.measurement.moving:
         if len(np.unique(np.round(linearised.positions(axis), 3))) <= MANY:
             yield from waves_of(linearised, axis, get_args(Component))

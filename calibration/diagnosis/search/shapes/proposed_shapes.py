@@ -30,13 +30,7 @@ from calibration.diagnosis.search.shapes.spectra import (
     strengths,
     usual_waves,
 )
-from calibration.observation.full_model import (
-    distinct_positions,
-    is_log,
-    moving_axes,
-    observed_components,
-    repeated_targets,
-)
+from calibration.observation.full_model import is_log, observed_components, repeated_targets
 from kinematics.basis import BSpline
 from kinematics.effects import (
     Component,
@@ -120,7 +114,7 @@ def waves(linearised: LinearisedFit, components: tuple[Component, ...] = get_arg
     It has the number of harmonics with the lowest delta-BIC.
     """
     along = partial(waves_of, linearised, components=components)
-    return chain.from_iterable(each(along, moving_axes(linearised.measurement)))
+    return chain.from_iterable(each(along, linearised.measurement.moving))
 
 
 def waves_of(linearised: LinearisedFit, axis: str, components: tuple[Component, ...]) -> list[Candidate]:
@@ -141,7 +135,7 @@ def waves_of(linearised: LinearisedFit, axis: str, components: tuple[Component, 
 def frequencies_of(linearised: LinearisedFit, axis: str) -> Array:
     """Frequencies `(m,)` of the waves along an axis that are tried, 1/mm or 1/degree."""
     measurement = linearised.measurement
-    low, high = moving_axes(measurement)[axis]
+    low, high = measurement.moving[axis]
     log = is_log(measurement, axis)
     waves_of, least = resolved if log else usual_waves, WAVES
     most = min(waves_of(linearised.positions(axis), high - low), MOST_WAVES / OVERSAMPLING)
@@ -225,7 +219,7 @@ def steps(linearised: LinearisedFit, whole: LinearisedFit | None = None) -> Iter
     Pitches are selected by the power of their wave, offsets by the sawtooth itself. Where the delta-BIC is negative,
     the sawtooth is refined on `whole`, the fit of all rows.
     """
-    linear = [axis for axis in moving_axes(linearised.measurement) if axis[0] not in "ABC"]
+    linear = [axis for axis in linearised.measurement.moving if axis[0] not in "ABC"]
     return chain.from_iterable(each(partial(steps_along, linearised, whole=whole), linear))
 
 
@@ -243,8 +237,8 @@ def steps_along(linearised: LinearisedFit, axis: str, whole: LinearisedFit | Non
 
 def frequencies_of_steps(linearised: LinearisedFit, axis: str) -> Array:
     """Frequencies `(m,)` of the sawtooth functions along a linear axis that are tried, 1/mm."""
-    low, high = moving_axes(linearised.measurement)[axis]
-    count = min(distinct_positions(linearised.measurement, axis) / 2, MOST_TEETH / OVERSAMPLING)
+    low, high = linearised.measurement.moving[axis]
+    count = min(linearised.measurement.distinct_positions[axis] / 2, MOST_TEETH / OVERSAMPLING)
     return np.asarray(np.arange(TEETH, max(count, TEETH), 1.0 / OVERSAMPLING) / (high - low))
 
 
@@ -268,13 +262,13 @@ def finer(linearised: LinearisedFit) -> Iterator[Candidate]:
     """
     if linearised.fit.prior.ndim == 2:
         return iter(())
-    motions = [effect for effect in linearised.fit.model.effects if isinstance(effect, ErrorMotion)]
+    motions = [motion for motion, _ in linearised.fit.model.error_motions]
     motions = [motion for motion in motions if not is_log(linearised.measurement, motion.axis)]
     return chain.from_iterable(each(partial(_finer_than, linearised), motions))
 
 
 def _finer_than(linearised: LinearisedFit, motion: ErrorMotion) -> list[Candidate]:
-    most = distinct_positions(linearised.measurement, motion.axis)
+    most = linearised.measurement.distinct_positions[motion.axis]
     sizes = [size for size in FINE if motion.basis.size < size <= most]
     variants = [Candidate(_finer(motion, size), 0, float(len(sizes)), motion.name) for size in sizes]
     sensitivity = Sensitivity.of(linearised, motion.axis, motion.component)
@@ -314,8 +308,8 @@ def fixed_points(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> 
 def reversals(linearised: LinearisedFit) -> Iterator[Candidate]:
     """A difference between forward and backward of each error motion with a node at each target of repeated runs."""
     measurement = linearised.measurement
-    for motion in linearised.fit.model.effects:
-        if isinstance(motion, ErrorMotion) and repeated_targets(measurement, motion.axis):
+    for motion, _ in linearised.fit.model.error_motions:
+        if repeated_targets(measurement, motion.axis):
             zero = (0.0,) * motion.basis.size
             yield Candidate(Reversal(motion.component, motion.axis, motion.basis, zero))
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
-from calibration.observation.full_model import moving_axes
 from kinematics.effects import QuantisedCompensation
 from kinematics.effects.base import own_component
 from kinematics.transforms import Array
@@ -78,7 +77,7 @@ def _about(linearised: LinearisedFit, effect: QuantisedCompensation, reach: floa
 
     reach: 1 for one step more or less over the travel, and half a pitch to either side.
     """
-    low, high = moving_axes(linearised.measurement)[effect.axis]
+    low, high = linearised.measurement.moving[effect.axis]
     jumps = round(((low + high) / 2 - effect.offset) / effect.pitch)
     alias = effect.pitch**2 / (high - low)
     pitch = effect.pitch + reach * alias * np.linspace(-1.0, 1.0, PITCHES)

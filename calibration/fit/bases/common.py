@@ -1,0 +1,31 @@
+"""One basis of an error motion for several measurements, which have chosen their own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from kinematics.basis import Basis, BSpline, Fourier, Harmonics
+from kinematics.machine import TURN
+
+
+def common_basis(bases: Sequence[Basis], *, turning: bool) -> Basis:
+    """The finest of the bases of one error motion, over the range of all; `turning`: its axis turns fully."""
+    finest = min(bases, key=lambda basis: (basis.feature_length, -basis.size))
+    low, high = min(basis.interval[0] for basis in bases), max(basis.interval[1] for basis in bases)
+    if isinstance(finest, Harmonics) or (low, high) == finest.interval:
+        return finest
+    own_low, own_high = finest.interval
+    if turning:
+        return Harmonics((low, low + TURN), max(finest.size // 2, 1))
+    if isinstance(finest, BSpline):
+        spacing = (own_high - own_low) / (len(finest.nodes) - 1)
+        before = np.linspace(low, own_low, math.ceil((own_low - low) / spacing) + 1)[:-1]
+        behind = np.linspace(own_high, high, math.ceil((high - own_high) / spacing) + 1)[1:]
+        return BSpline((*before.tolist(), *finest.nodes, *behind.tolist()), finest.degree)
+    longer = (high - low) / (own_high - own_low)
+    if isinstance(finest, Fourier):
+        return Fourier((low, high), tuple(longer * waves for waves in finest.harmonics))
+    return type(finest)((low, high), math.ceil(longer * finest.degree))

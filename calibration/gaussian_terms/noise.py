@@ -1,0 +1,160 @@
+"""Noise: a factor on the specification, non-repeatability of each axis from stop to stop, and rows that are left out.
+
+The covariance of the rows of one stop is f C + sum t_i^2 a_i a_i', with the arm a_i of the positioning error of axis i,
+which all rows of the stop share. f and t^2 are found together with what the terms leave open (restricted likelihood):
+the expected second moments of the residuals, and Fisher steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.priors import REPEATS
+from kinematics.effects import COMPONENTS
+from kinematics.effects.base import own_component, unit_of
+from kinematics.transforms import Array
+
+STEPS, HALVINGS = 6, 12
+"""Fisher steps of the variances, and halvings of a step that does not raise the likelihood."""
+RISE = 0.1
+"""Rise of the log likelihood below which the steps end."""
+LEAST_FACTOR = 0.1
+"""Smallest factor on the variance factor in one step."""
+NEGLIGIBLE = 0.1
+"""Standard deviation from stop to stop, um or urad, below which an axis counts as repeating."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """The noise of observations."""
+
+    factor: float = 1.0
+    """Factor on the variances of the specification, common to all rows."""
+    repeats: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviation of each axis from stop to stop, um or urad; of the axes in which there is any."""
+    left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    """True `(n,)` for outliers."""
+
+
+class Stops(NamedTuple):
+    """Stops of equally many rows m."""
+
+    rows: np.ndarray
+    """Rows of each stop `(stops, m)`."""
+    specified: Array
+    """Their covariances by the specification `(stops, m d, m d)`, rows independent."""
+    arms: Mapping[str, Array]
+    """Change of their observations `(stops, m d)`, mm or rad, by 1 um or urad of each axis."""
+
+    def times(self, matrices: Array, table: Array) -> Array:
+        """Matrices `(stops, m d, m d)` times the rows of the stops of a table `(n, d, k)`: `(stops, m d, k)`."""
+        return np.asarray(matrices @ table[self.rows].reshape(*matrices.shape[:2], -1))
+
+
+def stops_of(observations: Observations) -> list[Stops]:
+    """The stops of observations, by their number of rows."""
+    d, measurement = observations.components, observations.measurement
+    stop = measurement.stops
+    starts = np.flatnonzero(np.append(True, np.diff(stop) != 0))
+    counts = np.diff(np.append(starts, len(stop)))
+    arms = {axis: _arm(observations, axis) for axis in measurement.moving}
+    found = []
+    for m in np.unique(counts).tolist():
+        rows = starts[counts == m][:, None] + np.arange(m)
+        specified = np.zeros((len(rows), m * d, m * d))
+        for i in range(m):
+            own = slice(i * d, (i + 1) * d)
+            specified[:, own, own] = observations.specified[rows[:, i]]
+        found.append(Stops(rows, specified, {a: arm[rows].reshape(len(rows), m * d) for a, arm in arms.items()}))
+    return found
+
+
+def _arm(observations: Observations, axis: str) -> Array:
+    """Change of the observations `(n, d)` by 1 um or urad of the positioning error of an axis."""
+    column = 6 * observations.measurement.machine.index(axis) + COMPONENTS.index(own_component(axis))
+    return np.asarray(observations.transform[:, :, column] * unit_of(axis)[1])
+
+
+def whiteners(stops: Sequence[Stops], noise: Noise) -> list[Array]:
+    """Matrices `(stops, m d, m d)` that make the noise of each stop white but for the common factor."""
+    found = []
+    for each in stops:
+        covariance = each.specified.copy()
+        for axis, size in noise.repeats.items():
+            arm = each.arms[axis]
+            covariance += (size**2 / noise.factor) * arm[:, :, None] * arm[:, None, :]
+        found.append(np.asarray(np.linalg.inv(np.linalg.cholesky(covariance))))
+    return found
+
+
+class Moments(NamedTuple):
+    """Second moments of the whitened residuals of stops, and the unit variances that make them up."""
+
+    second: Array
+    """`(stops, m d, m d)`"""
+    parts: list[Array]
+    """Covariance, whitened in the same way, by each variance of 1."""
+
+
+def variances(moments: Sequence[Moments], axes: Sequence[str], noise: Noise) -> tuple[float, dict[str, float]]:
+    """The factor of the specification, and the standard deviation of each axis, with the greatest likelihood."""
+    theta = np.array([noise.factor, *(noise.repeats.get(axis, 0.0) ** 2 for axis in axes)])
+    now = _likelihood(moments, theta)
+    for _ in range(STEPS):
+        step, least = _fisher_step(theta, now), LEAST_FACTOR * theta[0]
+        for _ in range(HALVINGS):
+            new = np.maximum(theta + step, 0.0)
+            new[0] = max(new[0], least)
+            found = _likelihood(moments, new)
+            if found.value >= now.value:
+                break
+            step = step / 2.0
+        else:
+            break
+        rise, theta, now = found.value - now.value, new, found
+        if rise < RISE:
+            break
+    sizes = zip(axes, np.sqrt(theta[1:]).tolist(), strict=True)
+    return float(theta[0]), {axis: size for axis, size in sizes if size > NEGLIGIBLE}
+
+
+class _Likelihood(NamedTuple):
+    value: float
+    gradient: Array
+    information: Array
+
+
+def _fisher_step(theta: Array, now: _Likelihood) -> Array:
+    """Step of the variances; those at zero that would fall stay there."""
+    free = np.ones(len(theta), bool)
+    while True:
+        step = np.zeros(len(theta))
+        step[free] = np.linalg.solve(now.information[np.ix_(free, free)], now.gradient[free])
+        below = free & (theta <= 0.0) & (step < 0.0)
+        if not below.any():
+            return step
+        free &= ~below
+
+
+def _likelihood(moments: Sequence[Moments], theta: Array) -> _Likelihood:
+    """Log likelihood of variances `(k,)` with the half-Cauchy prior of each standard deviation, and its derivatives."""
+    k = len(theta)
+    value = -float(np.sum(np.log1p(theta[1:] / REPEATS**2)))
+    gradient, information = -1.0 / (REPEATS**2 + theta), np.zeros((k, k))
+    gradient[0] = 0.0
+    for second, parts in moments:
+        inverse = np.linalg.inv(sum(variance * part for variance, part in zip(theta, parts, strict=True)))
+        excess = inverse @ second
+        value += 0.5 * float(np.linalg.slogdet(inverse)[1].sum() - np.trace(excess, axis1=1, axis2=2).sum())
+        scaled = [inverse @ part for part in parts]
+        for i, one in enumerate(scaled):
+            gradient[i] += 0.5 * float(np.sum(np.swapaxes(one, 1, 2) * excess) - np.trace(one, axis1=1, axis2=2).sum())
+            for j, other in enumerate(scaled[: i + 1]):
+                information[i, j] += 0.5 * float(np.sum(np.swapaxes(one, 1, 2) * other))
+    information += np.tril(information, -1).T
+    return _Likelihood(value, gradient, information)

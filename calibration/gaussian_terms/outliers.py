@@ -1,0 +1,72 @@
+"""Outliers: rows whose odds of an error of their own, against the noise, are above 1."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calibration.gaussian_terms.gains import log_gains
+from calibration.gaussian_terms.priors import OUTLIER, OUTLIER_SIZES
+from kinematics.transforms import Array
+
+if TYPE_CHECKING:
+    from calibration.gaussian_terms.structure import Structure
+
+
+def outlying(structure: Structure) -> np.ndarray:
+    """Mask `(n,)` of the outliers of a structure; rows that are left out come back where they agree with the others."""
+    left_out = structure.noise.left_out
+    found = _odds_inside(structure) > 0.0
+    found[left_out] = _odds_outside(structure, np.flatnonzero(left_out)) > 0.0
+    return found
+
+
+def _odds_inside(structure: Structure) -> Array:
+    """Log odds `(n,)` that a row has a shift of its own, for rows that are not left out."""
+    data, equations, factor = structure.data, structure.equations, structure.noise.factor
+    n, d = data.observations.residual.shape
+    posterior = structure.posterior
+    covariance = posterior.covariance / factor
+    root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
+    left = (equations.residual - equations.design @ posterior.mean)[: n * d].reshape(n, d)
+    used = np.concatenate([equations.design @ root, structure.whitener.spanned], axis=1)[: n * d].reshape(n, d, -1)
+    odds = np.empty(n)
+    for stops, matrices in zip(data.stops, structure.whitener.matrices, strict=True):
+        stop_left = left[stops.rows].reshape(len(stops.rows), -1, 1)
+        stop_used = used[stops.rows].reshape(len(stops.rows), stop_left.shape[1], -1)
+        for i in range(stops.rows.shape[1]):
+            shift = np.swapaxes(matrices[:, :, i * d : (i + 1) * d], 1, 2)
+            through = shift @ stop_used
+            block = shift @ np.swapaxes(shift, 1, 2) - through @ np.swapaxes(through, 1, 2)
+            odds[stops.rows[:, i]] = log_gains(block, (shift @ stop_left)[:, :, 0], OUTLIER_SIZES, factor)
+    return odds + float(np.log(OUTLIER))
+
+
+def _odds_outside(structure: Structure, rows: np.ndarray) -> Array:
+    """The same for rows that are left out: by their difference from what the other rows predict."""
+    if not len(rows):
+        return np.zeros(0)
+    observations, white, posterior = structure.data.observations, structure.whitener, structure.posterior
+    columns = np.concatenate([structure.data.geometry.columns, *(t.columns for t in structure.terms)], axis=2)
+    back = np.linalg.pinv(np.concatenate([white.rows(observations.registration), observations.stated]))[
+        :, : observations.residual.size
+    ]
+    placed = back @ white.rows(observations.residual[:, :, None])
+    moved = back @ white.rows(columns)
+    own = columns[rows] - observations.registration[rows] @ moved
+    left = observations.residual[rows][:, :, None] - observations.registration[rows] @ placed
+    left = left - own @ posterior.mean[:, None]
+    covariance = structure.noise.factor * observations.specified[rows] + own @ posterior.covariance @ np.swapaxes(
+        own, 1, 2
+    )
+    for stops in structure.data.stops:
+        for axis, size in structure.noise.repeats.items():
+            arms = stops.arms[axis].reshape(*stops.rows.shape, -1)
+            for i, row in enumerate(rows.tolist()):
+                at = np.argwhere(stops.rows == row)
+                if len(at):
+                    arm = arms[at[0, 0], at[0, 1]]
+                    covariance[i] += size**2 * np.outer(arm, arm)
+    inverse = np.linalg.inv(covariance)
+    return log_gains(inverse, (inverse @ left)[:, :, 0], OUTLIER_SIZES, 1.0) + float(np.log(OUTLIER))

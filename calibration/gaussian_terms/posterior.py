@@ -1,0 +1,60 @@
+"""The posterior of all columns that are present, for given sizes and a given noise, and the evidence of these."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from kinematics.transforms import Array
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Whitened columns that are present, and their products."""
+
+    design: Array
+    """`(N, p)`"""
+    residual: Array
+    """`(N,)`"""
+    gram: Array
+    """`(p, p)`"""
+    along: Array
+    """`(p,)`"""
+
+    @classmethod
+    def of(cls, design: Array, residual: Array) -> Equations:
+        """The equations of whitened columns and observations."""
+        return cls(design, residual, design.T @ design, design.T @ residual)
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Mean and covariance of the coefficients, in units of the columns."""
+
+    mean: Array
+    """`(p,)`"""
+    covariance: Array
+    """`(p, p)`"""
+    misfit: float
+    """Sum of squares of the whitened observations by the prior predictive covariance, factor included."""
+    log_determinant: float
+    """Log determinant of the prior predictive covariance, as a multiple of the noise."""
+
+    @classmethod
+    def of(cls, equations: Equations, sizes: Array, factor: float) -> Posterior:
+        """The posterior for prior sizes `(p,)` of the columns, and a variance factor of the noise."""
+        matrix = equations.gram * sizes[:, None] * sizes
+        matrix[np.diag_indices_from(matrix)] += factor
+        low = linalg.cholesky(matrix, lower=True, overwrite_a=True)
+        half = linalg.solve_triangular(low, np.diag(sizes), lower=True, overwrite_b=True)
+        covariance = factor * half.T @ half
+        mean = covariance @ equations.along / factor
+        misfit = float(equations.residual @ equations.residual - equations.along @ mean) / factor
+        determinant = 2.0 * float(np.log(np.diag(low)).sum()) - len(sizes) * float(np.log(factor))
+        return cls(mean, covariance, misfit, determinant)
+
+    def determined(self, sizes: Array) -> Array:
+        """Share `(p,)` of each coefficient that the data determine: 0 where it stays at its prior."""
+        return np.asarray(1.0 - np.diag(self.covariance) / sizes**2)

@@ -1,0 +1,206 @@
+"""A structure: the terms that are present, with the sizes and the noise that are likeliest for them.
+
+Everything is found together: sizes of bands and terms by fixed-point steps (MacKay 1992), the noise by restricted
+likelihood, outliers by their odds. `total` is the log posterior of the structure up to a constant of the data: the one
+number by which structures are compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from calibration.gaussian_terms.geometry import Geometry, geometry
+from calibration.gaussian_terms.noise import Moments, Noise, Stops, stops_of, variances
+from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.outliers import outlying
+from calibration.gaussian_terms.posterior import Equations, Posterior
+from calibration.gaussian_terms.priors import (
+    BAND_WEIGHT,
+    LEAST_SQUARE,
+    LEFT_OUT,
+    MOST_LEFT_OUT,
+    REPEATS,
+    ROUGHER,
+    TERM_WEIGHT,
+)
+from calibration.gaussian_terms.term import Term
+from calibration.gaussian_terms.whitened import Whitener
+from kinematics.transforms import Array
+
+FIRST_STEPS, STEPS, LAST_STEPS = 30, 3, 4
+"""Steps of the sizes: before the noise is known, for each noise, and at the end."""
+SETTLED = 0.05
+"""Largest relative change of a size in a step after which the sizes are found."""
+ROUNDS = 8
+"""Most rounds of sizes, noise and outliers."""
+SAME_FACTOR, SAME_REPEATS = 0.03, 0.1
+"""Relative changes of the variance factor, and of the non-repeatability, below which the noise is found."""
+SMALLEST = 0.5
+"""Non-repeatability, um or urad, whose relative change counts in full."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """What all structures have in common: observations, geometry, stops."""
+
+    observations: Observations
+    geometry: Geometry
+    stops: Sequence[Stops]
+
+    @classmethod
+    def of(cls, observations: Observations) -> Data:
+        """The data of observations."""
+        return cls(observations, geometry(observations), stops_of(observations))
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Terms, sizes and noise."""
+
+    data: Data
+    noise: Noise
+    band_sizes: Array
+    """Sizes of the bands of the geometry, in prior sizes."""
+    terms: tuple[Term, ...] = ()
+    term_sizes: tuple[float, ...] = ()
+    """Sizes of the terms, in prior sizes."""
+
+    @classmethod
+    def first(cls, data: Data) -> Structure:
+        """The geometry alone, before any fit."""
+        nothing = np.zeros(len(data.observations), bool)
+        return cls(data, Noise(left_out=nothing), data.geometry.first_sizes)
+
+    @cached_property
+    def whitener(self) -> Whitener:
+        """The whitener of the noise."""
+        return Whitener.of(self.data.observations, self.data.stops, self.noise)
+
+    @cached_property
+    def equations(self) -> Equations:
+        """Whitened columns of the geometry, then of each term."""
+        columns = np.concatenate([self.data.geometry.columns, *(term.columns for term in self.terms)], axis=2)
+        return Equations.of(self.whitener.columns(columns), self.whitener.residual())
+
+    @cached_property
+    def posterior(self) -> Posterior:
+        """The posterior of all coefficients."""
+        return Posterior.of(self.equations, self.sizes, self.noise.factor)
+
+    @property
+    def groups(self) -> np.ndarray:
+        """Number `(p,)` of the size of each column: those of the bands, then those of the terms."""
+        bands = len(self.band_sizes)
+        own = [np.full(term.width, bands + i) for i, term in enumerate(self.terms)]
+        return np.asarray(np.concatenate([self.data.geometry.bands, *own]).astype(int))
+
+    @property
+    def sizes(self) -> Array:
+        """Prior size `(p,)` of each column."""
+        return np.asarray(np.concatenate([self.band_sizes, self.term_sizes])[self.groups])
+
+    @property
+    def log_evidence(self) -> float:
+        """Log density of the observations, given the sizes and the noise."""
+        posterior, white = self.posterior, self.whitener
+        scale = white.scalars * float(np.log(self.noise.factor))
+        lost = LEFT_OUT * np.count_nonzero(self.noise.left_out)
+        return white.log_volume - 0.5 * (posterior.misfit + posterior.log_determinant + scale) - float(lost)
+
+    @property
+    def total(self) -> float:
+        """Log posterior: evidence, prior of the sizes and of the noise, and prior odds of the terms."""
+        about, squares = self._expected_squares[: len(self.band_sizes)], self.band_sizes**2
+        fitted = ~self.data.geometry.fixed
+        ratio = (about / squares)[fitted]
+        of_sizes = -0.5 * BAND_WEIGHT * float(np.sum(ratio - 1.0 - np.log(ratio)))
+        of_noise = -sum(float(np.log1p((size / REPEATS) ** 2)) for size in self.noise.repeats.values())
+        return self.log_evidence + of_sizes + of_noise + sum(term.log_prior for term in self.terms)
+
+    @property
+    def _expected_squares(self) -> Array:
+        """Expected squares of the sizes of bands and terms: of a band, those of the coarser one if these are larger."""
+        coarser = self.data.geometry.coarser
+        of_bands = np.where(coarser >= 0, ROUGHER * self.band_sizes[coarser] ** 2, 0.0)
+        return np.asarray(np.maximum(np.append(of_bands, np.zeros(len(self.terms))), LEAST_SQUARE))
+
+    def fitted(self) -> Structure:
+        """The structure with the likeliest sizes, noise and outliers."""
+        found = self
+        for turn in range(ROUNDS):
+            found = found.with_sizes(FIRST_STEPS if turn == 0 else STEPS)
+            before, found = found, found.with_noise().with_outliers()
+            if _settled(before.noise, found.noise):
+                break
+        return found.with_sizes(LAST_STEPS)
+
+    def with_sizes(self, steps: int) -> Structure:
+        """The structure with likelier sizes, after at most so many steps."""
+        found, groups, counted = self, self.groups, len(self.band_sizes) + len(self.terms)
+        weight = np.repeat([BAND_WEIGHT, TERM_WEIGHT], [len(self.band_sizes), len(self.terms)])
+        fixed = np.append(self.data.geometry.fixed, np.zeros(len(self.terms), bool))
+        for _ in range(steps):
+            posterior, before = found.posterior, np.concatenate([found.band_sizes, found.term_sizes])
+            determined = np.bincount(groups, posterior.determined(found.sizes), minlength=counted)
+            squares = np.bincount(groups, posterior.mean**2, minlength=counted) + weight * found._expected_squares
+            new = np.where(fixed, before, np.sqrt(squares / (np.maximum(determined, 0.0) + weight)))
+            found = found.resized(new)
+            if np.abs(np.log(new / before)).max(initial=0.0) < SETTLED:
+                break
+        return found
+
+    def with_noise(self) -> Structure:
+        """The structure with the likeliest variances of the noise."""
+        axes = list(self.data.observations.measurement.moving)
+        factor, repeats = variances(list(self._moments(axes)), axes, self.noise)
+        return replace(self, noise=replace(self.noise, factor=factor, repeats=repeats))
+
+    def with_outliers(self) -> Structure:
+        """The structure without the rows whose odds of an error of their own are above 1, unless these are many."""
+        left_out = outlying(self)
+        if left_out.mean() >= MOST_LEFT_OUT or np.array_equal(left_out, self.noise.left_out):
+            return self
+        return replace(self, noise=replace(self.noise, left_out=left_out))
+
+    def resized(self, sizes: Array) -> Structure:
+        """The structure with other sizes of bands and terms; nothing is whitened anew."""
+        bands = len(self.band_sizes)
+        new = replace(self, band_sizes=sizes[:bands], term_sizes=tuple(sizes[bands:].tolist()))
+        new.__dict__["whitener"], new.__dict__["equations"] = self.whitener, self.equations
+        return new
+
+    def _moments(self, axes: Sequence[str]) -> Iterator[Moments]:
+        """Expected second moments of the residuals of stops without outliers, and of unit variances."""
+        observations, white, posterior = self.data.observations, self.whitener, self.posterior
+        shape = len(observations), observations.components, -1
+        count = len(observations) * observations.components
+        residual = (self.equations.residual - self.equations.design @ posterior.mean)[:count].reshape(shape)
+        root = np.linalg.cholesky(posterior.covariance + np.diag(1e-12 * np.diag(posterior.covariance)))
+        spread = (self.equations.design[:count] @ root).reshape(shape)
+        for stops, matrices in zip(self.data.stops, white.matrices, strict=True):
+            inside = ~self.noise.left_out[stops.rows].any(axis=1)
+            own, rows = matrices[inside], stops.rows[inside]
+            if not len(rows):
+                continue
+            left = np.concatenate([residual[rows], spread[rows]], axis=3).reshape(*own.shape[:2], -1)
+            turned = np.swapaxes(own, 1, 2)
+            parts = [own @ stops.specified[inside] @ turned]
+            for axis in axes:
+                arm = own @ stops.arms[axis][inside][:, :, None]
+                parts.append(arm @ np.swapaxes(arm, 1, 2))
+            yield Moments(left @ np.swapaxes(left, 1, 2), parts)
+
+
+def _settled(before: Noise, after: Noise) -> bool:
+    """True where two noises are the same, for all that follows."""
+    changes = [
+        abs(after.repeats.get(axis, 0.0) - before.repeats.get(axis, 0.0)) / max(after.repeats.get(axis, 0.0), SMALLEST)
+        for axis in {*before.repeats, *after.repeats}
+    ]
+    same_rows = np.array_equal(before.left_out, after.left_out)
+    factor = abs(float(np.log(after.factor / before.factor)))
+    return same_rows and factor < SAME_FACTOR and max(changes, default=0.0) < SAME_REPEATS

@@ -1,0 +1,73 @@
+"""Observations and columns of terms, made white by a noise and free of the registration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gaussian_terms.noise import Noise, Stops, whiteners
+from calibration.gaussian_terms.observations import Observations
+from kinematics.transforms import Array
+
+RANK = 1e-9
+"""Singular value of the registration, as a share of the largest one, below which a combination is not observed."""
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Makes rows white but for the common factor of the noise, and removes what any registration explains.
+
+    A whitened table has n d rows, and one for each stated value of the registration. Rows that are left out are 0.
+    """
+
+    observations: Observations
+    stops: Sequence[Stops]
+    matrices: Sequence[Array]
+    """Of the stops, as `whiteners`."""
+    left_out: np.ndarray
+    spanned: Array
+    """Orthonormal columns `(n d + k, r)` that the registration spans."""
+    log_volume: float
+    """Log determinant of the whitening, less that of the registration."""
+
+    @classmethod
+    def of(cls, observations: Observations, stops: Sequence[Stops], noise: Noise) -> Whitener:
+        """The whitener of a noise."""
+        matrices = whiteners(stops, noise)
+        bare = cls(observations, stops, matrices, noise.left_out, np.zeros((0, 0)), 0.0)
+        rows = np.concatenate([bare.rows(observations.registration), observations.stated])
+        spanned, values, _ = np.linalg.svd(rows, full_matrices=False)
+        kept = values > RANK * values.max(initial=0.0)
+        volume = -float(np.log(values[kept]).sum())
+        for each, own in zip(stops, matrices, strict=True):
+            inside = ~noise.left_out[each.rows].any(axis=1)
+            volume += float(np.log(np.diagonal(own[inside], axis1=1, axis2=2)).sum())
+        return cls(observations, stops, matrices, noise.left_out, spanned[:, kept], volume)
+
+    @property
+    def scalars(self) -> int:
+        """Number of scalars that count, less the directions of the registration."""
+        inside = int(np.count_nonzero(~self.left_out)) * self.observations.components
+        return inside + len(self.observations.stated) - int(self.spanned.shape[1])
+
+    def rows(self, table: Array) -> Array:
+        """Whitened rows `(n d, k)` of a table `(n, d, k)`, whatever the registration."""
+        table = np.where(self.left_out[:, None, None], 0.0, table) if self.left_out.any() else table
+        found = np.empty(table.shape)
+        for stops, own in zip(self.stops, self.matrices, strict=True):
+            found[stops.rows] = stops.times(own, table).reshape(*stops.rows.shape, *table.shape[1:])
+        return found.reshape(-1, table.shape[2])
+
+    def columns(self, table: Array) -> Array:
+        """Whitened columns `(n d + k, c)` of terms `(n, d, c)`, free of the registration."""
+        return self._free(np.concatenate([self.rows(table), np.zeros((len(self.observations.stated), table.shape[2]))]))
+
+    def residual(self) -> Array:
+        """The whitened observations `(n d + k,)`, free of the registration."""
+        own = self.rows(self.observations.residual[:, :, None])
+        return self._free(np.concatenate([own, self.observations.stated_residual[:, None]]))[:, 0]
+
+    def _free(self, table: Array) -> Array:
+        return table - self.spanned @ (self.spanned.T @ table)

@@ -1,0 +1,147 @@
+"""Instruments that observe points: those of the machine, from the pose of a station, a part, a sphere or a table ball.
+
+observed = registration(points of the machine with errors) + shift by the instrument's own effects + noise. Values are
+exact; derivatives are those at nominal positions, first order in the errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calibration.instruments.base import InstrumentBase
+from calibration.registration.observed_points import (
+    carried,
+    derivatives_by_errors,
+    derivatives_by_positions,
+    nominal_points,
+    target_points,
+)
+from calibration.registration.registration import PLANAR, RIGID, Registration, rigid
+from kinematics.transforms import Array, by_turn, turn
+from kinematics.user_error import UserError
+
+if TYPE_CHECKING:
+    from calibration.measurement.measurement import Measurement
+    from kinematics.error_model.model import Observation
+    from kinematics.transforms import Pose
+
+IN_LINE = 1.0
+"""RMS distance of points from a line, mm, below which they do not determine the instrument's rotation about it."""
+
+
+class OfPoints(InstrumentBase, frozen=True):
+    """Base of the instruments that observe points in a frame of their own."""
+
+    def first_registration(self, measurement: Measurement, trusted: np.ndarray) -> Registration:
+        """See `InstrumentBase.first_registration`.
+
+        Poses come from targets on the tool where these suffice: positions of other targets are guesses.
+        """
+        names, groups = np.unique(measurement.groups).tolist(), measurement.groups
+        planar = measurement.instrument.components == 2
+        points = nominal_points(measurement)
+        # z of a part that is measured in x and y is nominal
+        observed = np.concatenate([measurement.observed, points[:, measurement.instrument.components :]], axis=1)
+        known = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
+        poses, centres = {}, {}
+        for name in names:
+            mine = groups == name
+            # with too few trusted rows, all rows of the station count
+            choices = [rows for rows in (mine & trusted & known, mine & trusted) if rows.sum() >= (2 if planar else 3)]
+            rows = next((rows for rows in choices if planar or width(points[rows]) > IN_LINE), [*choices, mine][0])
+            poses[name] = rigid(points[rows], observed[rows], planar=planar)
+            centres[name] = observed[rows].mean(axis=0)
+        registration = Registration(poses, centres, PLANAR if planar else RIGID)
+        return replace(registration, targets=_first_targets(measurement, registration))
+
+    def expected(self, measurement: Measurement, registration: Registration, effects: Observation) -> Array:
+        """See `InstrumentBase.expected`."""
+        return measurement.components_of(self.seen(measurement, registration, effects))
+
+    def seen(self, measurement: Measurement, registration: Registration, effects: Observation) -> Array:
+        """Points `(n, 3)`, mm, of the machine with these effects, in the instrument's frame."""
+        errors = effects.errors if effects.errors.any() else None
+        points = target_points(measurement, errors, registration.tool(measurement))
+        return registration.apply(measurement, points) + effects.shift
+
+    def transform(self, measurement: Measurement, registration: Registration) -> Array:
+        """See `InstrumentBase.transform`."""
+        return measurement.components_of(self.moves_by_errors(measurement, registration))
+
+    def moves_by_errors(self, measurement: Measurement, registration: Registration) -> Array:
+        """Derivatives `(n, 3, (axes + 1) * 6 + 3)` of the points by the error motions, and by their shift."""
+        seen = derivatives_by_errors(measurement, registration.tool(measurement))
+        own = registration.rotations(measurement) @ seen
+        shift = np.broadcast_to(np.eye(3), (len(measurement), 3, 3))
+        return np.concatenate([own, shift], axis=2)
+
+    def registration_design(self, measurement: Measurement, registration: Registration) -> Array:
+        """See `InstrumentBase.registration_design`."""
+        columns = [self.moves_by_poses(measurement, registration)]
+        turns = registration.rotations(measurement) @ carried(measurement) if registration.targets else None
+        numbers = {name: i for i, name in enumerate(measurement.targets)}
+        for name in registration.targets:
+            assert turns is not None
+            columns.append(np.where(np.equal(measurement.target_number, numbers[name])[:, None, None], turns, 0.0))
+        return measurement.components_of(np.concatenate(columns, axis=2))
+
+    def moves_by_poses(self, measurement: Measurement, registration: Registration) -> Array:
+        """Derivatives `(n, 3, poses)` of the points by the poses of the groups."""
+        n, groups = len(measurement), measurement.groups
+        points = registration.apply(measurement, registration.points(measurement))
+        columns = []
+        for group, centre in registration.centres.items():
+            own = np.zeros((n, 3, 6))
+            rows = groups == group
+            own[rows, :, :3] = np.eye(3)
+            own[rows, :, 3:] = by_turn(points[rows] - centre)
+            columns.append(own[:, :, registration.move_numbers])
+        return np.concatenate(columns, axis=2)
+
+    def drawn_registration(
+        self, blank: Measurement, poses: Mapping[str, Pose] | None, rng: np.random.Generator
+    ) -> Registration:
+        """The stated poses; UserError where one is missing."""
+        groups = np.unique(blank.groups).tolist()
+        missing = [group for group in groups if group not in (poses or {})]
+        if poses is None or missing:
+            raise UserError(f"no pose of the instrument for {', '.join(missing)}")
+        return Registration(poses, moves=PLANAR if blank.instrument.components == 2 else RIGID)
+
+    def aimed_at(self, blank: Measurement, registration: Registration) -> Array | None:
+        """Nominal points: the influence of machine errors on the beam to them is negligible."""
+        return registration.apply(blank, nominal_points(blank))
+
+    def by_axes(self, measurement: Measurement, registration: Registration) -> Array:
+        """See `InstrumentBase.by_axes`."""
+        return np.asarray(self.moves_by_axes(measurement, registration)[:, : measurement.instrument.components])
+
+    def moves_by_axes(self, measurement: Measurement, registration: Registration) -> Array:
+        """Derivatives `(n, 3, axes)` of the points by the positions of the axes, per mm and rad."""
+        moves = derivatives_by_positions(measurement, registration.tool(measurement))
+        return np.asarray(registration.rotations(measurement) @ moves)
+
+
+def width(points: Array) -> float:
+    """RMS distance, mm, of points `(n, 3)` from the line that fits them best."""
+    return float(np.linalg.norm(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1:]) / len(points) ** 0.5)
+
+
+def _first_targets(measurement: Measurement, registration: Registration) -> dict[str, Array]:
+    """Positions `(3,)`, mm, of free targets and targets on table and bed: medians over their rows, with first poses."""
+    unknown = [name for name, target in measurement.targets.items() if not target.known]
+    found = {name: np.array(measurement.targets[name].position) for name in unknown}
+    if not found:
+        return found
+    at_zero = registration.apply(measurement, target_points(measurement, None, np.zeros((len(measurement), 3))))
+    there = registration.rotations(measurement) @ carried(measurement)
+    positions = turn(np.swapaxes(there, 1, 2), measurement.observed - at_zero)
+    for number, name in enumerate(measurement.targets):
+        rows = measurement.target_number == number
+        if name in found and rows.any():
+            found[name] = np.median(positions[rows], axis=0)
+    return found

@@ -1,0 +1,58 @@
+"""The public functions on measurements and calibrations: one for each job, `ncomp` has them under their names."""
+
+from calibration.fit.calibrate import NotAccepted
+from calibration.fit.together import TogetherNotAccepted
+from calibration.instruments import Ballbar, Interferometer, LaserTracker, Level, Part, TouchProbe
+from calibration.interface.calibrations import diagnose, fit, fit_together
+from calibration.interface.evaluations import ballbar, compare, continuous, iso230, three_points, tracker
+from calibration.interface.measurements import (
+    plan,
+    predict,
+    read_measurement,
+    read_on_the_fly,
+    save,
+    simulate,
+    touches,
+    virtual_machine,
+)
+from calibration.interface.views import COLUMNS, REPORTS
+from calibration.interface.virtual_laser import simulate_continuous
+from calibration.measurement.measurement import Target
+from calibration.measurement.plan import Choices
+from calibration.simulation.measure_plan import VirtualInstrument
+from rendering import shown
+
+__all__ = [
+    "Ballbar",
+    "Choices",
+    "Interferometer",
+    "LaserTracker",
+    "Level",
+    "NotAccepted",
+    "Part",
+    "Target",
+    "TogetherNotAccepted",
+    "TouchProbe",
+    "VirtualInstrument",
+    "ballbar",
+    "compare",
+    "continuous",
+    "diagnose",
+    "fit",
+    "fit_together",
+    "iso230",
+    "plan",
+    "predict",
+    "read_measurement",
+    "read_on_the_fly",
+    "save",
+    "simulate",
+    "simulate_continuous",
+    "three_points",
+    "touches",
+    "tracker",
+    "virtual_machine",
+]
+
+shown.VIEWS.update(REPORTS)
+shown.COLUMNS.update(COLUMNS)

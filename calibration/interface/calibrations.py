@@ -1,0 +1,134 @@
+"""The public functions that make calibrations from measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from kinematics.running.caller import public
+from kinematics.running.progress import Progress, silent
+from kinematics.user_error import UserError
+from machines.given import load_calibration
+
+if TYPE_CHECKING:
+    from calibration.diagnosis.result import Diagnosis
+    from calibration.fit.calibrate import Calibration
+    from calibration.fit.together import Together
+    from calibration.measurement.measurement import Measurement
+    from calibration.on_the_fly.along_path import OnTheFly
+    from kinematics.effects import Effect
+    from kinematics.error_model.model import ErrorModel
+
+
+@public
+def fit(
+    measurement: Measurement | OnTheFly,
+    *,
+    basis: str = "auto",
+    effects: Sequence[str | Effect] = (),
+    noise: Literal["sheet", "estimate"] = "sheet",
+    prior_scale: Annotated[float, 1e-3, None] | None = None,
+    reversal: Literal["none", "constant", "curves"] = "none",
+    hold_out: bool = True,
+    valid_days: Annotated[float, 1, 36500] | None = None,
+    force: bool = False,
+    progress: Progress = silent,
+) -> Calibration:
+    """Fit the errors of a machine to measured points, with uncertainties; `model` of the result is the calibration.
+
+    basis: that of the error motions (`auto`, `legendre:5`, `X=b-spline:12,...`); effects: others of docs/effects.md
+    (`backlash:axis=X,width=0`); noise: standard uncertainty of the instrument, as stated unless the residuals
+    contradict it, or estimated from them; prior_scale: size of the errors, times the typical 30 um and urad, by default
+    chosen by the evidence; reversal: for data taken on the fly, `constant` or `curves` that depend on the direction of
+    motion; hold_out: predict lines that are left out of the fit; valid_days: validity of the calibration, days, 365 by
+    default; force: accept the result although there is a reason against it; progress: called with the text of each
+    step.
+
+    UserError for too few data; `ncomp.NotAccepted`, a UserError with the result in `found`, where
+    too many rows disagree, and where the fit does not predict held-out lines better than the nominal machine does.
+    """
+    from calibration.fit.calibrate import calibrate
+    from calibration.on_the_fly.along_path import MARGIN, OnTheFly
+    from calibration.on_the_fly.reversals import reversals
+    from calibration.simulation.effect_text import given_effects
+
+    moving = isinstance(measurement, OnTheFly)
+    data = measurement.measurement if isinstance(measurement, OnTheFly) else measurement
+    return calibrate(
+        data,
+        basis=basis,
+        margin=MARGIN if moving else 0,
+        effects=[*given_effects(effects, data.machine), *reversals(data, reversal)],
+        variance=noise,
+        prior_scale=prior_scale,
+        hold_out=hold_out,
+        valid_days=valid_days,
+        force=force,
+        progress=progress,
+    )
+
+
+@public
+def fit_together(
+    measurements: Sequence[Measurement],
+    *,
+    basis: str = "auto",
+    effects: Sequence[str | Effect] = (),
+    noise: Literal["sheet", "estimate"] = "sheet",
+    prior_scale: Annotated[float, 1e-3, None] | None = None,
+    hold_out: bool = True,
+    valid_days: Annotated[float, 1, 36500] | None = None,
+    force: bool = False,
+    progress: Progress = silent,
+) -> Together:
+    """Fit the errors of a machine to measurements by several instruments, each with its own registration.
+
+    Arguments as for `fit`. `parts` of the result has each measurement alone, with the others and predicted by them.
+
+    UserError for fewer than two measurements, for those of different machines, and for too few data;
+    `ncomp.TogetherNotAccepted`, a UserError with the result in `found`, where the calibration is no improvement for one
+    of the measurements.
+    """
+    from calibration.fit.together import calibrate_together
+    from calibration.simulation.effect_text import given_effects
+
+    if (count := len(measurements)) < 2:
+        number = "1 measurement" if count else "0 measurements"
+        raise UserError(f"{number}: a common fit needs two or more; 'ncomp fit' takes one")
+    return calibrate_together(
+        measurements,
+        basis=basis,
+        effects=given_effects(effects, measurements[0].machine),
+        variance=noise,
+        prior_scale=prior_scale,
+        hold_out=hold_out,
+        valid_days=valid_days,
+        force=force,
+        progress=progress,
+    )
+
+
+@public
+def diagnose(
+    measurement: Measurement,
+    calibration: str | Path | ErrorModel | None = None,
+    *,
+    noise: Literal["sheet", "estimate"] = "sheet",
+    unexplained: Literal["report", "add"] = "report",
+    force: bool = False,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Find the causes of the errors that a model of the machine lacks; `model` of the result has them added.
+
+    calibration: the present one; None begins with error motions of all axes. noise: as for `fit`. unexplained:
+    residuals without a known cause are reported, or added to the model as a smooth function. force: accept the new
+    model although there is a reason against it. `accepted` of the result is False where the new model is no
+    improvement, and `reason` says why.
+
+    UserError for too few data, and for a calibration of another machine.
+    """
+    from calibration.diagnosis.diagnose import diagnose
+
+    present = None if calibration is None else load_calibration(measurement.machine, calibration)
+    return diagnose(measurement, present, variance=noise, left_over=unexplained, force=force, progress=progress)

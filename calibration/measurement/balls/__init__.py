@@ -1,1 +1,0 @@
-"""Instruments that find balls: the touch probe with its spheres, and the ballbar."""

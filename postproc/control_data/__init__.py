@@ -1,0 +1,1 @@
+"""Data of controls: compensation tables, kinematic parameters, and tables of tools, written and read."""

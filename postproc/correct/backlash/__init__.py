@@ -1,0 +1,1 @@
+"""Axes with backlash: where their drives must go, and the blocks and cuts that bring them there."""

@@ -1,0 +1,1 @@
+"""Feed moves of rotary axes alone."""

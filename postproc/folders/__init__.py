@@ -1,0 +1,1 @@
+"""Corrections of many programs: those of a folder, the workers that share them, and their summary."""

@@ -1,0 +1,1 @@
+"""From the text of ISO / Fanuc / LinuxCNC programs to blocks with words and statements."""
