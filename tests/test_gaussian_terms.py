@@ -31,7 +31,7 @@ def structure_of(measurement: Measurement) -> Structure:
 def with_backlash(structure: Structure, size: float = 1.0) -> Structure:
     effect = Backlash(axis="X", width=0.0)
     columns = structure.data.observations.columns([effect]) * effect.typical
-    term = Term("backlash X", "backlash X", columns, effect=effect)
+    term = Term("backlash X", "backlash", "backlash X", lambda: columns, columns.shape[2], (effect,))
     return Structure(structure.data, structure.noise, structure.band_sizes, (term,), (size,))
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from kinematics.effects import Effect
 from kinematics.transforms import Array
@@ -14,16 +15,37 @@ class Term:
     """A part of the observations that may be there or not."""
 
     name: str
+    kind: str
+    """Kind of the cause in a diagnosis; of a function without a name `smooth`, `swing`, `walk` or `fine`."""
     family: Hashable
     """Members of a family are forms of one cause; at most one of them is present."""
-    columns: Array
-    """`(n, d, k)`, in units of its prior sizes, mm and rad."""
+    make: Callable[[], Array]
+    """Makes the columns."""
+    width: int
+    """Number of columns."""
+    effects: tuple[Effect, ...] = ()
+    """The effects that it adds to a calibration, with their linear parameters at zero; empty where it adds none."""
+    parameters: Array | None = None
+    """Linear parameters of the effects, one after the other, by the coefficients of the columns `(P, width)`."""
+    where: str | None = None
+    """Axis, direction of the tool, or part of the instrument."""
+    variables: tuple[str, ...] = ()
+    """Variables of a function without a name."""
     log_prior: float = 0.0
     """Log odds of its presence before the data."""
-    effect: Effect | None = None
-    """The effect with its other parameters; None for a function without a name."""
+    finer: Callable[[], Sequence[Term]] | None = None
+    """Members of its family between its neighbours: other time constants, moments, periods; None where it has none."""
+
+    @cached_property
+    def columns(self) -> Array:
+        """`(n, d, width)`, in units of its prior sizes, mm and rad."""
+        return self.make()
 
     @property
-    def width(self) -> int:
-        """Number of columns."""
-        return int(self.columns.shape[2])
+    def named(self) -> bool:
+        """True for a cause, false for a function without a name."""
+        return self.kind not in NAMELESS
+
+
+NAMELESS = ("smooth", "swing", "walk", "fine")
+"""Kinds of functions without a name."""
