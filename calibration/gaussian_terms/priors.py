@@ -21,6 +21,8 @@ BAND_WEIGHT = 4.0
 """Weight of the expected size of a band, in coefficients."""
 TERM_WEIGHT = 0.2
 """Weight of the expected size of any other term, in coefficients: its size is nearly free."""
+SIZES = read_only(np.array([0.1, 0.3, 1.0, 3.0, 10.0]))
+"""Sizes of a term that may be there, in its typical sizes, equally likely: log-uniform over two decades."""
 FIRST_SIDE = 5.0
 """Size of the error of an axis before its first move, in typical sizes of a backlash: nothing is known of it."""
 REPEATS = 2.0

@@ -25,6 +25,7 @@ from calibration.gaussian_terms.priors import (
     MOST_LEFT_OUT,
     REPEATS,
     ROUGHER,
+    SIZES,
     TERM_WEIGHT,
 )
 from calibration.gaussian_terms.term import Term
@@ -81,10 +82,15 @@ class Structure:
         return Whitener.of(self.data.observations, self.data.stops, self.noise)
 
     @cached_property
+    def white_geometry(self) -> Array:
+        """Whitened columns of the geometry `(N, g)`."""
+        return self.whitener.columns(self.data.geometry.columns)
+
+    @cached_property
     def equations(self) -> Equations:
         """Whitened columns of the geometry, then of each term."""
-        columns = np.concatenate([self.data.geometry.columns, *(term.columns for term in self.terms)], axis=2)
-        return Equations.of(self.whitener.columns(columns), self.whitener.residual())
+        own = [self.whitener.columns(term.columns) for term in self.terms]
+        return Equations.of(np.concatenate([self.white_geometry, *own], axis=1), self.whitener.residual())
 
     @cached_property
     def posterior(self) -> Posterior:
@@ -119,7 +125,21 @@ class Structure:
         ratio = (about / squares)[fitted]
         of_sizes = -0.5 * BAND_WEIGHT * float(np.sum(ratio - 1.0 - np.log(ratio)))
         of_noise = -sum(float(np.log1p((size / REPEATS) ** 2)) for size in self.noise.repeats.values())
-        return self.log_evidence + of_sizes + of_noise + sum(term.log_prior for term in self.terms)
+        of_terms = sum(term.log_prior for term in self.terms) + self._log_widths
+        return self.log_evidence + of_sizes + of_noise + of_terms
+
+    @property
+    def _log_widths(self) -> float:
+        """Log of the share of the prior of each term's size that the data leave (Laplace), all terms together.
+
+        The logarithm of a size is as likely anywhere over the range of `SIZES`; m determined coefficients leave it a
+        variance of 1 / (2 m).
+        """
+        if not self.terms:
+            return 0.0
+        determined = np.bincount(self.groups, self.posterior.determined(self.sizes))[len(self.band_sizes) :]
+        width = np.sqrt(np.pi / np.maximum(determined, 0.5)) / np.log(SIZES[-1] / SIZES[0])
+        return float(np.log(np.minimum(width, 1.0)).sum())
 
     @property
     def _expected_squares(self) -> Array:
@@ -128,11 +148,17 @@ class Structure:
         of_bands = np.where(coarser >= 0, ROUGHER * self.band_sizes[coarser] ** 2, 0.0)
         return np.asarray(np.maximum(np.append(of_bands, np.zeros(len(self.terms))), LEAST_SQUARE))
 
-    def fitted(self) -> Structure:
-        """The structure with the likeliest sizes, noise and outliers."""
+    def with_terms(self, terms: Sequence[Term]) -> Structure:
+        """The structure with these terms; sizes of those that it has already stay."""
+        known = {id(term): size for term, size in zip(self.terms, self.term_sizes, strict=True)}
+        sizes = tuple(known.get(id(term), 1.0) for term in terms)
+        return self._of_same_noise(replace(self, terms=tuple(terms), term_sizes=sizes))
+
+    def fitted(self, steps: int = FIRST_STEPS) -> Structure:
+        """The structure with the likeliest sizes, noise and outliers; steps: of the sizes before the first noise."""
         found = self
         for turn in range(ROUNDS):
-            found = found.with_sizes(FIRST_STEPS if turn == 0 else STEPS)
+            found = found.with_sizes(steps if turn == 0 else STEPS)
             before, found = found, found.with_noise().with_outliers()
             if _settled(before.noise, found.noise):
                 break
@@ -170,8 +196,13 @@ class Structure:
         """The structure with other sizes of bands and terms; nothing is whitened anew."""
         bands = len(self.band_sizes)
         new = replace(self, band_sizes=sizes[:bands], term_sizes=tuple(sizes[bands:].tolist()))
-        new.__dict__["whitener"], new.__dict__["equations"] = self.whitener, self.equations
-        return new
+        new.__dict__["equations"] = self.equations
+        return self._of_same_noise(new)
+
+    def _of_same_noise(self, other: Structure) -> Structure:
+        """A structure with the same noise; the geometry is not whitened anew."""
+        other.__dict__["whitener"], other.__dict__["white_geometry"] = self.whitener, self.white_geometry
+        return other
 
     def _moments(self, axes: Sequence[str]) -> Iterator[Moments]:
         """Expected second moments of the residuals of stops without outliers, and of unit variances."""

@@ -53,16 +53,22 @@ class Whitener:
         return inside + len(self.observations.stated) - int(self.spanned.shape[1])
 
     def rows(self, table: Array) -> Array:
-        """Whitened rows `(n d, k)` of a table `(n, d, k)`, whatever the registration."""
+        """Whitened rows `(n d, k)` of a table `(n, d, k)`, whatever the registration; in the precision of the table."""
         table = np.where(self.left_out[:, None, None], 0.0, table) if self.left_out.any() else table
-        found = np.empty(table.shape)
+        found = np.empty_like(table)
         for stops, own in zip(self.stops, self.matrices, strict=True):
-            found[stops.rows] = stops.times(own, table).reshape(*stops.rows.shape, *table.shape[1:])
+            turned = stops.times(own.astype(table.dtype, copy=False), table)
+            found[stops.rows] = turned.reshape(*stops.rows.shape, *table.shape[1:])
         return found.reshape(-1, table.shape[2])
 
     def columns(self, table: Array) -> Array:
         """Whitened columns `(n d + k, c)` of terms `(n, d, c)`, free of the registration."""
-        return self._free(np.concatenate([self.rows(table), np.zeros((len(self.observations.stated), table.shape[2]))]))
+        return self._free(self.with_stated(table))
+
+    def with_stated(self, table: Array) -> Array:
+        """Whitened rows `(n d + k, c)` of terms, whatever the registration: those of stated values are 0."""
+        stated = np.zeros((len(self.observations.stated), table.shape[2]), table.dtype)
+        return np.concatenate([self.rows(table), stated])
 
     def residual(self) -> Array:
         """The whitened observations `(n d + k,)`, free of the registration."""

@@ -1,0 +1,1 @@
+"""The diagnosis as a search among structures of Gaussian terms."""
