@@ -30,7 +30,7 @@ class ProbeLobing(OfInstrument, frozen=True, tag="probe-lobing"):
     TITLE: ClassVar[str] = "pre-travel of a touch probe that depends on the direction of the touch"
     NEEDS: ClassVar[tuple[str, ...]] = ()
     RARE = True
-    SHOWN_OVER = "rows over position"
+    SHOWN_OVER = "turn of the probe"
     SHOWN_BY = "the same sphere with the probe turned about its own axis, by steps of 30 degrees"
     WORKSHOP = Workshop(
         "Three balls carry the stylus: the force that lifts it differs by direction, and bends the stylus differently.",
@@ -46,13 +46,13 @@ class ProbeLobing(OfInstrument, frozen=True, tag="probe-lobing"):
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `EffectBase.columns`: the tip is taken for the centre, from which it is off by the pre-travel."""
-        turned = 4.0 * _turned(machine, state)
+        turned = 4.0 * turn_of_probe(machine, state)
         cosine, sine = np.cos(turned) * UM, np.sin(turned) * UM
         yield Columns(TOOL, 0, np.stack([-cosine, sine], axis=1))
         yield Columns(TOOL, 1, np.stack([sine, cosine], axis=1))
 
 
-def _turned(machine: Machine, state: State) -> Array:
+def turn_of_probe(machine: Machine, state: State) -> Array:
     """Angle `(n,)`, rad, of the probe about its own axis, from the direction x of the bed across it."""
     pose = IDENTITY
     for axis, q in zip(machine.axes, state.positions.T, strict=True):

@@ -19,6 +19,7 @@ from kinematics.effects import COMPONENTS, INSTRUMENT, UM, URAD, Effect, unit_of
 from kinematics.effects.base import own_motion
 from kinematics.effects.combined.where import beam, workpiece_direction
 from kinematics.effects.friction import way_since_reversal
+from kinematics.effects.probe import turn_of_probe
 from kinematics.effects.tracker import CIRCLES
 from kinematics.state import REFERENCE, TIME, State
 from kinematics.transforms import Array
@@ -248,6 +249,11 @@ def _by_range(cause: CauseInFit) -> Iterator[View]:
     yield lined(cause.along(arm, values, UM, ("range", "range, um"), (length * 1e-3, "range, m")))
 
 
+def _by_turn_of_probe(cause: CauseInFit) -> Iterator[View]:
+    turn = turn_of_probe(cause.linearised.measurement.machine, cause.state)
+    yield from map(lined, cause.over(np.degrees(turn), "turn of the probe about its axis, deg"))
+
+
 def _beam_columns(cause: CauseInFit) -> Array:
     """Derivatives `(n, 3, parameters)` of the observed point by an instrument's parameters, mm."""
     made = {c.component: c.values for c in cause.effect.columns(cause.linearised.measurement.machine, cause.state)}
@@ -292,6 +298,7 @@ VIEWS: Mapping[str, Callable[[CauseInFit], Iterator[View]]] = {
     "table": _of_table,
     "target": _by_target,
     "time": _by_time,
+    "turn of the probe": _by_turn_of_probe,
     "two axes": _map,
     "variables": _by_variable,
     "velocity": _by_velocity,
