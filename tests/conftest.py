@@ -88,6 +88,29 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("present_design")
 
 
+class FailuresAtOnce:
+    """Prints the name of each test that fails when it fails: a run that is killed later has named it."""
+
+    def __init__(self, terminal: pytest.TerminalReporter) -> None:
+        self.terminal = terminal
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """A line for a failed set-up, call or tear-down, with the error in short."""
+        if report.failed:
+            crash = getattr(report.longrepr, "reprcrash", None)
+            error = crash.message.partition("\n")[0] if crash else report.longreprtext.strip().rpartition("\n")[2]
+            self.terminal.write(f"\nFAILED {report.nodeid} - {error}\n", flush=True, red=True)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Name failures at once where results are printed, which is not in the workers."""
+    terminal = config.pluginmanager.get_plugin("terminalreporter")
+    if terminal is not None and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(FailuresAtOnce(terminal))
+
+
 @pytest.fixture(scope="session")
 def linuxcnc() -> ModuleType:
     """LinuxCNC's interpreter. Where it is missing the test is skipped, or fails if NCOMP_REQUIRE_CLIENTS is set."""
