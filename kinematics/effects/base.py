@@ -233,6 +233,11 @@ class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return since_s
 
     @property
+    def has_fixed_point(self) -> bool:
+        """True where it leaves one position of its axis where it is, `fixed_point`, which the data have to show."""
+        return False
+
+    @property
     def sensors(self) -> tuple[str, ...]:
         """Names of the temperatures that it follows."""
         return (self.sensor,) if hasattr(self, "sensor") else ()

@@ -128,6 +128,11 @@ class LocationJump(OfLine, FromMoment, frozen=True, tag="location-jump"):
         return self.axis[0] not in "ABC" and self.component in "ABC"
 
     @property
+    def has_fixed_point(self) -> bool:
+        """Where the line turns; see `EffectBase.has_fixed_point`."""
+        return self.turns
+
+    @property
     def name(self) -> str:
         """`location-jump E_C0Y`."""
         return f"{self.kind} E_{self.component}0{self.axis}"

@@ -105,6 +105,11 @@ class AlongAxis:
         """The fixed point; see `EffectBase.conditions`."""
         return (f"from {self.axis} {self.fixed_point:.5g} mm",)
 
+    @property
+    def has_fixed_point(self) -> bool:
+        """See `EffectBase.has_fixed_point`."""
+        return True
+
     def fault_of_place(self) -> str:
         """See `Course.fault_of_place`."""
         return f"{self.axis} has no length that could grow" if self.axis[0] in "ABC" else ""

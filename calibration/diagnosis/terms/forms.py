@@ -1,0 +1,66 @@
+"""Terms of effects: the columns of their linear parameters, in typical sizes.
+
+An effect with a fixed point has a second form: two columns for each parameter leave open which position of its axis
+stays where it is. They belong to two effects, fixed in the middle and at the end of the travel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import msgspec
+import numpy as np
+
+from calibration.diagnosis.search.candidates import Candidate, at_zero
+from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.term import Term
+from kinematics.effects import Effect
+from kinematics.transforms import Array
+
+Form = Callable[[Observations, Effect], Term]
+"""Makes a term of an effect."""
+
+
+def plain(observations: Observations, effect: Effect) -> Term:
+    """The term of an effect: a column for each linear parameter."""
+    return _term(observations, effect, effect.name, (effect,), np.diag(_typical(effect)))
+
+
+def pivoted(observations: Observations, effect: Effect) -> Term:
+    """The term of an effect with a fixed point, about any position of its axis.
+
+    Two columns for each linear parameter: about the middle of the travel, and the change of this by moving the fixed
+    point by half of the travel.
+    """
+    axis = effect.axes[0]
+    low, high = observations.measurement.moving[axis]
+    middle, end = (msgspec.structs.replace(effect, fixed_point=point) for point in ((low + high) / 2.0, high))
+    size = np.diag(_typical(effect))
+    mixed = np.block([[size, -size], [np.zeros_like(size), size]])
+    return _term(observations, middle, f"{effect.name} about any {axis}", (middle, end), mixed)
+
+
+def _typical(effect: Effect) -> Array:
+    """Typical sizes of the linear parameters."""
+    return np.array([size for size, linear in zip(effect.typical, effect.linear, strict=True) if linear])
+
+
+def _term(observations: Observations, effect: Effect, name: str, effects: Sequence[Effect], parameters: Array) -> Term:
+    candidate, own = Candidate(effect), tuple(map(at_zero, effects))
+    return Term(
+        name,
+        candidate.kind,
+        candidate.cause,
+        partial(columns_of, observations, own, parameters),
+        parameters.shape[1],
+        own,
+        parameters,
+        candidate.axis,
+    )
+
+
+def columns_of(observations: Observations, effects: Sequence[Effect], parameters: Array) -> Array:
+    """Columns `(n, d, width)` of coefficients that give the linear parameters of effects, by `parameters @`."""
+    linear = np.concatenate([effect.linear for effect in effects])
+    return np.asarray(observations.columns(effects)[:, :, linear] @ parameters)

@@ -1,0 +1,201 @@
+"""Functions without a name as terms: smooth functions, errors of readings, swings, random walks, errors of positions.
+
+A function of the tool's displacement has an `Unnamed` effect. No table corrects a swing and a walk: elsewhere, and at
+another time, only their size is known (`second_moment`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from calibration.diagnosis.terms.prior_odds import with_log_prior, with_prior_odds
+from calibration.diagnosis.terms.smooth import (
+    TYPICAL,
+    Products,
+    Variable,
+    axes_of,
+    displaced,
+    of_readings,
+    products,
+    share_of_time,
+    smooth,
+    time_of,
+    timed,
+    tool_directions,
+    unnamed,
+    variable,
+)
+from calibration.gaussian_terms.geometry import DEGREE
+from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.term import Term
+from kinematics.effects import COMPONENTS
+from kinematics.effects.base import UM, own_component, unit_of
+from kinematics.state import TIME
+from kinematics.transforms import Array
+
+TYPICAL_FINE = 3.0
+"""Typical size of errors of single positions, um or urad: what curves of several degrees leave."""
+TURNS = tuple(np.arange(1.0, 40.0, 0.5).tolist())
+"""Swings over the duration of a measurement; half a turn apart, they are orthogonal."""
+WIDE = 6
+"""Degree of the two axes with whose positions a swing changes, beside a swing that is present."""
+WALK, ROWS_OF_A_STEP = 80, 4
+"""Most Karhunen-Loeve functions of a random walk, and rows for each of them."""
+MOST_POSITIONS = 400
+"""Most positions of an axis that have errors of their own; more of them are a curve."""
+VISITS = 2.0
+"""Least mean number of rows of a position."""
+SAME = 2
+"""Decimals of a position, mm or degrees, that is visited again."""
+
+
+def nameless(observations: Observations) -> list[Term]:
+    """All functions without a name that a measurement can show."""
+    return [
+        *smooth(observations),
+        *of_readings(observations),
+        *swings(observations),
+        *walks(observations),
+        *fine(observations),
+    ]
+
+
+def swings(observations: Observations) -> Iterator[Term]:
+    """Periodic courses of the tool with time, of any phase, which change in proportion to the position of each axis.
+
+    The effect of a term is the function of position that multiplies either phase. It is an uncertainty only, of the
+    size that `second_moment` gives.
+    """
+    axes = list(axes_of(observations).values())
+    shares = [(0,) * len(axes), *map(tuple, np.eye(len(axes), dtype=int).tolist())]
+    whole = Products(tuple(shares), np.full(len(shares), len(shares) ** -0.5))
+    yield from _swinging(observations, axes, whole, TURNS, ())
+
+
+def swings_near(observations: Observations, turns: Sequence[float], axes: Sequence[str]) -> list[Term]:
+    """Swings of some turns over the duration, times functions of two axes, with their prior odds.
+
+    Beside a swing that is present: those of its direction in its place. Each is as likely as one of the dictionary.
+    """
+    known = axes_of(observations)
+    curved = products((WIDE,) * len(axes))
+    whole = Products(((0,) * len(axes), *curved.degrees), np.append(1.0, curved.falls) / 2.0**0.5)
+    found = _swinging(observations, [known[axis] for axis in axes], whole, turns, tuple(axes))
+    offered = {term.family: term.log_prior for term in with_prior_odds(list(swings(observations)))}
+    return [with_log_prior(each, offered["swing", each.where]) for each in found]
+
+
+def _swinging(
+    observations: Observations, variables: Sequence[Variable], products: Products, turns: Sequence[float],
+    axes: tuple[str, ...],
+) -> Iterator[Term]:  # fmt: skip
+    """Swings times products of functions of variables, which are those of `axes`, or of all axes in proportion."""
+    if not variables or not timed(observations):
+        return
+    size = TYPICAL * np.diag(products.heights)
+    functions, share = products.of([each.columns for each in variables]), share_of_time(observations)
+    for letter, arm in tool_directions(observations):
+        for each in turns:
+            yield Term(
+                f"swing of {each:.4g} turns along {letter}" + f", by {', '.join(axes)}" * bool(axes),
+                "swing",
+                ("swing", letter, *axes),
+                partial(_swing_columns, arm, functions, share, each),
+                2 * len(products.degrees),
+                (unnamed(letter, variables, products),),
+                np.concatenate([size, size], axis=1),
+                letter,
+                (TIME, *axes),
+            )
+
+
+def _swing_columns(arm: Array, functions: Array, share: Array, turns: float) -> Array:
+    phase = (2.0 * np.pi * turns) * share[:, None]
+    return displaced(arm, np.concatenate([functions * np.sin(phase), functions * np.cos(phase)], axis=1), TYPICAL * UM)
+
+
+def walks(observations: Observations) -> Iterator[Term]:
+    """Random walks of the tool with time from where it was first, by their Karhunen-Loeve functions.
+
+    The effect of a term is a constant displacement. It is an uncertainty only, of the size that `second_moment` gives:
+    the RMS of the walk over the measurement.
+    """
+    if not timed(observations):
+        return
+    count, share = max(min(WALK, len(observations) // ROWS_OF_A_STEP), 1), share_of_time(observations)
+    functions = _steps(count, share)
+    whole, constant = variable(TIME, time_of(observations)), Products(((0,),), np.ones(1))
+    parameters = TYPICAL * np.sqrt(np.mean(functions**2, axis=0))[None]
+    for letter, arm in tool_directions(observations):
+        yield Term(
+            f"random walk along {letter}",
+            "walk",
+            ("walk", letter),
+            partial(_walk_columns, arm, count, share),
+            count,
+            (unnamed(letter, [whole], constant),),
+            parameters,
+            letter,
+            (TIME,),
+        )
+
+
+def _steps(count: int, share: Array) -> Array:
+    """Functions `(n, count)` of a walk whose mean square over its duration is 1: variance 2 at its end."""
+    rates = np.pi * (np.arange(count) + 0.5)
+    return np.asarray(2.0 * np.sin(rates * share[:, None]) / rates)
+
+
+def _walk_columns(arm: Array, count: int, share: Array) -> Array:
+    return displaced(arm, _steps(count, share), TYPICAL * UM)
+
+
+def fine(observations: Observations) -> Iterator[Term]:
+    """Errors of an axis at each of its positions, shared by all visits, finer than its error motions."""
+    measurement = observations.measurement
+    for axis in measurement.moving:
+        position = np.round(measurement.state.position(measurement.machine, axis), SAME)
+        _, number, counts = np.unique(position, return_inverse=True, return_counts=True)
+        again = np.flatnonzero(counts > 1)
+        if counts[number].mean() < VISITS or not DEGREE < len(again) <= MOST_POSITIONS:
+            continue
+        yield Term(
+            f"fine errors of {axis}",
+            "fine",
+            ("fine", axis),
+            partial(_position_columns, own_arm(observations, axis), number, again, TYPICAL_FINE * unit_of(axis)[1]),
+            len(again),
+            where=axis,
+            variables=(axis,),
+        )
+
+
+def own_arm(observations: Observations, axis: str) -> Array:
+    """Change `(n, d)` of the observations by the positioning error of an axis, per mm or rad."""
+    column = 6 * observations.measurement.machine.index(axis) + COMPONENTS.index(own_component(axis))
+    return np.asarray(observations.transform[:, :, column])
+
+
+def _position_columns(arm: Array, number: np.ndarray, again: np.ndarray, size: float) -> Array:
+    return displaced(arm, (number[:, None] == again).astype(float), size)
+
+
+def second_moment(term: Term, mean: Array, covariance: Array) -> Array:
+    """Second moment `(P, P)` of the parameters of the effects of a function, um2, from that of its coefficients.
+
+    mean `(width,)`, covariance `(width, width)`: of the coefficients. The columns are width / P groups of as many as
+    there are parameters, which at another time have any sign: the phases of a swing, the functions of a walk. The size
+    is that of all groups together, the largest of a swing.
+    """
+    parameters = term.parameters
+    if parameters is None:
+        return np.zeros((0, 0))
+    whole = covariance + np.outer(mean, mean)
+    count, found = len(parameters), np.zeros((len(parameters),) * 2)
+    for start in range(0, term.width, count):
+        group = slice(start, start + count)
+        found += parameters[:, group] @ whole[group, group] @ parameters[:, group].T
+    return found

@@ -1,0 +1,205 @@
+"""Causes and functions without a name as terms: their columns, their odds, their finer members."""
+
+from collections import defaultdict
+from functools import cache
+
+import numpy as np
+import pytest
+from support.diagnosis_cases import CFRAME
+from support.virtual_measurements import ONE, THREE, measured, positions
+
+import machines
+from calibration.diagnosis.terms.named import named, shape_of
+from calibration.diagnosis.terms.nameless import nameless, second_moment, swings_near
+from calibration.diagnosis.terms.prior_odds import COMMON, NAMELESS, with_prior_odds
+from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.term import Term
+from kinematics.error_model.model import no_errors
+
+GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
+
+
+def grid(n, rng):
+    """Positions of the gantry that most rows share with another one."""
+    low, high = GANTRY.travel
+    return low + rng.integers(0, 25, (n, 3)) / 24.0 * (high - low)
+
+
+@cache
+def observed(name: str) -> Observations:
+    """A short measurement; one with temperatures that are no trend, on a grid; one of five axes from two stations."""
+    rng = np.random.default_rng(7)
+    machine, q, targets, stations = {
+        "cframe": (CFRAME, positions(CFRAME, 60, rng), ONE, 1),
+        "gantry": (GANTRY, grid(200, rng), THREE, 1),
+        "dmu50": (DMU50, positions(DMU50, 60, rng), ONE, 2),
+    }[name]
+    kelvin = np.cumsum(rng.normal(size=len(q)))
+    more = {"temperatures": {"column": kelvin}, "spindle_speed": rng.uniform(0.0, 6000.0, len(q))}
+    columns = more if name == "gantry" else {}
+    return Observations.of(measured(machine, q, targets, no_errors(machine), rng, stations=stations, **columns))
+
+
+@cache
+def terms_of(name: str) -> list[Term]:
+    return with_prior_odds([*named(observed(name)), *nameless(observed(name))])
+
+
+MEASUREMENTS = pytest.mark.parametrize("name", ["cframe", "gantry", "dmu50"])
+
+
+@MEASUREMENTS
+def test_columns_are_finite(name):
+    for term in terms_of(name):
+        columns = term.make()
+        assert columns.shape == (*observed(name).residual.shape, term.width), term.name
+        assert np.isfinite(columns).all(), term.name
+        assert term.named or columns.any(), term.name
+
+
+@MEASUREMENTS
+def test_columns_are_derivatives_by_the_parameters_of_the_effects(name):
+    """But for swings and walks, whose effects have their size only."""
+    compared = [term for term in terms_of(name) if term.effects and term.kind not in {"swing", "walk"}]
+    assert {"backlash", "location-jump", "smooth", "cross-axis"} <= {term.kind for term in compared}
+    for term in compared:
+        linear = np.concatenate([effect.linear for effect in term.effects])
+        derivatives = observed(name).columns(term.effects)[:, :, linear]
+        expected = derivatives @ term.parameters
+        assert np.abs(term.make() - expected).max() <= 1e-9 * np.abs(expected).max(), term.name
+
+
+@MEASUREMENTS
+def test_families_share_the_odds_of_their_kind(name):
+    terms, kinds = terms_of(name), defaultdict(set)
+    own = [np.exp(term.log_prior) for term in terms]
+    for term in terms:
+        kinds[term.family].add(term.kind)
+    assert sum(own[i] for i, term in enumerate(terms) if "thermal-drift" in kinds[term.family]) == pytest.approx(
+        COMMON / (1.0 - COMMON)
+    )
+    for kind in {term.kind for term in terms}:
+        whole = sum(odds for odds, term in zip(own, terms, strict=True) if kind in kinds[term.family])
+        most = NAMELESS.get(kind, COMMON)
+        assert 0.0 < whole <= most / (1.0 - most) * (1 + 1e-9), kind
+
+
+def test_a_shift_of_the_tool_is_likelier_than_a_tilt():
+    odds = defaultdict(float)
+    for term in terms_of("cframe"):
+        if term.kind == "thermal-drift":
+            odds[term.where] += np.exp(term.log_prior)
+    assert odds["X"] == pytest.approx(odds["Z"])
+    assert odds["X"] > 10.0 * odds["A"]
+
+
+@MEASUREMENTS
+def test_the_families_of_other_causes_differ(name):
+    """Members of a family have one place; those of one form differ in a time constant, a moment or an angle."""
+    families = defaultdict(list)
+    for term in terms_of(name):
+        families[term.family].append(term)
+    for members in families.values():
+        assert len({term.where for term in members}) == 1
+        effects = [(term.name, term.effects, term.width) for term in members if term.kind not in {"swing", "smooth"}]
+        assert len(set(effects)) == len(effects)
+
+
+def test_growth_about_any_fixed_point_has_two_effects():
+    term = next(term for term in terms_of("cframe") if term.kind == "thermal-scale" and len(term.effects) == 2)
+    low, high = observed("cframe").measurement.moving[term.where]
+    assert [effect.fixed_point for effect in term.effects] == pytest.approx([(low + high) / 2.0, high])
+    # whatever the coefficients, the growth of the two together leaves one position where it is
+    rates = term.parameters @ [1.5, 0.4]
+    fixed = sum(rate * effect.fixed_point for rate, effect in zip(rates, term.effects, strict=True)) / rates.sum()
+    assert fixed == pytest.approx((low + high) / 2.0 + 0.4 / 1.5 * (high - low) / 2.0)
+
+
+def value_of(term: Term) -> float | None:
+    """The time constant, lag, length, moment or angle of a term."""
+    (effect, *_) = term.effects or (None,)
+    if effect is None:
+        return None
+    if effect.moment is not None or hasattr(effect, "above_deg"):
+        return effect.moment if effect.moment is not None else effect.above_deg
+    shape = shape_of(effect)
+    value = None if shape is None else getattr(effect, shape.name)
+    return value[0] if isinstance(value, tuple) else value
+
+
+@MEASUREMENTS
+def test_finer_members_lie_between_their_neighbours(name):
+    forms = defaultdict(list)
+    for term in terms_of(name):
+        if term.finer is not None:
+            forms[term.family, type(term.effects[0]), len(term.effects), term.width].append(term)
+    assert forms
+    for members in forms.values():
+        values = sorted(value_of(term) for term in members)
+        for term in members[:: max(len(members) // 3, 1)]:
+            at = values.index(value_of(term))
+            low, high = (values[at - 1] if at else -np.inf), (values[at + 1] if at + 1 < len(values) else np.inf)
+            finer = list(term.finer())
+            assert all(low < value_of(each) < high for each in finer)
+            assert all(each.family == term.family and each.log_prior == term.log_prior for each in finer)
+            assert all(len(each.effects) == len(term.effects) for each in finer)
+            for each in finer[:1]:
+                again = [value_of(other) for other in each.finer()]
+                assert all(low < value < high for value in again)
+                assert not again or np.ptp(again) < high - low
+
+
+def test_every_moment_of_a_jump_can_be_reached():
+    """From each moment to those between its neighbours, and so on."""
+    jumps = [term for term in terms_of("cframe") if term.kind == "station-shift"]
+    reached, left = set(), list(jumps)
+    while left:
+        term = left.pop()
+        if value_of(term) not in reached:
+            reached.add(value_of(term))
+            left += term.finer()
+    times = observed("cframe").measurement.state.time
+    assert reached == set(times[8:-8].tolist())
+
+
+def test_the_size_of_a_swing_is_that_of_both_phases():
+    term = next(term for term in terms_of("cframe") if term.kind == "swing")
+    rng = np.random.default_rng(1)
+    mean = rng.normal(size=term.width)
+    moment = second_moment(term, mean, np.zeros((term.width, term.width)))
+    (effect,) = term.effects
+    position = observed("cframe").columns([effect])
+    sine, cosine = (position @ part for part in (term.parameters * mean).reshape(len(moment), 2, -1).sum(axis=2).T)
+    variance = np.einsum("ndp,pq,ndq->nd", position, moment, position)
+    assert variance == pytest.approx(sine**2 + cosine**2)
+    # the course itself is never larger
+    assert np.all((term.make() @ mean) ** 2 <= variance * (1.0 + 1e-9))
+
+
+def test_the_size_of_a_walk_is_its_rms():
+    term = next(term for term in terms_of("gantry") if term.kind == "walk")
+    mean = np.random.default_rng(1).normal(size=term.width)
+    moment = second_moment(term, mean, np.zeros((term.width, term.width)))
+    course = term.make() @ mean
+    constant = observed("gantry").columns(term.effects)[:, :, 0]
+    um = np.sum(course * constant, axis=1) / np.sum(constant**2, axis=1)
+    assert moment == pytest.approx(np.mean(um**2), rel=0.3)
+
+
+def test_swings_near_others_are_as_likely():
+    swings = swings_near(observed("gantry"), [2.25, 2.5], ["X", "Y"])
+    offered = next(term for term in terms_of("gantry") if term.kind == "swing")
+    assert {term.where for term in swings} == set("XYZ")
+    assert {round(term.log_prior, 6) for term in swings} == {round(offered.log_prior, 6)}
+    assert all(np.isfinite(term.make()).all() and term.effects for term in swings)
+
+
+def test_errors_of_positions_that_are_visited_again():
+    fine = {term.where: term for term in terms_of("gantry") if term.kind == "fine"}
+    assert set(fine) == {"X", "Y", "Z"}
+    assert not any(term.kind == "fine" for term in terms_of("cframe"))
+
+
+def test_a_temperature_that_is_no_trend_is_a_variable():
+    assert any("temperature column" in term.variables for term in terms_of("gantry"))
+    assert not any("temperature column" in term.variables for term in terms_of("cframe"))
