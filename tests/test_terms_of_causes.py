@@ -5,15 +5,29 @@ from functools import cache
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME
+from support.diagnosis_cases import CFRAME, data_with
 from support.virtual_measurements import ONE, THREE, measured, positions
 
 import machines
+from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.terms.candidates import Candidates
+from calibration.diagnosis.terms.dictionary import Dictionary
 from calibration.diagnosis.terms.named import named, shape_of
 from calibration.diagnosis.terms.nameless import nameless, second_moment, swings_near
 from calibration.diagnosis.terms.prior_odds import COMMON, NAMELESS, with_prior_odds
+from calibration.diagnosis.terms.waves import waves
 from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
+from kinematics.effects import (
+    Backlash,
+    Cyclic,
+    GrowthWithTime,
+    LocationJump,
+    QuantisedCompensation,
+    StationShift,
+    ThermalDrift,
+)
 from kinematics.error_model.model import no_errors
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
@@ -203,3 +217,82 @@ def test_errors_of_positions_that_are_visited_again():
 def test_a_temperature_that_is_no_trend_is_a_variable():
     assert any("temperature column" in term.variables for term in terms_of("gantry"))
     assert not any("temperature column" in term.variables for term in terms_of("cframe"))
+
+
+def fitted(observations: Observations) -> Structure:
+    return Structure.first(Data.of(observations)).fitted()
+
+
+def likeliest(candidates: Candidates, count: int) -> list[Term]:
+    """The best members of the likeliest families."""
+    families = candidates.by_family(candidates.odds()).values()
+    return [candidates.terms[best] for _, best in sorted(families, key=lambda each: -each[0])[:count]]
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        Backlash("Y", 15.0),
+        ThermalDrift(component="Z", amplitudes=(40.0,), time_constants_s=(300.0,)),
+        GrowthWithTime("X", rate=900.0, fixed_point=250.0),
+        LocationJump("C", "Y", 250.0, 700.0, fixed_point=200.0),
+        LocationJump("X", "X", 30.0, 800.0),
+        StationShift("s1", (10.0, -20.0, 5.0), (10.0, 0.0, 20.0), since_s=700.0),
+    ],
+    ids=lambda effect: effect.name,
+)
+def test_a_cause_is_the_likeliest_in_its_own_data(effect):
+    observations = Observations.of(data_with(effect))
+    terms = with_prior_odds([*named(observations), *nameless(observations)])
+    structure = fitted(observations)
+    best = likeliest(Candidates.of(structure, Dictionary(terms)), 4)
+    totals = [structure.with_terms([term]).fitted().total for term in best]
+    found = best[int(np.argmax(totals))]
+    assert found.family == Candidate(effect).cause
+    assert max(totals) > structure.total + 5.0
+    if effect.moment is not None:
+        assert abs(value_of(found) - effect.moment) <= 60.0
+
+
+@pytest.mark.parametrize(
+    ("effect", "period"),
+    [
+        (Cyclic("X", "X", 10.0, (8.0,), (3.0,)), 10.0),
+        (Cyclic("Y", "Y", 60.0, (0.0,), (10.0,)), 60.0),
+        (QuantisedCompensation("Y", 14.0, 25.0, 3.0), 25.0),
+    ],
+    ids=lambda each: getattr(each, "name", ""),
+)
+def test_a_wave_is_proposed(effect, period):
+    structure = fitted(Observations.of(data_with(effect, n=160)))
+    candidates = Candidates.of(structure, Dictionary([]), waves(structure))
+    (found,) = likeliest(candidates, 1)
+    assert found.family == Candidate(effect).cause
+    assert value_of(found) == pytest.approx(period, rel=0.01)
+    own = candidates.exact([found])[0]
+    for _ in range(2):
+        closer = list(found.finer())
+        found = closer[int(np.argmax(candidates.exact(closer)))]
+    assert value_of(found) == pytest.approx(period, rel=0.002)
+    assert candidates.exact([found])[0] > own - 1.0
+    assert found.log_prior == closer[0].log_prior
+
+
+def test_a_second_wave_of_an_axis_is_a_cause_of_its_own():
+    two = [Cyclic("X", "X", 10.0, (12.0,), (3.0,)), Cyclic("X", "X", 36.0, (8.0,), (8.0,))]
+    structure = fitted(Observations.of(data_with(*two, n=200)))
+    (first,) = likeliest(Candidates.of(structure, Dictionary([]), waves(structure)), 1)
+    structure = structure.with_terms([first]).fitted()
+    (second,) = likeliest(Candidates.of(structure, Dictionary([]), waves(structure)), 1)
+    assert sorted(map(value_of, (first, second))) == pytest.approx([10.0, 36.0], rel=0.01)
+    assert second.family != first.family
+    # in the place of the first one: the same wave again
+    again = [term for term in waves(structure, without=0) if term.family == first.family]
+    assert min(abs(value_of(term) / value_of(first) - 1.0) for term in again) < 0.01
+
+
+def test_the_odds_of_waves_are_shared_by_all_that_are_scanned():
+    structure = fitted(observed("cframe"))
+    own = [np.exp(term.log_prior) for term in waves(structure) if term.kind == "cyclic"]
+    assert 0.0 < sum(own) < 0.3 * COMMON
+    assert not any(term.kind == "cyclic" for term in terms_of("cframe"))
