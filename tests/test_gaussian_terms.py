@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from scipy import linalg
+from support.ballbar_cases import circles_of
 from support.diagnosis_cases import CFRAME, data_with, with_stops
 
 from calibration.evaluation.volumetric import aligned, deviation_on
@@ -94,6 +95,13 @@ def test_noise_and_non_repeatability_are_found():
     assert max(quiet.noise.repeats.values(), default=0.0) < 2.0
     assert shifted.noise.repeats["X"] == pytest.approx(25.0, rel=0.25)
     assert shifted.noise.factor**0.5 == pytest.approx(1.0, abs=0.2)
+
+
+def test_noise_and_non_repeatability_that_look_alike_are_one_noise():
+    """On a full circle, the length of a ballbar does not tell the noise of X and of Y from that of the bar."""
+    found = structure_of(circles_of(step=5.0, noise=3.0)[0]).fitted()
+    variance = 0.3**2 * found.noise.factor + found.noise.repeats.get("X", 0.0) ** 2
+    assert variance**0.5 == pytest.approx(0.9, rel=0.25)
 
 
 def test_outliers_are_left_out_and_come_back():

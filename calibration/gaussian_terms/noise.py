@@ -142,11 +142,15 @@ def _fisher_step(theta: Array, now: _Likelihood) -> Array:
 
 
 def _likelihood(moments: Sequence[Moments], theta: Array) -> _Likelihood:
-    """Log likelihood of variances `(k,)` with the half-Cauchy prior of each standard deviation, and its derivatives."""
+    """Log likelihood of variances `(k,)` with the half-Cauchy prior of each standard deviation, and its derivatives.
+
+    The information of the prior is the square of its slope: data of one row a stop may not tell the variances apart.
+    """
     k = len(theta)
     value = -float(np.sum(np.log1p(theta[1:] / REPEATS**2)))
     gradient, information = -1.0 / (REPEATS**2 + theta), np.zeros((k, k))
     gradient[0] = 0.0
+    information[np.diag_indices(k)] += gradient**2
     for second, parts in moments:
         inverse = np.linalg.inv(sum(variance * part for variance, part in zip(theta, parts, strict=True)))
         excess = inverse @ second
