@@ -5,7 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from support.ballbar_cases import circles_of
 from support.diagnosis_cases import CFRAME, data_with
+from support.interferometer_runs import runs
+from support.probe_cases import probed
 from support.virtual_measurements import ONE, THREE, measured, positions
 
 import machines
@@ -19,6 +22,8 @@ from calibration.diagnosis.terms.waves import waves
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
+from calibration.instruments import Part
+from calibration.simulation.simulate import observe
 from kinematics.effects import (
     Backlash,
     Cyclic,
@@ -29,7 +34,10 @@ from kinematics.effects import (
     ThermalDrift,
 )
 from kinematics.error_model.model import no_errors
+from kinematics.state import State
 
+CUBE = 100.0 * (1.0 + np.array(list(np.ndindex(3, 3, 3)), float))
+"""Positions `(27, 3)` of the C-frame, mm."""
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 
 
@@ -71,16 +79,38 @@ def test_columns_are_finite(name):
         assert term.named or columns.any(), term.name
 
 
+def assert_derivatives(observations: Observations, terms: list[Term]) -> None:
+    for term in terms:
+        linear = np.concatenate([effect.linear for effect in term.effects])
+        expected = observations.columns(term.effects)[:, :, linear] @ term.parameters
+        assert np.abs(term.make() - expected).max() <= 1e-9 * np.abs(expected).max(), term.name
+
+
 @MEASUREMENTS
 def test_columns_are_derivatives_by_the_parameters_of_the_effects(name):
     """But for swings and walks, whose effects have their size only."""
     compared = [term for term in terms_of(name) if term.effects and term.kind not in {"swing", "walk"}]
     assert {"backlash", "location-jump", "smooth", "cross-axis"} <= {term.kind for term in compared}
-    for term in compared:
-        linear = np.concatenate([effect.linear for effect in term.effects])
-        derivatives = observed(name).columns(term.effects)[:, :, linear]
-        expected = derivatives @ term.parameters
-        assert np.abs(term.make() - expected).max() <= 1e-9 * np.abs(expected).max(), term.name
+    assert_derivatives(observed(name), compared)
+
+
+OTHERS = {
+    "interferometer": lambda: runs(lambda x: 0.01 * x, np.linspace(0.0, 4000.0, 21), np.random.default_rng(1)),
+    "ballbar": lambda: circles_of(step=5.0)[0],
+    "probe": lambda: probed("dmu50", 20)[0],
+    "part": lambda: observe(CFRAME, no_errors(CFRAME), State(CUBE), Part(u_um=2.0), np.random.default_rng(1)),
+}
+
+
+@pytest.mark.parametrize("instrument", OTHERS)
+def test_other_instruments_have_the_same_terms(instrument):
+    observations = Observations.of(OTHERS[instrument]())
+    terms = with_prior_odds([*named(observations), *nameless(observations), *waves(fitted(observations))])
+    assert terms
+    for term in terms:
+        assert term.make().shape == (*observations.residual.shape, term.width), term.name
+        assert np.isfinite(term.make()).all(), term.name
+    assert_derivatives(observations, [term for term in terms if term.effects and term.kind not in {"swing", "walk"}])
 
 
 @MEASUREMENTS
