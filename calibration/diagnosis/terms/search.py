@@ -20,6 +20,7 @@ from calibration.diagnosis.terms.dictionary import Dictionary
 from calibration.diagnosis.terms.named import named
 from calibration.diagnosis.terms.nameless import nameless
 from calibration.diagnosis.terms.prior_odds import with_prior_odds
+from calibration.diagnosis.terms.waves import waves
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
@@ -88,7 +89,7 @@ class Search:
         return Found(structure, candidates)
 
     def _candidates(self, structure: Structure) -> Candidates:
-        return Candidates.of(structure, self._dictionary)
+        return Candidates.of(structure, self._dictionary, waves(structure))
 
     def _moved(self, candidates: Candidates) -> Structure | None:
         """The structure by the likeliest move that raises the log posterior; None where none does."""
