@@ -24,13 +24,11 @@ def outlying(structure: Structure) -> np.ndarray:
 
 def _odds_inside(structure: Structure) -> Array:
     """Log odds `(n,)` that a row has a shift of its own, for rows that are not left out."""
-    data, equations, factor = structure.data, structure.equations, structure.noise.factor
+    data, factor = structure.data, structure.noise.factor
     n, d = data.observations.residual.shape
-    posterior = structure.posterior
-    covariance = posterior.covariance / factor
-    root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
-    left = (equations.residual - equations.design @ posterior.mean)[: n * d].reshape(n, d)
-    used = np.concatenate([equations.design @ root, structure.whitener.spanned], axis=1)[: n * d].reshape(n, d, -1)
+    left = structure.left[: n * d].reshape(n, d)
+    spread = structure.spread / np.sqrt(factor)
+    used = np.concatenate([spread, structure.whitener.spanned], axis=1)[: n * d].reshape(n, d, -1)
     odds = np.empty(n)
     for stops, matrices in zip(data.stops, structure.whitener.matrices, strict=True):
         stop_left = left[stops.rows].reshape(len(stops.rows), -1, 1)

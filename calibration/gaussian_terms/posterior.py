@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
+from scipy.linalg import lapack
 
 from kinematics.transforms import Array
 
@@ -47,9 +47,12 @@ class Posterior:
         """The posterior for prior sizes `(p,)` of the columns, and a variance factor of the noise."""
         matrix = equations.gram * sizes[:, None] * sizes
         matrix[np.diag_indices_from(matrix)] += factor
-        low = linalg.cholesky(matrix, lower=True, overwrite_a=True)
-        half = linalg.solve_triangular(low, np.diag(sizes), lower=True, overwrite_b=True)
-        covariance = factor * half.T @ half
+        low, failed = lapack.dpotrf(matrix, lower=True, overwrite_a=True)
+        if failed:
+            raise np.linalg.LinAlgError("the columns have no finite products")
+        inverse, _ = lapack.dpotri(low, lower=True)
+        covariance = np.tril(inverse) + np.tril(inverse, -1).T
+        covariance *= factor * sizes[:, None] * sizes
         mean = covariance @ equations.along / factor
         misfit = float(equations.residual @ equations.residual - equations.along @ mean) / factor
         determinant = 2.0 * float(np.log(np.diag(low)).sum()) - len(sizes) * float(np.log(factor))

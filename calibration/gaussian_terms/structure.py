@@ -159,7 +159,7 @@ class Structure:
         found = self
         for turn in range(ROUNDS):
             found = found.with_sizes(steps if turn == 0 else STEPS)
-            before, found = found, found.with_noise().with_outliers()
+            before, found = found, found.with_noise()
             if _settled(before.noise, found.noise):
                 break
         return found.with_sizes(LAST_STEPS)
@@ -180,17 +180,28 @@ class Structure:
         return found
 
     def with_noise(self) -> Structure:
-        """The structure with the likeliest variances of the noise."""
+        """The structure with the likeliest variances of the noise, and without outliers, unless these are many.
+
+        Outliers are rows whose odds of an error of their own are above 1.
+        """
         axes = list(self.data.observations.measurement.moving)
         factor, repeats = variances(list(self._moments(axes)), axes, self.noise)
-        return replace(self, noise=replace(self.noise, factor=factor, repeats=repeats))
-
-    def with_outliers(self) -> Structure:
-        """The structure without the rows whose odds of an error of their own are above 1, unless these are many."""
         left_out = outlying(self)
-        if left_out.mean() >= MOST_LEFT_OUT or np.array_equal(left_out, self.noise.left_out):
-            return self
-        return replace(self, noise=replace(self.noise, left_out=left_out))
+        if left_out.mean() >= MOST_LEFT_OUT:
+            left_out = self.noise.left_out
+        return replace(self, noise=Noise(factor, repeats, left_out))
+
+    @cached_property
+    def spread(self) -> Array:
+        """A root `(N, p)` of the covariance that the posterior gives the whitened observations."""
+        covariance = self.posterior.covariance
+        root = np.linalg.cholesky(covariance + np.diag(1e-12 * np.diag(covariance)))
+        return np.asarray(self.equations.design @ root)
+
+    @cached_property
+    def left(self) -> Array:
+        """Whitened observations `(N,)` less the mean of the posterior."""
+        return self.equations.residual - self.equations.design @ self.posterior.mean
 
     def resized(self, sizes: Array) -> Structure:
         """The structure with other sizes of bands and terms; nothing is whitened anew."""
@@ -206,12 +217,10 @@ class Structure:
 
     def _moments(self, axes: Sequence[str]) -> Iterator[Moments]:
         """Expected second moments of the residuals of stops without outliers, and of unit variances."""
-        observations, white, posterior = self.data.observations, self.whitener, self.posterior
+        observations, white = self.data.observations, self.whitener
         shape = len(observations), observations.components, -1
         count = len(observations) * observations.components
-        residual = (self.equations.residual - self.equations.design @ posterior.mean)[:count].reshape(shape)
-        root = np.linalg.cholesky(posterior.covariance + np.diag(1e-12 * np.diag(posterior.covariance)))
-        spread = (self.equations.design[:count] @ root).reshape(shape)
+        residual, spread = self.left[:count].reshape(shape), self.spread[:count].reshape(shape)
         for stops, matrices in zip(self.data.stops, white.matrices, strict=True):
             inside = ~self.noise.left_out[stops.rows].any(axis=1)
             own, rows = matrices[inside], stops.rows[inside]
