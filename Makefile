@@ -12,11 +12,11 @@ SETUP := --work-offset G54=-30,-20,150 --tool-length T1=80
 # Tests start many processes: without bytecode files each of them compiles the whole package.
 export PYTHONDONTWRITEBYTECODE :=
 # Two workers have a core each: threads of the linear algebra would only wait for each other.
-test test-unit test-statistical test-all: export OMP_NUM_THREADS := 1
+test test-unit test-statistical test-exams test-all: export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-unit test-statistical test-all fuzz speed speed-small lint docs pages wheel lock clean
+.PHONY: help setup demo test test-unit test-statistical test-exams test-all fuzz speed speed-small lint docs pages wheel lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 25
@@ -33,7 +33,7 @@ demo: $(INSTALLED) ## compensate examples/box.nc for a DMU 50 and show what it g
 	$(BIN)/ncomp verify examples/$(PROGRAM) out/$(PROGRAM) --machine $(MACHINE) $(SETUP)
 
 test: $(INSTALLED) ## run the unit and the integration tests (ARGS="-k name" is passed on)
-	$(BIN)/pytest -n 2 --dist worksteal -m "not statistical" $(ARGS)
+	$(BIN)/pytest -n 2 --dist worksteal -m "not statistical and not exam" $(ARGS)
 
 test-unit: $(INSTALLED) ## run the unit tests only
 	$(BIN)/pytest -n 2 --dist worksteal -m unit $(ARGS)
@@ -41,6 +41,9 @@ test-unit: $(INSTALLED) ## run the unit tests only
 # pytest ends with 5 where there is no test to run.
 test-statistical: $(INSTALLED) ## run the tests with many draws only
 	$(BIN)/pytest -n 2 --dist worksteal --durations=20 -m statistical $(ARGS) || [ $$? -eq 5 ]
+
+test-exams: $(INSTALLED) ## run the repetitions of statistical tests with further draws, before a release
+	$(BIN)/pytest -n 2 --dist worksteal --durations=20 -m exam $(ARGS) || [ $$? -eq 5 ]
 
 test-all: $(INSTALLED) ## run every test; those of LinuxCNC and FreeCAD fail, rather than skip, without them
 	NCOMP_REQUIRE_CLIENTS=1 $(BIN)/pytest -n 2 --dist worksteal $(ARGS)

@@ -31,13 +31,15 @@ hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("default")  # or --hypothesis-profile=ci
 
 
-TIERS = {"unit", "integration", "statistical"}
+TIERS = {"unit", "integration", "statistical", "exam"}
+WHOLE_TIERS = {"statistical", "exam"}
+"""Tiers of tests that take their time."""
 LINUXCNC = {"linuxcnc", "linuxcnc_sim"}
 INTEGRATION = {
     "command", "ncomp", "nc_data", "plates", "slit_log", "ecmc_report", "scope_log", "chromium", "freecad", "klipper",
     *LINUXCNC,
 }  # fmt: skip
-"""A test with one of these fixtures is an integration test, unless it is marked as statistical."""
+"""A test with one of these fixtures is an integration test, unless it is marked as statistical or exam."""
 INTEGRATION_MODULES = {
     "test_bad_data", "test_blas", "test_chunks", "test_cli", "test_compensate", "test_conditions",
     "test_continuous", "test_control_state", "test_dependence", "test_diagnosis_exam", "test_diagnosis_frame",
@@ -207,8 +209,9 @@ def _real_file(name: str) -> Path:
 
 @pytest.fixture(name="few_positions")
 def _few_positions(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Tables of controls from few positions, for tests of anything but their accuracy; not in the statistical tier."""
-    with few_positions() if request.node.get_closest_marker("statistical") is None else nullcontext():
+    """Tables of controls from few positions, for tests of anything but their accuracy; not in the statistical tier and in exams."""
+    whole = WHOLE_TIERS & {marker.name for marker in request.node.iter_markers()}
+    with nullcontext() if whole else few_positions():
         yield
 
 

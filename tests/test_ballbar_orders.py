@@ -5,7 +5,7 @@ from itertools import product
 
 import pytest
 from support.ballbar_cases import CFRAME, circles_of
-from support.tiers import quick
+from support.tiers import each_once, quick
 
 from calibration.circles.circles import circles_of as circles
 from calibration.circles.shares import shares
@@ -58,7 +58,7 @@ EVERY = list(product(ORDERS, (*CAUSES, "")))
 FEW = EVERY[:: len(CAUSES) + 2]
 
 
-@pytest.mark.parametrize(("order", "cause"), quick(EVERY, FEW))
+@pytest.mark.parametrize(("order", "cause"), quick(EVERY, FEW, each_once(ORDERS, (*CAUSES, ""))))
 def test_causes_in_other_orders(tmp_path, order, cause):
     """Each cause is named or tied, no other one is, and a machine without errors has none."""
     measured = measured_in(tmp_path, ORDERS[order], *([CAUSES[cause]] if cause else []))

@@ -89,7 +89,7 @@ LINE = st.builds(
 )
 
 
-@drawn(100, 3000, lines=st.lists(LINE, max_size=12), added=st.integers(0, 1200), ended=st.booleans())
+@drawn(100, 1000, 3000, lines=st.lists(LINE, max_size=12), added=st.integers(0, 1200), ended=st.booleans())
 def test_numbers_of_many_lines_are_raised_as_each_by_itself(lines, added, ended):
     data = ("\n".join(lines) + "\n" * ended).encode()
     numbers = BlockNumbers(klartext=True)

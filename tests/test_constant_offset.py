@@ -7,6 +7,7 @@ from clients.rs274 import Move, Tool
 from support.linuxcnc_programs import TOOLS, wrapped
 from support.programs import LINUXCNC_OFFSETS, RandomProgram, correct, load, random_setup, read_lines, shifted
 from support.real_data import FREECAD
+from support.tiers import quick
 
 from kinematics.user_error import UserError
 from postproc.motion.moves import Kind, Known
@@ -99,9 +100,7 @@ def test_the_impeller(linuxcnc, nc_data):
 
 
 @pytest.mark.parametrize("machine", ["gantry", "head_table"])
-@pytest.mark.parametrize(
-    "seed", [*range(4), *[pytest.param(seed, marks=pytest.mark.statistical) for seed in range(4, 60)]]
-)
+@pytest.mark.parametrize("seed", quick(range(60), range(4), range(4, 16)))
 def test_random_programs(linuxcnc, machine, seed):
     machine = load(machine)
     setup = random_setup(machine)

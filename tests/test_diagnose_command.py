@@ -141,6 +141,7 @@ def check_contract(said):
     assert isinstance(said["next_measurement"], str)
 
 
+@pytest.mark.statistical
 def test_a_diagnosis_its_calibration_and_what_it_is_good_for(diagnosed, sheet, command, tmp_path):
     done, said, new = diagnosed(sheet)
     assert done.status == 0, done.err
@@ -325,6 +326,7 @@ ODD = {
 }
 
 
+@pytest.mark.statistical
 def test_rows_that_are_wrong_have_a_number_and_no_uncertainty(diagnosed, sheet):
     done, said, _ = diagnosed(_put(30, "x", "1000.0")(sheet))
     assert "outliers" in {kind for kind, _ in kinds(said)}

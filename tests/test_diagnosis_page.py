@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from support.effect_examples import EXAMPLES, full_state
 from support.pages import LINK, figures, text_of
-from support.tiers import one_of_each
+from support.tiers import first_of_each, quick
 from support.virtual_measurements import THREE, TRACKER, measured, pose_of, positions
 
 import machines
@@ -58,13 +58,20 @@ def seen_with(effect, machine, n=300, seed=1):
     return fit(replace(exact, observed=observed + noise[:, :, 0]), model)
 
 
+SEEN = [example for example in EXAMPLES if example.touched]
+
+
 def test_every_class_of_effect_has_its_own_view():
     assert set(VIEWS) == {effect.SHOWN_OVER for effect in EFFECTS}
 
 
 @pytest.mark.parametrize(
     "example",
-    one_of_each((example for example in EXAMPLES if example.touched), lambda example: VIEWS[example.effect.SHOWN_OVER])
+    quick(
+        SEEN,
+        first_of_each(SEEN, lambda example: VIEWS[example.effect.SHOWN_OVER]),
+        first_of_each(SEEN, lambda example: type(example.effect)),
+    )
     + [example for example in EXAMPLES if not example.touched],
     ids=lambda example: f"{example.effect.name} {example.machine.name}",
 )
@@ -162,6 +169,7 @@ def test_a_page_says_what_is_missing_and_shows_it(several):
         assert said in page
 
 
+@pytest.mark.statistical
 def test_a_page_says_how_what_has_no_name_depends_on_each_variable():
     terms = tuple((i, j) for i in range(1, 4) for j in range(1, 6))
     sizes = tuple(np.random.default_rng(2).normal(scale=12.0, size=len(terms)).tolist())
@@ -260,6 +268,7 @@ def test_what_was_not_used_is_told_and_the_model_not_called_complete(several):
     assert "left out     set-ups s2" in out.getvalue()
 
 
+@pytest.mark.statistical
 def test_a_page_of_nothing_missing():
     found = diagnosis_of(n=80)
     assert not found.causes

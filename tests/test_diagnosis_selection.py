@@ -411,6 +411,7 @@ def test_the_plainer_form_of_a_cause_stands_where_a_full_fit_with_it_is_likelier
     assert (found is stage) == (parameters == 2)
 
 
+@pytest.mark.statistical
 def test_odds_of_similar_causes_are_those_of_fits(tmp_path):
     """By linear terms a knock would be likelier than this large backlash, of nearly the same signal."""
     data, result = tmp_path / "data.csv", tmp_path / "result.json"

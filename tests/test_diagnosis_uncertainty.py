@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from support.diagnosis_cases import CFRAME, data_with, selector
-from support.tiers import quick
+from support.tiers import EXAM, STATISTICAL
 from support.virtual_measurements import THREE, measured, positions, truth
 
 from calibration.diagnosis.acceptance import against_learned
@@ -36,8 +36,14 @@ def standardised(model, *effects, n=300, seed=99):
     return (found.deviation - (true - true.mean(axis=0))) / found.u
 
 
-@pytest.mark.parametrize("seeds", quick([range(3, 4), range(3, 13)], [range(3, 4)]), ids=len)
-@pytest.mark.parametrize("size", [0.0, 100.0])
+@pytest.mark.parametrize(
+    ("size", "seeds"),
+    [
+        pytest.param(0.0, range(3, 4)),
+        pytest.param(100.0, range(3, 4), marks=STATISTICAL),
+        *(pytest.param(size, range(3, 13), marks=EXAM) for size in (0.0, 100.0)),
+    ],
+)
 def test_predictions_are_as_uncertain_as_they_are_wrong(size, seeds):
     """A frame that warps with all three positions is in no library.
 
@@ -55,6 +61,7 @@ def test_predictions_are_as_uncertain_as_they_are_wrong(size, seeds):
     assert spread.max() < 1.5
 
 
+@pytest.mark.statistical
 def test_an_unexplained_part_that_is_added_to_the_model_does_not_widen_it():
     warped = Unnamed("Z", ("X", "Y", "Z"), TRAVELS, ((1, 1, 1),), (100.0,))
     found = diagnose(data_with(warped, n=240), left_over="add")
@@ -62,6 +69,7 @@ def test_an_unexplained_part_that_is_added_to_the_model_does_not_widen_it():
     assert found.widened == 1.0
 
 
+@pytest.mark.statistical
 def test_widened_predictions_reach_their_errors():
     """Parameters that move the tool in one direction move it in others too."""
     data = data_with(n=120)

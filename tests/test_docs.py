@@ -73,6 +73,7 @@ def test_the_readme_links_every_page() -> None:
     assert [page for page in pages if f"]({page})" not in readme] == []
 
 
+@pytest.mark.statistical
 def test_commands_of_the_evening_with_one_sphere(ncomp) -> None:
     """The errors that the simulated machine has are within U of those that the page's commands find."""
     shutil.copytree(ROOT / "examples", "examples")

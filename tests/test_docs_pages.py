@@ -100,6 +100,7 @@ def shown(notebook: str) -> list[str]:
     return [line for text in texts for line in re.sub("<[^>]+>", "\n", text).splitlines() if line.strip()]
 
 
+@pytest.mark.statistical
 def test_the_outputs_of_the_notebook_are_those_of_its_cells() -> None:
     old = session.PAGE.read_text(encoding="utf-8")
     lines = zip(shown(old), shown(session.renewed(old)), strict=True)

@@ -48,7 +48,8 @@ def _always(monkeypatch):
 
 
 @drawn(
-    8,
+    4,
+    30,
     300,
     program=programs(),
     seed=st.integers(0, 99),
@@ -66,7 +67,7 @@ def test_the_results_are_those_of_one_process(program, seed, size, piece):
         assert corrected(job_of(program, seed), processes=2) == alone
 
 
-@drawn(8, 300, program=programs(), seed=st.integers(0, 99))
+@drawn(4, 60, 300, program=programs(), seed=st.integers(0, 99))
 def test_the_errors_before_are_those_that_the_correction_has_found(program, seed):
     with pytest.MonkeyPatch.context() as patch:
         found = corrected(job_of(program, seed))

@@ -109,7 +109,7 @@ def close(verdict, exact):
         assert ours.json()["rms"] == pytest.approx(theirs.json()["rms"], abs=EVEN_UM + 1e-3 * theirs.json()["rms"])
 
 
-@drawn(10, 200, program=programs(), seed=st.integers(0, 99))
+@drawn(4, 60, 200, program=programs(), seed=st.integers(0, 99))
 def test_programs_are_verified_as_by_the_exact_model(program, seed):
     job = job_of(program, seed, tolerance_um=0.5)
     done = corrected(job).get("text")

@@ -68,6 +68,7 @@ def test_noise_alone_adds_nothing():
         assert squares_by_fine_errors(linearised).max() < 0.1 * errors(linearised).max()
 
 
+@pytest.mark.statistical
 def test_the_expected_squares_are_those_at_unseen_poses():
     expected, found = [], []
     for k in range(PHASES):

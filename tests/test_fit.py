@@ -275,7 +275,7 @@ def test_gauge_is_the_null_space_of_a_rich_measurement():
     assert null_space(np.diag([1.0, 0.0, 1e-20])).shape[1] == 2
 
 
-@pytest.mark.parametrize("seeds", quick([range(8, 13), range(8, 28)], [range(8, 13)]), ids=len)
+@pytest.mark.parametrize("seeds", quick([range(8, 13), range(8, 28)], [], [range(8, 13)]), ids=len)
 def test_evidence_finds_the_resolution_that_the_errors_need(seeds):
     """Of random machines; the flattest of them need fewer than four nodes along an axis."""
     machine, least = machines.load("cframe"), []

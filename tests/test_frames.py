@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from support.tiers import quick
 
 import machines
 from calibration.observation.mean_lines import about_own_points, centred
@@ -124,7 +125,7 @@ def reference():
     return {}
 
 
-@pytest.mark.parametrize("name", FRAMES)
+@pytest.mark.parametrize("name", quick(FRAMES, ["measured elsewhere"]))
 def test_nothing_depends_on_the_origin_of_a_frame(command, name, reference):
     if not reference:
         reference.update(results(command, Frame()))
@@ -136,6 +137,7 @@ def test_nothing_depends_on_the_origin_of_a_frame(command, name, reference):
         assert value == (pytest.approx(reference[what], rel=1e-4, abs=2e-3) if numbers else reference[what]), what
 
 
+@pytest.mark.statistical
 def test_a_tracker_s_fit_does_not_depend_on_the_zeros_of_the_axes(command):
     """Few positions leave much to the prior, which must not know where the axes have their zeros."""
     planned = ("--machine", "cframe", "--strategy", "random", "--points", "60", "--seed", "3")

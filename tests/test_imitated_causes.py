@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from support.diagnosis_cases import CFRAME, data_with, fitted, selector
+from support.tiers import quick
 from support.virtual_measurements import ONE, measured, truth
 
 from calibration.diagnosis import searched_causes
@@ -98,7 +99,7 @@ def test_coarser_bases_stand_beside_a_cause_that_the_others_imitate():
     assert parameters[1] < parameters[0]
 
 
-@pytest.mark.parametrize("urad", [60.0, 100.0])
+@pytest.mark.parametrize("urad", quick([60.0, 100.0], [], [60.0]))
 def test_a_jump_behind_lines_that_have_positions_of_their_own_is_named(urad):
     """All lines along X lie before the collision; behind it each line has one position of X, which bases can bend."""
     data = part_lines(LocationJump("C", "X", urad, 1259.0))
@@ -112,6 +113,7 @@ def test_a_jump_behind_lines_that_have_positions_of_their_own_is_named(urad):
     assert cause.effect.parameters[0] == pytest.approx(urad, abs=3.0 * cause.effect.uncertainties[0])
 
 
+@pytest.mark.statistical
 def test_a_wave_is_named_although_fine_bases_bend_through_its_positions():
     """Lines across Z lie at positions of their own: a jump, or a function of the readings, imitates the wave too."""
     data = part_lines(Cyclic("Z", "Z", 16.0, (40.0,), (0.0,)))
@@ -125,7 +127,7 @@ def test_a_wave_is_named_although_fine_bases_bend_through_its_positions():
     assert cause.effect.period == pytest.approx(16.0, abs=0.02)
 
 
-@pytest.mark.parametrize("made", [layers, part_lines])
+@pytest.mark.parametrize("made", quick([layers, part_lines], [layers]))
 def test_nothing_is_imitated_where_nothing_is_hidden(made):
     selector = prepared(made(), None, "sheet", silent, silent).selector
     assert imitated(selector, selector.bare) == (selector, selector.bare)
@@ -133,6 +135,7 @@ def test_nothing_is_imitated_where_nothing_is_hidden(made):
     assert diagnose(made()).causes == ()
 
 
+@pytest.mark.statistical
 def test_an_axis_that_does_not_repeat_may_have_lost_motion_that_the_model_has_learned():
     """Unless positions all over the travel are approached from both sides."""
     data = unrepeatable(layers(Backlash("Z", 120.0))), unrepeatable(data_with(n=123)), layers()
@@ -150,6 +153,7 @@ def test_an_axis_that_does_not_repeat_may_have_lost_motion_that_the_model_has_le
     assert "leave open whether the new model is an improvement" in against_undecided(found.model, data[0], undecided_um)
 
 
+@pytest.mark.statistical
 def test_a_correction_must_be_larger_than_the_errors_of_undecided_causes():
     data = layers()
     model = diagnose(data).model

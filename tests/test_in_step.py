@@ -48,7 +48,7 @@ def same(verdict, other):
 
 
 @drawn(
-    6,
+    4,
     30,
     program=programs(),
     seed=st.integers(0, 99),
@@ -145,6 +145,7 @@ def test_a_refused_line_comes_before_other_moves_and_the_original_first(chunk, m
     assert ":18:" in refusal(HEAD + "G1 X5.\nM30\n", late)
 
 
+@pytest.mark.statistical
 def test_memory_does_not_grow_with_the_programs(tmp_path, monkeypatch):
     monkeypatch.setattr("postproc.execution.CHUNK", 256)
     monkeypatch.setattr("postproc.text.source.PIECE", 4096)

@@ -44,6 +44,7 @@ def test_lost_counts_are_likelier_than_a_smooth_error():
     assert smoothed(stage) == []
 
 
+@pytest.mark.statistical
 def test_a_step_that_imitates_a_pad_is_none(tmp_path):
     (tmp_path / "data.csv").write_text(ask("lines", "none", "gantry", 0, 210001).having(Pad(60.0)).sheet())
     stage = likeliest_step(read_measurement(tmp_path / "data.csv", machines.load("gantry")), 7)

@@ -70,7 +70,7 @@ def test_no_figure_where_nothing_moves_the_tool_point():
     assert "no figure in um" in sentence
 
 
-@pytest.mark.integration
+@pytest.mark.statistical
 def test_targets_that_were_mounted_again_are_no_cause():
     """They have turned on the tool, and no target has moved among the others: the errors are known as well."""
     travel = MACHINE.axes[MACHINE.index("Z")].travel
@@ -92,7 +92,7 @@ def test_a_tilt_of_the_rotary_axis_that_carries_the_targets_has_its_size():
     assert (line.name, line.parameters[0]) == ("E_A0B", pytest.approx(80.0, abs=3.0 * line.uncertainties[0]))
 
 
-@pytest.mark.integration
+@pytest.mark.statistical
 def test_scale_and_squareness_are_told_in_words_with_their_sizes():
     changes = Scale("Y", 60.0), LocationError("C", "Y", -50.0)
     found = again(changes)

@@ -306,6 +306,7 @@ def test_a_retrace_meets_the_positions_backwards_and_the_times_forwards():
 DRIFT = ThermalDrift(component="Z", rate=12.0)
 
 
+@pytest.mark.statistical
 def test_fixed_references_and_nothing_else_tell_growth_from_a_drifting_tracker():
     found = diagnose(seen(shuffled(), DRIFT, seed=1))
     (cause,) = found.causes
@@ -355,19 +356,21 @@ def test_moves_of_other_lengths_make_backlash_sure(backlash_or_settling):
     assert ("backlash", "X", "strong") in [(cause.kind, cause.axis, cause.verdict) for cause in again.causes]
 
 
-@pytest.mark.statistical
+TIED = [
+    (DRIFT, shuffled, 1, "retrace", False),
+    (DRIFT, shuffled, 1, "shuffled", False),
+    (DRIFT, shuffled, 1, "second station across the volume", False),
+    (DRIFT, shuffled, 1, "many fixed references", True),
+    (BACKLASH, to_and_fro, 2, "retrace", False),
+    (BACKLASH, to_and_fro, 2, "second station across the volume", False),
+    (BACKLASH, to_and_fro, 2, "shuffled", True),
+    (BACKLASH, to_and_fro, 2, "other side", True),
+]
+
+
 @pytest.mark.parametrize(
     ("truth", "q", "seed", "design", "parts"),
-    [
-        (DRIFT, shuffled, 1, "retrace", False),
-        (DRIFT, shuffled, 1, "shuffled", False),
-        (DRIFT, shuffled, 1, "second station across the volume", False),
-        (DRIFT, shuffled, 1, "many fixed references", True),
-        (BACKLASH, to_and_fro, 2, "retrace", False),
-        (BACKLASH, to_and_fro, 2, "second station across the volume", False),
-        (BACKLASH, to_and_fro, 2, "shuffled", True),
-        (BACKLASH, to_and_fro, 2, "other side", True),
-    ],
+    quick(TIED, [], [TIED[3], TIED[4]]),
 )
 def test_a_tie_is_parted_by_the_designs_that_are_said_to_part_it_and_by_no_others(truth, q, seed, design, parts):
     data = seen(q(), truth, seed=seed)
@@ -383,6 +386,7 @@ def test_a_tie_is_parted_by_the_designs_that_are_said_to_part_it_and_by_no_other
         assert "tied" in verdicts.values()
 
 
+@pytest.mark.statistical
 def test_where_nothing_is_in_doubt_nothing_is_asked_for():
     found = diagnose(seen(shuffled(), Backlash("X", 12.0)))
     assert [(cause.effect.name, cause.verdict) for cause in found.causes] == [("backlash X", "strong")]
@@ -522,6 +526,7 @@ def test_a_few_of_the_positions_take_less_time():
     assert (whole.minutes, some.minutes) == pytest.approx((45.0, 15.0))
 
 
+@pytest.mark.statistical
 def test_a_weak_cause_is_made_sure_by_measuring_it_again():
     found = diagnose(seen(shuffled(), Backlash("X", 0.55), seed=11))
     weak = [cause.effect.name for cause in found.causes if cause.verdict == "weak"]

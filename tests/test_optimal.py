@@ -155,7 +155,7 @@ def test_minutes_are_kept_with_moves_and_changes_of_target():
 # ---- what has to be visible
 
 
-@pytest.mark.parametrize("seeds", quick([range(4), range(12)], [range(4)]), ids=len)
+@pytest.mark.parametrize("seeds", quick([range(4), range(12)], [], [range(4)]), ids=len)
 def test_an_effect_that_has_to_be_visible_is(seeds):
     """By 40 points of some of the random candidates; a plan that does not show it is refused with its uncertainty."""
     effects = read_effects(["backlash:axis=X,width=0", "backlash:axis=Y,width=0"], GANTRY)
@@ -193,6 +193,7 @@ def test_what_no_plan_can_show_is_refused():
 # ---- judged by fresh draws
 
 
+@pytest.mark.statistical
 def test_better_than_hand_made_plans_at_equal_time():
     common = {"points": 200, "tracker": list(PLACE)}
     names = ("optimised", "hexahedron", "grid", "planes", "random")

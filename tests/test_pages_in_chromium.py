@@ -198,6 +198,7 @@ def test_lists_open_and_the_theme_changes_by_clicks(chromium, folder, monkeypatc
     assert chromium.errors() == []
 
 
+@pytest.mark.statistical
 def test_the_printed_page(chromium, correction):  # noqa: ARG001  the browser must be there
     texts = printed(correction)
     assert "A. Müller" in texts[0]
@@ -376,6 +377,7 @@ def test_page_of_a_machine(chromium, tmp_path):
     assert all(row in text for row in ("direction of the tool", "the tool moves along the arrow", "page 1 of 1"))
 
 
+@pytest.mark.statistical
 def test_a_scene_fills_its_box(chromium, tmp_path):
     page = tmp_path / "mill.html"
     succeed("machines", "dmu50", "--draw", page)

@@ -132,7 +132,7 @@ def test_a_plain_line_is_read_as_its_block(lines):
     check_lines(data, SIEMENS)
 
 
-@drawn(20, 3000, text=arc_programs(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+@drawn(20, 200, 3000, text=arc_programs(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_arcs_in_bulk_give_the_same_program(text, seed, piece):
     check_lines(text.encode())
     model, options = model_of_errors(seed), {"tolerance_um": 1.0 if seed else 1e3}
@@ -158,7 +158,7 @@ def test_helices_of_hardly_any_radius_are_corrected(arcs, seed):
     assert outcome(text, DMU50, model_of_errors(seed), piece=1, **options) == single
 
 
-@drawn(10, 1500, text=arc_programs(siemens=True), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+@drawn(10, 100, 1500, text=arc_programs(siemens=True), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_siemens_arcs_in_bulk_give_the_same_program(text, seed, piece):
     check_lines(text.encode(), SIEMENS)
     model = model_of_errors(seed)
@@ -234,14 +234,14 @@ def test_the_lines_of_klartext_posts_are_plain(line):
     assert check_lines(f"{line}\n".encode(), KLARTEXT) == 1
 
 
-@drawn(2, 500, text=klartext_mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+@drawn(2, 60, 500, text=klartext_mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_klartext_in_bulk_gives_the_same_program(text, seed, piece):
     model = model_of_errors(seed)
     single = outcome(text, DMU50, model, plain=False, dialect="heidenhain")
     assert outcome(text, DMU50, model, piece=piece, dialect="heidenhain") == single
 
 
-@drawn(2, 500, text=siemens_mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+@drawn(2, 60, 500, text=siemens_mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_siemens_programs_in_bulk_give_the_same_program(text, seed, piece):
     model = model_of_errors(seed)
     single = outcome(text, DMU50, model, plain=False, dialect="siemens")
@@ -273,7 +273,7 @@ def test_nine_of_ten_moves_of_real_programs_are_plain(nc_data):
     assert min(counted.values()) > 0.95, counted
 
 
-@drawn(4, 800, text=mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+@drawn(4, 80, 800, text=mixtures(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_plain_lines_in_bulk_give_the_same_program(text, seed, piece):
     model = model_of_errors(seed)
     single = outcome(text, DMU50, model, plain=False)
@@ -366,7 +366,7 @@ REFUSING = 3  # a seed with whose errors the first of two refused lines is refus
 REFUSED_TWICE = "G90\nG0 X0.0000 Y0.0000 Z200.0000\nG2 X-0.00000 Y-0.00002 Z200.00000 I-0.02000\nG1 X0.\nG2 X1. Y2.\n"
 
 
-@drawn(5, 800, also=ONE_MOVE, text=arc_programs() | st.just(REFUSED_TWICE), size=st.sampled_from([1, 2, 3, 7]))
+@drawn(5, 80, 800, also=ONE_MOVE, text=arc_programs() | st.just(REFUSED_TWICE), size=st.sampled_from([1, 2, 3, 7]))
 def test_chunks_of_any_size_give_the_same_arcs(text, size):
     model = model_of_errors(REFUSING)
     whole = outcome(text, DMU50, model)

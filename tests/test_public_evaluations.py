@@ -115,6 +115,7 @@ def test_tables_of_a_control_are_imported(command):
     assert found.effects == ncomp.load_calibration("gantry", "rest.json").effects
 
 
+@pytest.mark.statistical
 def test_readings_on_the_fly(command):
     corners = "X600 F2500\nY450\nZ300\nX0\nY0\nZ0\nX600 Y450 Z300\n"
     Path("path.nc").write_text(f"G21 G90\nG0 X0 Y0 Z0\nG1 {corners}M30\n")

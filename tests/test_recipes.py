@@ -68,7 +68,7 @@ def with_plugin(tmp_path):
     return partial(run_apart, tmp_path)
 
 
-@pytest.mark.integration
+@pytest.mark.statistical
 def test_an_effect_of_ones_own_is_one_file(with_plugin, tmp_path):
     """It is simulated, fitted, diagnosed, corrected, exported and reported like the others."""
 

@@ -105,7 +105,7 @@ def test_refused(read, points, joints, words):
     assert words in str(fault.value)
 
 
-@pytest.mark.integration
+@pytest.mark.statistical
 def test_links_off_by_tenths_are_fitted(read):
     """Links off by 0.3 mm and 0.5 mrad leave 0.55 mm; the fit leaves the tracker's noise, also where it was not used."""
     joints = robot.random_joints(150)

@@ -232,7 +232,7 @@ def test_programs_with_take_ups(linuxcnc, name):
 
 
 @pytest.mark.parametrize("machine", ["gantry", "head_table"])
-@pytest.mark.parametrize("seed", quick(range(120), range(2)))
+@pytest.mark.parametrize("seed", quick(range(120), range(2), range(2, 24)))
 def test_random_programs(linuxcnc, machine, seed):
     machine = load(machine)
     setup = random_setup(machine)

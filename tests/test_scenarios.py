@@ -6,13 +6,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.tiers import EXAM, STATISTICAL
 
 from tests.scenarios import SCENARIOS, Scenario
 from tests.support.scenario_answers import answer
 
 INSIDE = 3.0
 """Standard uncertainties."""
-STATISTICAL = pytest.mark.statistical
+OFTEN = {
+    "backlash, tracker", "nothing wrong, tracker", "drift with a temperature", "outliers, tracker", "servo mismatch",
+    "nothing wrong, ballbar", "nothing wrong, touch probe", "air", "range of one station",
+}  # fmt: skip
+"""Scenarios of the statistical tier: of each instrument, of the machine and of the readings; other heavy ones are exams."""
 
 
 def each(*, failing: bool = False) -> pytest.MarkDecorator:
@@ -24,7 +29,7 @@ def each(*, failing: bool = False) -> pytest.MarkDecorator:
                 scenario,
                 id=scenario.name,
                 marks=[
-                    *[STATISTICAL] * scenario.heavy,
+                    *[STATISTICAL if scenario.name in OFTEN else EXAM] * scenario.heavy,
                     *[pytest.mark.xfail(strict=True, raises=AssertionError, reason=scenario.fails)]
                     * bool(scenario.fails),
                 ],

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from shop_floor.question import ask
+from support.tiers import EXAM, STATISTICAL
 
 import machines
 from calibration.diagnosis.preparation import prepared
@@ -25,7 +26,7 @@ def dependence_of(question, folder):
     return linearised, unexplained(linearised)
 
 
-@pytest.mark.parametrize("machine", ["gantry", pytest.param("cframe", marks=pytest.mark.statistical)])
+@pytest.mark.parametrize("machine", [pytest.param("gantry", marks=STATISTICAL), pytest.param("cframe", marks=EXAM)])
 def test_an_error_that_swings_is_no_non_repeatability(machine, tmp_path):
     question = ask("random3", "swing", machine, 0, 7)
     linearised, found = dependence_of(question, tmp_path)
@@ -37,7 +38,7 @@ def test_an_error_that_swings_is_no_non_repeatability(machine, tmp_path):
     assert np.sum(shape * true) > 0.5 * np.sum(true**2)
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.statistical) for seed in range(2, 8))])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=EXAM) for seed in range(2, 8))])
 def test_an_axis_that_does_not_repeat_depends_on_nothing(seed, tmp_path):
     plain = ask("random3", "none", "cframe", 0, seed)
     stops = np.random.default_rng(seed).normal(size=(len(plain.run), 3))[plain.run.stop] * [0.0, 12.0, 0.0] * UM

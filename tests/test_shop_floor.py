@@ -399,7 +399,7 @@ def test_questions_are_answered_by_the_command():
     assert all(summary.relative(found, {summary._twin(nothing): nothing}) < 2.0 for found in hidden)
 
 
-@pytest.mark.statistical
+@pytest.mark.exam
 def test_a_cause_is_searched_where_the_noise_of_an_axis_hides_it():
     """Stops at random positions: a sag that the scatter of Z from stop to stop holds leaves residuals that are white."""
     found = exam.answer(exam.Key("random3", "cross", "gantry", 0, 4003), timeout=600)
@@ -407,7 +407,7 @@ def test_a_cause_is_searched_where_the_noise_of_an_axis_hides_it():
     assert found["named"] + found["tied"] == 1
 
 
-@pytest.mark.statistical
+@pytest.mark.exam
 def test_few_positions_name_no_period_and_no_basis_of_the_search():
     """A warped frame at 40 positions, and a machine whose X has finer errors than the search's basis of X."""
     warped = exam.answer(exam.Key("few", "product", "cframe", 0, 70001), timeout=600)

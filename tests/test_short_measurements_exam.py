@@ -87,6 +87,7 @@ def test_an_effect_that_the_data_cannot_show_is_invisible_and_no_other():
     assert summary(records)[:6] == ["4", "1", "0", "0", "2", "1"]
 
 
+@pytest.mark.statistical
 def test_the_power_is_that_of_the_effect_beside_everything_unknown():
     case = Case("gantry", "pairs", "backlash", 5)
     whole = information(case)

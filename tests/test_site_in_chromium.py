@@ -31,6 +31,7 @@ def _site(tmp_path_factory):
     return folder
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("page", ["index.html", "controls/iso.html"])
 def test_the_search_works_from_the_disk_without_network(chromium, site, page):
     chromium.requests()

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import succeed
+from support.tiers import quick
 from virtual_machine import strange
 
 from kinematics.transforms import Array
@@ -50,6 +51,9 @@ def examined(
     return length(before), length(after), length(u)
 
 
+POOR = [(kind, seed) for seed in (3, 6) for kind in ("one-at-a-time", "bed", "table-only")]
+
+
 def check(before: float, after: float, u: float, share: float) -> None:
     assert after < share * before
     assert after < CLAIMED_TOO_MUCH * u
@@ -74,11 +78,15 @@ def test_few_positions_are_refused_with_what_is_needed(tmp_path: Path) -> None:
         examined(tmp_path, "few", 3, rotary=1)
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("seed", [1, 4, 5])
-@pytest.mark.parametrize("kind", ["whole-turn", "part-of-turn", "inches", "within"])
+MANY = [(kind, seed) for seed in (1, 4, 5) for kind in ("whole-turn", "part-of-turn", "inches", "within")]
+
+
+@pytest.mark.parametrize(("kind", "seed"), quick(MANY, [], MANY[:4]))
 def test_many_positions_on_strange_machines(tmp_path: Path, kind: str, seed: int) -> None:
     check(*examined(tmp_path, kind, seed, rotary=2), share=0.2)
+
+
+SCATTERED = [(basis, seed) for seed in (1, 3) for basis in ("polynomial", "table")]
 
 
 @pytest.mark.statistical
@@ -87,9 +95,7 @@ def test_three_points_on_a_table_with_long_arms_make_nothing_worse(tmp_path: Pat
     check(*examined(tmp_path, "three-points", 4, rotary=2, fitted=("three-points",)), share=1.0)
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("basis", ["polynomial", "table"])
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize(("basis", "seed"), quick(SCATTERED, [], [SCATTERED[0], SCATTERED[3]]))
 def test_three_points_scatter_as_they_claim(tmp_path: Path, seed: int, basis: str) -> None:
     """Predictions from eight measurements of one machine, each with other noise."""
     rng = np.random.default_rng(seed)
@@ -117,8 +123,6 @@ def test_three_points_scatter_as_they_claim(tmp_path: Path, seed: int, basis: st
     assert 0.7 < length(scatter) / length(np.concatenate(u)) < 1.3
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("seed", [3, 6])
-@pytest.mark.parametrize("kind", ["one-at-a-time", "bed", "table-only"])
+@pytest.mark.parametrize(("kind", "seed"), quick(POOR, [], POOR[:3]))
 def test_poor_designs_claim_little_and_make_nothing_worse(tmp_path: Path, kind: str, seed: int) -> None:
     check(*examined(tmp_path, kind, seed, rotary=1), share=1.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 from support.programs import FIVE_AXES, THREE_AXES, correct
-from support.tiers import drawn, quick
+from support.tiers import all_pairs, drawn, quick
 
 import machines
 from calibration.measurement.measurement import Target
@@ -44,7 +44,11 @@ EVERY = list(product([*THREE_AXES, *FIVE_AXES], STRATEGIES, ROTARY))
 
 @pytest.mark.parametrize(
     ("name", "strategy", "rotary"),
-    quick(EVERY, [each for each in EVERY if each[0] == "dmu50" or each[1:] == ("space-diagonals", "swept")]),
+    quick(
+        EVERY,
+        [each for each in EVERY if each[0] == "dmu50" or each[1:] == ("space-diagonals", "swept")],
+        all_pairs([*THREE_AXES, *FIVE_AXES], STRATEGIES, ROTARY),
+    ),
 )
 def test_inside_travel_whole_um_and_as_many_as_said(name, strategy, rotary):
     machine = machines.load(name)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.diagnosis_cases import data_with, selector
+from support.tiers import quick
 
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.search.candidates import Candidate
@@ -21,7 +22,7 @@ def knocked(moment):
     return data_with(StationShift("s1", SHIFT_UM, since_s=time), n=ROWS)
 
 
-@pytest.mark.parametrize("moment", [ROWS - FEW, FEW])
+@pytest.mark.parametrize("moment", quick([ROWS - FEW, FEW], [ROWS - FEW]))
 def test_a_knock_near_the_end_or_the_beginning_is_no_row_of_outliers(moment):
     data = knocked(moment)
     found = diagnose(data)
@@ -33,7 +34,7 @@ def test_a_knock_near_the_end_or_the_beginning_is_no_row_of_outliers(moment):
     assert not len(found.after.fit.outliers)
 
 
-@pytest.mark.parametrize("count", [FEW, 3, 2])
+@pytest.mark.parametrize("count", quick([FEW, 3, 2], [], [FEW, 2]))
 def test_rows_that_are_off_each_by_itself_stay_outliers(count):
     data, rng = data_with(n=ROWS), np.random.default_rng(8)
     off = np.zeros((ROWS, 3))
@@ -43,7 +44,10 @@ def test_rows_that_are_off_each_by_itself_stay_outliers(count):
     assert [cause.kind for cause in found.causes] == ["outliers"]
 
 
-@pytest.mark.parametrize("rows", [slice(-2, None), slice(-3, None), slice(0, 2), slice(-1, None)])
+ENDS = [slice(-2, None), slice(-3, None), slice(0, 2), slice(-1, None)]
+
+
+@pytest.mark.parametrize("rows", quick(ENDS, ENDS[3:], [slice(0, 2)]))
 def test_few_rows_at_an_end_that_are_off_alike_are_tied_with_a_knock(rows):
     """They are left out; one row says nothing about a knock."""
     data, off = data_with(n=ROWS), np.zeros((ROWS, 3))
@@ -61,7 +65,10 @@ def test_few_rows_at_an_end_that_are_off_alike_are_tied_with_a_knock(rows):
         assert "measured once more" in cause.notes[0]
 
 
-@pytest.mark.parametrize(("number", "seed", "um"), [(1, 1, 20.0), (2, 2, 20.0), (5, 2, 30.0)])
+DRAWS = [(1, 1, 20.0), (2, 2, 20.0), (5, 2, 30.0)]
+
+
+@pytest.mark.parametrize(("number", "seed", "um"), quick(DRAWS, [], DRAWS[:1]))
 def test_three_rows_do_not_tell_a_knock_from_a_jump_of_the_machine(number, seed, um):
     towards = np.random.default_rng(5).normal(size=(6, 3))[number]
     shift = tuple((um * towards / np.linalg.norm(towards)).tolist())

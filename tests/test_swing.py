@@ -8,6 +8,7 @@ import pytest
 from shop_floor import exam
 from support.effect_examples import DMU50, full_state
 from support.pages import text_of
+from support.tiers import EXAM, STATISTICAL, quick
 from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
@@ -98,8 +99,8 @@ SLOW = Swing("Y", ("X", "time"), (X, (0.0, 1100.0)), ((0, 1), (1, 1)), (20.0, 20
 @pytest.mark.parametrize(
     "causes",
     [
-        (Backlash("Z", 8.0),),
-        pytest.param((Backlash("Y", 10.0), Backlash("X", 15.0)), marks=pytest.mark.statistical),
+        pytest.param((Backlash("Z", 8.0),), marks=STATISTICAL),
+        pytest.param((Backlash("Y", 10.0), Backlash("X", 15.0)), marks=EXAM),
     ],
 )
 def test_a_cause_beside_a_swing_is_named_with_its_size(causes):
@@ -116,9 +117,9 @@ def test_a_cause_beside_a_swing_is_named_with_its_size(causes):
 @pytest.mark.parametrize(
     ("period", "terms"),
     [
-        (250.0, ((0, 1), (1, 1))),
-        pytest.param(120.0, ((0, 1), (1, 1)), marks=pytest.mark.statistical),
-        pytest.param(400.0, ((0, 2),), marks=pytest.mark.statistical),
+        pytest.param(250.0, ((0, 1), (1, 1)), marks=STATISTICAL),
+        pytest.param(120.0, ((0, 1), (1, 1)), marks=EXAM),
+        pytest.param(400.0, ((0, 2),), marks=EXAM),
     ],
 )
 def test_a_swing_that_no_smooth_function_follows_is_found(period, terms):
@@ -141,7 +142,7 @@ def out_and_back():
     return x, rng.uniform(0.0, 300.0, 200), rng.uniform(50.0, 250.0, 200)
 
 
-@pytest.mark.parametrize("path", [grid, out_and_back])
+@pytest.mark.parametrize("path", quick([grid, out_and_back], [], [grid]))
 def test_an_error_of_positions_that_come_at_equal_times_is_no_swing(path):
     """A wave of the axis is one of the time too."""
     x, y, z = path()
@@ -153,6 +154,7 @@ def test_an_error_of_positions_that_come_at_equal_times_is_no_swing(path):
     assert fast_swing(found.before.linearised, None) is None
 
 
+@pytest.mark.statistical
 def test_what_moves_without_a_period_is_no_swing():
     course = Unnamed("Y", ("X", "time"), (X, (0.0, 3000.0)), ((0, 2), (1, 3)), (60.0, 60.0))
     found = diagnosed(course)
@@ -161,15 +163,14 @@ def test_what_moves_without_a_period_is_no_swing():
     assert diagnosis_json(found)["swing"] is None
 
 
-@pytest.mark.statistical
 @pytest.mark.parametrize(
     ("design", "machine", "draw", "seed"),
     [
-        ("lines", "gantry", 0, 72001),
-        ("lines", "cframe", 1, 73001),
-        ("random3", "cframe", 1, 73001),
-        ("one-target", "cframe", 1, 73001),
-        ("diagonals", "dmu50", 1, 72001),
+        pytest.param("lines", "gantry", 0, 72001, marks=STATISTICAL),
+        pytest.param("lines", "cframe", 1, 73001, marks=EXAM),
+        pytest.param("random3", "cframe", 1, 73001, marks=EXAM),
+        pytest.param("one-target", "cframe", 1, 73001, marks=EXAM),
+        pytest.param("diagonals", "dmu50", 1, 72001, marks=EXAM),
     ],
 )
 def test_a_calibration_beside_a_swing_is_as_good_as_without_one(design, machine, draw, seed):
@@ -181,13 +182,14 @@ def test_a_calibration_beside_a_swing_is_as_good_as_without_one(design, machine,
     assert swing["unseen_nameable_um"] < 1.35 * none["unseen_um"][1]
 
 
-@pytest.mark.statistical
+@pytest.mark.exam
 def test_a_part_of_a_swing_is_no_cause():
     """Without the noise that the swing leaves, settling of X explains a part of it."""
     found = exam.answer(exam.Key("lines", "swing", "gantry", 0, 77001), timeout=600)
     assert (found["named"], found["false"]) == (1, [])
 
 
+@pytest.mark.statistical
 def test_of_many_rows_it_is_found_by_some_of_them(monkeypatch):
     """The model beside the swing has another number of parameters, and is evaluated at other rows."""
     monkeypatch.setattr(evaluated_rows, "LEAST_ROWS", 100)
@@ -197,8 +199,7 @@ def test_of_many_rows_it_is_found_by_some_of_them(monkeypatch):
     assert abs(found.swing.period - SLOW.period) < 4.0 * found.swing.u
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("design", ["lines-once", "three-targets"])
+@pytest.mark.parametrize("design", quick(["lines-once", "three-targets"], [], ["lines-once"]))
 def test_a_pad_that_gives_way_faster_and_faster_is_no_jump(design):
     """The model imitates all terms of a function that explains far more than a jump about A late in the run."""
     found = exam.answer(exam.Key(design, "floor", "cframe", 0, 82001), timeout=600)

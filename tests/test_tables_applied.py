@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 from support.programs import FIVE_AXES, THREE_AXES, load
+from support.tiers import each_once, quick
 from virtual_machine.calibrated import read_calibration
 from virtual_machine.chain import load as chain_of
 from virtual_machine.chain import nominal_points, tool_points
@@ -168,9 +169,10 @@ def test_the_shift_of_the_zeros_is_told_first(command):
     assert sheet.index("**Zero shift:") < sheet.index("## Meaning of the numbers")
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("machine", [*THREE_AXES, *FIVE_AXES])
-@pytest.mark.parametrize("format", FORMATS)
+EVERY = [(machine, format) for machine in (*THREE_AXES, *FIVE_AXES) for format in FORMATS]
+
+
+@pytest.mark.parametrize(("machine", "format"), quick(EVERY, [], each_once([*THREE_AXES, *FIVE_AXES], FORMATS)))
 def test_every_machine_is_left_as_the_sheet_says_and_read_again(command, machine, format):
     calibration(load(machine), Path("cal.json"))
     written = exported(command, machine, format, "cal.json", "tables", "correction")

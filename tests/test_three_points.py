@@ -216,7 +216,7 @@ def test_a_wobble_is_widened_together_with_the_curve_that_holds_it_down(monkeypa
         assert (np.array(one.uncertainties) <= (max(factors) + 1e-6) * np.array(other.uncertainties) + 1e-9).all()
 
 
-@pytest.mark.parametrize("seed", quick(range(3), [0]))
+@pytest.mark.parametrize("seed", quick(range(3), [0], [1]))
 def test_a_model_with_averaged_degrees_is_read_again(seed):
     seen = measured(DMU50, model(DMU50, random_effects(seed)), AROUND, axes="XC", rng=np.random.default_rng(seed))
     found = identify(seen).model

@@ -71,6 +71,7 @@ def test_two_runs_of_one_instrument_give_what_one_fit_of_both_gives(two_runs):
     np.testing.assert_allclose(both.covariance, one.covariance, atol=2e-2 * u.max() ** 2)
 
 
+@pytest.mark.statistical
 def test_the_order_has_no_effect(shop):
     measurements, _ = shop
     first, second = (calibrate_together(each, hold_out=False).model for each in (measurements, measurements[::-1]))
@@ -80,6 +81,7 @@ def test_the_order_has_no_effect(shop):
         np.testing.assert_allclose(effect.uncertainties, by_name[effect.name].uncertainties, atol=1e-6)
 
 
+@pytest.mark.statistical
 def test_spheres_and_an_interferometer_show_what_neither_shows_alone(shop):
     measurements, model = shop
     both = calibrate_together(measurements)
@@ -94,6 +96,7 @@ def test_spheres_and_an_interferometer_show_what_neither_shows_alone(shop):
     assert all(part.together.rms_um < 0.3 * part.before_um for part in both.parts)
 
 
+@pytest.mark.statistical
 def test_a_machine_that_has_changed_between_the_measurements_is_found(shop):
     (spheres, _), model = shop
     lines = (*(effect for effect in model.effects if not isinstance(effect, Scale)), Scale("X", 700.0))

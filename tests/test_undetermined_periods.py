@@ -86,6 +86,7 @@ def test_errors_between_few_positions_must_be_predicted():
     assert against_positions(bare, nominal_residuals(bare.fit)) == ""
 
 
+@pytest.mark.statistical
 def test_curves_that_predict_some_positions_better_by_chance_are_no_improvement():
     q = np.round(np.linspace(3.0, 596.0, 6) + np.random.default_rng(3).uniform(-12.0, 12.0, 6), 1)
     data = points(SLOPE, WAVE, levels=q)

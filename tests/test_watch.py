@@ -54,6 +54,7 @@ def watching_folder(tmp_path, *options, program=PROGRAM):
             process.kill()
 
 
+@pytest.mark.statistical
 def test_changed_files_are_read_anew_before_each_program(tmp_path):
     text = (Path(__file__).parents[1] / "machines" / "gantry.toml").read_text()
     (tmp_path / "mill.toml").write_text(text.replace("[work_offsets]", "[work_offsets]\nG54 = { X = 1, Y = 2, Z = 3 }"))
