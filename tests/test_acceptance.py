@@ -92,7 +92,7 @@ def test_before_and_after_have_the_same_keys(command, tmp_path):
     assert said["after"]["heldout_rms_um"] < said["before"]["heldout_rms_um"]
 
 
-@pytest.mark.integration
+@pytest.mark.statistical
 def test_the_same_machine_again_confirms_its_calibration():
     model, first = data(n=200)
     present = calibrate(first, basis="b-spline:4").model

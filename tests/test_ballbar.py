@@ -167,6 +167,7 @@ def test_one_plane_leaves_the_centre_across_it_where_it_is_stated():
 # ---- fit and diagnosis
 
 
+@pytest.mark.statistical
 def test_a_calibrated_length_shows_the_scale_and_a_fitted_one_the_difference_of_scales():
     bars = [Ballbar(u_um=0.3), Ballbar(u_um=0.3, length_u_um=0.2)]
     seen = []

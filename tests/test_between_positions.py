@@ -214,6 +214,7 @@ def test_the_report_names_the_axis(ncomp):
     assert not diagnosed["effects"]
 
 
+@pytest.mark.statistical
 def test_the_expected_size_of_a_curve_is_that_of_its_own_error_motion():
     """Spheres: squareness is expected from assembly, and makes no other error motion of its axis larger."""
     measurement, _ = probed("head_head", 20)
@@ -245,7 +246,7 @@ def test_rotary_axes_as_splines_keep_the_size_of_their_own_prior():
     assert max(sizes[name] for name in ("E_XX", "E_YY", "E_ZZ")) < 4.5
 
 
-@pytest.mark.parametrize("seed", quick(range(3), [0], [1]))
+@pytest.mark.parametrize("seed", quick(range(3), [], [0]))
 def test_other_effects_are_found_again_beside_the_curves(seed):
     """A basis pays for a line with each of its parameters, and leaves a part of it to a wave of the tracker's circle."""
     rng, ends = np.random.default_rng(seed), np.array([-1.0, 1.0])

@@ -217,6 +217,7 @@ def test_joined_to_angles_that_are_known_the_arm_is_taken_off(command):
     assert abs(covariance[1, -2]) > 0.05
 
 
+@pytest.mark.statistical
 def test_reversal_that_changes_along_the_axis(command):
     made(command, "cframe", "--effect", "backlash:axis=X,width=9,windup=20", *ERRORS[:2])
     assert "reversal E_XX" in calibrated(command, "cframe").err

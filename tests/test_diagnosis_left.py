@@ -116,6 +116,7 @@ def test_a_wave_that_is_there_is_not(seed):
     assert not by_chance(stage)
 
 
+@pytest.mark.statistical
 def test_few_draws_decide_on_a_gain_far_above_those_of_chance(monkeypatch):
     """All are needed for one that is near them."""
     _, stage = stage_with(nameless("Y", 2.0), Cyclic("X", "X", 10.0, (12.0,), (9.0,)), candidate=strongest_wave)
@@ -308,7 +309,7 @@ def test_a_walk_is_not_fitted_by_a_basis_that_leaves_no_row_to_check_it():
     assert found.unexplained.variables == ("time",)
 
 
-@pytest.mark.parametrize("walks", [True, False])
+@pytest.mark.parametrize("walks", quick([True, False], [True]))
 def test_a_random_walk_of_the_spindle_depends_on_time_and_is_no_noise_of_an_axis(walks):
     """The same errors in another order are noise of Z from stop to stop."""
     data, rng = data_with(n=120), np.random.default_rng(2)
@@ -346,7 +347,7 @@ def test_a_jump_that_a_smooth_function_of_time_explains_better_is_none(walks):
     assert remainder.wandering(stage) == (list(stage.accepted) if walks else [])
 
 
-@pytest.mark.parametrize("walks", [True, False])
+@pytest.mark.parametrize("walks", quick([True, False], [True]))
 def test_a_drift_that_is_a_part_of_a_random_walk_is_none(walks):
     data, rng = data_with(n=N), np.random.default_rng(6)
     course = np.cumsum(rng.normal(scale=0.012, size=N)) if walks else 0.1 * np.arange(N) / N
@@ -356,7 +357,7 @@ def test_a_drift_that_is_a_part_of_a_random_walk_is_none(walks):
     assert remainder.wandering(stage) == (list(stage.accepted) if walks else [])
 
 
-@pytest.mark.parametrize("walks", [True, False])
+@pytest.mark.parametrize("walks", quick([True, False], [True]))
 def test_a_drift_stands_beside_axes_that_do_not_repeat_but_not_beside_a_random_walk(walks):
     """Three rows at each stop show how it is shifted: independent shifts look like the steps of a walk."""
     data, rng = with_stops(3, {}), np.random.default_rng(6)

@@ -184,6 +184,7 @@ def symbolic_dmu50_axis(axis: Axis, errors: sp.Matrix) -> sp.Matrix:
     return error * link if axis.side == "tool" else link * error
 
 
+@pytest.mark.statistical
 def test_derivation_equals_differentiating_the_matrix_product_of_the_dmu50():
     machine = machines.load("dmu50")
     J = derive.error_transform(machine, lambda _, values: values.applyfunc(sp.expand))

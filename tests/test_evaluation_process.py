@@ -305,9 +305,7 @@ def test_a_lost_process_ends_the_run_with_a_message_and_without_an_output(starte
 
 
 @NEEDS_PROC
-@pytest.mark.parametrize(
-    "stop", quick([signal.SIGKILL, signal.SIGTERM, signal.SIGINT], [signal.SIGTERM, signal.SIGKILL])
-)
+@pytest.mark.parametrize("stop", quick([signal.SIGKILL, signal.SIGTERM, signal.SIGINT], [signal.SIGKILL]))
 def test_the_process_ends_with_the_first_one(started, stop):
     family = children(started.pid)
     started.send_signal(stop)

@@ -1,6 +1,7 @@
 """Errors along straight moves that follow from those at both ends: the same as those of the exact model."""
 
 import dataclasses
+from itertools import product
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import strategies as st
 from support.backlash_paths import played
 from support.program_runs import corrected, job_of, programs
 from support.programs import FIVE_AXES, correct, load, random_model, read, source_of
-from support.tiers import drawn
+from support.tiers import drawn, quick
 
 import ncomp
 from kinematics.columns import ChainColumns, length, minus, vector
@@ -137,15 +138,20 @@ HEADS = {
 }
 
 
-@pytest.mark.parametrize("head", HEADS.values(), ids=HEADS)
-@pytest.mark.parametrize("classes", [None, frozenset({"L-VOL+", "R-VOL+"})], ids=["tool point", "orientation"])
-@pytest.mark.parametrize("datum", ["true", "probed"])
+CLASSES = {"tool point": None, "orientation": frozenset({"L-VOL+", "R-VOL+"})}
+RUNS = list(product(HEADS, CLASSES, ["true", "probed"]))
+
+
+@pytest.mark.parametrize(
+    ("head", "classes", "datum"),
+    quick(RUNS, [("axes", "tool point", "true"), ("tcp", "orientation", "probed"), ("inch", "tool point", "probed")]),
+)
 def test_points_of_fine_moves_follow_from_the_ends(head, classes, datum, monkeypatch):
     machine = load("dmu50")
     model, count = random_model(machine, 4), [0]
-    text = f"G21 G90 G17 G54 G94\nT1 M6\nG0 X60 Y0 Z200 B0 C0\n{head}{FINE}{FRAMES}"
+    text = f"G21 G90 G17 G54 G94\nT1 M6\nG0 X60 Y0 Z200 B0 C0\n{HEADS[head]}{FINE}{FRAMES}"
     options = {"offsets": ["G55=10,0,0"], "tools": ["T1=80"], "datums": [f"G54={datum}", "G55=true"]}
-    done = correct(text, machine, model, **options, travel_check=False, classes=classes).text
+    done = correct(text, machine, model, **options, travel_check=False, classes=CLASSES[classes]).text
     nominal, commanded = (read(each, machine, options["offsets"], options["tools"]) for each in (text, done))
     evaluate = Verifier._vectors
 

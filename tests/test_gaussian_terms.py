@@ -8,6 +8,7 @@ import pytest
 from scipy import linalg
 from support.ballbar_cases import circles_of
 from support.diagnosis_cases import CFRAME, data_with, with_stops
+from support.tiers import quick
 
 from calibration.evaluation.volumetric import aligned, deviation_on
 from calibration.fit.calibrate import calibrate
@@ -127,7 +128,7 @@ def error_motions(seed: int) -> list[ErrorMotion]:
     ]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", quick([1, 2], [1]))
 def test_the_calibration_predicts_the_errors_within_its_uncertainty(seed):
     """At positions between the measured ones; the same errors as `ncomp fit` leaves, or smaller ones."""
     motions = error_motions(seed)

@@ -87,6 +87,7 @@ def posted(freecad: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> tup
     return home, dict(zip(posts, freecad.post_all(list(posts.values()), home), strict=True))
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("name", STOCK)
 def test_freecad_writes_the_corrected_program(posted: tuple[Path, dict[str, str | None]], name: str) -> None:
     folder, faults = posted
@@ -124,6 +125,7 @@ def test_freecad_finds_ncomp_and_files_beside_the_output(posted: tuple[Path, dic
     assert "(NCOMP " in (folder / "mill" / "block.nc").read_text()
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("name", FAULTS)
 def test_freecad_keeps_no_program_after_a_fault(posted: tuple[Path, dict[str, str | None]], name: str) -> None:
     folder, faults = posted

@@ -69,6 +69,7 @@ def unrepeatable(data, size=0.06):
     return replace(data, observed=observed, state=replace(data.state, observed=observed))
 
 
+@pytest.mark.statistical
 def test_a_backlash_is_named_although_an_error_motion_can_bend_around_it():
     found = diagnose(layers(LOST))
     (cause,) = found.causes
@@ -172,6 +173,7 @@ def test_unseen_states_have_directions():
         assert set(np.unique(moment.state.approach)) == {-1.0, 1.0}
 
 
+@pytest.mark.statistical
 def test_a_cause_is_compared_again_when_another_one_has_fallen(monkeypatch):
     """A knock had come in with another moment: only a target that was seated again was left for the true one."""
     data = part_lines()

@@ -15,7 +15,7 @@ values = st.recursive(
 )
 
 
-@drawn(few=30, many=100, most=300, value=values)
+@drawn(few=10, many=100, most=300, value=values)
 def test_what_is_written_is_what_is_read(value):
     assert json.loads(to_json(value)) == value
 

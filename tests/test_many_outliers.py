@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions, truth, written
 
 import machines
@@ -38,7 +39,7 @@ def test_five_percent_are_left_out():
     assert not found.suspected.any()
 
 
-@pytest.mark.parametrize("share", [0.08, 0.45])
+@pytest.mark.parametrize("share", quick([0.08, 0.45], [0.08]))
 def test_more_stay_and_are_in_the_residual(share):
     data, off = spoiled(share)
     found = fit(data, rigid_model(data, COARSE))
@@ -54,6 +55,7 @@ def test_more_stay_and_are_in_the_residual(share):
         assert "outliers" in {finding.check for finding in refused.value.found.findings}
 
 
+@pytest.mark.statistical
 def test_rows_of_a_failed_station_count():
     """It is left out by name, but only the user can say that the machine is not at fault."""
     data, _ = spoiled(0.0, n=120, stations=3)

@@ -42,6 +42,7 @@ def test_a_move_that_is_not_split():
     assert departure(mesh, np.array([50.0, 0.0]), np.array([50.0, 100.0]), DEFAULT) == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.statistical
 def test_the_sheet_states_the_settings_and_the_limit():
     machine, model = bowed(30.0)
     exported = ncomp.export(machine, "klipper", model)

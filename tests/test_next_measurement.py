@@ -337,6 +337,7 @@ def backlash_or_settling():
     return diagnose(seen(to_and_fro(), BACKLASH))
 
 
+@pytest.mark.statistical
 def test_moves_of_other_lengths_tell_backlash_from_settling(backlash_or_settling):
     found = backlash_or_settling
     tied = {cause.kind for cause in found.causes if cause.verdict == "tied"}
@@ -396,6 +397,7 @@ def test_where_nothing_is_in_doubt_nothing_is_asked_for():
     assert found.accepted == ("No further measurement is needed" in found.next_measurement)
 
 
+@pytest.mark.statistical
 def test_moves_are_ranked_by_what_they_tell_per_minute(backlash_or_settling):
     found = backlash_or_settling
     gains = [move.gain_per_minute for move in found.proposed_measurements]

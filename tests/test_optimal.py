@@ -142,6 +142,7 @@ def test_limits_of_the_tracker_and_the_travel_are_kept():
     assert found.tracker in positions_around(GANTRY, Choices(), Target((0.0, 0.0, 0.0)))
 
 
+@pytest.mark.statistical
 def test_minutes_are_kept_with_moves_and_changes_of_target():
     targets = {"a": Target((0.0, 0.0, -100.0)), "b": Target((90.0, 40.0, -180.0)), "c": Target((-80.0, 60.0, -150.0))}
     timing = Timing(dwell_s=3.0, feed=5000.0)

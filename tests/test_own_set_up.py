@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from support.tiers import quick
 
 import ncomp as api
 
@@ -107,7 +108,7 @@ def test_a_set_up_that_cannot_be_used(shop, text, said):
         assert not Path("out/a.nc").exists()
 
 
-@pytest.mark.parametrize("way", ["job", "beside", "option"])
+@pytest.mark.parametrize("way", quick(["job", "beside", "option"], ["beside"]))
 def test_watched_programs_have_their_set_ups_and_results(shop, way):
     if way == "beside":
         beside()

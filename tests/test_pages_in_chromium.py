@@ -179,6 +179,7 @@ def test_a_path_turns_and_answers_the_pointer(chromium, correction):
     assert any(re.search(r"\d", text) for text in texts)
 
 
+@pytest.mark.statistical
 def test_lists_open_and_the_theme_changes_by_clicks(chromium, folder, monkeypatch):
     monkeypatch.chdir(folder)
     simulated, evaluated = KINDS["ballbar"]

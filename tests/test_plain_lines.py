@@ -132,7 +132,7 @@ def test_a_plain_line_is_read_as_its_block(lines):
     check_lines(data, SIEMENS)
 
 
-@drawn(20, 200, 3000, text=arc_programs(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+@drawn(8, 200, 3000, text=arc_programs(), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_arcs_in_bulk_give_the_same_program(text, seed, piece):
     check_lines(text.encode())
     model, options = model_of_errors(seed), {"tolerance_um": 1.0 if seed else 1e3}
@@ -158,7 +158,7 @@ def test_helices_of_hardly_any_radius_are_corrected(arcs, seed):
     assert outcome(text, DMU50, model_of_errors(seed), piece=1, **options) == single
 
 
-@drawn(10, 100, 1500, text=arc_programs(siemens=True), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
+@drawn(5, 100, 1500, text=arc_programs(siemens=True), seed=st.integers(0, 1), piece=st.sampled_from(PIECES))
 def test_siemens_arcs_in_bulk_give_the_same_program(text, seed, piece):
     check_lines(text.encode(), SIEMENS)
     model = model_of_errors(seed)

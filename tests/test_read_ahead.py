@@ -72,7 +72,7 @@ def late_process(begin, lost):
     return Late
 
 
-@drawn(40, 200, 600, text=mixtures(), size=st.integers(1, 4), begin=st.integers(0, 8), lost=st.integers(-1, 20))
+@drawn(15, 200, 600, text=mixtures(), size=st.integers(1, 4), begin=st.integers(0, 8), lost=st.integers(-1, 20))
 def test_the_lines_are_those_of_one_process(text, size, begin, lost):
     pieces, process = divided(text, size), late_process(begin, lost)
     with pytest.MonkeyPatch.context() as patch:

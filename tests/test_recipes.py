@@ -131,7 +131,7 @@ def installed(tmp_path):
     (folder / "entry_points.txt").write_text(f"[{group}]\n{' = '.join(entry)}\n")
 
 
-@pytest.mark.integration
+@pytest.mark.statistical
 @pytest.mark.usefixtures("installed")
 def test_an_installed_package_gives_its_effect_on_request(with_plugin, tmp_path):
     points = ("--strategy", "random", "--points", "40", "--order", "shuffled", "--seed", "3")

@@ -157,6 +157,7 @@ def test_a_robot_logged_before_it_had_settled(read):
     assert any("had not settled" in message for message in messages), found
 
 
+@pytest.mark.statistical
 def test_the_nominal_machine_is_registered_without_the_noise_of_the_fit(command):
     """Gravity bends two joints; three reflectors at each pose look like joints that do not repeat."""
     rng = np.random.default_rng(2)

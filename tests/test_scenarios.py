@@ -20,6 +20,17 @@ OFTEN = {
 """Scenarios of the statistical tier: of each instrument, of the machine and of the readings; other heavy ones are exams."""
 
 
+FEW = {"nothing wrong, interferometer", "backlash", "cyclic", "growth with a temperature", "squareness of a part"}
+"""Scenarios of the default tiers."""
+
+
+def tier(scenario: Scenario) -> list[pytest.MarkDecorator]:
+    """The mark of a scenario that is in no default tier."""
+    if scenario.name in FEW:
+        return []
+    return [STATISTICAL if scenario.name in OFTEN or not scenario.heavy else EXAM]
+
+
 def each(*, failing: bool = False) -> pytest.MarkDecorator:
     """All scenarios; where the present answer is wrong the test has to fail if it is one of the causes."""
     return pytest.mark.parametrize(
@@ -29,7 +40,7 @@ def each(*, failing: bool = False) -> pytest.MarkDecorator:
                 scenario,
                 id=scenario.name,
                 marks=[
-                    *[STATISTICAL if scenario.name in OFTEN else EXAM] * scenario.heavy,
+                    *tier(scenario),
                     *[pytest.mark.xfail(strict=True, raises=AssertionError, reason=scenario.fails)]
                     * bool(scenario.fails),
                 ],

@@ -160,6 +160,7 @@ DESIGNS = [
 ]
 
 
+@pytest.mark.statistical
 def test_spheres_at_calibrated_distances_leave_least_and_one_sphere_most():
     """Without a distance the common scale of the linear axes remains, as the notes state."""
     found = results(read_cases(study_of({**SPHERES, "case": DESIGNS}, "test"), Path()), 30, check_draws=2)

@@ -68,6 +68,7 @@ def steady():
     return diagnosed()
 
 
+@pytest.mark.statistical
 def test_its_period_is_found_and_said(swung):
     assert swung.swing.component == "Y"
     assert "X" in swung.swing.variables
@@ -80,6 +81,7 @@ def test_its_period_is_found_and_said(swung):
     assert said in page.replace("\N{PLUS-MINUS SIGN}", "+-")
 
 
+@pytest.mark.statistical
 def test_what_is_said_of_it_agrees(swung, steady):
     """Beside the swing nothing is left that would be noise of an axis; that it goes with time is known."""
     assert swung.estimated_noise is None
@@ -88,6 +90,7 @@ def test_what_is_said_of_it_agrees(swung, steady):
     assert swung.next_measurement.startswith("Let the machine rest for 35 min, and record Y of the tool")
 
 
+@pytest.mark.statistical
 def test_the_calibration_beside_it_is_nearly_as_good_as_without_it(swung, steady):
     assert steady.unexplained is None
     assert unseen_um(swung.model) < 1.3 * unseen_um(steady.model)

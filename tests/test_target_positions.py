@@ -164,6 +164,7 @@ def test_a_position_is_a_cause_only_if_it_is_wrong_beside_the_other_causes_too(w
         assert each.gain > 100.0
 
 
+@pytest.mark.statistical
 def test_a_diagnosis_names_the_position_that_is_wrong():
     from calibration.diagnosis.diagnose import diagnose
     from calibration.diagnosis.misplaced_targets import KIND

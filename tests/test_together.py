@@ -105,6 +105,7 @@ def test_a_machine_that_has_changed_between_the_measurements_is_found(shop):
     assert "CONTRADICTS the other measurements" in together_report(both, "ncomp fit").verdict
 
 
+@pytest.mark.statistical
 def test_results_for_programs(shop):
     measurements, _ = shop
     found = calibrate_together(measurements, hold_out=False)

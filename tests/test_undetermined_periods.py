@@ -61,6 +61,7 @@ def test_at_few_positions_waves_of_many_periods_explain_the_errors():
     assert left @ left - noise < 0.05 * (bare.linearised.squares - noise)
 
 
+@pytest.mark.statistical
 def test_of_weak_waves_at_many_positions_only_the_right_period_is_determined():
     weak = msgspec.structs.replace(WAVE, sine=(5.0,), cosine=(0.0,))
     periods, doubted = [], []

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.diagnosis_cases import CFRAME, data_with, selector
+from support.tiers import quick
 
 from calibration.diagnosis.next.ranking import proposed_measurements
 from calibration.diagnosis.residual.dependence import Unexplained
@@ -48,7 +49,7 @@ def test_noise_has_none():
     assert with_function_of_readings(selector(data_with(n=N)).stage([]).linearised).function is None
 
 
-@pytest.mark.parametrize("of_machine", [True, False])
+@pytest.mark.parametrize("of_machine", quick([True, False], [True]))
 def test_errors_of_machine_and_readings_are_told_apart(of_machine):
     warped = Unnamed("Z", ("X", "Y", "Z"), TRAVELS, ((1, 1, 1),), (120.0,))
     stage = selector(data_with(warped, n=N) if of_machine else misreading(200.0)).stage([])

@@ -20,6 +20,8 @@ from support.file_examples import PROGRAM
 
 import ncomp
 
+pytestmark = pytest.mark.statistical
+
 ROOT = Path(__file__).parents[1]
 SPEC = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
 assert SPEC is not None
@@ -77,7 +79,6 @@ def test_every_file_of_the_packages_is_in_the_wheel(installed):
     assert wanted <= found
 
 
-@pytest.mark.statistical
 def test_every_module_is_imported_below_ncomp_only(installed, tmp_path):
     code = (
         "import importlib, pkgutil, ncomp\n"

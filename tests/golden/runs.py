@@ -146,7 +146,7 @@ RUNS = (
     Run("plan-rotary", f"plan --machine dmu50 --strategy space-filling --rotary simultaneous --points 30 --order shuffled --references 10 {TARGETS} --target-order alternating -o plan.csv --json plan.json"),
     Run("plan-swept", "plan --machine head_table --strategy grid --rotary swept --range C=0:360 --points 27 --approach positive -o plan.csv --json plan.json"),
     Run("plan-optimised", "plan --machine cframe --optimise --points 20 --tracker=-900,700,300 --target t1=0,0,-120 -o plan.csv --json plan.json --report page.html", heavy=True),
-    Run("plan-touch-probe", "plan --machine dmu50 --instrument touch-probe --points 16 --sphere s1=130,20,60 --target probe=0,0,-150 -o plan.csv --json plan.json --nc plan.ngc --dialect linuxcnc"),
+    Run("plan-touch-probe", "plan --machine dmu50 --instrument touch-probe --points 16 --sphere s1=130,20,60 --target probe=0,0,-150 -o plan.csv --json plan.json --nc plan.ngc --dialect linuxcnc", heavy=True),
     Run("plan-on-the-fly", "plan --machine cframe --strategy on-the-fly --target t=0,0,-120 --length-m 4 --feed 5000 -o path.csv --nc path.nc --json plan.json", heavy=True),
     Run("iso230", "iso230 laser.csv --machine cframe -o table.csv --json iso230.json --report page.html", ("laser",)),
     Run("iso230-report", f"iso230 x_iso230_2_report.md {SINGLE} --json iso230.json", ("shared:iso230/x_iso230_2_report.md", "file:examples/single_axis.toml")),
