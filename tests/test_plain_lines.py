@@ -126,6 +126,7 @@ def test_numbers_of_all_widths_are_the_nearest_floats(numbers):
 @example(
     ["N1G0X-0.0000Y+0.", "G00X1.Y-.5Z5.F.5", "g01x1.y2.", "X00001.50", "G1 G0 X1.", "N1.5 X1.", "O1 X1.", "$1 X1."]
 )
+@settings(max_examples=30)
 def test_a_plain_line_is_read_as_its_block(lines):
     data = ("\n".join(line.rstrip("\n") for line in lines) + "\n").encode(ENCODING)
     check_lines(data)
