@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shop_floor.exam import ncomp
 from shop_floor.sampling import PREDICT, write_samples
 
 from short_measurements.case import KINDS, OF_ONE_AXIS, UM, Case
@@ -16,6 +18,8 @@ from short_measurements.machines import AXES, Array
 from short_measurements.visibility import power
 
 ROOT = Path(__file__).parents[2]
+TIMEOUT_S = 1800.0
+"""Longest time of a diagnosis."""
 
 
 def without_rigid(points: Array, off: Array) -> Array:
@@ -35,23 +39,18 @@ def rms(off: Array) -> float:
 Record = dict[str, Any]
 
 
-def ncomp(*words: str | Path) -> str:
-    """Run ncomp, and return its output."""
-    command = [sys.executable, "-c", "from postproc.cli import run; run()", *map(str, words)]
-    run = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
-    return run.stdout + run.stderr
-
-
-def asked(case: Case, folder: Path) -> Record:
-    """The answer to a question."""
+def asked(case: Case, folder: Path, options: Sequence[str] = ()) -> Record:
+    """The answer to a question; `options` are passed on to `ncomp diagnose`."""
     case.write(folder)
     new, out = folder / "new.json", folder / "out.json"
-    said = ncomp("diagnose", folder / "data.csv", "-m", case.machine, "-o", new, "--force", "--json", out)
+    words = ("-m", case.machine, "-o", new, "--force", "--json", out, *options)
+    ended = ncomp(TIMEOUT_S, "diagnose", folder / "data.csv", *words)
     record: Record = {"name": case.name, "machine": case.machine, "design": case.design, "effect": case.effect}
     record |= {"axis": AXES[case.axis], "times_noise": round(case.times_noise, 2), "stated": float(case.stated)}
     record["power"] = round(power(case), 3)
     if not out.exists():
-        return {**record, "failure": said[-300:]}
+        return {**record, "failure": ended.words[-300:]}
+    record["seconds"] = ended.seconds
     found = json.loads(out.read_text(encoding="utf-8"))
     record |= judged(case, found["effects"], found["unexplained"], found["estimated_noise"])
     s = case.unseen()

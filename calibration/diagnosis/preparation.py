@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import msgspec
-import numpy as np
 
 from calibration.diagnosis.linear_order import other_order
 from calibration.diagnosis.repeatability import Repeats, repeats
@@ -20,12 +19,12 @@ from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.start_model import base_of
 from calibration.fit.acceptance import refuse_few, too_few
 from calibration.fit.identifiability import identifiability
+from calibration.fit.set_up.checked_data import checked_data
 from calibration.fit.set_up.moved_spheres import moved_spheres
-from calibration.fit.set_up.target_positions import TargetPosition, at_positions, target_positions
+from calibration.fit.set_up.target_positions import TargetPosition
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import is_log
 from calibration.observation.outliers import Variance
-from calibration.plausibility.checks import usable
 from calibration.plausibility.finding import Finding
 from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress
@@ -33,8 +32,6 @@ from kinematics.user_error import UserError
 
 QUIET = 1e-2
 """Least ratio of the repeats' variance to the specified variance: rounded readings repeat exactly."""
-LATE = 3.0
-"""Multiple of the duration of the data: a clock that begins later counts from midnight or another epoch."""
 CONTRADICTED, ENOUGH = 1e-3, 20
 """p-value of the specification below which repeats replace it, and the degrees of freedom that they need."""
 
@@ -63,7 +60,7 @@ def prepared(
     UserError where the data are not plausible, cannot be fitted, or do not determine the model.
     """
     progress("checking the data")
-    measurement, findings, positions = _checked(measurement)
+    measurement, findings, positions = checked_data(measurement)
     base = base_of(measurement, calibration, progress)
     if base.choice is not None and (doubt := other_order(measurement, base.choice)):
         findings.append(Finding("chain", doubt, False))
@@ -108,29 +105,6 @@ def _determined(selector: Selector) -> Selector:
     return coarser
 
 
-def _checked(measurement: Measurement) -> tuple[Measurement, list[Finding], list[TargetPosition]]:
-    """The measurement with times from its first row, and targets at their positions by the data, which come with it.
-
-    In between the findings about it. UserError where it cannot be used.
-    """
-    findings = usable(measurement)
-    # where all rows of a target are in sequence, the search compares its offset with a knock at the instrument
-    found = [each for each in target_positions(measurement) if not each.at_once]
-    measurement = at_positions(measurement, found)
-    measurement, late = _from_its_start(_with_station(measurement))
-    if late:
-        text = f"time_s begins at {late:.10g}: times are counted from the first row"
-        findings.append(Finding("epoch", text, False))
-    return measurement, findings, found
-
-
-def _with_station(measurement: Measurement) -> Measurement:
-    """The measurement; where it names no station of a tracker, all rows are of one, which may have been knocked."""
-    if measurement.state.station is not None or not measurement.instrument.STATIONED:
-        return measurement
-    return replace(measurement, state=replace(measurement.state, station=measurement.groups))
-
-
 def _larger(calibration: ErrorModel, measurement: Measurement) -> Iterator[Finding]:
     """Axes that these data move beyond the ranges of a calibration."""
     for name, (known, whole) in larger_ranges(calibration, measurement).items():
@@ -140,18 +114,6 @@ def _larger(calibration: ErrorModel, measurement: Measurement) -> Iterator[Findi
             f"{whole[0]:.4g} to {whole[1]:.4g} {unit}: its error motions beyond follow from these data alone"
         )
         yield Finding("range", text, False)
-
-
-def _from_its_start(measurement: Measurement) -> tuple[Measurement, float]:
-    """The measurement, with times from its first row where its clock counts from an epoch.
-
-    Also the time that was subtracted, s; 0 where the clock is kept.
-    """
-    time = measurement.state.time
-    if time is None or time.min() <= LATE * np.ptp(time):
-        return measurement, 0.0
-    late = float(time.min())
-    return replace(measurement, state=replace(measurement.state, time=time - late)), late
 
 
 def _contradicted(noise: Repeats) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.diagnosis.machine_change import MachineChange
 from calibration.diagnosis.residual.unexplained import against_walk
-from calibration.diagnosis.search.candidates import contract_kind, where
+from calibration.diagnosis.search.candidates import contract_kind, fields_of, where
 from calibration.diagnosis.search.evaluation import EVEN, WORTH, Sibling
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.sawtooth import saw_uncertainty
@@ -98,27 +98,7 @@ class Named:
     @property
     def fields(self) -> dict[str, Any]:
         """Further fields that distinguish it from others: component, other axis, sensor, side, ..."""
-        names = (
-            "component",
-            "other",
-            "sensor",
-            "harmonic",
-            "over",
-            "above_deg",
-            "station",
-            "since_s",
-            "target",
-            "direction",
-            "plane",
-            "degree",
-            "fixed_point",
-            "rows",
-            "variables",
-            "ranges",
-            "terms",
-            "side",
-        )
-        return {name: getattr(self.effect, name) for name in names if getattr(self.effect, name, None) is not None}
+        return fields_of(self.effect)
 
 
 def named(stage: Stage, before: LinearisedFit, model: ErrorModel) -> list[Named]:

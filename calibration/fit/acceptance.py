@@ -84,12 +84,12 @@ def too_few(fits: Sequence[Fit], identified: Identifiability) -> str:
     # the priors determine the parameters of a basis finer than cubics where the rows do not
     moving = {axis for found in fits for axis in found.measurement.moving}
     unknown = registered + min(identified.parameters - identified.by_convention, CUBIC * len(COMPONENTS) * len(moving))
-    information = sum(_information(found.good) for found in fits)
+    known = sum(information(found.good) for found in fits)
     observations = sum(found.observations for found in fits)
     components = max(found.measurement.components for found in fits)
     determined = registered + identified.rank_registered
     checked = observations * (1.0 - SPARE) >= determined
-    if checked and (information >= unknown or components == 1):
+    if checked and (known >= unknown or components == 1):
         return ""
     advice = "repeat the runs, or measure more positions"
     if components > 1:
@@ -104,7 +104,7 @@ def too_few(fits: Sequence[Fit], identified: Identifiability) -> str:
     )
 
 
-def _information(measurement: Measurement) -> int:
+def information(measurement: Measurement) -> int:
     """Largest number of parameters that the rows can determine: at each position the six of a rigid body at most."""
     _, position = np.unique(np.round(measurement.state.positions, 6), axis=0, return_inverse=True)
     targets = np.unique(np.stack([position.reshape(-1), measurement.target_number], axis=1), axis=0)

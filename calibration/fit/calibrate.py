@@ -21,10 +21,9 @@ from calibration.fit.acceptance import (
 from calibration.fit.bases.search import AUTO, Choice
 from calibration.fit.cross_validation import CrossValidation, cross_validate
 from calibration.fit.curves.between_positions import BetweenPositions
-from calibration.fit.datum import to_datum
 from calibration.fit.fit import Fit
 from calibration.fit.identifiability import Identifiability, identifiability
-from calibration.fit.location_errors import split_locations, transformed
+from calibration.fit.location_errors import model_in_datum
 from calibration.fit.omitted_waves import OmittedWaves, with_curves_and_waves
 from calibration.fit.prediction import RelativeDeviation
 from calibration.fit.residual_tests import DependenceTest, dependences
@@ -38,7 +37,6 @@ from calibration.fit.set_up.target_positions import findings as target_findings
 from calibration.fit.two_explanations import with_other
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import with_effects
-from calibration.observation.mean_lines import about_own_points, arms_of
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import usable
@@ -240,11 +238,7 @@ def _sizes(found: Fit, residual: Array) -> tuple[float, float, float]:
 
 def in_datum(found: Fit) -> ErrorModel:
     """The fitted model in the datum, with its location errors."""
-    machine, arms = found.measurement.machine, arms_of(found.measurement)
-    moved = transformed(found.model, found.model.effects, to_datum(machine, found.model, found.prior, arms))
-    moved = transformed(moved, *about_own_points(moved))
-    effects, matrix = split_locations(machine, moved, arms)
-    return transformed(moved, effects, matrix)
+    return model_in_datum(found.model, found.measurement, found.prior)
 
 
 def _written(found: Fit, valid_days: float | None) -> ErrorModel:

@@ -13,8 +13,9 @@ from typing import get_args
 import msgspec
 import numpy as np
 
-from calibration.fit.datum import DATUM_SLOPES, along_own_line
-from calibration.observation.mean_lines import AT_ORIGIN, line_at_centre
+from calibration.fit.datum import DATUM_SLOPES, along_own_line, to_datum
+from calibration.measurement.measurement import Measurement
+from calibration.observation.mean_lines import AT_ORIGIN, about_own_points, arms_of, line_at_centre
 from kinematics.effects import Component, Effect, ErrorMotion, LocationError
 from kinematics.error_model.covariance import propagated
 from kinematics.error_model.model import ErrorModel
@@ -25,6 +26,17 @@ ALIGNED = 1e-9
 """Largest deviation of a unit vector's component from 1 for an axis along a direction of the machine's frame."""
 IN_SPAN = 1e-9
 """Largest relative misfit of a line that a basis represents."""
+
+
+def model_in_datum(model: ErrorModel, measurement: Measurement, prior: Array) -> ErrorModel:
+    """A model that was fitted to a measurement, in the datum, with its location errors.
+
+    prior `(p,)`: prior sizes of its parameters, in their units.
+    """
+    machine, arms = measurement.machine, arms_of(measurement)
+    moved = transformed(model, model.effects, to_datum(machine, model, prior, arms))
+    moved = transformed(moved, *about_own_points(moved))
+    return transformed(moved, *split_locations(machine, moved, arms))
 
 
 def split_locations(

@@ -1,37 +1,40 @@
-"""The calibration that a structure gives: its geometry with the covariance of all parameters, in the datum."""
+"""The calibration that a structure gives: effects with the covariance of all parameters, in the datum."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
-from calibration.fit.datum import to_datum
-from calibration.fit.location_errors import split_locations, transformed
+from calibration.fit.location_errors import model_in_datum
 from calibration.gaussian_terms.structure import Structure
-from calibration.observation.mean_lines import about_own_points, arms_of
+from calibration.measurement.measurement import Measurement
+from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.transforms import Array
 
 
 def calibrated(structure: Structure) -> ErrorModel:
     """The model of the machine by the error motions of a structure."""
-    geometry, posterior = structure.data.geometry, structure.posterior
-    measurement = structure.data.observations.measurement
-    machine = measurement.machine
-    ends = np.cumsum([0, *(len(effect.parameters) for effect in geometry.effects)])
-    effects, columns = [], []
-    for effect, start, end in zip(geometry.effects, ends, ends[1:], strict=False):
-        if effect.ACTS_ON == "instrument":
-            continue
-        own = np.arange(start, end)
-        effects.append(effect.with_parameters((posterior.mean[own] * geometry.scales[own]).tolist()))
-        columns.append(own)
-    chosen = np.concatenate(columns)
-    scales = geometry.scales[chosen]
-    covariance = posterior.covariance[np.ix_(chosen, chosen)] * scales[:, None] * scales
-    model = msgspec.structs.replace(
-        no_errors(machine), effects=tuple(effects), covariance=tuple(map(tuple, covariance.tolist()))
+    geometry, count = structure.data.geometry, len(structure.data.geometry.scales)
+    mean, scales = structure.posterior.mean[:count] * geometry.scales, geometry.scales
+    covariance = structure.posterior.covariance[:count, :count] * scales[:, None] * scales
+    return machine_model(
+        structure.data.observations.measurement, geometry.effects, mean, covariance, structure.sizes[:count] * scales
     )
-    prior, arms = structure.sizes[chosen] * scales, arms_of(measurement)
-    moved = transformed(model, model.effects, to_datum(machine, model, prior, arms))
-    moved = transformed(moved, *about_own_points(moved))
-    return transformed(moved, *split_locations(machine, moved, arms))
+
+
+def machine_model(
+    measurement: Measurement, effects: Sequence[Effect], parameters: Array, covariance: Array, prior: Array
+) -> ErrorModel:
+    """The model in the datum by those of some effects that are the machine's.
+
+    parameters `(p,)`, their covariance `(p, p)` and their prior sizes `(p,)` are those of all effects, one after the
+    other, in their units.
+    """
+    whole = msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
+    whole = whole.with_parameters(parameters, covariance)
+    machine = whole.part(lambda effect: effect.ACTS_ON != "instrument")
+    own = np.repeat([effect.ACTS_ON != "instrument" for effect in effects], [len(e.parameters) for e in effects])
+    return model_in_datum(machine, measurement, prior[own])

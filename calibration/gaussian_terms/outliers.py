@@ -16,14 +16,23 @@ if TYPE_CHECKING:
 
 def outlying(structure: Structure) -> np.ndarray:
     """Mask `(n,)` of the outliers of a structure; rows that are left out come back where they agree with the others."""
+    return log_odds(structure) > 0.0
+
+
+def log_odds(structure: Structure) -> Array:
+    """Log odds `(n,)` that a row has a shift of its own."""
     left_out = structure.noise.left_out
-    found = _odds_inside(structure) > 0.0
-    found[left_out] = _odds_outside(structure, np.flatnonzero(left_out)) > 0.0
+    found = _odds_inside(structure)
+    if left_out.any():
+        shift, covariance = shifts(structure, np.flatnonzero(left_out))
+        inverse = np.asarray(np.linalg.inv(covariance), float)
+        along = (inverse @ shift[:, :, None])[:, :, 0]
+        found[left_out] = log_gains(inverse, along, OUTLIER_SIZES, 1.0) + float(np.log(OUTLIER))
     return found
 
 
 def _odds_inside(structure: Structure) -> Array:
-    """Log odds `(n,)` that a row has a shift of its own, for rows that are not left out."""
+    """As `log_odds`, for rows that are not left out."""
     data, factor = structure.data, structure.noise.factor
     n, d = data.observations.residual.shape
     left = structure.left[: n * d].reshape(n, d)
@@ -41,10 +50,8 @@ def _odds_inside(structure: Structure) -> Array:
     return odds + float(np.log(OUTLIER))
 
 
-def _odds_outside(structure: Structure, rows: np.ndarray) -> Array:
-    """The same for rows that are left out: by their difference from what the other rows predict."""
-    if not len(rows):
-        return np.zeros(0)
+def shifts(structure: Structure, rows: np.ndarray) -> tuple[Array, Array]:
+    """Difference `(k, d)`, mm and rad, of rows that are left out from what the others predict, and its covariance."""
     observations, white, posterior = structure.data.observations, structure.whitener, structure.posterior
     columns = np.concatenate([structure.data.geometry.columns, *(t.columns for t in structure.terms)], axis=2)
     back = np.linalg.pinv(np.concatenate([white.rows(observations.registration), observations.stated]))[
@@ -66,5 +73,4 @@ def _odds_outside(structure: Structure, rows: np.ndarray) -> Array:
                 if len(at):
                     arm = arms[at[0, 0], at[0, 1]]
                     covariance[i] += size**2 * np.outer(arm, arm)
-    inverse = np.linalg.inv(covariance)
-    return log_gains(inverse, (inverse @ left)[:, :, 0], OUTLIER_SIZES, 1.0) + float(np.log(OUTLIER))
+    return left[:, :, 0], covariance

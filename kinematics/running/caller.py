@@ -37,6 +37,7 @@ VALUES = {
     "dask": "local",
     "dialect": "auto iso siemens heidenhain linuxcnc fanuc",
     "direction": "auto forward backward mean",
+    "engine": "rules terms",
     "error-motions": "all",
     "errors": "none table-1",
     "family": "any fanuc linuxcnc",

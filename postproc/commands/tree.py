@@ -16,7 +16,7 @@ from postproc.commands.table import COMMANDS, GLOBAL, GROUPS, HELP, command, mod
 
 METAVARS: dict[type, str] = {bool: " ", int: "N", float: "NUMBER", Path: "FILE"}
 """Shown for the value of an option without a word of its own; a switch has no value."""
-SHOWN = ("help", "min", "max")
+SHOWN = ("help", "min", "max", "hidden")
 """Entries of a declaration that Typer shows as they are."""
 NO_TYPE = " "
 """Type of a switch in the help."""

@@ -31,7 +31,9 @@ np.save(Path(folder) / "deviations.npy", [ncomp.predict(points, machine, file).d
 
 
 SHORTEST = 0.01
-"""Shortest time constant, or lag, of a draw, as a share of the fitted one."""
+"""Shortest time constant, lag or length of a draw, as a share of the fitted one."""
+POSITIVE = ("time_constants_s", "time_constant_s", "lag_s", "length", "period", "pitch")
+"""Parameters that no effect has at zero or below; the data may hardly determine them."""
 
 
 def write_samples(calibration: Mapping[str, Any], folder: Path) -> bool:
@@ -57,7 +59,7 @@ def _moved(effects: list[dict[str, Any]], shifts: Array) -> list[dict[str, Any]]
             values = effect[key]
             count = len(values) if isinstance(values, list) else 1
             new = np.ravel(values) + shifts[at : at + count]
-            if key in ("time_constants_s", "lag_s"):  # the data may hardly determine them
+            if key in POSITIVE:
                 new = np.maximum(new, SHORTEST * np.ravel(values))
             new = new.tolist()
             moved[key], at = (new if isinstance(values, list) else new[0]), at + count

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -44,6 +44,12 @@ SQUARE_BY_DATUM = ("E_C0X", "E_B0X", "E_A0Y")
 """Orientations that are zero by the datum: X is x, and Y lies in the x y plane."""
 BRIDGE = 1000.0
 """Least length, mm, of a bridge that is driven on both sides."""
+
+DISTINGUISHING = (
+    *("component", "other", "sensor", "harmonic", "over", "above_deg", "station", "since_s", "target", "direction"),
+    *("plane", "degree", "fixed_point", "rows", "variables", "ranges", "terms", "side"),
+)
+"""Fields that distinguish effects of one kind, besides their axis."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +139,11 @@ def where(effect: Effect) -> str | None:
         if getattr(effect, field, None):
             return str(getattr(effect, field))
     return None
+
+
+def fields_of(effect: Effect) -> dict[str, Any]:
+    """Fields that distinguish an effect from others of its kind: component, other axis, sensor, side, ..."""
+    return {name: getattr(effect, name) for name in DISTINGUISHING if getattr(effect, name, None) is not None}
 
 
 def at_zero(effect: Effect) -> Effect:

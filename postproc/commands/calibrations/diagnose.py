@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import ncomp
 from kinematics.user_error import UserError
+from postproc.commands.calibrations.diagnose_by_terms import diagnose_by_terms, refuse_options
 from postproc.commands.options.declared import MODEL, argument, option, output_option
 from postproc.commands.options.measurement import DataOptions, Force, Noise
 from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
@@ -21,13 +22,20 @@ EPILOG = (
 )
 
 
+NoiseOf = Literal["sheet", "estimate"]
+Report = Literal["report", "add"]
 Unexplained = Annotated[
-    Literal["report", "add"],
+    Report,
     option(
         "Residuals without a known cause: only reported, or also added to the calibration as a smooth function.",
         default="report",
         panel=MODEL,
     ),
+]
+
+Engine = Annotated[
+    Literal["rules", "terms"],
+    option("The search for causes: by rules, or among sums of Gaussian terms.", default="rules", hidden=True),
 ]
 
 
@@ -41,6 +49,7 @@ def diagnose(
     ),
     noise: Noise,
     unexplained: Unexplained,
+    engine: Engine,
     force: Force,
     form: DataOptions,
     others: ResultOptions,
@@ -50,12 +59,25 @@ def diagnose(
     Causes that the data cannot show are only listed. Causes that the data cannot distinguish are shown as a tie, with
     the measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
     """
+    if engine == "terms":
+        given = {"--calibration": calibration is not None, "--noise": noise != "sheet"}
+        refuse_options({**given, "--unexplained": unexplained != "report"})
+        diagnose_by_terms(data, machine, output, form, others, force=force)
+        return
+    _diagnose_by_rules(data, machine, output, calibration, (noise, unexplained), form, others, force=force)
+
+
+def _diagnose_by_rules(
+    data: tuple[Path, ...], machine: str, output: Path, calibration: Path | None, how: tuple[NoiseOf, Report],
+    form: DataOptions, others: ResultOptions, *, force: bool,
+) -> None:  # fmt: skip
+    """Diagnose measurement files, and write the calibration and the results."""
     from calibration.fit.beyond_measured import calibration_file
     from calibration.reports.diagnosis import Files, diagnosis_report
     from calibration.reports.diagnosis_json import diagnosis_json
     from postproc.commands.show.terminal import console, show
 
-    inputs = (*data, form.plan, calibration)
+    (noise, unexplained), inputs = how, (*data, form.plan, calibration)
     found_machine = ncomp.load_machine(machine)
     present = None if calibration is None else ncomp.load_calibration(found_machine, calibration)
     measurement = form.read(data, found_machine)

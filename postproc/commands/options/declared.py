@@ -26,7 +26,8 @@ def option(help: str, metavar: str | None = None, *names: str, default: Any = No
 
     Its long name is the name of the field or parameter, unless `names` has another. `tuple[type, ...]` is a repeatable
     option, `Literal` one of some values; numbers must be finite. form: `min` and `max`; `complete`, a function that
-    returns values for the shell; `panel`, the heading in the help, unless the dataclass has one for all its options.
+    returns values for the shell; `panel`, the heading in the help, unless the dataclass has one for all its options;
+    `hidden`, True for an option that the help does not show.
 
     An option that names a file says so: `reads` is True for the path of an input, or a function that returns the paths
     of a value which may be something else too; `writes` is the `Form` of an output, and `may_replace` the name of the

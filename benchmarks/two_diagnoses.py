@@ -1,0 +1,288 @@
+"""Diagnoses by both engines of `ncomp diagnose`, by rules and by sums of Gaussian terms, on the same questions.
+
+    python benchmarks/two_diagnoses.py --seed 71 --each 20                    # 20 questions of each exam, both engines
+    python benchmarks/two_diagnoses.py --seed 71 --each 20 --engine terms     # by one of them
+    python benchmarks/two_diagnoses.py --seed 71 --each 20 --exams short,shop # of two exams
+    python benchmarks/two_diagnoses.py --table --records out/two_diagnoses.jsonl
+
+Exams: `first` (benchmarks/diagnosis_exam.py, the causes that data show without a calibration), `shop` (the second one,
+tests/shop_floor, but for its design with a calibration), `short` (the third one, benchmarks/short_measurements), and
+`ordinary` (the files of --ordinary, which have no seed: the seed chooses among them). Each asks also data in which
+nothing is hidden. All questions are asked of a laser tracker's data, without a calibration.
+
+Each answer is appended to the file of records; a question that has its answer there is not asked again.
+
+hidden: effects that are in the data. named, tied, missed: what became of them; unexplained: only variables are listed;
+invisible: missed, and the power of the data to show it is below 0.5 (`short` alone). false: answers with a cause that
+is not there. worse: calibrations that were accepted and leave more than no correction does (`shop`, `short`). refused:
+calibrations that were not accepted, of `short` those that leave less than none. covered: errors at unseen poses within
+their intervals of 95 %, all and the lowest of one question. sizes: within k = 2. left: median error at unseen poses,
+um. s: processor time of a diagnosis, median and slowest tenth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import ordinary_runs
+import short_measurements_exam
+from shop_floor import exam as shop
+from shop_floor.chain import MACHINES
+from shop_floor.designs import DESIGNS
+from shop_floor.question import CAUSES
+from short_measurements.answers import asked
+from short_measurements.case import Case
+from short_measurements.tables import VISIBLE, read
+from virtual_machine import draws
+from virtual_machine.scoring import score
+
+Record = dict[str, Any]
+ENGINES = ("rules", "terms")
+TIMEOUT_S = 1800.0
+NOTHING = "nothing"
+NEEDS_CALIBRATION = ("location", "higher-frequency")
+"""Kinds of the first exam that are differences from a calibration."""
+
+
+class Question(NamedTuple):
+    """A question, and how it is asked: `ask(options)` gives what its exam says of the answer."""
+
+    exam: str
+    name: str
+    ask: Callable[[Sequence[str]], Record]
+
+
+def first(seed: int, count: int, _: Path) -> Iterator[Question]:
+    """Kinds and machines of the first exam, by chance."""
+    rng = np.random.default_rng([seed, 1])
+    kinds = [kind for kind in (*draws.KINDS, NOTHING) if kind not in NEEDS_CALIBRATION]
+    pairs = [(kind, machine) for kind in kinds for machine in draws.MACHINES]
+    for number in rng.permutation(len(pairs))[:count].tolist():
+        kind, machine = pairs[number]
+        yield Question("first", f"{kind} {machine} {seed}", lambda o, k=kind, m=machine: _first(k, m, seed, o))  # type: ignore[misc]
+
+
+def _first(kind: str, machine: str, seed: int, options: Sequence[str]) -> Record:
+    draw = draws.draw([] if kind == NOTHING else [kind], machine, seed)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "data.csv").write_text(draw.sheet(), encoding="utf-8")
+        said = _diagnosed(folder, machine, options)
+    if "failure" in said:
+        return said
+    found = said["diagnosis"]
+    judged = score(found, said["calibration"], [cause.answer() for cause in draw.causes])
+    named = sum(judged.named)
+    tied = judged.tied * (len(judged.named) - named)
+    left = len(judged.named) - named - tied
+    unexplained = left if found["unexplained"] else 0
+    counts = {"hidden": len(judged.named), "named": named, "tied": tied, "unexplained": unexplained}
+    sizes = {"inside": judged.inside, "sizes": judged.of}
+    return {**counts, "missed": left - unexplained, "false": list(judged.blamed), **sizes, "seconds": said["seconds"]}
+
+
+def _diagnosed(folder: Path, machine: str, options: Sequence[str]) -> Record:
+    """What the command writes of `data.csv` in a folder, and its processor time; or how it failed."""
+    new, out = folder / "new.json", folder / "out.json"
+    words = ("--machine", machine, "-o", new, "--json", out, "--force", *options)
+    try:
+        ended = shop.ncomp(TIMEOUT_S, "diagnose", folder / "data.csv", *words)
+    except shop.Failure as fault:
+        return {"failure": str(fault)}
+    if not out.exists():
+        return {"failure": ended.words[-500:]}
+    read_json = [json.loads(path.read_text(encoding="utf-8")) for path in (out, new)]
+    return {"diagnosis": read_json[0], "calibration": read_json[1], "seconds": ended.seconds}
+
+
+def second(seed: int, count: int, _: Path) -> Iterator[Question]:
+    """Designs, causes and machines of the second exam, by chance; designs as even as can be."""
+    rng = np.random.default_rng([seed, 2])
+    designs = [design for design in DESIGNS if design != "again"]
+    for number in range(count):
+        if number % len(designs) == 0:
+            rng.shuffle(designs)
+        cause, machine = str(rng.choice(CAUSES)), str(rng.choice(list(MACHINES)))
+        key = shop.Key(designs[number % len(designs)], cause, machine, int(rng.integers(1000)), seed)
+        yield Question("shop", " ".join(map(str, key)), lambda o, k=key: _second(k, o))  # type: ignore[misc]
+
+
+def _second(key: shop.Key, options: Sequence[str]) -> Record:
+    said = shop.answer(key, timeout=TIMEOUT_S, options=options)
+    if "failure" in said or "not_asked" in said:
+        return {"failure": said.get("failure", said.get("not_asked"))}
+    before, after = said["unseen_um"]
+    outside = said["named"] if key.cause not in CAUSES[: CAUSES.index("strange")] and said["unexplained"] else 0
+    outside = outside if key.cause not in ("two", "three") else 0
+    return {
+        "hidden": len(said["hidden"]),
+        "named": said["named"] - outside,
+        "tied": said["tied"],
+        "unexplained": outside,
+        "missed": said["missed"],
+        "false": said["false"],
+        "worse": said["written"] and after > before,
+        "refused": not said["accepted"],
+        "covered": said["covered"],
+        "inside": said["inside"],
+        "sizes": said["sizes"],
+        "left": after if said["written"] else None,
+        "seconds": said["seconds"],
+    }
+
+
+def third(seed: int, count: int, _: Path) -> Iterator[Question]:
+    """The first questions of the third exam: all effects come early."""
+    for words in list(short_measurements_exam.questions(seed))[:count]:
+        case = Case(*words)
+        yield Question("short", case.name, lambda o, c=words: _third(Case(*c), o))  # type: ignore[misc]
+
+
+def _third(case: Case, options: Sequence[str]) -> Record:
+    with tempfile.TemporaryDirectory() as name:
+        said = asked(case, Path(name), options)
+    if "failure" in said:
+        return {"failure": said["failure"]}
+    hidden = case.effect != "none"
+    verdict = said["verdict"] if hidden else ""
+    verdict = "invisible" if verdict == "missed" and said["power"] < VISIBLE else verdict
+    counted = {name: int(verdict == name) for name in ("named", "tied", "unexplained", "missed", "invisible")}
+    worse = said["after_um"] > said["none_um"]
+    return {
+        "hidden": int(hidden),
+        **counted,
+        "false": said["false"],
+        "worse": said["accepted"] and worse,
+        "refused": not said["accepted"] and not worse,
+        "covered": said.get("covered") if said["accepted"] else None,
+        "left": said["after_um"],
+        "seconds": said["seconds"],
+    }
+
+
+def ordinary(seed: int, count: int, folder: Path) -> Iterator[Question]:
+    """Files of ordinary measurements, by chance."""
+    files = sorted(folder.glob("*.truth.json"))
+    for number in np.random.default_rng([seed, 3]).permutation(len(files))[:count].tolist():
+        file = files[number]
+        yield Question("ordinary", file.name.removesuffix(".truth.json"), lambda o, f=file: _ordinary(f, o))  # type: ignore[misc]
+
+
+def _ordinary(file: Path, options: Sequence[str]) -> Record:
+    truth = json.loads(file.read_text(encoding="utf-8"))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "data.csv").write_bytes((file.parent / f"{truth['case']}.csv").read_bytes())
+        said = _diagnosed(folder, truth["machine"], options)
+    if "failure" in said:
+        return said
+    found, hidden = said["diagnosis"], ordinary_runs.hidden(truth)
+    counts = dict.fromkeys(("named", "tied", "unexplained", "missed"), 0)
+    for kind, axes in hidden:
+        counts[_fate(found, kind, axes)] += 1
+    right = [each for each in found["effects"] if any(_fits(each, kind, axes) for kind, axes in hidden)]
+    ties = [each for each in found["effects"] if any(_fits(o, k, a) for o in each["alternatives"] for k, a in hidden)]
+    false = [
+        f"{each['kind']} {each.get('axis')}" for each in found["effects"] if each not in right and each not in ties
+    ]
+    return {"hidden": len(hidden), **counts, "false": false, "seconds": said["seconds"]}
+
+
+def _fits(cause: Record, kind: str, axes: frozenset[str]) -> bool:
+    return bool(cause["kind"] == kind and (not axes or cause.get("axis") in axes))
+
+
+def _fate(found: Record, kind: str, axes: frozenset[str]) -> str:
+    """What became of a hidden effect."""
+    effects = found["effects"]
+    if any(_fits(each, kind, axes) for each in effects):
+        return "named"
+    if any(_fits(other, kind, axes) for each in effects for other in each["alternatives"]):
+        return "tied"
+    return "unexplained" if found["unexplained"] else "missed"
+
+
+EXAMS = {"first": first, "shop": second, "short": third, "ordinary": ordinary}
+HEAD = ("asked", "hidden", "named", "tied", "unexplained", "missed", "invisible", "false", "worse", "refused")
+FURTHER = ("covered", "lowest", "sizes", "left", "s", "slowest")
+
+
+def table(records: Sequence[Record]) -> Iterator[str]:
+    """A line for each exam and engine, and for all."""
+    yield f"{'exam':10}{'engine':8}{''.join(f'{word:>12}' for word in (*HEAD, *FURTHER))}"
+    for name in (*EXAMS, "all"):
+        for engine in ENGINES:
+            some = [each for each in records if each["engine"] == engine and name in (each["exam"], "all")]
+            if some:
+                yield f"{name:10}{engine:8}{''.join(f'{figure:>12}' for figure in _figures(some))}"
+
+
+def _figures(records: Sequence[Record]) -> list[str]:
+    done = [each for each in records if "failure" not in each]
+    counts = [sum(int(each.get(name, 0)) for each in done) for name in HEAD[1:7]]
+    false = sum(bool(each["false"]) for each in done)
+    others = [sum(bool(each.get(name)) for each in done) for name in HEAD[8:]]
+    failed = f" ({len(records) - len(done)} failed)" if len(done) < len(records) else ""
+    inside, sizes = (sum(each.get(name, 0) for each in done) for name in ("inside", "sizes"))
+    covered, left, seconds = (
+        np.array([each[name] for each in done if each.get(name) is not None]) for name in ("covered", "left", "seconds")
+    )
+    further = ["-"] * 2 if not len(covered) else [f"{100 * covered.mean():.1f} %", f"{100 * covered.min():.0f} %"]
+    further += [f"{inside}/{sizes}", f"{np.median(left):.2f}" if len(left) else "-"]
+    further += [f"{np.median(seconds):.2f}", f"{np.quantile(seconds, 0.9):.1f}"] if len(seconds) else ["-"] * 2
+    return [f"{len(done)}{failed}", *map(str, (*counts, false, *others)), *further]
+
+
+def main() -> None:
+    """Ask what is not known, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=1, help="seed of the questions")
+    parser.add_argument("--each", type=int, default=10, metavar="N", help="questions of each exam")
+    parser.add_argument("--exams", default=",".join(EXAMS), help=", ".join(EXAMS))
+    parser.add_argument("--engine", choices=(*ENGINES, "both"), default="both")
+    parser.add_argument("--only", default="", metavar="TEXT", help="questions whose name contains it")
+    parser.add_argument("--ordinary", type=Path, default=Path("../shared/data/ordinary_runs"), metavar="FOLDER")
+    parser.add_argument("--records", type=Path, default=Path("out/two_diagnoses.jsonl"), help="the answers")
+    parser.add_argument("--table", action="store_true", help="the table of the records, asking nothing")
+    given = parser.parse_args()
+    given.records.parent.mkdir(parents=True, exist_ok=True)
+    known = {(each["exam"], each["name"], each["engine"]) for each in read(given.records)}
+    engines = ENGINES if given.engine == "both" else (given.engine,)
+    for name in [] if given.table else given.exams.split(","):
+        for question in EXAMS[name](given.seed, given.each, given.ordinary):
+            for engine in engines if given.only in question.name else ():
+                if (question.exam, question.name, engine) not in known:
+                    record = {"exam": question.exam, "name": question.name, "engine": engine}
+                    record |= question.ask(["--engine", engine])
+                    with given.records.open("a", encoding="utf-8") as file:
+                        file.write(json.dumps(record, default=float) + "\n")
+                    print(_line(record), flush=True)
+    print("\n".join(table(read(given.records))))
+
+
+def _line(record: Record) -> str:
+    """A line on one record."""
+    head = f"{record['exam']:9} {record['engine']:6} {record['name']}"
+    if "failure" in record:
+        return f"{head}: FAILED {record['failure']}"
+    fate = ", ".join(f"{name} {record[name]}" for name in HEAD[2:7] if record.get(name)) or "nothing"
+    false = f"; FALSE {', '.join(record['false'])}" if record["false"] else ""
+    covered = "" if record.get("covered") is None else f"; {100 * record['covered']:.0f} %"
+    left = "" if record.get("left") is None else f"; {record['left']:.2f} um"
+    worse = "; WORSE" * bool(record.get("worse")) + "; REFUSED" * bool(record.get("refused"))
+    return f"{head}: {fate}{false}{covered}{left}{worse}; {record['seconds']:.1f} s"
+
+
+if __name__ == "__main__":
+    main()

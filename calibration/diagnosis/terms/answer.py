@@ -1,0 +1,283 @@
+"""The answer of a search among structures: verdicts, sizes, the calibration, and whether it may be used."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from calibration.diagnosis.search.candidates import where
+from calibration.diagnosis.terms.candidates import Candidates
+from calibration.diagnosis.terms.guard import HeldOut, held_out, in_units, rms_um
+from calibration.diagnosis.terms.mixture import UNDECIDED, Mixture, averaged, likely_structures
+from calibration.diagnosis.terms.verdict import CLEAR, Judged, Verdict, judged
+from calibration.diagnosis.terms.visibility import not_visible
+from calibration.fit.acceptance import Judged as Accepted
+from calibration.fit.calibrate import provenance
+from calibration.gaussian_terms.calibrated import machine_model
+from calibration.gaussian_terms.outliers import log_odds, shifts
+from calibration.gaussian_terms.structure import Structure
+from calibration.gaussian_terms.term import Term
+from calibration.measurement.measurement import Measurement
+from calibration.plausibility.finding import Finding
+from kinematics.effects import Effect, Outliers
+from kinematics.error_model.model import ErrorModel
+from kinematics.files.number_text import rounded
+from kinematics.transforms import Array
+
+FINE = "fine"
+"""Kind of terms that are the fine structure of an error motion: no cause, and nothing unexplained."""
+
+
+class Figures(NamedTuple):
+    """Residuals of a structure."""
+
+    rms_um: float
+    """RMS per scalar."""
+    max_um: float
+    """Largest length of the residual of a row."""
+    chi2_reduced: float
+    """chi2 by the instrument specification, per degree of freedom."""
+    heldout_rms_um: float
+    """RMS per scalar of held-out blocks, predicted from the others."""
+
+
+class Cause(NamedTuple):
+    """A cause that the data support."""
+
+    kind: str
+    effect: Effect
+    """With its parameters and standard uncertainties."""
+    log_odds: float
+    """Against none."""
+    verdict: Verdict
+    rivals: tuple[tuple[Term, float, float], ...] = ()
+    """Causes that the data do not tell from it, with the odds of the cause against each, and the cosine of both."""
+    heldout_gain_um: float = 0.0
+    """Improvement of the prediction of held-out blocks."""
+    share: float = 0.0
+    """Share of the squares without any cause that this one explains."""
+
+
+@dataclass(frozen=True)
+class Answer(Accepted):
+    """The answer of a search."""
+
+    candidates: Candidates
+    """The structure found, and the odds of all terms beside it."""
+    judged: tuple[Judged, ...]
+    """Its terms, with the evidence for each."""
+    findings: tuple[Finding, ...]
+    """Anomalies of the data."""
+    forced: bool
+    """True where the calibration is written although it predicts worse than none."""
+
+    @property
+    def structure(self) -> Structure:
+        """The structure found."""
+        return self.candidates.structure
+
+    @property
+    def measurement(self) -> Measurement:
+        """The measurement."""
+        return self.structure.data.observations.measurement
+
+    @cached_property
+    def held_out(self) -> HeldOut:
+        """Held-out blocks, predicted from the others."""
+        return held_out(self.structure)
+
+    @cached_property
+    def bare(self) -> Structure:
+        """The structure without terms, with the noise that was found."""
+        return self.structure.with_terms(()).with_sizes(SIZE_STEPS)
+
+    @property
+    def objection(self) -> str:  # type: ignore[override]
+        """Reason against the calibration; empty without one."""
+        held = self.held_out
+        if not held.worse:
+            return ""
+        return (
+            f"the result predicts held-out blocks of rows worse ({rounded(held.with_all, 3)} um RMS) than no model "
+            f"does ({rounded(held.nothing, 3)} um): check the data, or measure more"
+        )
+
+    @property
+    def noise_um(self) -> float:
+        """RMS, um per scalar, that residuals of pure noise would have."""
+        observations, noise = self.structure.data.observations, self.structure.noise
+        squares = np.trace(noise.factor * observations.specified, axis1=1, axis2=2)
+        for stops in self.structure.data.stops:
+            for axis, size in noise.repeats.items():
+                arms = size * stops.arms[axis].reshape(*stops.rows.shape, -1)
+                squares[stops.rows] += np.sum(arms**2, axis=2)
+        micro = observations.measurement.per_micro[:, 0]
+        return float(np.sqrt(np.mean(squares * micro**2) / observations.components))
+
+    @property
+    def rank(self) -> int:
+        """Number of directions of the coefficients that the data determine better than their prior."""
+        sizes = self.structure.sizes
+        gram = self.structure.equations.gram * sizes[:, None] * sizes
+        return int(np.count_nonzero(np.linalg.eigvalsh(gram) > self.structure.noise.factor))
+
+    @property
+    def outliers(self) -> list[int]:
+        """Rows that are left out."""
+        return np.flatnonzero(self.structure.noise.left_out).tolist()
+
+    @cached_property
+    def sizes(self) -> Mixture:
+        """What is known of the terms of the structure alone."""
+        return Mixture.of(self.structure)
+
+    @cached_property
+    def causes(self) -> tuple[Cause, ...]:
+        """Causes with their sizes, the likeliest first."""
+        found = [self._cause(each) for each in self.judged if each.term.named and not each.periods]
+        outliers = self._outliers()
+        return tuple(sorted([*found, *outliers], key=lambda cause: -cause.log_odds))
+
+    @property
+    def unexplained(self) -> tuple[Judged, ...]:
+        """Functions without a name, and waves whose period is open."""
+        return tuple(each for each in self.judged if each.periods or not (each.term.named or each.term.kind == FINE))
+
+    def rms_of(self, some: Sequence[Judged]) -> float:
+        """RMS, um per scalar, of what some terms contribute to the observations."""
+        equations, mean = self.structure.equations, self.structure.posterior.mean
+        columns = np.concatenate([np.zeros(0, int), *(self._columns(each.number) for each in some)])
+        return rms_um(self.structure, equations.design[:, columns] @ mean[columns])
+
+    @property
+    def not_repeating(self) -> dict[str, float]:
+        """Standard deviation of each axis from stop to stop, um or urad, where the data show it clearly."""
+        structure, found = self.structure, {}
+        for axis, size in structure.noise.repeats.items():
+            others = {name: own for name, own in structure.noise.repeats.items() if name != axis}
+            without = replace(structure, noise=replace(structure.noise, repeats=others))
+            if structure.total - without.total > CLEAR:
+                found[axis] = size
+        return found
+
+    @cached_property
+    def not_visible(self) -> list[str]:
+        """Names of error motions and causes that the data do not show."""
+        return not_visible(self.candidates)
+
+    @property
+    def figures(self) -> tuple[Figures, Figures]:
+        """Residuals without and with the terms."""
+        return _figures(self.bare, self.held_out.geometry), _figures(self.structure, self.held_out.with_all)
+
+    @cached_property
+    def calibration(self) -> ErrorModel:
+        """The calibration, over all that the data leave undecided."""
+        structures = likely_structures(self.structure, self.judged)
+        found = averaged(
+            structures, self._undecided({term.family for one in structures for term in one.structure.terms})
+        )
+        prior, geometry = np.ones(len(found.values)), self.structure.data.geometry
+        prior[: len(geometry.scales)] = self.structure.sizes[: len(geometry.scales)] * geometry.scales
+        model = machine_model(self.measurement, found.effects, found.values, found.covariance, prior)
+        effects = tuple(effect.lasting() for effect in model.effects)
+        names = [f"{cause.kind} {where(cause.effect) or ''}".strip() for cause in self.causes if _of_machine(cause)]
+        added = f"; added: {', '.join(names)}" if names else ""
+        observations = f"diagnosis of {self.structure.whitener.scalars} observations{added}"
+        made = provenance([self.measurement], effects, observations, None)
+        return msgspec.structs.replace(model, effects=effects, provenance=made)
+
+    def _undecided(self, known: Collection[Hashable]) -> list[tuple[Term, float]]:
+        """Causes of other families that the data neither name nor exclude, with their log odds."""
+        families = self.candidates.by_family(self.candidates.odds())
+        likely = ((self.candidates.terms[best], odds) for odds, best in families.values() if odds > UNDECIDED)
+        return [(term, odds) for term, odds in likely if term.named and term.family not in known]
+
+    def _cause(self, each: Judged) -> Cause:
+        """A term as a cause, with its size."""
+        term, cosines = each.term, self._cosines(each)
+        rivals = tuple(
+            (rival.term, float(np.exp(rival.log_odds)), cosine)
+            for rival, cosine in zip(each.alternatives, cosines, strict=True)
+        )
+        gain = self.held_out.without[each.number] - self.held_out.with_all
+        effect = self.sizes.effect_of(each.term)
+        return Cause(term.kind, effect, each.log_odds, each.verdict, rivals, gain, self._share(each))
+
+    def _columns(self, number: int) -> np.ndarray:
+        """Numbers of the columns of a term of the structure."""
+        before = len(self.structure.data.geometry.scales) + sum(t.width for t in self.structure.terms[:number])
+        return np.arange(before, before + self.structure.terms[number].width)
+
+    def _share(self, each: Judged) -> float:
+        """Share of the squares without any cause that a term explains, beside all others."""
+        structure, columns = self.structure, self._columns(each.number)
+        posterior, sizes = structure.posterior, structure.sizes[columns]
+        information = np.linalg.inv(posterior.covariance[np.ix_(columns, columns)]) - np.diag(sizes**-2)
+        mean = posterior.mean[columns]
+        whole = float(np.sum(self.bare.left**2)) / structure.noise.factor
+        return min(max(float(mean @ information @ mean) / max(whole, 1e-300), 0.0), 1.0)
+
+    def _cosines(self, each: Judged) -> list[float]:
+        """Cosine of what a term and each alternative contribute to the observations in its place."""
+        structure = self.structure
+        others = [term for i, term in enumerate(structure.terms) if i != each.number]
+        terms = (each.term, *(rival.term for rival in each.alternatives))
+        size = structure.term_sizes[each.number]
+        own, *rest = (_contribution(structure.with_terms([*others, term]), size) for term in terms)
+        return [abs(float(own @ one)) / max(float(np.linalg.norm(own) * np.linalg.norm(one)), 1e-300) for one in rest]
+
+    def _outliers(self) -> list[Cause]:
+        """The outliers as one cause; none beside a function without a name, which makes some where it is too coarse."""
+        rows = np.array(self.outliers, int)
+        nameless = any(not (each.term.named or each.term.kind == FINE) for each in self.judged)
+        odds = float(log_odds(self.structure)[rows].sum()) if len(rows) else 0.0
+        if nameless or odds < CLEAR:
+            return []
+        shift, covariance = shifts(self.structure, rows)
+        u = 1e3 * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        effect = Outliers(
+            rows=tuple(rows.tolist()), shift_um=tuple((1e3 * shift).ravel().tolist()), u=tuple(u.ravel().tolist())
+        )
+        return [Cause("outliers", effect, odds, "strong")]
+
+
+SIZE_STEPS = 10
+"""Steps of the sizes of the geometry without terms."""
+
+
+def answered(candidates: Candidates, findings: Sequence[Finding] = (), *, force: bool = False) -> Answer:
+    """The answer by the structure that a search has found, and the odds of all terms beside it."""
+    return Answer(candidates, tuple(judged(candidates)), tuple(findings), force)
+
+
+def _of_machine(cause: Cause) -> bool:
+    return cause.effect.ACTS_ON != "instrument"
+
+
+def _contribution(structure: Structure, size: float) -> Array:
+    """What the last term of a structure, of a prior size, contributes to the whitened observations `(N,)`."""
+    sized = structure.resized(np.concatenate([structure.band_sizes, structure.term_sizes[:-1], [size]]))
+    columns = slice(len(sized.sizes) - sized.terms[-1].width, None)
+    return np.asarray(sized.equations.design[:, columns] @ sized.posterior.mean[columns])
+
+
+def _figures(structure: Structure, heldout_rms_um: float) -> Figures:
+    """Residuals of a structure."""
+    observations, residual = structure.data.observations, in_units(structure, structure.left)
+    inside = ~structure.noise.left_out
+    micro = (residual * observations.measurement.per_micro)[inside]
+    white = np.linalg.solve(np.linalg.cholesky(observations.specified[inside]), residual[inside][:, :, None])
+    determined = float(structure.posterior.determined(structure.sizes).sum())
+    freedom = max(structure.whitener.scalars - determined, 1.0)
+    return Figures(
+        float(np.sqrt(np.mean(micro**2))),
+        float(np.linalg.norm(micro, axis=1).max()),
+        float(np.sum(white**2)) / freedom,
+        heldout_rms_um,
+    )

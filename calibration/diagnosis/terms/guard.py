@@ -1,0 +1,98 @@
+"""Held-out blocks: what a structure predicts of rows from the others, against its geometry alone, and against nothing.
+
+One rule: a result that predicts the blocks worse than no model at all is not written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.gaussian_terms.structure import Structure
+from kinematics.transforms import Array
+
+BLOCKS = 8
+"""Number of held-out blocks: rows that follow each other, so that an error that changes slowly is not learned from the
+rows beside."""
+
+
+class HeldOut(NamedTuple):
+    """RMS of held-out blocks that a structure predicts from the others, um per scalar."""
+
+    with_all: float
+    """With all terms."""
+    without: tuple[float, ...]
+    """Without each term of the structure."""
+    geometry: float
+    """With the geometry alone."""
+    nothing: float
+    """With a registration alone."""
+    ratio: float
+    """Squares with all terms, in units of the noise, as a share of those with nothing."""
+
+    @property
+    def worse(self) -> bool:
+        """True where no model at all predicts better."""
+        return self.ratio > 1.0
+
+
+def held_out(structure: Structure) -> HeldOut:
+    """Held-out blocks of the rows that are no outliers."""
+    geometry, total = len(structure.data.geometry.scales), len(structure.sizes)
+    ends = np.cumsum([geometry, *(term.width for term in structure.terms)])
+    everything = np.arange(total)
+    each = [np.delete(everything, np.arange(low, high)) for low, high in pairwise(ends.tolist())]
+    all_sets = [everything, np.arange(geometry), everything[:0], *each]
+    residuals = _predicted(structure, all_sets)
+    with_all, alone, nothing, *without = (rms_um(structure, residual) for residual in residuals)
+    ratio = float(np.sum(residuals[0] ** 2) / max(np.sum(residuals[2] ** 2), 1e-300))
+    return HeldOut(with_all, tuple(without), alone, nothing, ratio)
+
+
+def _predicted(structure: Structure, sets: Sequence[np.ndarray]) -> list[Array]:
+    """Whitened residuals `(N,)` of all blocks, each predicted from the others with the columns of each set."""
+    equations, sizes, factor = structure.equations, structure.sizes, structure.noise.factor
+    labels = _blocks(structure)
+    found = [equations.residual.copy() for _ in sets]
+    for block in range(BLOCKS):
+        mine = labels == block
+        own, seen = equations.design[mine], equations.residual[mine]
+        gram = (equations.gram - own.T @ own) * sizes[:, None] * sizes
+        along = (equations.along - own.T @ seen) * sizes
+        for columns, residual in zip(sets, found, strict=True):
+            if len(columns):
+                matrix = gram[np.ix_(columns, columns)] + factor * np.eye(len(columns))
+                residual[mine] -= own[:, columns] @ (sizes[columns] * np.linalg.solve(matrix, along[columns]))
+    return found
+
+
+def _blocks(structure: Structure) -> np.ndarray:
+    """Number of the block of each scalar `(N,)`; the rows of a stop are in one block, stated values in none."""
+    observations = structure.data.observations
+    stop = observations.measurement.stops
+    first = np.flatnonzero(np.append(True, np.diff(stop) != 0))
+    starts = np.repeat(first, np.diff(np.append(first, len(stop))))
+    rows = np.repeat(starts * BLOCKS // len(stop), observations.components)
+    return np.concatenate([rows, np.full(len(observations.stated), -1)])
+
+
+def in_units(structure: Structure, residual: Array) -> Array:
+    """Residuals `(n, d)`, mm and rad, of whitened ones `(N,)`; 0 of outliers."""
+    observations = structure.data.observations
+    n, d = observations.residual.shape
+    white, found = residual[: n * d].reshape(n, d), np.zeros((n, d))
+    for stops, matrices in zip(structure.data.stops, structure.whitener.matrices, strict=True):
+        own = white[stops.rows].reshape(len(stops.rows), -1, 1)
+        found[stops.rows] = np.linalg.solve(matrices, own).reshape(*stops.rows.shape, d)
+    found[structure.noise.left_out] = 0.0
+    return found
+
+
+def rms_um(structure: Structure, residual: Array) -> float:
+    """RMS, um per scalar, of whitened residuals `(N,)`, outliers apart."""
+    micro = in_units(structure, residual) * structure.data.observations.measurement.per_micro
+    inside = ~structure.noise.left_out
+    return float(np.sqrt(np.mean(micro[inside] ** 2)))
