@@ -61,7 +61,6 @@ EXCEPTIONS = {
     "kinematics/correction.py:_beside_jumps": 41,
     "kinematics/correction.py:correct_position": 55,
     "postproc/commands/calibrations/continuous.py:continuous": 54,
-    "postproc/commands/calibrations/diagnose.py:diagnose": 47,
     "postproc/commands/calibrations/fit.py:fit": 43,
     "postproc/commands/controls/export.py:export": 51,
     "postproc/commands/measurements/simulate.py:simulate": 54,

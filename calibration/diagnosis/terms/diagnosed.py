@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from calibration.diagnosis.terms.answer import Answer, answered
+from calibration.diagnosis.terms.conclusion.answer import Answer, answered
 from calibration.diagnosis.terms.search import search
 from calibration.fit.acceptance import information
 from calibration.fit.set_up.checked_data import checked_data

@@ -15,9 +15,9 @@ def diagnose_by_terms(
     data: Sequence[Path], machine: str, output: Path, form: DataOptions, others: ResultOptions, *, force: bool
 ) -> None:
     """Diagnose measurement files, and write the calibration and the results."""
+    from calibration.diagnosis.terms.conclusion.document import document
+    from calibration.diagnosis.terms.conclusion.report import report
     from calibration.diagnosis.terms.diagnosed import diagnosed
-    from calibration.diagnosis.terms.document import document
-    from calibration.diagnosis.terms.report import report
     from calibration.fit.beyond_measured import calibration_file
     from postproc.commands.show.terminal import console, show
 

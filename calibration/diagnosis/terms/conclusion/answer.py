@@ -12,10 +12,10 @@ import numpy as np
 
 from calibration.diagnosis.search.candidates import where
 from calibration.diagnosis.terms.candidates import Candidates
-from calibration.diagnosis.terms.guard import HeldOut, held_out, in_units, rms_um
-from calibration.diagnosis.terms.mixture import UNDECIDED, Mixture, averaged, likely_structures
-from calibration.diagnosis.terms.verdict import CLEAR, Judged, Verdict, judged
-from calibration.diagnosis.terms.visibility import not_visible
+from calibration.diagnosis.terms.conclusion.guard import HeldOut, held_out, in_units, rms_um
+from calibration.diagnosis.terms.conclusion.mixture import UNDECIDED, Mixture, averaged, likely_structures
+from calibration.diagnosis.terms.conclusion.verdict import CLEAR, Judged, Verdict, judged
+from calibration.diagnosis.terms.conclusion.visibility import not_visible
 from calibration.fit.acceptance import Judged as Accepted
 from calibration.fit.calibrate import provenance
 from calibration.gaussian_terms.calibrated import machine_model

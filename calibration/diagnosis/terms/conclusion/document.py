@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 from calibration.diagnosis.search.candidates import fields_of, where
-from calibration.diagnosis.terms.answer import Answer, Cause
-from calibration.diagnosis.terms.verdict import Judged
+from calibration.diagnosis.terms.conclusion.answer import Answer, Cause
+from calibration.diagnosis.terms.conclusion.verdict import Judged
 
 LARGEST = 700.0
 """Largest logarithm of odds whose odds are a number."""

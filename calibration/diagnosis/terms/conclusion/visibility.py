@@ -7,7 +7,7 @@ from collections.abc import Hashable, Iterator
 import numpy as np
 
 from calibration.diagnosis.terms.candidates import Candidates
-from calibration.diagnosis.terms.verdict import CLEAR
+from calibration.diagnosis.terms.conclusion.verdict import CLEAR
 from calibration.gaussian_terms.posterior import Posterior
 from calibration.gaussian_terms.structure import Structure
 

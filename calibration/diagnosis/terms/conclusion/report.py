@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 
 from calibration.diagnosis.search.candidates import where
-from calibration.diagnosis.terms.answer import Answer, Cause
-from calibration.diagnosis.terms.document import next_measurement
+from calibration.diagnosis.terms.conclusion.answer import Answer, Cause
+from calibration.diagnosis.terms.conclusion.document import next_measurement
 from kinematics.files.number_text import rounded
 from rendering.report import Report, Section, Table
 

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from calibration.diagnosis.terms.conclusion.verdict import Judged
 from calibration.diagnosis.terms.nameless import second_moment
-from calibration.diagnosis.terms.verdict import Judged
 from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.priors import SIZES
 from calibration.gaussian_terms.structure import Structure
