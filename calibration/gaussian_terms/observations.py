@@ -1,18 +1,28 @@
-"""A measurement as linear observations about the nominal machine: residuals, and derivatives by every error."""
+"""A measurement as linear observations about a machine: residuals, and derivatives by every error.
+
+The machine is the nominal one, or one with the errors that a first fit found: observations are no linear functions of
+errors of millimetres, of those of a chain of rotary axes, and of lengths.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from calibration.measurement.measurement import Measurement
 from calibration.observation.equations import specified_covariance
 from calibration.observation.normal_equations import residuals
 from calibration.observation.outliers import first_registration
+from calibration.registration.registration import Registration
 from kinematics.effects import Effect
 from kinematics.error_model.effect_sums import Design
-from kinematics.error_model.model import no_errors
+from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.transforms import Array
+
+STEPS, LAST_STEP = 4, 1e-7
+"""Most steps of a registration beside errors that are given, and the last one, mm and rad."""
 
 
 @dataclass(frozen=True)
@@ -34,14 +44,20 @@ class Observations:
     """Stated minus present values `(k,)`, in the same unit."""
 
     @classmethod
-    def of(cls, measurement: Measurement) -> Observations:
-        """The observations of a measurement about the nominal machine and a first registration."""
-        registration, _ = first_registration(measurement)
-        instrument, nominal = measurement.instrument, no_errors(measurement.machine)
+    def of(cls, measurement: Measurement, about: ErrorModel | None = None) -> Observations:
+        """The observations of a measurement, linearised about a model of the machine, by default the nominal one.
+
+        The residual contains the errors of that model as far as they are linear: whatever the model, errors are
+        relative to the nominal machine.
+        """
+        model = no_errors(measurement.machine) if about is None else about
+        registration = _registered(measurement, model)
+        instrument = measurement.instrument
+        transform = instrument.transform(measurement, registration)
         return cls(
             measurement,
-            residuals(measurement, nominal, registration),
-            instrument.transform(measurement, registration),
+            residuals(measurement, model, registration) + _linear(measurement, model, transform),
+            transform,
             instrument.registration_design(measurement, registration),
             specified_covariance(measurement),
             instrument.stated_design(measurement, registration),
@@ -61,3 +77,29 @@ class Observations:
         measurement = self.measurement
         design = Design(effects, measurement.machine, measurement.state, with_instrument=True)
         return design.of(slice(None), self.transform)
+
+
+def _registered(measurement: Measurement, model: ErrorModel) -> Registration:
+    """The registration of a machine with these errors: least squares, without rows that are far off."""
+    registration, trusted = first_registration(measurement)
+    if not model.effects:
+        return registration
+    instrument = measurement.instrument
+    white = np.linalg.inv(np.linalg.cholesky(specified_covariance(measurement)[trusted]))
+    for _ in range(STEPS):
+        rows = white @ instrument.registration_design(measurement, registration)[trusted]
+        own = white @ residuals(measurement, model, registration)[trusted][:, :, None]
+        matrix = [rows.reshape(-1, rows.shape[2]), instrument.stated_design(measurement, registration)]
+        right = [own.reshape(-1), instrument.stated_residuals(measurement, registration)]
+        step = np.linalg.lstsq(np.concatenate(matrix), np.concatenate(right))[0]
+        registration = registration.moved(step)
+        if np.abs(step).max(initial=0.0) < LAST_STEP:
+            break
+    return registration
+
+
+def _linear(measurement: Measurement, model: ErrorModel, transform: Array) -> Array:
+    """Change of the observations `(n, d)` by the errors of a model, to first order."""
+    effects = model.observation(measurement.machine, measurement.state)
+    errors = effects.errors.reshape(len(measurement), -1)
+    return np.asarray((transform @ np.concatenate([errors, effects.shift], axis=1)[:, :, None])[:, :, 0])

@@ -21,6 +21,7 @@ from calibration.diagnosis.terms.named import named
 from calibration.diagnosis.terms.nameless import nameless
 from calibration.diagnosis.terms.prior_odds import with_prior_odds
 from calibration.diagnosis.terms.waves import waves
+from calibration.gaussian_terms.linearised import linearised
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
@@ -64,9 +65,11 @@ class Move(NamedTuple):
 
 
 def search(observations: Observations, progress: Progress = silent) -> Found:
-    """The likeliest structure of observations."""
-    dictionary = Dictionary(with_prior_odds([*named(observations), *nameless(observations)]))
-    return Search(dictionary, progress).from_structure(Structure.first(Data.of(observations)).fitted())
+    """The likeliest structure of observations, which are linearised again about the errors of the machine."""
+    structure = linearised(Structure.first(Data.of(observations)).fitted())
+    own = structure.data.observations
+    dictionary = Dictionary(with_prior_odds([*named(own), *nameless(own)]))
+    return Search(dictionary, progress).from_structure(structure)
 
 
 class Search:

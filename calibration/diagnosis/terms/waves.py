@@ -163,7 +163,9 @@ class Scan:
         return with_log_prior(term, float(np.log(odds_of_kind(term) / (axes * members * len(self.turns)))))
 
     def _proposed_turns(self) -> list[float]:
-        """Periods over the travel near the likeliest ones, between the neighbours in the scan."""
+        """Periods over the travel near the likeliest ones, between the neighbours in the scan; none of a short axis."""
+        if not len(self.turns):
+            return []
         peaks: list[int] = []
         for number in np.argsort(-self._power()).tolist():
             if all(abs(number - other) > APART for other in peaks):

@@ -1,0 +1,158 @@
+"""The search among structures in the data of all instruments: what is hidden is found, nothing else is."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from support import robot
+from support.ballbar_cases import circles_of
+from support.interferometer_runs import runs
+from support.probe_cases import probed, spheres_of
+from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions, truth
+
+import machines
+from calibration.diagnosis.terms.search import search
+from calibration.gaussian_terms.linearised import linearised, mean_errors
+from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.structure import Data, Structure
+from calibration.instruments import Interferometer, Level, Part
+from calibration.measurement.measurement import Measurement, Target, with_moves
+from calibration.measurement.plan import Choices
+from calibration.planning.strategies import plan
+from calibration.simulation.measure_plan import VirtualInstrument, measure_plan, streams
+from calibration.simulation.simulate import observe
+from calibration.simulation.true_model import model_of
+from kinematics.effects import Backlash, Effect, LocationError, Scale, ThermalDrift
+from kinematics.forward import tool_point
+from kinematics.state import State
+
+CFRAME, DMU50 = machines.load("cframe"), machines.load("dmu50")
+FREE = {
+    "known": Target((0.0, 0.0, -120.0)),
+    "free": Target((90.0, 40.0, -180.0), free=True),
+    "table": Target((200.0, 100.0, 50.0), carrier="table"),
+}
+LASER = Interferometer(u_um=0.3, u_um_per_m=0.5, u_straightness_um=0.5, u_angle_urad=1.0)
+
+
+def errors_of(machine, *causes: Effect):
+    """Smooth error motions of all axes, and causes."""
+    return model_of(machine, (*truth(machine, np.random.default_rng(5), 8.0).effects, *causes))
+
+
+def tracked(machine, targets, rows, *causes: Effect, **how) -> Measurement:
+    rng = np.random.default_rng(2)
+    return measured(machine, positions(machine, rows, rng), targets, errors_of(machine, *causes), rng, **how)
+
+
+def along_axes(instrument, *causes: Effect) -> Measurement:
+    laid = plan(CFRAME, "axes", spacing_mm=40.0, choices=Choices(runs=3))
+    return measure_plan(laid, errors_of(CFRAME, *causes), VirtualInstrument(instrument), streams(0, 4)[1:]).measurement
+
+
+def cut(*causes: Effect) -> Measurement:
+    rng = np.random.default_rng(1)
+    state = State(positions(CFRAME, 150, rng))
+    return observe(CFRAME, errors_of(CFRAME, *causes), state, Part(u_um=2.0), rng)
+
+
+def of_arm(count: int, mm: float, mrad: float) -> Measurement:
+    """A robot whose links differ from the nominal ones."""
+    joints = robot.random_joints(count)
+    state = with_moves(State(np.radians(joints), target=np.full(count, "t"), station=np.full(count, "s1")))
+    points = robot.measured(joints, robot.real_arm(1, mm, mrad))
+    tracker = TRACKER.__class__(u_range_um=10.0, u_angle_um=10.0)
+    return Measurement(robot.machine(), tracker, state, points, {"t": Target(tuple(robot.target()))}, source="arm")
+
+
+def drifting(distances=None) -> Measurement:
+    own = LocationError("X", "C", 40.0), LocationError("A", "C", 60.0), Scale("X", 60.0)
+    drift = ThermalDrift(component="Z", amplitudes=(30.0,), time_constants_s=(900.0,))
+    return probed("dmu50", 60, spheres=spheres_of("dmu50", 3, distances), effects=(*own, drift))[0]
+
+
+CASES = {
+    "touch probe": (drifting, {"thermal-drift Z": 30.0}),
+    "distances": (partial(drifting, {("s1", "s2"): 0.0005}), {"thermal-drift Z": 30.0}),
+    "probe, rotary": (lambda: probed("trunnion_ac", 50, effects=(Backlash("A", 40.0),))[0], {"backlash A": 40.0}),
+    "ballbar": (lambda: circles_of(Backlash("X", 8.0), step=2.0)[0], {"backlash X": 8.0}),
+    "interferometer": (
+        lambda: along_axes(LASER, Backlash("X", 6.0), Backlash("Z", 9.0)),
+        {"backlash X": 6.0, "backlash Z": 9.0},
+    ),
+    "level": (lambda: along_axes(Level(u_angle_urad=2.0)), {}),
+    "part": (lambda: cut(Backlash("X", 12.0)), {"backlash X": 12.0}),
+    "two stations": (lambda: tracked(CFRAME, THREE, 200, Backlash("Y", 15.0), stations=2), {"backlash Y": 15.0}),
+    "free targets": (
+        lambda: tracked(DMU50, FREE, 160, Backlash("Y", 20.0), stands_on="bed"),
+        {"backlash Y": 20.0},
+    ),
+    "five axes": (lambda: tracked(DMU50, ONE, 160, Backlash("Y", 20.0)), {"backlash Y": 20.0}),
+    "arm": (lambda: of_arm(150, 0.3, 0.5), {}),
+}
+QUICK = ("ballbar", "interferometer", "level", "part")
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.statistical) for name in CASES]
+)
+def test_what_is_hidden_is_named_with_its_size(name):
+    make, hidden = CASES[name]
+    found = search(Observations.of(make())).structure
+    sizes, bands = {}, len(found.band_sizes)
+    for number, term in enumerate(found.terms):
+        sizes[term.name] = (term.parameters @ found.posterior.mean[found.groups == bands + number])[0]
+    assert sizes == {name: pytest.approx(size, rel=0.25) for name, size in hidden.items()}
+    assert found.noise.factor**0.5 == pytest.approx(1.0, abs=0.3)
+    assert max(found.noise.repeats.values(), default=0.0) < 2.0
+    assert np.count_nonzero(found.noise.left_out) <= 1
+
+
+def first(measurement: Measurement) -> Structure:
+    return Structure.first(Data.of(Observations.of(measurement))).fitted()
+
+
+def test_an_arm_whose_links_are_millimetres_off_is_linearised_about_its_errors():
+    """8 mrad and 5 mm are no linear problem: tens of um of the second order remain of it."""
+    start = first(of_arm(120, 5.0, 8.0))
+    found = linearised(start)
+    assert start.noise.factor**0.5 > 1.5
+    assert found.noise.factor**0.5 == pytest.approx(1.0, abs=0.15)
+    unseen = robot.random_joints(60, seed=9)
+    flange = robot.NOMINAL.frames(np.zeros(6))[-1][:3, 3]
+    real = robot.real_arm(1, 5.0, 8.0).reflector(unseen) - flange
+    left = []
+    for structure in (start, found):
+        errors = mean_errors(structure).errors(robot.machine(), State(np.radians(unseen)))
+        points = tool_point(robot.machine(), np.radians(unseen), robot.target(), errors)
+        turned, _, right = np.linalg.svd((points - points.mean(axis=0)).T @ (real - real.mean(axis=0)))
+        back = (points - points.mean(axis=0)) @ (turned @ right)
+        left.append(np.sqrt(np.mean((back - (real - real.mean(axis=0))) ** 2)))
+    assert left[1] < 0.03
+    assert left[1] < 0.7 * left[0]
+
+
+def test_a_table_four_thousandths_too_long_on_a_ballbar():
+    data = circles_of(Scale("Y", 4000.0), LocationError("C", "Y", 3000.0), planes=("XY", "YZ"), step=5.0)[0]
+    found = linearised(first(data))
+    assert found.noise.factor**0.5 == pytest.approx(1.0, abs=0.15)
+    again = Observations.of(data, mean_errors(found))
+    assert np.abs(beside_registration(again, found.data.observations)).max() < 3e-5
+
+
+def test_observations_about_any_model_are_the_same_where_they_are_linear():
+    data = tracked(CFRAME, THREE, 40)
+    plain, about = Observations.of(data), Observations.of(data, errors_of(CFRAME))
+    assert np.abs(beside_registration(about, plain)).max() < 2e-5
+
+
+def beside_registration(one: Observations, other: Observations) -> np.ndarray:
+    """Difference of the residuals `(n d,)`, mm, that no registration explains."""
+    columns, change = one.registration.reshape(one.residual.size, -1), (one.residual - other.residual).ravel()
+    return change - columns @ np.linalg.lstsq(columns, change)[0]
+
+
+def test_a_wave_of_a_short_axis():
+    """An axis whose travel has no room for three of the shortest periods has no waves."""
+    short = runs(lambda x: 0.01 * x, np.linspace(0.0, 10.0, 9), np.random.default_rng(1))
+    assert not search(Observations.of(short)).structure.terms
