@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from shop_floor import exam
 from support.interferometer_runs import runs
+from support.tiers import EXAM, STATISTICAL
 
 from calibration.diagnosis.residual.absorber import Absorbing
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
@@ -52,15 +53,14 @@ def test_its_information_is_that_of_its_covariance():
     assert np.allclose(slope * beside.noise, limited * np.array(found.model.parameters), atol=1e-6)
 
 
-@pytest.mark.statistical
 @pytest.mark.parametrize(
     ("design", "cause", "machine", "draw", "seed", "most"),
     [
-        ("random3", "beam", "cframe", 0, 940001, 2.0),
-        ("random3", "walk", "cframe", 0, 7, 2.2),
-        ("serpentine", "beam", "gantry", 0, 940001, 5.5),
-        ("lines", "beam", "gantry", 1, 71001, 8.0),
-        ("few", "beam", "gantry", 0, 71001, 11.0),
+        pytest.param("random3", "beam", "cframe", 0, 940001, 2.0, marks=EXAM),
+        pytest.param("random3", "walk", "cframe", 0, 7, 2.2, marks=EXAM),
+        pytest.param("serpentine", "beam", "gantry", 0, 940001, 5.5, marks=STATISTICAL),
+        pytest.param("lines", "beam", "gantry", 1, 71001, 8.0, marks=EXAM),
+        pytest.param("few", "beam", "gantry", 0, 71001, 11.0, marks=STATISTICAL),
     ],
 )
 def test_a_calibration_learns_little_of_what_it_cannot_hold(design, cause, machine, draw, seed, most):

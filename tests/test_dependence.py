@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.dependent_residuals import joint, logged, remembering
+from support.tiers import quick
 
 from calibration.diagnosis.residual.dependence import explaining_variables
 from calibration.diagnosis.residual.permuted_blocks import blocks_in_time, permuted
@@ -111,13 +112,11 @@ def test_nothing_to_look_at():
     assert explaining_variables(np.zeros((100, 3)), {"X": np.arange(100.0)}, rng) is None
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("grid", [False, True])
+@pytest.mark.parametrize("grid", quick([False, True], [], [False]))
 def test_level_of_sets(grid):
     assert found_sets(100, 300, nothing, grid)[None] >= 98
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("n", [300, 1000])
+@pytest.mark.parametrize("n", quick([300, 1000], [], [300]))
 def test_power_of_sets(n):
     assert found_sets(40, n, joint)["X", "Z", "time"] >= 36

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 from support.pages import figures
+from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions
 
 import machines
@@ -339,8 +340,7 @@ def test_rows_that_are_wrong_have_a_number_and_no_uncertainty(diagnosed, sheet):
     assert not any("±" in text for text in texts)
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("case", ODD)
+@pytest.mark.parametrize("case", quick(ODD, [], ["an outlier of 1 km", "no time"]))
 def test_odd_data_show_the_same_cause(diagnosed, sheet, case):
     done, said, _ = diagnosed(ODD[case](sheet))
     assert done.status == 0, done.err
@@ -352,8 +352,7 @@ def test_odd_data_show_the_same_cause(diagnosed, sheet, case):
     assert abs(width["parameters"]["width_um"] - 30.0) < 4 * width["u"]["width_um"]
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("factor", [1e-3, 50.0])
+@pytest.mark.parametrize("factor", quick([1e-3, 50.0], [], [50.0]))
 def test_a_sheet_that_is_far_off_is_told(diagnosed, sheet, factor):
     for line in [line for line in sheet.head if line.startswith("# u_")]:
         key, value = line[2:].split(": ")

@@ -1,4 +1,4 @@
-"""Differences that the fuzzers have found stay away, and 200 programs of each show no new one."""
+"""Differences that the fuzzers have found stay away, and programs at random of each show no new one."""
 
 import json
 import random
@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from support.tiers import EXAM, STATISTICAL
 
 from postproc.text import flow
 from tests.fuzz import EXAMINERS
@@ -19,7 +20,7 @@ from tests.fuzz.runner import Count, judge, run
 from tests.fuzz.shrink import shrink
 
 FILES = sorted(FOUND.glob("*/*.json"))
-PROGRAMS = 200
+PROGRAMS, EXAM_PROGRAMS = 40, 200
 NEEDS_LINUXCNC = ("linuxcnc", "play")
 
 
@@ -38,13 +39,15 @@ def test_found_before(path):
     assert outcome.verdict is not Verdict.DIFFERS, f"{outcome.text}\nfound: {json.loads(path.read_text())['detail']}"
 
 
-@pytest.mark.statistical
+@pytest.mark.parametrize(
+    "programs", [pytest.param(PROGRAMS, marks=STATISTICAL), pytest.param(EXAM_PROGRAMS, marks=EXAM)]
+)
 @pytest.mark.parametrize("name", EXAMINERS)
-def test_random_programs(name):
-    count = run(name, PROGRAMS, seed=0, keep=False)
+def test_random_programs(name, programs):
+    count = run(name, programs, seed=0, keep=False)
     print(count.text())
     assert not count.differences, count.text()
-    assert count.compared >= PROGRAMS * getattr(examiner(name), "LEAST_COMPARED", 0.25)
+    assert count.compared >= programs * getattr(examiner(name), "LEAST_COMPARED", 0.25)
 
 
 def test_a_case_is_read_as_it_was_written(tmp_path, monkeypatch):

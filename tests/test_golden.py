@@ -1,6 +1,7 @@
 """The commands answer as they did: each run of tests/golden/runs.py is compared with its stored answer."""
 
 import pytest
+from support.tiers import EXAM, STATISTICAL
 
 from tests.golden.comparison import differences
 from tests.golden.run import ANSWERS, answer, missing, stored
@@ -11,7 +12,7 @@ RENEW = "python -m tests.golden --renew {} stores the present answer."
 
 
 @pytest.mark.parametrize(
-    "run", [pytest.param(run, id=run.name, marks=[pytest.mark.statistical] * run.heavy) for run in RUNS]
+    "run", [pytest.param(run, id=run.name, marks=[STATISTICAL] * run.heavy + [EXAM] * run.exam) for run in RUNS]
 )
 def test_the_answer_is_the_stored_one(run: Run) -> None:
     if absent := missing(run):

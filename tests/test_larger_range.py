@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
+from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
@@ -111,9 +112,10 @@ def test_an_arc_is_extended_from_its_own_turn(known, degrees, whole):
     np.testing.assert_allclose(now, was, atol=0.05 * np.sqrt(np.mean(was**2)))
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("hidden", [(), (Backlash("Y", 30.0),)])
-@pytest.mark.parametrize("basis", ["cubic:5", "legendre:4"])
+HIDDEN = [(hidden, basis) for hidden in ((), (Backlash("Y", 30.0),)) for basis in ("cubic:5", "legendre:4")]
+
+
+@pytest.mark.parametrize(("hidden", "basis"), quick(HIDDEN, [], HIDDEN[2:3]))
 def test_errors_outside_the_ranges_of_a_calibration_are_no_cause(hidden, basis):
     model = truth(CFRAME, np.random.default_rng(0))
     given = calibrate(seen(CFRAME, model, 1, 250, 0.6), basis=basis).model

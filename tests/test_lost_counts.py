@@ -62,7 +62,7 @@ def test_rows_beyond_lost_counts_are_no_outliers_and_no_error_of_the_machine():
     assert found.volume.machine_rms < 3.0
 
 
-@pytest.mark.statistical
+@pytest.mark.exam
 def test_lost_counts_are_not_taken_for_a_noisier_instrument():
     """60 rows: residuals that the step leaves look like noise 1.5 times as large as specified."""
     above = float(np.degrees(np.quantile(beam(data_with(n=60, seed=5).observed).angles[:, 0], 0.4)))

@@ -152,7 +152,7 @@ def test_what_was_added_to_a_calibration_is_one_error_motion_for_each_axis_and_c
     assert len(merged(MACHINE, present, len(present.effects)).effects) == len(present.effects)
 
 
-@pytest.mark.statistical
+@pytest.mark.exam
 def test_a_collision_after_the_calibration_is_named(tmp_path):
     """A smooth function of time and positions explains most of the step; the calibration lets no error motion do so."""
     gantry = machines.load("gantry")

@@ -1,9 +1,11 @@
 """Tests of whiteness: their level under pure noise that a fit has been through, and their power."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy import linalg, stats
-from support.tiers import quick
+from support.tiers import all_pairs, quick
 
 from calibration.diagnosis.residual.whiteness import Columns, _along, _cells, _centred, combined, whiteness
 
@@ -68,13 +70,12 @@ def test_p_values_are_uniform_under_pure_noise(design, known):
         assert stats.kstest(values, "uniform").pvalue > 1e-3, what
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("kind", ["normal", "heavy"])
-@pytest.mark.parametrize("step", [None, 50.0])
-@pytest.mark.parametrize(
-    ("design", "known"), [pytest.param(random_design, False, marks=pytest.mark.statistical), (smooth_design, True)]
-)
-def test_levels_hold_on_grids_and_with_heavy_tails(design, known, step, kind):
+LEVELS = ["random", "smooth"], [None, 50.0], ["normal", "heavy"]
+
+
+@pytest.mark.parametrize(("design", "step", "kind"), quick(product(*LEVELS), [], all_pairs(*LEVELS)))
+def test_levels_hold_on_grids_and_with_heavy_tails(design, step, kind):
+    design, known = (random_design, False) if design == "random" else (smooth_design, True)
     for what, values in levels(1500, design, known, kind, step, ROWS).items():
         if kind == "normal" or what != "size (chi2)":
             assert stats.kstest(values, "uniform").pvalue > 1e-3, what

@@ -90,6 +90,8 @@ class Run:
     data: tuple[str, ...] = ()
     heavy: bool = False
     """In the statistical tier."""
+    exam: bool = False
+    """An exam: a long diagnosis, of which a shorter one of its kind is in another tier."""
 
 
 FORMATS = (
@@ -123,12 +125,12 @@ RUNS = (
     Run("fit-plate", f"fit D8131_1 --machine gantry --header u_um=2.3 {FIT}", ("shared:plug_plates/D8131_1",), heavy=True),
     Run("diagnose-runs-of-iso230", f"diagnose x_iso230_2_report.md {SINGLE} {DIAGNOSE} --report page.html", ("shared:iso230/x_iso230_2_report.md", "file:examples/single_axis.toml")),
     Run("diagnose-plate", f"diagnose D8131_1 --machine gantry --header u_um=2.3 {DIAGNOSE}", ("shared:plug_plates/D8131_1",), heavy=True),
-    Run("diagnose-large-plate", f"diagnose D1396A1 --machine gantry --header u_um=2.3 {DIAGNOSE}", ("shared:plug_plates/D1396A1",), heavy=True),
+    Run("diagnose-large-plate", f"diagnose D1396A1 --machine gantry --header u_um=2.3 {DIAGNOSE}", ("shared:plug_plates/D1396A1",), exam=True),
     Run("diagnose-slit-axis", f"diagnose axis1_resolver_openloop.log --machine single_axis.toml --header command=IOC_TEST:Axis1-PosAct --header observed=IOC_TEST:ec0-s4-EL7211-Enc-PosAct --header axis=X --header u_um=0.3 {DIAGNOSE}", ("shared:slit_axis/axis1_resolver_openloop.log", "file:examples/single_axis.toml"), heavy=True),
-    Run("diagnose-resolver", f"diagnose ResolverCiclicError2.csv --machine single_axis.toml --header 'command=fActPosition (Internal Counter)' --header 'observed=fActPosition (Resolver)' --header u_um=20 {DIAGNOSE}", ("shared:resolver/ResolverCiclicError2.csv", "file:examples/single_axis.toml"), heavy=True),
+    Run("diagnose-resolver", f"diagnose ResolverCiclicError2.csv --machine single_axis.toml --header 'command=fActPosition (Internal Counter)' --header 'observed=fActPosition (Resolver)' --header u_um=20 {DIAGNOSE}", ("shared:resolver/ResolverCiclicError2.csv", "file:examples/single_axis.toml"), exam=True),
     Run("diagnose-ordinary-none", f"diagnose cframe-none.csv --machine cframe {DIAGNOSE}", ("shared:ordinary_runs/cframe-none.csv",), heavy=True),
-    Run("diagnose-ordinary-backlash", f"diagnose cframe-backlash.csv --machine cframe {DIAGNOSE}", ("shared:ordinary_runs/cframe-backlash.csv",), heavy=True),
-    Run("diagnose-ordinary-strange", f"diagnose cframe-strange.csv --machine cframe {DIAGNOSE}", ("shared:ordinary_runs/cframe-strange.csv",), heavy=True),
+    Run("diagnose-ordinary-backlash", f"diagnose cframe-backlash.csv --machine cframe {DIAGNOSE}", ("shared:ordinary_runs/cframe-backlash.csv",), exam=True),
+    Run("diagnose-ordinary-strange", f"diagnose cframe-strange.csv --machine cframe {DIAGNOSE}", ("shared:ordinary_runs/cframe-strange.csv",), exam=True),
     Run("diagnose-ordinary-two", f"diagnose cframe-two.csv --machine cframe {DIAGNOSE}", ("shared:ordinary_runs/cframe-two.csv",), heavy=True),
     Run("diagnose-interferometer", f"diagnose laser.csv --machine cframe {DIAGNOSE}", ("laser",)),
     Run("diagnose-interferometer-cyclic", f"diagnose laser.csv --machine cframe {DIAGNOSE} --report page.html", ("laser-cyclic",)),
