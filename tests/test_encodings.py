@@ -125,7 +125,7 @@ def test_a_comment_that_goes_on_in_the_next_line_hides_no_block(tmp_path):
 def test_real_programs_in_other_clothes(nc_data, tmp_path):
     """Every real program that is read comes back with its line ends changed, and with a comment in another alphabet."""
     accepted = 0
-    for path in sorted(p for p in nc_data.rglob("*") if p.is_file()):
+    for path in sorted(p for p in nc_data.rglob("*") if p.is_file() and p.stat().st_size < 100_000):
         try:
             dialect, data = corrected(path, no_errors(GANTRY))
         except UserError:

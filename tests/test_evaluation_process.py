@@ -49,7 +49,7 @@ def _always(monkeypatch):
 
 @drawn(
     4,
-    30,
+    20,
     300,
     program=programs(),
     seed=st.integers(0, 99),

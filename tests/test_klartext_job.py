@@ -93,7 +93,8 @@ def test_tcp_programs_are_corrected_in_the_workpiece_frame():
 
 @drawn(
     few=6,
-    many=100,
+    many=30,
+    most=100,
     moves=st.lists(st.tuples(st.sampled_from("XYZ"), st.floats(-60, 60), st.booleans()), min_size=1, max_size=12),
 )
 def test_modal_and_incremental_blocks_reach_the_nominal_points(moves):

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
+from support.tiers import EXAM, STATISTICAL, quick
 
 import machines
 from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
@@ -101,9 +102,12 @@ def test_the_machine_without_errors():
     assert decode_model(encode_model(model), "none") == model
 
 
-@pytest.mark.statistical
 @pytest.mark.parametrize(
-    "covariance", [pytest.param(None, id="independent"), pytest.param(correlated(12, seed=7), id="correlated")]
+    "covariance",
+    [
+        pytest.param(None, id="independent", marks=EXAM),
+        pytest.param(correlated(12, seed=7), id="correlated", marks=STATISTICAL),
+    ],
 )
 def test_standard_uncertainty_equals_monte_carlo_through_the_exact_kinematics(covariance):
     model = msgspec.structs.replace(SMALL, covariance=None if covariance is None else as_rows(covariance))
@@ -144,8 +148,7 @@ def many_states(n: int, seed: int) -> State:
     )
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("correlation", [0.0, 0.6], ids=["independent", "correlated"])
+@pytest.mark.parametrize("correlation", quick([0.0, 0.6], [], [0.6]), ids=["independent", "correlated"])
 def test_standard_uncertainty_of_effects_of_all_places_equals_monte_carlo(correlation):
     """Shapes (period, time constant, lag) are linearised; the instrument's uncertainty is none of the prediction's."""
     u = np.array([u for effect in MANY for u in effect.uncertainties])

@@ -96,6 +96,6 @@ def test_siemens(data):
 
 
 @pytest.mark.usefixtures("nc_data")
-@drawn(few=8, many=100, most=1500, data=st.data())
+@drawn(few=8, many=20, most=1500, data=st.data())
 def test_klartext(data):
     check(*data.draw(spoilt("heidenhain")), "heidenhain")

@@ -7,7 +7,6 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import (
     FIVE_AXES,
@@ -21,7 +20,7 @@ from support.programs import (
     shifted,
     source_of,
 )
-from support.tiers import quick
+from support.tiers import drawn, quick
 
 from kinematics.basis import BSpline, Polynomial
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError
@@ -164,9 +163,14 @@ def test_other_dialects(dialect):
     assert run.report.split_moves == 4
 
 
-@pytest.mark.statistical
-@settings(max_examples=60)
-@given(seed=st.integers(0, 2**32 - 1), case=st.sampled_from(EVERY), dialect=st.sampled_from(list(TCP)))
+@drawn(
+    few=1,
+    many=20,
+    most=60,
+    seed=st.integers(0, 2**32 - 1),
+    case=st.sampled_from(EVERY),
+    dialect=st.sampled_from(list(TCP)),
+)
 def test_any_long_lines(seed, case, dialect):
     name, tcp = case
     machine = load(name)
@@ -330,9 +334,7 @@ def test_arcs_on_all_machines(name, tcp):
         assert abs(math.dist(ends[0], arc.centre) - math.dist(ends[1], arc.centre)) < 3e-3
 
 
-@pytest.mark.statistical
-@settings(max_examples=60)
-@given(seed=st.integers(0, 2**32 - 1), case=st.sampled_from(EVERY))
+@drawn(few=1, many=15, most=60, seed=st.integers(0, 2**32 - 1), case=st.sampled_from(EVERY))
 def test_any_arcs(seed, case):
     name, tcp = case
     machine = load(name)

@@ -2,7 +2,6 @@
 
 import io
 import re
-import subprocess
 from itertools import pairwise, product
 from pathlib import Path
 
@@ -483,15 +482,3 @@ def test_a_dialect_of_another_control_is_refused(ncomp, family, dialect):
     assert result.status == 2
     assert f"--dialect {dialect}: the machine file states family = {family} under [control]" in result.err
     assert not Path("plan.nc").exists()
-
-
-@pytest.mark.statistical
-def test_examples_of_the_page(ncomp):
-    """The commands of docs/planning.md run one after the other."""
-    page = (Path(__file__).parents[1] / "docs" / "planning.md").read_text()
-    commands = re.findall(r"^    ncomp (.*)$", page.replace("\\\n", " "), re.MULTILINE)
-    assert len(commands) >= 6
-    for command in commands:
-        words = subprocess.list2cmdline([command]).strip('"').split("#")[0].split()
-        result = ncomp(*words)
-        assert result.status == 0, (command, result.err)

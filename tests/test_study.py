@@ -16,7 +16,7 @@ import pytest
 from hypothesis import strategies as st
 from support.file_examples import STUDY
 from support.pages import figures
-from support.tiers import drawn
+from support.tiers import drawn, quick
 
 import machines
 from calibration.design.equations import Sample
@@ -238,6 +238,7 @@ ALIKE = {
         [0],
     ),
 }  # fmt: skip
+LONG_TO_CHOOSE = {"four stations", "200 points", "five axes"}
 SLOW_TO_CHOOSE = (
     "hexahedron", "diagonals", "residuals above the sheet by chance", "residuals above the sheet by chance, another", "three tools", "runs", "200 points", "four stations",
     "five axes", "spheres",
@@ -245,7 +246,7 @@ SLOW_TO_CHOOSE = (
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.statistical] if name in SLOW_TO_CHOOSE else []) for name in ALIKE]
+    "name", quick(ALIKE, [name for name in ALIKE if name not in SLOW_TO_CHOOSE], set(SLOW_TO_CHOOSE) - LONG_TO_CHOOSE)
 )
 def test_a_draw_chooses_its_basis_as_the_fit_of_its_measurement(name):
     """The same bases and size of the errors, whatever the other draws of its chunk prefer."""
