@@ -8,8 +8,8 @@ from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.search.present.larger_range import Larger, extended, larger_ranges, within
 from calibration.fit.calibrate import calibrate
+from calibration.gaussian_terms.given.larger_range import Larger, extended, larger_ranges, within
 from calibration.reports.diagnosis import diagnosis_report
 from calibration.reports.diagnosis_json import diagnosis_json
 from kinematics.basis import BSpline, Fourier, Legendre

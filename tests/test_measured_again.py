@@ -11,10 +11,10 @@ from support.virtual_measurements import THREE, measured, positions, truth
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.machine_change import MachineChange
-from calibration.diagnosis.search.present.nested_bases import refined
-from calibration.diagnosis.updated_model import merged
 from calibration.evaluation.volumetric import aligned
 from calibration.fit.calibrate import calibrate
+from calibration.gaussian_terms.given.merged import merged
+from calibration.gaussian_terms.given.nested_bases import refined
 from calibration.measurement.file import read_measurement
 from calibration.reports.diagnosis import diagnosis_report
 from calibration.reports.diagnosis_json import diagnosis_json

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import strategies as st
 from support.tiers import drawn
 
-from calibration.diagnosis.search.present.nested_bases import embedding, refined
+from calibration.gaussian_terms.given.nested_bases import embedding, refined
 from kinematics.basis import BSpline, Fourier, Harmonics, Legendre, Polynomial
 
 NODES = st.lists(st.integers(-40, 40), min_size=2, max_size=9, unique=True).map(

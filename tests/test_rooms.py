@@ -19,7 +19,7 @@ TESTS_OF_CLASSES = {
     # curves in place of error motions
     "calibration/fit/curves/between_positions.py": 2,
     "calibration/fit/omitted_waves.py": 1,
-    "calibration/diagnosis/updated_model.py": 4,
+    "calibration/gaussian_terms/given/merged.py": 4,
     # products of error motions, and their turn about another point
     "calibration/observation/mean_lines.py": 3,
     "calibration/observation/products.py": 1,
@@ -38,7 +38,7 @@ TESTS_OF_CLASSES = {
     "calibration/diagnosis/search/common_causes.py": 2,
     "calibration/diagnosis/search/evaluation.py": 1,
     "calibration/diagnosis/search/imitated_causes.py": 1,
-    "calibration/diagnosis/search/present/larger_range.py": 1,
+    "calibration/gaussian_terms/given/larger_range.py": 1,
     "calibration/diagnosis/search/selection.py": 6,
     "calibration/diagnosis/search/shapes/change_points.py": 5,
     "calibration/diagnosis/search/shapes/proposed_shapes.py": 2,

@@ -128,19 +128,25 @@ def data(tmp_path):
     return tmp_path / "data.csv"
 
 
-def test_what_the_engine_does_not_know_is_refused(data, answer, tmp_path):
+def test_what_the_engine_does_not_know_is_refused(data, tmp_path):
     words = ("diagnose", data, "-m", "gantry", "-o", tmp_path / "new.json", "--engine", "terms")
-    given = answer(NOTHING).calibration
-    assert "--calibration and --engine terms exclude each other" in refusal(*words, "--calibration", given)
     assert "--noise and --engine terms exclude each other" in refusal(*words, "--noise", "estimate")
     assert "--unexplained and --engine terms exclude each other" in refusal(*words, "--unexplained", "add")
     assert not (tmp_path / "new.json").exists()
 
 
-def test_another_instrument_is_refused(tmp_path):
+def test_an_interferometer_has_the_same_answer(tmp_path):
     (tmp_path / "data.csv").write_text(draws.by_laser("backlash", "cframe", 1).sheet(), encoding="utf-8")
-    words = ("-m", "cframe", "-o", tmp_path / "new.json", "--engine", "terms")
-    assert "--engine terms is for laser trackers" in refusal("diagnose", tmp_path / "data.csv", *words)
+    found = diagnosed(tmp_path, "cframe").document
+    assert {each["kind"] for each in found["effects"]} == {"backlash"}
+    assert found["accepted"]
+
+
+def test_data_of_a_calibration_count_once(answer, tmp_path):
+    NOTHING.write(tmp_path)
+    found = diagnosed(tmp_path, "gantry", "--calibration", answer(NOTHING).calibration).document
+    assert "the calibration was made from these data" in found["sanity"][0]["says"]
+    assert not found["confirmed"]
 
 
 def test_few_rows_are_refused(data, tmp_path):

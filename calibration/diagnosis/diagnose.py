@@ -23,7 +23,6 @@ from calibration.diagnosis.result import Diagnosis, noise_um
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY
 from calibration.diagnosis.search.evaluation import Evaluated, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.present.larger_range import within
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.searched_causes import Searched, searched_causes
@@ -45,6 +44,7 @@ from calibration.fit.set_up.repeated_centres import repeat_findings
 from calibration.fit.set_up.run_zeros import run_zeros, zero_findings
 from calibration.fit.set_up.target_positions import TargetPosition
 from calibration.fit.set_up.target_positions import findings as target_findings
+from calibration.gaussian_terms.given.larger_range import within
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.plausibility.finding import Finding

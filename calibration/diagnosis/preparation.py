@@ -12,7 +12,6 @@ from calibration.diagnosis.linear_order import other_order
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual.chance_level import PERIODIC, ByChance
 from calibration.diagnosis.search.candidates import Untested, changes, library
-from calibration.diagnosis.search.present.larger_range import larger_ranges
 from calibration.diagnosis.search.recent_fits import RecentFits
 from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
@@ -22,6 +21,7 @@ from calibration.fit.identifiability import identifiability
 from calibration.fit.set_up.checked_data import checked_data
 from calibration.fit.set_up.moved_spheres import moved_spheres
 from calibration.fit.set_up.target_positions import TargetPosition
+from calibration.gaussian_terms.given.larger_range import larger_ranges
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import is_log
 from calibration.observation.outliers import Variance

@@ -1,25 +1,39 @@
 """What every measurement contains: the error motions of each axis that moves, and the unknown side of its first move.
 
 Error motions are Legendre polynomials of a high degree, or harmonics of a whole turn. No basis is chosen: the
-coefficients of a band of degrees share one size, which the data decide.
+coefficients of a band of degrees share one size, which the data decide. Where a calibration is given, its parameters
+take the place of the error motions of its axes, with their covariance as prior.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.priors import BANDS, FALL, FIRST_SIDE, MOTION
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import BasisChoice, axis_motions
 from kinematics.effects import Effect, UnknownApproach
+from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 from kinematics.turn import gap_of
 
 DEGREE, HARMONICS = 20, 8
 """Largest degree of an error motion over an interval, and its harmonics over a whole turn."""
+
+KNOWN = 1e-12
+"""Share of the largest variance of a calibration, in squares of its uncertainties, below which one is rounding."""
+Key = tuple[str, bool, int]
+"""Band: axis, whether it is angular, and number; numbers below 0 are of sizes that are not fitted."""
+FIRST = -1
+"""Number of the band of an error before the first move of an axis."""
+CALIBRATED: Key = ("", False, -2)
+"""Band of the parameters of a given calibration: their covariance is their size."""
 
 
 @dataclass(frozen=True)
@@ -27,54 +41,95 @@ class Geometry:
     """Columns that are always present, in units of their prior sizes, and the bands whose columns share a size."""
 
     effects: tuple[Effect, ...]
+    """Those of a given calibration first."""
     columns: Array
     """`(n, d, p)`"""
-    scales: Array
-    """Prior sizes `(p,)` of the parameters, in their units."""
+    parameters: Array
+    """Parameters of the effects, one after the other, by the coefficients of the columns `(P, p)`."""
+    before: Array
+    """Parameters `(P,)` without any data: those of a given calibration, else 0."""
     bands: np.ndarray
     """Number `(p,)` of the band of each column."""
     coarser: np.ndarray
     """Number of the next coarser band of each band; -1 for the coarsest one of an axis."""
     fixed: np.ndarray
     """True for each band whose size is not fitted."""
+    first_sizes: Array
+    """Sizes of the bands before any fit, in prior sizes."""
 
     @property
-    def first_sizes(self) -> Array:
-        """Sizes of the bands before any fit, in prior sizes."""
-        return np.where(self.fixed, FIRST_SIDE, 1.0)
+    def width(self) -> int:
+        """Number p of columns."""
+        return len(self.bands)
+
+    def values(self, mean: Array) -> Array:
+        """Parameters `(P,)` of the effects by the coefficients of the columns `(p,)`."""
+        return np.asarray(self.before + self.parameters @ mean)
+
+
+class _Part(NamedTuple):
+    """Some columns of a geometry."""
+
+    effect: Effect
+    scales: Array
+    """Prior sizes of its parameters."""
+    keys: list[Key]
+    """Band of each of its columns."""
 
 
 def geometry(observations: Observations) -> Geometry:
     """The geometry of the axes that move in the observations."""
-    measurement = observations.measurement
-    effects: list[Effect] = []
-    scales, keys = [], []
-    for effect, degrees in _motions(measurement):
-        effects.append(effect)
-        scales.append(MOTION / np.maximum(degrees, 1) ** FALL)
-        keys += [(effect.axes[0], effect.angular, _band(degree)) for degree in degrees.tolist()]
-    for side in _first_sides(measurement):
-        effects.append(side)
-        scales.append(np.array(side.typical))
-        keys.append((side.name, False, -1))
+    given, parts = observations.given, list(_parts(observations))
+    effects = (*(given.effects if given else ()), *(part.effect for part in parts))
+    root = root_of(given) if given else np.zeros((0, 0))
+    sizes = np.concatenate([np.zeros(0), *(part.scales for part in parts)])
+    keys = [CALIBRATED] * root.shape[1] + [key for part in parts for key in part.keys]
     known = list(dict.fromkeys(keys))
     coarser = [known.index((*key[:2], key[2] - 1)) if (*key[:2], key[2] - 1) in known else -1 for key in known]
-    sizes = np.concatenate(scales)
+    columns = observations.columns(effects)
+    of_given = columns[:, :, : len(root)] @ root
     return Geometry(
-        tuple(effects),
-        observations.columns(effects) * sizes,
-        sizes,
-        np.array([known.index(key) for key in keys]),
-        np.array(coarser),
-        np.array([key[2] < 0 for key in known]),
+        effects,
+        np.concatenate([of_given, columns[:, :, len(root) :] * sizes], axis=2),
+        block_diag(root, np.diag(sizes)),
+        np.concatenate([given.parameters if given else np.zeros(0), np.zeros(len(sizes))]),
+        np.array([known.index(key) for key in keys], int),
+        np.array(coarser, int),
+        np.array([key[2] < 0 for key in known], bool),
+        np.array([FIRST_SIDE if key[2] == FIRST else 1.0 for key in known]),
     )
+
+
+def root_of(model: ErrorModel) -> Array:
+    """A root R `(P, r)` of the covariance R R' of a model's parameters, in their units."""
+    u = np.array([value for effect in model.effects for value in effect.uncertainties])
+    if model.covariance is None:
+        return np.diag(u)[:, u > 0.0]
+    covariance = np.array(model.covariance)
+    unit = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    safe = np.where(unit > 0.0, unit, 1.0)
+    values, vectors = np.linalg.eigh(covariance / safe[:, None] / safe)
+    kept = values > KNOWN * max(float(values.max(initial=0.0)), 1.0)
+    return np.asarray(unit[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
+
+
+def _parts(observations: Observations) -> Iterator[_Part]:
+    """What no calibration has: error motions of its other axes, and the sides of the first moves."""
+    measurement, given = observations.measurement, observations.given
+    calibrated = {motion.axis for motion, _ in given.error_motions} if given else set()
+    for effect, degrees in motions(measurement):
+        if effect.axes[0] not in calibrated:
+            keys = [(effect.axes[0], effect.angular, _band(degree)) for degree in degrees.tolist()]
+            yield _Part(effect, MOTION / np.maximum(degrees, 1) ** FALL, keys)
+    for side in _first_sides(measurement):
+        yield _Part(side, np.array(side.typical), [(side.name, False, FIRST)])
 
 
 def _band(degree: int) -> int:
     return next(number for number, (low, high) in enumerate(BANDS) if low <= degree <= high)
 
 
-def _motions(measurement: Measurement) -> list[tuple[Effect, np.ndarray]]:
+def motions(measurement: Measurement) -> list[tuple[Effect, np.ndarray]]:
     """The error motions that the instrument observes, and the degree of each of their columns `(size,)`."""
     found = []
     for axis, arc in measurement.moving.items():

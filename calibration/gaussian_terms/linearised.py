@@ -23,7 +23,8 @@ SETTLED = 0.05
 def linearised(structure: Structure) -> Structure:
     """The structure of the geometry alone, fitted to observations that are linearised about its own errors."""
     for _ in range(PASSES):
-        observations = Observations.of(structure.data.observations.measurement, mean_errors(structure))
+        before = structure.data.observations
+        observations = Observations.of(before.measurement, mean_errors(structure), given=before.given)
         if _change(structure, observations) < SETTLED:
             break
         structure = replace(structure, data=Data.of(observations)).fitted()
@@ -33,7 +34,7 @@ def linearised(structure: Structure) -> Structure:
 def mean_errors(structure: Structure) -> ErrorModel:
     """The errors of the geometry of a structure, without a datum: their posterior mean."""
     geometry = structure.data.geometry
-    values = structure.posterior.mean[: len(geometry.scales)] * geometry.scales
+    values = geometry.values(structure.posterior.mean[: geometry.width])
     ends = np.cumsum([len(effect.parameters) for effect in geometry.effects])[:-1]
     effects = [
         effect.with_parameters(own.tolist())

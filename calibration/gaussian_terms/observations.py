@@ -42,26 +42,35 @@ class Observations:
     """Derivatives `(k, r)` of stated values of the registration, in their standard uncertainties."""
     stated_residual: Array
     """Stated minus present values `(k,)`, in the same unit."""
+    given: ErrorModel | None = None
+    """The calibration to which errors are relative; None for the nominal machine."""
 
     @classmethod
-    def of(cls, measurement: Measurement, about: ErrorModel | None = None) -> Observations:
-        """The observations of a measurement, linearised about a model of the machine, by default the nominal one.
+    def of(
+        cls, measurement: Measurement, about: ErrorModel | None = None, *, given: ErrorModel | None = None
+    ) -> Observations:
+        """The observations of a measurement, linearised about a model of the machine: by default that of `given`.
 
-        The residual contains the errors of that model as far as they are linear: whatever the model, errors are
-        relative to the nominal machine.
+        given: a calibration of the machine, to which errors are relative, whatever the model; None for the nominal
+        machine.
         """
-        model = no_errors(measurement.machine) if about is None else about
+        relative = no_errors(measurement.machine) if given is None else given
+        model = relative if about is None else about
         registration = _registered(measurement, model)
         instrument = measurement.instrument
         transform = instrument.transform(measurement, registration)
+        residual = residuals(measurement, model, registration)
+        if model is not relative:
+            residual += _linear(measurement, model, transform) - _linear(measurement, relative, transform)
         return cls(
             measurement,
-            residuals(measurement, model, registration) + _linear(measurement, model, transform),
+            residual,
             transform,
             instrument.registration_design(measurement, registration),
             specified_covariance(measurement),
             instrument.stated_design(measurement, registration),
             instrument.stated_residuals(measurement, registration),
+            given,
         )
 
     def __len__(self) -> int:

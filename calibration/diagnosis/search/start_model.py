@@ -21,7 +21,6 @@ from scipy.linalg import block_diag
 from calibration.diagnosis.search.candidates import Candidate, at_zero, changes, library
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.present import refinement
-from calibration.diagnosis.search.present.larger_range import extended, larger_ranges
 from calibration.diagnosis.search.present.refinement import GENEROUS, Refinement
 from calibration.fit.bases.search import AT_TARGETS, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.bases.selection import choose, coarse_choice, finer
@@ -29,6 +28,7 @@ from calibration.fit.curves.between_positions import as_table
 from calibration.fit.fit import Fit, fit
 from calibration.fit.noise import WithNoise
 from calibration.fit.problem import FIXED
+from calibration.gaussian_terms.given.larger_range import extended, larger_ranges
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import TARGETS, is_log, priors, with_effects
 from calibration.observation.mean_lines import arms_of, centred

@@ -8,40 +8,71 @@ from calibration.diagnosis.terms.conclusion.answer import Answer, answered
 from calibration.diagnosis.terms.search import search
 from calibration.fit.acceptance import information
 from calibration.fit.set_up.checked_data import checked_data
+from calibration.gaussian_terms.geometry import motions
+from calibration.gaussian_terms.given.larger_range import extended, larger_ranges
 from calibration.gaussian_terms.observations import Observations
 from calibration.measurement.measurement import Measurement
+from calibration.plausibility.finding import Finding
+from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress, silent
 from kinematics.user_error import UserError
 
-LEAST = 24
-"""Parameters of an axis that rows must be able to determine: six cubics, as of `calibration.fit.acceptance`."""
+LEAST = 4
+"""Parameters of an error motion that rows must be able to determine: a cubic, as of `calibration.fit.acceptance`."""
 
 
-def diagnosed(measurement: Measurement, *, force: bool = False, progress: Progress = silent) -> Answer:
-    """The diagnosis of a measurement by one laser tracker, without a calibration.
+def diagnosed(
+    measurement: Measurement,
+    calibration: ErrorModel | None = None,
+    *,
+    force: bool = False,
+    progress: Progress = silent,
+) -> Answer:
+    """The diagnosis of a measurement against a calibration, without one against the nominal machine.
 
-    force: the calibration is accepted although it predicts worse than none. UserError where the measurement is of
-    another instrument, is not plausible, or has too few rows.
+    force: the new calibration is accepted although it predicts worse than the other one. UserError where the
+    measurement is not plausible, or has too few rows.
     """
-    if not measurement.instrument.BY_BEAM:
-        raise UserError(
-            f"{measurement.source}: --engine terms is for laser trackers, and these data are of another instrument: "
-            "leave out --engine"
-        )
     progress("checking the data")
     measurement, findings, _ = checked_data(measurement, misplaced=False)
-    observations = Observations.of(measurement)
-    _refuse_few(observations)
+    given = None
+    if calibration is not None:
+        given, further = _of_other_data(calibration, measurement)
+        findings = [*findings, *further]
+    observations = Observations.of(measurement, given=given)
+    if given is None:
+        _refuse_few(observations)
     found = search(observations, progress)
     progress("verdicts and calibration")
     return answered(found.candidates, findings, force=force)
+
+
+def _of_other_data(calibration: ErrorModel, measurement: Measurement) -> tuple[ErrorModel | None, list[Finding]]:
+    """The calibration of the machine over the ranges of a measurement, with findings; None where it is of these data.
+
+    What a measurement has told once counts once.
+    """
+    if measurement.fingerprint and measurement.fingerprint in calibration.provenance.inputs.values():
+        text = "the calibration was made from these data: they are diagnosed without it"
+        return None, [Finding("calibration", text, False)]
+    own = calibration.part(lambda effect: effect.ACTS_ON != "instrument")
+    ranges = larger_ranges(own, measurement)
+    findings = []
+    for name, (known, whole) in ranges.items():
+        unit = measurement.machine.axes[measurement.machine.index(name)].unit
+        text = (
+            f"{name} was calibrated from {known[0]:.4g} to {known[1]:.4g} {unit}, which these data extend to "
+            f"{whole[0]:.4g} to {whole[1]:.4g} {unit}: its error motions beyond follow from these data alone"
+        )
+        findings.append(Finding("range", text, False))
+    return extended(own, measurement.machine, ranges), findings
 
 
 def _refuse_few(observations: Observations) -> None:
     """UserError where the rows cannot determine the error motions of the axes that move."""
     measurement = observations.measurement
     moving = list(measurement.moving)
-    unknown = observations.registration.shape[2] + LEAST * len(moving)
+    unknown = observations.registration.shape[2] + LEAST * len(motions(measurement))
     if not moving:
         raise UserError(f"{measurement.source}: no axis moves: measure positions at which an axis moves")
     if information(measurement) < unknown:

@@ -6,7 +6,7 @@ stays where it is. They belong to two effects, fixed in the middle and at the en
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import msgspec
@@ -14,10 +14,15 @@ import numpy as np
 
 from calibration.diagnosis.search.candidates import Candidate, at_zero
 from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.priors import FALL, MOTION
 from calibration.gaussian_terms.term import Term
-from kinematics.effects import Effect
+from kinematics.basis import Legendre
+from kinematics.effects import Effect, ErrorMotion
+from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
+CHANGED_DEGREE = 6
+"""Degree of a change of an error motion: wear and a new shape of a guide are long waves."""
 Form = Callable[[Observations, Effect], Term]
 """Makes a term of an effect."""
 
@@ -58,6 +63,19 @@ def _term(observations: Observations, effect: Effect, name: str, effects: Sequen
         parameters,
         candidate.axis,
     )
+
+
+def motion_changes(observations: Observations, calibration: ErrorModel) -> Iterator[Term]:
+    """Terms of the error motions of a calibration, whose course may have changed beyond a line."""
+    for motion, _ in calibration.error_motions:
+        arc = observations.measurement.moving.get(motion.axis)
+        if arc is None:
+            continue
+        basis = Legendre(arc, CHANGED_DEGREE)
+        effect = ErrorMotion(motion.component, motion.axis, basis, (0.0,) * basis.size)
+        degrees = np.arange(basis.size)
+        sizes = np.where(degrees > 1, MOTION / np.maximum(degrees, 1) ** FALL, 0.0)
+        yield _term(observations, effect, f"change of {effect.name}", (effect,), np.diag(sizes)[:, degrees > 1])
 
 
 def columns_of(observations: Observations, effects: Sequence[Effect], parameters: Array) -> Array:

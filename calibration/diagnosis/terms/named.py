@@ -14,8 +14,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from calibration.diagnosis.search.candidates import changes
 from calibration.diagnosis.search.causes import angle_steps, causes, given, jumps
-from calibration.diagnosis.terms.forms import Form, pivoted, plain
+from calibration.diagnosis.terms.forms import Form, motion_changes, pivoted, plain
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.term import Term
 from calibration.measurement.measurement import Measurement
@@ -47,13 +48,14 @@ def named(observations: Observations) -> list[Term]:
     Its times count from its first row, and its rows have a station where the instrument stands at stations.
     """
     measurement = observations.measurement
-    effects = [cause.effect for cause in causes(measurement)]
-    effects = [effect for effect in effects if all(given(measurement.state, need) for need in effect.needs)]
+    effects = _possible(observations)
     between = _neighbours(effects)
     terms = []
     for effect in effects:
         for form in _forms(effect):
             terms.append(_between_shapes(observations, effect, form, between.get(effect)))
+    if observations.given is not None:
+        terms += motion_changes(observations, observations.given)
     for effect in jumps(measurement):
         points, marks = _moments(measurement, effect)
         terms += _at_points(observations, effect, partial(_since, effect), points, marks)
@@ -61,6 +63,17 @@ def named(observations: Observations) -> list[Term]:
         points = _angles(measurement, CIRCLES.index(step.over))
         terms += _at_points(observations, step, partial(_above, step), points, _spread(points))
     return terms
+
+
+def _possible(observations: Observations) -> list[Effect]:
+    """Causes whose columns the measurement has; beside a calibration, changes of it in the place of what it has."""
+    measurement, calibration = observations.measurement, observations.given
+    effects = [cause.effect for cause in causes(measurement)]
+    if calibration is not None:
+        known = {(type(effect), effect.name) for effect in calibration.effects}
+        changed = [change.effect for change in changes(calibration)]
+        effects = [*changed, *(effect for effect in effects if (type(effect), effect.name) not in known)]
+    return [effect for effect in effects if all(given(measurement.state, need) for need in effect.needs)]
 
 
 def _forms(effect: Effect) -> list[Form]:

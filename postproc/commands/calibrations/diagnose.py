@@ -60,9 +60,8 @@ def diagnose(
     the measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
     """
     if engine == "terms":
-        given = {"--calibration": calibration is not None, "--noise": noise != "sheet"}
-        refuse_options({**given, "--unexplained": unexplained != "report"})
-        diagnose_by_terms(data, machine, output, form, others, force=force)
+        refuse_options({"--noise": noise != "sheet", "--unexplained": unexplained != "report"})
+        diagnose_by_terms(data, machine, output, calibration, form, others, force=force)
         return
     _diagnose_by_rules(data, machine, output, calibration, (noise, unexplained), form, others, force=force)
 

@@ -1,4 +1,4 @@
-"""`ncomp diagnose --engine terms`: a diagnosis by a search among structures of Gaussian terms, for laser trackers."""
+"""`ncomp diagnose --engine terms`: a diagnosis by a search among structures of Gaussian terms."""
 
 from __future__ import annotations
 
@@ -12,7 +12,14 @@ from postproc.commands.options.shared import ResultOptions, whole_results
 
 
 def diagnose_by_terms(
-    data: Sequence[Path], machine: str, output: Path, form: DataOptions, others: ResultOptions, *, force: bool
+    data: Sequence[Path],
+    machine: str,
+    output: Path,
+    calibration: Path | None,
+    form: DataOptions,
+    others: ResultOptions,
+    *,
+    force: bool,
 ) -> None:
     """Diagnose measurement files, and write the calibration and the results."""
     from calibration.diagnosis.terms.conclusion.document import document
@@ -22,14 +29,15 @@ def diagnose_by_terms(
     from postproc.commands.show.terminal import console, show
 
     found_machine = ncomp.load_machine(machine)
+    present = None if calibration is None else ncomp.load_calibration(found_machine, calibration)
     measurement = form.read(data, found_machine)
     with console.status("reading") as status:
-        answer = diagnosed(measurement, force=force, progress=status.update)
+        answer = diagnosed(measurement, present, force=force, progress=status.update)
     shown = report(answer)
     with whole_results(*others.files, str(output) if answer.accepted else None) as (results, page, file):
         if answer.accepted:
             file.write(calibration_file(answer.calibration, found_machine))
-        others.write(document(answer), shown, (results, page), (*data, form.plan))
+        others.write(document(answer), shown, (results, page), (*data, form.plan, calibration))
     show(shown, *others.files, str(output))
     if not answer.accepted:
         raise UserError(f"{measurement.source}: {answer.reason}")

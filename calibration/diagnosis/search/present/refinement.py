@@ -17,10 +17,10 @@ import numpy as np
 
 from calibration.cores import each
 from calibration.diagnosis.search.derivatives import signals
-from calibration.diagnosis.search.present.nested_bases import refined
 from calibration.fit.fit import DOUBTFUL_P, Fit
 from calibration.fit.linear import NormalBlocks, Part, of_columns
 from calibration.fit.problem import solution
+from calibration.gaussian_terms.given.nested_bases import refined
 from calibration.measurement.measurement import Measurement
 from calibration.observation.mean_lines import arms_of, centred
 from calibration.observation.normal_equations import NormalEquations, decorrelation_of, residuals, whitened, whiteners

@@ -18,7 +18,7 @@ from calibration.diagnosis.terms.conclusion.verdict import CLEAR, Judged, Verdic
 from calibration.diagnosis.terms.conclusion.visibility import not_visible
 from calibration.fit.acceptance import Judged as Accepted
 from calibration.fit.calibrate import provenance
-from calibration.gaussian_terms.calibrated import machine_model
+from calibration.gaussian_terms.calibrated import machine_model, prior_sizes
 from calibration.gaussian_terms.outliers import log_odds, shifts
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
@@ -86,6 +86,17 @@ class Answer(Accepted):
         """The measurement."""
         return self.structure.data.observations.measurement
 
+    @property
+    def given(self) -> ErrorModel | None:
+        """The calibration that was given, over the ranges of the measurement; None without one."""
+        return self.structure.data.observations.given
+
+    @property
+    def confirmed(self) -> bool:
+        """True where the measurement shows no change of the machine since the calibration that was given."""
+        changed = self.unexplained or any(_of_machine(cause) for cause in self.causes)
+        return self.given is not None and self.accepted and not changed
+
     @cached_property
     def held_out(self) -> HeldOut:
         """Held-out blocks, predicted from the others."""
@@ -102,8 +113,9 @@ class Answer(Accepted):
         held = self.held_out
         if not held.worse:
             return ""
+        other = "no model" if self.given is None else "the calibration that was given"
         return (
-            f"the result predicts held-out blocks of rows worse ({rounded(held.with_all, 3)} um RMS) than no model "
+            f"the result predicts held-out blocks of rows worse ({rounded(held.with_all, 3)} um RMS) than {other} "
             f"does ({rounded(held.nothing, 3)} um): check the data, or measure more"
         )
 
@@ -182,14 +194,16 @@ class Answer(Accepted):
         found = averaged(
             structures, self._undecided({term.family for one in structures for term in one.structure.terms})
         )
-        prior, geometry = np.ones(len(found.values)), self.structure.data.geometry
-        prior[: len(geometry.scales)] = self.structure.sizes[: len(geometry.scales)] * geometry.scales
-        model = machine_model(self.measurement, found.effects, found.values, found.covariance, prior)
+        prior, own = np.ones(len(found.values)), prior_sizes(self.structure)
+        prior[: len(own)] = own
+        model = machine_model(self.measurement, found.effects, found.values, found.covariance, prior, self.given)
         effects = tuple(effect.lasting() for effect in model.effects)
         names = [f"{cause.kind} {where(cause.effect) or ''}".strip() for cause in self.causes if _of_machine(cause)]
         added = f"; added: {', '.join(names)}" if names else ""
         observations = f"diagnosis of {self.structure.whitener.scalars} observations{added}"
         made = provenance([self.measurement], effects, observations, None)
+        if self.given is not None:
+            made = msgspec.structs.replace(made, inputs={**self.given.provenance.inputs, **made.inputs})
         return msgspec.structs.replace(model, effects=effects, provenance=made)
 
     def _undecided(self, known: Collection[Hashable]) -> list[tuple[Term, float]]:
@@ -211,7 +225,7 @@ class Answer(Accepted):
 
     def _columns(self, number: int) -> np.ndarray:
         """Numbers of the columns of a term of the structure."""
-        before = len(self.structure.data.geometry.scales) + sum(t.width for t in self.structure.terms[:number])
+        before = self.structure.data.geometry.width + sum(t.width for t in self.structure.terms[:number])
         return np.arange(before, before + self.structure.terms[number].width)
 
     def _share(self, each: Judged) -> float:

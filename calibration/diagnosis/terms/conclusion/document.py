@@ -36,7 +36,7 @@ def document(answer: Answer) -> dict[str, Any]:
             "misfit": {},
         },
         "forced": answer.objection if answer.forced else "",
-        "confirmed": False,
+        "confirmed": answer.confirmed,
         "widened": 1.0,
         "held_out": {"nothing_rms_um": answer.held_out.nothing, "new_rms_um": answer.held_out.with_all},
         "unexplained_periods": [period for each in answer.unexplained for period in each.periods],

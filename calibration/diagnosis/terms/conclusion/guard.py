@@ -41,7 +41,7 @@ class HeldOut(NamedTuple):
 
 def held_out(structure: Structure) -> HeldOut:
     """Held-out blocks of the rows that are no outliers."""
-    geometry, total = len(structure.data.geometry.scales), len(structure.sizes)
+    geometry, total = structure.data.geometry.width, len(structure.sizes)
     ends = np.cumsum([geometry, *(term.width for term in structure.terms)])
     everything = np.arange(total)
     each = [np.delete(everything, np.arange(low, high)) for low, high in pairwise(ends.tolist())]

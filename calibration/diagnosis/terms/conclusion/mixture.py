@@ -127,7 +127,7 @@ class Mixture:
     @classmethod
     def of(cls, structure: Structure) -> Mixture:
         """The posterior of a structure, its nonlinear parameters included."""
-        start = len(structure.data.geometry.scales)
+        start = structure.data.geometry.width
         ends = np.cumsum([start, *(term.width for term in structure.terms)]).tolist()
         columns = {term: np.arange(*own) for term, own in zip(structure.terms, pairwise(ends), strict=True)}
         return cls(structure, columns, structure.posterior.mean, structure.posterior.covariance)._with_changes()
@@ -214,12 +214,11 @@ class Mixture:
 
         Those of terms that are not there are zero.
         """
-        scales = self.structure.data.geometry.scales
-        geometry = np.zeros((len(scales), len(self.mean)))
-        geometry[np.arange(len(scales)), np.arange(len(scales))] = scales
-        parts = [geometry, *(self._rows(term) for term in terms)]
+        geometry = self.structure.data.geometry
+        always = np.pad(geometry.parameters, ((0, 0), (0, len(self.mean) - geometry.width)))
+        parts = [always, *(self._rows(term) for term in terms)]
         matrix = np.concatenate(parts)
-        bare = [np.zeros(len(scales)), *(_at_zero(term.effects) for term in terms)]
+        bare = [geometry.before, *(_at_zero(term.effects) for term in terms)]
         values, covariance = np.concatenate(bare) + matrix @ self.mean, matrix @ self.covariance @ matrix.T
         ends = np.cumsum([len(part) for part in parts]).tolist()
         for term, (low, high) in zip(terms, pairwise(ends), strict=True):

@@ -46,10 +46,12 @@ def _expected(candidates: Candidates, present: set[Hashable]) -> Iterator[tuple[
 def _unseen_motions(structure: Structure) -> Iterator[str]:
     """Names of the error motions of which the data show nothing, were they of their expected size."""
     geometry, equations = structure.data.geometry, structure.equations
-    count = len(geometry.scales)
+    count = geometry.width
     expected = structure.sizes.copy()
     expected[:count] = geometry.first_sizes[geometry.bands]
-    seen = Posterior.of(equations, expected, structure.noise.factor).determined(expected)[:count]
+    known = Posterior.of(equations, expected, structure.noise.factor).determined(expected)[:count]
+    squares = (geometry.parameters * expected[:count]) ** 2
+    seen = (squares @ known) / np.maximum(squares.sum(axis=1), np.finfo(float).tiny)
     ends = np.cumsum([0, *(len(effect.parameters) for effect in geometry.effects)])
     for effect, low, high in zip(geometry.effects, ends, ends[1:], strict=False):
         if effect.OF_ISO_230 and seen[low:high].max() < SEEN:
