@@ -5,7 +5,7 @@ import pytest
 from clients.rs274 import Move
 from hypothesis import strategies as st
 from support.programs import WHOLE, correct, load, model_of, random_model, read, read_lines, shifted
-from support.tiers import drawn
+from support.tiers import drawn, quick
 
 from kinematics.effects import Backlash
 from kinematics.error_model.model import ErrorModel
@@ -57,7 +57,7 @@ def bottoms(moves: list[Move], lines: list[int], rows: np.ndarray, axis: int = 2
     return [place for place in found if place[axis] < 40.0]
 
 
-@pytest.mark.parametrize("name", PROGRAMS)
+@pytest.mark.parametrize("name", quick(PROGRAMS, [*PROGRAMS][::2]))
 def test_linuxcnc_drills_the_same_holes(linuxcnc, name):
     machine, text = load("gantry"), HEAD + PROGRAMS[name] + TAIL
     model = shifted(machine, X=3.0, Y=-4.2, Z=5.5) if name == "a loop" else random_model(machine, 5)
@@ -181,7 +181,7 @@ hole = st.tuples(
 
 
 @drawn(
-    few=8,
+    few=4,
     many=25,
     code=st.sampled_from(["G81", "G82 P1.", "G83 Q7.", "G85"]),
     found=st.lists(hole, min_size=1, max_size=6),

@@ -80,7 +80,7 @@ def strongest_wave(linearised):
     return found[0].candidate
 
 
-@pytest.mark.parametrize("seed", quick([3, 4, 5], [5], []))
+@pytest.mark.parametrize("seed", quick([3, 4, 5], [], [5]))
 def test_a_wave_found_in_what_has_no_name_is_not_worth_a_name(seed):
     """Neither by itself nor beside a smooth function of the variables on which the residual depends."""
     _, stage = stage_with(nameless("Y", 3.0), candidate=strongest_wave, seed=seed)
@@ -334,7 +334,7 @@ def test_a_finer_error_motion_falls_where_it_would_be_the_mean_of_an_error_that_
     assert without_support(stage, fair_to(stage, found), found) == ([] if stands else list(stage.accepted))
 
 
-@pytest.mark.parametrize("walks", quick([True, False], [True]))
+@pytest.mark.parametrize("walks", quick([True, False], []))
 def test_a_jump_that_a_smooth_function_of_time_explains_better_is_none(walks):
     data, rng = data_with(n=N), np.random.default_rng(1)
     steps = rng.normal(scale=0.006, size=(N, 3)) if walks else 0.06 * (np.arange(N) == N // 2)[:, None] * np.ones(3)
@@ -357,7 +357,7 @@ def test_a_drift_that_is_a_part_of_a_random_walk_is_none(walks):
     assert remainder.wandering(stage) == (list(stage.accepted) if walks else [])
 
 
-@pytest.mark.parametrize("walks", quick([True, False], [True]))
+@pytest.mark.parametrize("walks", quick([True, False], []))
 def test_a_drift_stands_beside_axes_that_do_not_repeat_but_not_beside_a_random_walk(walks):
     """Three rows at each stop show how it is shifted: independent shifts look like the steps of a walk."""
     data, rng = with_stops(3, {}), np.random.default_rng(6)

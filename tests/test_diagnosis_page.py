@@ -142,6 +142,7 @@ def several():
     return diagnosis_of(Backlash("X", 200.0), ThermalDrift(component="X", rate=500.0), variance="estimate")
 
 
+@pytest.mark.statistical
 def test_a_page_says_what_is_missing_and_shows_it(several):
     names = {cause.effect.name for cause in several.causes}
     assert "backlash X" in names
@@ -188,6 +189,7 @@ def test_a_page_says_how_what_has_no_name_depends_on_each_variable():
     assert diagnosis_json(found)["one_by_one"][0]["variable"] == found.one_by_one[0].variable
 
 
+@pytest.mark.statistical
 def test_the_terminal_holds_whole_names_in_100_columns_without_colours(several):
     out = io.StringIO()
     show(diagnosis_report(several, "ncomp diagnose"), Console(file=out, highlight=False, markup=False, soft_wrap=True))
@@ -200,6 +202,7 @@ def test_the_terminal_holds_whole_names_in_100_columns_without_colours(several):
         assert any(re.match(rf" \d+ +{re.escape(cause.effect.name)} ", line) for line in table)
 
 
+@pytest.mark.statistical
 def test_a_refusal_and_the_verdict_come_first_and_the_design_after_the_result(several):
     assert {each["verdict"] for each in diagnosis_json(several)["design"]} <= {"visible", "tied", "not visible"}
     refused = replace(several.acceptance, objection="it predicts worse", forced=False)
@@ -235,6 +238,7 @@ def test_a_cell_lists_a_family_in_short():
     assert rows[1] == ("thermal-drift", "", "X, Y: tracker-drift (0.98)", "")
 
 
+@pytest.mark.statistical
 def test_shares_are_of_the_same_noise_where_it_is_estimated(several):
     assert several.before.fit.measurement.noise.non_repeatability["X"] > 0.05
     assert several.after.fit.measurement.noise is None
@@ -255,6 +259,7 @@ def test_causes_are_named_in_full_among_others():
     assert with_uncertainty(1834.2, 115.0) == "1834 ± 230"
 
 
+@pytest.mark.statistical
 def test_what_was_not_used_is_told_and_the_model_not_called_complete(several):
     after = several.after._replace(fit=replace(several.after.fit, failed=("s2",)))
     none = replace(several, causes=(), unexplained=None, after=after)

@@ -91,6 +91,7 @@ def test_without_a_drift_nothing_is_added():
     assert not [each.name for each in found.fit.model.effects if "drift" in each.name]
 
 
+@pytest.mark.statistical
 def test_a_single_centre_that_is_off_is_no_drift():
     measured, _ = measured_with(ThermalDrift, 0, size=0.0)
     found, (message,) = fitted(shifted_rows(measured, np.arange(len(measured)) == len(measured) - 1, [0.0, 0.1, 0.0]))

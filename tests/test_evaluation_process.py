@@ -76,7 +76,7 @@ def test_the_errors_before_are_those_that_the_correction_has_found(program, seed
 
 
 @pytest.mark.usefixtures("always")
-@pytest.mark.parametrize("head", ["", "G43.4 H1\n"], ids=["axes", "tcp"])
+@pytest.mark.parametrize("head", quick(["", "G43.4 H1\n"], ["G43.4 H1\n"]), ids=["axes", "tcp"])
 def test_a_process_gives_the_results_of_one(head, monkeypatch):
     monkeypatch.setattr("postproc.execution.CHUNK", 50)
     monkeypatch.setattr("postproc.text.source.PIECE", 300)

@@ -55,6 +55,7 @@ def errors(linearised, *true):
     return np.mean(found, axis=0)
 
 
+@pytest.mark.statistical
 def test_the_variance_of_waves_is_found_along_their_axes():
     drawn = [fine_variances(bare(*waves(k, X=6.0, Y=4.0, Z=5.0), seed=k)) for k in range(PHASES)]
     for axis, size in (("X", 6.0), ("Y", 4.0), ("Z", 5.0)):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from clients.rs274 import Tool
 from support.programs import correct, load, random_model, read, shifted
+from support.tiers import quick
 
 from kinematics.forward import forward, tool_point
 from kinematics.user_error import UserError
@@ -51,7 +52,7 @@ LINUXCNC = {
 }
 
 
-@pytest.mark.parametrize("name", LINUXCNC)
+@pytest.mark.parametrize("name", quick(LINUXCNC, [*LINUXCNC][::2]))
 def test_linuxcnc_goes_the_same_way(linuxcnc, name):
     """Before and after: for a constant error every end moves by just that."""
     machine, text = of_family("gantry", "linuxcnc"), HEAD + LINUXCNC[name] + "M2\n"
@@ -70,7 +71,7 @@ def test_linuxcnc_goes_the_same_way(linuxcnc, name):
     )
 
 
-@pytest.mark.parametrize("name", [name for name in LINUXCNC if name != "turns"])
+@pytest.mark.parametrize("name", quick([name for name in LINUXCNC if name != "turns"], [*LINUXCNC][:-2:2]))
 def test_after_them_errors_are_taken_out(name):
     machine, text = of_family("gantry", "linuxcnc"), HEAD + LINUXCNC[name] + "M2\n"
     model = random_model(machine, 8)

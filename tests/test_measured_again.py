@@ -54,7 +54,7 @@ def again(now, *, before=(), n=120):
     return diagnose(seen(machine_with(*now), 5, n), calibration(*before))
 
 
-@pytest.mark.integration
+@pytest.mark.statistical
 def test_the_same_machine_has_not_changed():
     found = again((BACKLASH,), before=(BACKLASH,))
     assert not found.causes

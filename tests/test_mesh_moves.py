@@ -76,7 +76,7 @@ def test_equal_parts_of_about_one_mesh():
     assert departure(mesh, start, np.array([14.0, 50.0]), Segments()) > 5e-3
 
 
-@pytest.mark.parametrize("number", quick([100, 300], [100]))
+@pytest.mark.parametrize("number", quick([100, 300], [], [100]))
 def test_klippers_own_code_departs_as_stated(klipper, number):
     machine, model = bowed(30.0)
     exported = ncomp.export(machine, "klipper", model)

@@ -74,7 +74,7 @@ def test_an_option_that_was_not_given_is_not_to_be_left_out():
     assert not any("leave out" in note for note in notes[True])
 
 
-@pytest.mark.parametrize("seeds", quick([range(2), range(4)], [range(2)], []), ids=len)
+@pytest.mark.parametrize("seeds", quick([range(2), range(4)], [], [range(2)]), ids=len)
 def test_a_stated_basis_that_lacks_a_wave_is_named_and_its_uncertainties_contain_it(seeds):
     inside = []
     for seed in seeds:

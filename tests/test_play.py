@@ -152,7 +152,7 @@ def test_ends_are_reached_by_machines_with_play(name):
     assert done.report["predicted_error_um"]["after"]["max"] == pytest.approx(errors.max(), abs=0.02)
 
 
-@pytest.mark.parametrize("programs", quick([5, 10], [5]))
+@pytest.mark.parametrize("programs", quick([2, 10], [2]))
 def test_random_programs_on_five_machines(programs):
     count = run("drives", programs, seed=7, keep=False)
     assert not count.differences, count.text()

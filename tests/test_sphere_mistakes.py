@@ -122,7 +122,7 @@ MISTAKES = {
 QUICK = {
     ("length 1 mm", "two files"),
     ("zero of A 0.05 deg", "fit"), ("zero of A 0.5 deg", "two files"), ("sign of dx", "fit"), ("sign of readings", "diagnose"),
-    ("frame of readings", "two files"), ("sphere moved 50 um", "two files"), ("u_um", "two instruments"),
+    ("frame of readings", "two files"), ("sphere moved 50 um", "two files"),
     ("zero of C 0.5 deg", "fit"), ("name of a sphere", "fit"), ("row 1 mm", "two files"),
 }  # fmt: skip
 """Mistakes and roads of the default tiers."""

@@ -40,7 +40,7 @@ def helix(seed):
 
 
 @drawn(
-    few=8,
+    few=3,
     many=25,
     seed=st.integers(0, 2**32 - 1),
     size=st.sampled_from([0.0, 60.0, 150.0]),

@@ -9,6 +9,7 @@ import pytest
 from support.kinematic_controls import trunnion
 from support.programs import load, model_of
 from support.table_cases import CASES, motions
+from support.tiers import quick
 
 import machines
 import ncomp
@@ -60,7 +61,7 @@ def corrections(machine, effects, n=400):
     return model_of(machine, *effects).errors(machine, State(q, approach))
 
 
-@pytest.mark.parametrize("case", TABLES, ids=lambda case: case.format)
+@pytest.mark.parametrize("case", quick(TABLES, TABLES[::2]), ids=lambda case: case.format)
 def test_tables_are_in_the_unit_of_the_control(case, tmp_path):
     """The same machine with a control in mm and in inches: the files hold the same corrections."""
     settings = case.settings + (GANTRY if case.format == "linuxcnc" else ())
