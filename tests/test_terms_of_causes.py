@@ -16,7 +16,7 @@ from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.terms.candidates import Candidates
 from calibration.diagnosis.terms.dictionary import Dictionary
 from calibration.diagnosis.terms.named import named, shape_of
-from calibration.diagnosis.terms.nameless import nameless, second_moment, swings_near
+from calibration.diagnosis.terms.nameless import nameless, second_moment
 from calibration.diagnosis.terms.prior_odds import COMMON, NAMELESS, with_prior_odds
 from calibration.diagnosis.terms.waves import waves
 from calibration.gaussian_terms.observations import Observations
@@ -175,7 +175,7 @@ def value_of(term: Term) -> float | None:
 def test_finer_members_lie_between_their_neighbours(name):
     forms = defaultdict(list)
     for term in terms_of(name):
-        if term.finer is not None:
+        if term.finer is not None and term.named:
             forms[term.family, type(term.effects[0]), len(term.effects), term.width].append(term)
     assert forms
     for members in forms.values():
@@ -230,12 +230,14 @@ def test_the_size_of_a_walk_is_its_rms():
     assert moment == pytest.approx(np.mean(um**2), rel=0.3)
 
 
-def test_swings_near_others_are_as_likely():
-    swings = swings_near(observed("gantry"), [2.25, 2.5], ["X", "Y"])
-    offered = next(term for term in terms_of("gantry") if term.kind == "swing")
-    assert {term.where for term in swings} == set("XYZ")
-    assert {round(term.log_prior, 6) for term in swings} == {round(offered.log_prior, 6)}
-    assert all(np.isfinite(term.make()).all() and term.effects for term in swings)
+def test_finer_swings_are_as_likely_and_depend_on_two_axes():
+    swing = next(term for term in terms_of("gantry") if term.kind == "swing")
+    assert swing.finer is not None
+    finer = list(swing.finer())
+    assert {term.family for term in finer} == {swing.family}
+    assert {round(term.log_prior, 6) for term in finer} == {round(swing.log_prior, 6)}
+    assert {term.variables[1:] for term in finer} >= {("X", "Y"), ("X", "Z"), ("Y", "Z")}
+    assert all(np.isfinite(term.make()).all() and term.effects for term in finer)
 
 
 def test_errors_of_positions_that_are_visited_again():

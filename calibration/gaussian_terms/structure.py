@@ -97,6 +97,20 @@ class Structure:
         """The posterior of all coefficients."""
         return Posterior.of(self.equations, self.sizes, self.noise.factor)
 
+    @cached_property
+    def over_sizes(self) -> Posterior:
+        """The posterior with the uncertainty of the sizes of the bands: the mean is that of the likeliest sizes.
+
+        A squared size with m determined coefficients, and those of its prior, has an inverse gamma distribution: its
+        mean is larger than its likeliest value.
+        """
+        bands = len(self.band_sizes)
+        determined = np.bincount(self.groups, self.posterior.determined(self.sizes), minlength=bands)[:bands]
+        freedom = np.maximum(determined, 0.0) + BAND_WEIGHT
+        larger = np.where(self.data.geometry.fixed, 1.0, np.sqrt(freedom / (freedom - 2.0)))
+        wider = self.resized(np.concatenate([self.band_sizes * larger, self.term_sizes]))
+        return replace(self.posterior, covariance=wider.posterior.covariance)
+
     @property
     def groups(self) -> np.ndarray:
         """Number `(p,)` of the size of each column: those of the bands, then those of the terms."""

@@ -8,7 +8,7 @@ explain is removed for each question, so that "in the place of this term" costs 
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -141,6 +141,17 @@ class Candidates:
         structure = self.structure.with_terms(terms)
         return Candidates(structure, (), Present.of(structure, self.present.beyond), ())
 
+    def with_every_row(self) -> Candidates:
+        """No candidates, with outliers among the rows; for `own` and `exact`.
+
+        A jump at a wrong moment makes outliers of the rows between: without them no other moment is likelier.
+        """
+        structure = self.structure
+        if not structure.noise.left_out.any():
+            return self
+        whole = replace(structure, noise=replace(structure.noise, left_out=np.zeros_like(structure.noise.left_out)))
+        return Candidates(whole, (), Present.of(whole, Beyond.of(whole)), ())
+
     def odds(self, without: Collection[int] = ()) -> Array:
         """Log odds `(terms,)` of each candidate against none, beside the structure's terms but for some numbers."""
         return self._odds(self.groups, self.terms, without)
@@ -151,6 +162,10 @@ class Candidates:
             return np.zeros(0)
         block = np.arange(len(terms)), np.concatenate([term.columns for term in terms], axis=2)
         return self._odds(list(_grouped(self.structure, self.present, terms, [block])), terms, without)
+
+    def members(self, family: Hashable) -> list[Term]:
+        """The candidates of a family."""
+        return [term for term in self.terms if term.family == family]
 
     def own(self, number: int, without: Collection[int] = ()) -> float:
         """Log odds of a term of the structure, beside the others but for some numbers."""

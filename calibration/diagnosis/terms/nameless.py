@@ -7,11 +7,12 @@ another time, only their size is known (`second_moment`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 
-from calibration.diagnosis.terms.prior_odds import with_log_prior, with_prior_odds
 from calibration.diagnosis.terms.smooth import (
     TYPICAL,
     Products,
@@ -38,8 +39,12 @@ from kinematics.transforms import Array
 
 TYPICAL_FINE = 3.0
 """Typical size of errors of single positions, um or urad: what curves of several degrees leave."""
-TURNS = tuple(np.arange(1.0, 40.0, 0.5).tolist())
-"""Swings over the duration of a measurement; half a turn apart, they are orthogonal."""
+HALF_TURN = 0.5
+"""Turns over the duration of a measurement by which swings that are tried differ: they are orthogonal."""
+TURNS = tuple(np.arange(1.0, 40.0, HALF_TURN).tolist())
+"""Turns over the duration of the swings that are tried."""
+FINER_TURNS = 4
+"""Finer steps between two neighbouring swings."""
 WIDE = 6
 """Degree of the two axes with whose positions a swing changes, beside a swing that is present."""
 WALK, ROWS_OF_A_STEP = 80, 4
@@ -67,53 +72,61 @@ def swings(observations: Observations) -> Iterator[Term]:
     """Periodic courses of the tool with time, of any phase, which change in proportion to the position of each axis.
 
     The effect of a term is the function of position that multiplies either phase. It is an uncertainty only, of the
-    size that `second_moment` gives.
+    size that `second_moment` gives. Finer members have turns between its neighbours, and change with the position of
+    two axes as a function of a higher degree.
     """
+    if timed(observations):
+        for letter, _ in tool_directions(observations):
+            yield from _in_proportion(observations, letter, TURNS, HALF_TURN)
+
+
+def _in_proportion(observations: Observations, letter: str, turns: Sequence[float], step: float) -> Iterator[Term]:
+    """Swings of some turns that change in proportion to the position of each axis; their neighbours are a step away."""
     axes = list(axes_of(observations).values())
-    shares = [(0,) * len(axes), *map(tuple, np.eye(len(axes), dtype=int).tolist())]
-    whole = Products(tuple(shares), np.full(len(shares), len(shares) ** -0.5))
-    yield from _swinging(observations, axes, whole, TURNS, ())
-
-
-def swings_near(observations: Observations, turns: Sequence[float], axes: Sequence[str]) -> list[Term]:
-    """Swings of some turns over the duration, times functions of two axes, with their prior odds.
-
-    Beside a swing that is present: those of its direction in its place. Each is as likely as one of the dictionary.
-    """
-    known = axes_of(observations)
-    curved = products((WIDE,) * len(axes))
-    whole = Products(((0,) * len(axes), *curved.degrees), np.append(1.0, curved.falls) / 2.0**0.5)
-    found = _swinging(observations, [known[axis] for axis in axes], whole, turns, tuple(axes))
-    offered = {term.family: term.log_prior for term in with_prior_odds(list(swings(observations)))}
-    return [with_log_prior(each, offered["swing", each.where]) for each in found]
-
-
-def _swinging(
-    observations: Observations, variables: Sequence[Variable], products: Products, turns: Sequence[float],
-    axes: tuple[str, ...],
-) -> Iterator[Term]:  # fmt: skip
-    """Swings times products of functions of variables, which are those of `axes`, or of all axes in proportion."""
-    if not variables or not timed(observations):
+    if not axes:
         return
-    size = TYPICAL * np.diag(products.heights)
-    functions, share = products.of([each.columns for each in variables]), share_of_time(observations)
-    for letter, arm in tool_directions(observations):
-        for each in turns:
-            yield Term(
-                f"swing of {each:.4g} turns along {letter}" + f", by {', '.join(axes)}" * bool(axes),
-                "swing",
-                ("swing", letter, *axes),
-                partial(_swing_columns, arm, functions, share, each),
-                2 * len(products.degrees),
-                (unnamed(letter, variables, products),),
-                np.concatenate([size, size], axis=1),
-                letter,
-                (TIME, *axes),
-            )
+    shares = ((0,) * len(axes), *map(tuple, np.eye(len(axes), dtype=int).tolist()))
+    form = Products(shares, np.full(len(shares), len(shares) ** -0.5))
+    for each in turns:
+        yield replace(
+            _swing(observations, letter, each, axes, form),
+            finer=partial(_finer_swings, observations, letter, each, step),
+        )
 
 
-def _swing_columns(arm: Array, functions: Array, share: Array, turns: float) -> Array:
-    phase = (2.0 * np.pi * turns) * share[:, None]
+def _finer_swings(observations: Observations, letter: str, turns: float, step: float) -> list[Term]:
+    """Members between the neighbours of a swing: other turns, and functions of two axes."""
+    near = turns + step * np.arange(1 - FINER_TURNS, FINER_TURNS) / FINER_TURNS
+    found = list(_in_proportion(observations, letter, near[near != turns].tolist(), step / FINER_TURNS))
+    for pair in combinations(axes_of(observations).values(), 2):
+        curved = products((WIDE, WIDE))
+        form = Products(((0, 0), *curved.degrees), np.append(1.0, curved.falls) / 2.0**0.5)
+        found += [_swing(observations, letter, each, pair, form) for each in near[::2].tolist()]
+    return found
+
+
+def _swing(
+    observations: Observations, letter: str, turns: float, variables: Sequence[Variable], form: Products
+) -> Term:
+    """A swing of so many turns over the duration, times functions of some axes."""
+    names = tuple(each.name for each in variables)
+    arm = dict(tool_directions(observations))[letter]
+    size = TYPICAL * np.diag(form.heights)
+    return Term(
+        f"swing of {turns:.4g} turns along {letter}, by {', '.join(names)}, {len(form.degrees)} functions",
+        "swing",
+        ("swing", letter),
+        partial(_swing_columns, arm, form, [each.columns for each in variables], share_of_time(observations), turns),
+        2 * len(form.degrees),
+        (unnamed(letter, variables, form),),
+        np.concatenate([size, size], axis=1),
+        letter,
+        (TIME, *names),
+    )
+
+
+def _swing_columns(arm: Array, form: Products, columns: Sequence[Array], share: Array, turns: float) -> Array:
+    functions, phase = form.of(columns), (2.0 * np.pi * turns) * share[:, None]
     return displaced(arm, np.concatenate([functions * np.sin(phase), functions * np.cos(phase)], axis=1), TYPICAL * UM)
 
 

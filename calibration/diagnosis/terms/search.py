@@ -40,6 +40,8 @@ RETRIED, DOUBTFUL = 6, -9.0
 """Number of causes that are retried, and the least log odds of these."""
 RIVALS = 2
 """Rivals of a term that are refined before they are compared with it."""
+REFINED = 3
+"""Most times that a term is refined: each time its time constant or moment is found about eight times as closely."""
 PARTS = 3
 """Most terms into which one is split; one with fewer columns is not split."""
 SHORT = 12
@@ -138,16 +140,17 @@ def additions(candidates: Candidates) -> Iterator[Move]:
 
 def _changes(candidates: Candidates) -> Iterator[Move]:
     """What may happen to the terms that are present."""
-    structure = candidates.structure
+    structure, every_row = candidates.structure, candidates.with_every_row()
     for number, term in enumerate(structure.terms):
         own = candidates.own(number)
         margin = RISE + ROUNDING * abs(own)
         rest = tuple(other for other in structure.terms if other is not term)
         if own < PRESENT:
             yield Move(PRESENT - own, f"drop {term.name}", rest)
-        better, odds = refined(candidates, term, own, (number,))
+        first = every_row.own(number)
+        better, odds = refined(every_row, term, first, (number,), candidates.members(term.family))
         if better is not term:
-            yield Move(odds - own, f"refine {term.name}", (*rest, better))
+            yield Move(odds - first, f"refine {term.name}", (*rest, better))
         for odds, rival in _likeliest(candidates, (number,), RIVALS, refine=True):
             if odds > max(own, PRESENT) + margin:
                 yield Move(odds - own, f"exchange {term.name} for {rival.name}", (*rest, rival))
@@ -187,16 +190,16 @@ def _likeliest(
 
 
 def refined(
-    candidates: Candidates, term: Term, odds: float, without: Sequence[int], rounds: int = 2
+    candidates: Candidates, term: Term, odds: float, without: Sequence[int], members: Sequence[Term] = ()
 ) -> tuple[Term, float]:
-    """The likeliest member of a family beside a term, and its log odds, if it is clearly likelier."""
-    for _ in range(rounds):
-        members = [] if term.finer is None else list(term.finer())
+    """The likeliest member of a family beside a term, and its log odds, if it is clearly likelier; members: first."""
+    for _ in range(REFINED):
+        members = [*members, *([] if term.finer is None else term.finer())]
         found = candidates.exact(members, without)
         if not members or found.max() <= odds + RISE / 2.0:
             break
         best = int(np.argmax(found))
-        term, odds = members[best], float(found[best])
+        term, odds, members = members[best], float(found[best]), ()
     return term, odds
 
 

@@ -25,6 +25,10 @@ from kinematics.transforms import Array
 SHORTEST_MM, SHORTEST_DEG = 4.0, 1.0
 """Shortest period: the lead of a ball screw of a machine tool is 4 mm at least, and a rotary axis has few gears with
 more teeth than 360."""
+LEADS_MM = (4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 32.0, 40.0)
+"""Leads of ball screws (ISO 3408-2), whose turns give the commonest periodic errors of linear axes."""
+OF_LEADS = 0.5
+"""Share of the periodic errors whose period is one of these: the others are of couplings, scales, racks, belts."""
 FEWEST_TURNS = 3.0
 """Fewest periods over the travel; longer ones are error motions."""
 STEP = 0.4
@@ -113,10 +117,24 @@ class Scan:
         weight = np.bincount(number, (arm**2).reshape(rows).sum(axis=1)).astype(float)
         return cls(observations, axis, positions, along, weight, high - low, turns)
 
+    def of_leads(self) -> Iterator[Term]:
+        """Waves with the periods of usual ball screws, which half of the periodic errors of linear axes have."""
+        for lead in LEADS_MM if self._of_other_periods < 1.0 else ():
+            turns = self.travel / lead
+            if turns >= FEWEST_TURNS:
+                term = self._wave(turns, STEP / MEMBERS)
+                own = odds_of_kind(term) * OF_LEADS / (len(self.observations.measurement.moving) * len(LEADS_MM))
+                yield with_log_prior(term, float(np.log(own)))
+
+    @property
+    def _of_other_periods(self) -> float:
+        """Share of the periodic errors of the axis whose period is none of a usual screw."""
+        return 1.0 if self.axis[0] in "ABC" else 1.0 - OF_LEADS
+
     def waves(self) -> Iterator[Term]:
         """Waves near the likeliest periods."""
         for turns in self._proposed_turns():
-            yield self._with_odds(self._wave(turns, STEP / MEMBERS), MEMBERS)
+            yield self._with_odds(self._wave(turns, STEP / MEMBERS), MEMBERS / self._of_other_periods)
 
     def _wave(self, turns: float, step: float) -> Term:
         """A wave of so many periods over the travel; those of its neighbours are one step more and less."""
@@ -157,7 +175,7 @@ class Scan:
     def _term(self, effect: Effect, finer: Callable[[], Sequence[Term]]) -> Term:
         return replace(plain(self.observations, effect), finer=finer)
 
-    def _with_odds(self, term: Term, members: int) -> Term:
+    def _with_odds(self, term: Term, members: float) -> Term:
         """The term with its odds: those of its kind, shared by all members of a scan, and by the axes."""
         axes = len(self.observations.measurement.moving)
         return with_log_prior(term, float(np.log(odds_of_kind(term) / (axes * members * len(self.turns)))))

@@ -130,7 +130,8 @@ class Mixture:
         start = structure.data.geometry.width
         ends = np.cumsum([start, *(term.width for term in structure.terms)]).tolist()
         columns = {term: np.arange(*own) for term, own in zip(structure.terms, pairwise(ends), strict=True)}
-        return cls(structure, columns, structure.posterior.mean, structure.posterior.covariance)._with_changes()
+        posterior = structure.over_sizes
+        return cls(structure, columns, posterior.mean, posterior.covariance)._with_changes()
 
     @property
     def terms(self) -> tuple[Term, ...]:
