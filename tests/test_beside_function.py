@@ -58,7 +58,7 @@ def test_its_information_is_that_of_its_covariance():
     [
         pytest.param("random3", "beam", "cframe", 0, 940001, 2.0, marks=EXAM),
         pytest.param("random3", "walk", "cframe", 0, 7, 2.2, marks=EXAM),
-        pytest.param("serpentine", "beam", "gantry", 0, 940001, 5.5, marks=STATISTICAL),
+        pytest.param("serpentine", "beam", "gantry", 0, 940001, 5.5, marks=EXAM),
         pytest.param("lines", "beam", "gantry", 1, 71001, 8.0, marks=EXAM),
         pytest.param("few", "beam", "gantry", 0, 71001, 11.0, marks=STATISTICAL),
     ],

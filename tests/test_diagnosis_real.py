@@ -112,7 +112,7 @@ def test_what_one_station_cannot_see_is_not_named():
     assert exam.not_visible(draws.range_of_one_station("cframe", 0), "tracker-range")[0]
 
 
-@pytest.mark.statistical
+@pytest.mark.exam
 def test_what_is_outside_the_table_is_unexplained():
     assert exam.unexplained(draws.unknown("cframe", 1), {"X", "Z", "time"})[0]
 

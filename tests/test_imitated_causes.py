@@ -128,7 +128,7 @@ def test_a_wave_is_named_although_fine_bases_bend_through_its_positions():
     assert cause.effect.period == pytest.approx(16.0, abs=0.02)
 
 
-@pytest.mark.parametrize("made", quick([layers, part_lines], []))
+@pytest.mark.parametrize("made", quick([layers, part_lines], [], [layers]))
 def test_nothing_is_imitated_where_nothing_is_hidden(made):
     selector = prepared(made(), None, "sheet", silent, silent).selector
     assert imitated(selector, selector.bare) == (selector, selector.bare)

@@ -117,7 +117,7 @@ def test_location_errors_of_a_part_of_a_turn_are_within_their_uncertainties():
     assert np.mean(np.abs(off) <= 2.0) >= 0.9
 
 
-@pytest.mark.statistical
+@pytest.mark.exam
 def test_by_a_tracker_the_errors_along_a_part_of_a_turn_are_within_their_uncertainties(tmp_path):
     """Lines and random poses of a DMU 50 whose B has three waves per turn and moves over 110 degrees."""
     inside, before = [], []

@@ -14,8 +14,7 @@ from tests.support.scenario_answers import answer
 INSIDE = 3.0
 """Standard uncertainties."""
 OFTEN = {
-    "backlash, tracker", "nothing wrong, tracker", "drift with a temperature", "outliers, tracker", "servo mismatch",
-    "nothing wrong, ballbar", "nothing wrong, touch probe", "air", "range of one station",
+    "backlash, tracker", "nothing wrong, tracker", "outliers, tracker", "servo mismatch", "nothing wrong, ballbar",
 }  # fmt: skip
 """Scenarios of the statistical tier: of each instrument, of the machine and of the readings; other heavy ones are exams."""
 

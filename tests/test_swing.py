@@ -169,7 +169,7 @@ def test_what_moves_without_a_period_is_no_swing():
 @pytest.mark.parametrize(
     ("design", "machine", "draw", "seed"),
     [
-        pytest.param("lines", "gantry", 0, 72001, marks=STATISTICAL),
+        pytest.param("lines", "gantry", 0, 72001, marks=EXAM),
         pytest.param("lines", "cframe", 1, 73001, marks=EXAM),
         pytest.param("random3", "cframe", 1, 73001, marks=EXAM),
         pytest.param("one-target", "cframe", 1, 73001, marks=EXAM),
