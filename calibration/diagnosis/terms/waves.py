@@ -31,6 +31,8 @@ OF_LEADS = 0.5
 """Share of the periodic errors whose period is one of these: the others are of couplings, scales, racks, belts."""
 FEWEST_TURNS = 3.0
 """Fewest periods over the travel; longer ones are error motions."""
+TURNING_PARTS = 3
+"""Most waves, or sawteeth, of an axis: its motor, its gear and its screw turn."""
 STEP = 0.4
 """Step of a scan, in periods over the travel: neighbours have nearly the same wave."""
 PEAKS = 3
@@ -55,7 +57,8 @@ def waves(structure: Structure, without: int | None = None) -> list[Term]:
     known = {term.family for number, term in enumerate(structure.terms) if number != without}
     left = _left(structure, without)
     scans = [Scan.of(structure, left, axis) for axis in structure.data.observations.measurement.moving]
-    return [_as_one_more(term, known) for scan in scans for term in (*scan.waves(), *scan.sawteeth())]
+    proposed = [term for scan in scans for term in (*scan.of_leads(), *scan.waves(), *scan.sawteeth())]
+    return [_in_family(term, family) for term in proposed if (family := _one_more(term.family, known)) is not None]
 
 
 def _left(structure: Structure, without: int | None) -> Array:
@@ -68,13 +71,10 @@ def _left(structure: Structure, without: int | None) -> Array:
     return np.asarray(equations.residual - equations.design @ mean)[: observations.residual.size]
 
 
-def _as_one_more(term: Term, known: Collection[Hashable]) -> Term:
-    """A proposal as the first, the second, ... wave of its axis: in the first family of these that is not known."""
-    family, count = term.family, 1
-    while family in known:
-        count += 1
-        family = term.family, count
-    return _in_family(term, family)
+def _one_more(family: Hashable, known: Collection[Hashable]) -> Hashable | None:
+    """The first family of these that is not known: of the first, the second, ... wave of an axis; None beyond them."""
+    numbered = [family, *((family, count) for count in range(2, TURNING_PARTS + 1))]
+    return next((each for each in numbered if each not in known), None)
 
 
 def _in_family(term: Term, family: Hashable) -> Term:

@@ -161,20 +161,22 @@ class _Place(NamedTuple):
 
 
 def _waves(place: _Place, term: Term, own: float) -> Iterator[Rival]:
-    """Rivals of a wave that are no candidates: waves of other periods, one for each, and of other forms."""
+    """Rivals of a wave that are no candidates: waves of other periods, one for each, of other forms and other axes."""
     period = period_of(term)
     if period is None or term.where is None:
         return
-    low, high = place.candidates.structure.data.observations.measurement.moving[term.where]
+    moving = place.candidates.structure.data.observations.measurement.moving
     proposed = waves(place.candidates.structure, place.number)
     odds = place.odds(proposed)
     known = {term.family: [period]}
     for i in np.argsort(-odds).tolist():
         other, found = proposed[i], period_of(proposed[i])
+        if own - odds[i] >= CLEAR or found is None or other.where is None:
+            continue
+        low, high = moving[other.where]
         others = known.setdefault(other.family, [])
-        apart = found is not None and all(abs((high - low) * (1.0 / found - 1.0 / each)) > RESOLVED for each in others)
-        if own - odds[i] < CLEAR and apart and other.where == term.where:
-            others.append(found or 0.0)
+        if all(abs((high - low) * (1.0 / found - 1.0 / each)) > RESOLVED for each in others):
+            others.append(found)
             likeliest, refined, _ = place.refined(other)
             yield Rival(likeliest, own - refined)
 
