@@ -37,7 +37,7 @@ ROUNDING = 2e-3
 MOVES = 30
 """Most moves of a search."""
 RETRIED, DOUBTFUL = 6, -9.0
-"""Number of causes that are retried, and the least log odds of these."""
+"""Number of causes that are retried, and the least log odds of these; they explain something of the data already."""
 RIVALS = 2
 """Rivals of a term that are refined before they are compared with it."""
 REFINED = 3
@@ -114,9 +114,9 @@ class Search:
         """The structure with the likeliest of a few causes, sizes and noise found again; None where none is likely."""
         structure, terms = candidates.structure, candidates.terms
         families = candidates.by_family(candidates.odds())
-        likely = [(odds - terms[best].log_prior, best) for odds, best in families.values() if odds > DOUBTFUL]
+        gains = [(odds - terms[best].log_prior, best) for odds, best in families.values() if odds > DOUBTFUL]
         found = []
-        for _, best in sorted(likely, reverse=True)[:RETRIED]:
+        for _, best in sorted((each for each in gains if each[0] > RISE), reverse=True)[:RETRIED]:
             together = (*structure.terms, terms[best])
             if _key(together) not in self._tried:
                 self._tried.add(_key(together))
