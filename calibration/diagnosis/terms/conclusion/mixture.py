@@ -1,6 +1,6 @@
 """What is known of all parameters: their mean and covariance over everything that the data leave undecided.
 
-- Rivals in the places of terms: the structures that they make, each with its probability.
+- Rivals and other forms in the places of terms: the structures that they make, each with its probability.
 - Terms that the data neither name nor exclude, each with the probability that it is there.
 - Time constants, lags, lengths and periods, by the derivatives of the columns.
 
@@ -64,16 +64,19 @@ class Likely(NamedTuple):
 
 
 def likely_structures(structure: Structure, judged: Sequence[Judged]) -> list[Likely]:
-    """The likeliest structures by the rivals of the terms of one, with their probabilities."""
-    places = [[(0.0, each.term), *((rival.log_odds, rival.term) for rival in each.rivals)] for each in judged]
+    """The likeliest structures by the rivals and other forms of the terms of one, with their probabilities."""
+    others = [(*each.rivals, *each.forms) for each in judged]
+    places = [
+        [(0.0, each.term), *((r.log_odds, r.term) for r in own)] for each, own in zip(judged, others, strict=True)
+    ]
     chosen = [(-sum(lost for lost, _ in each), tuple(term for _, term in each)) for each in product(*places)]
     chosen = sorted(chosen, key=lambda each: -each[0])[:KEPT]
     chosen = [each for each in chosen if len({term.family for term in each[1]}) == len(each[1])]
     weights = np.exp([odds for odds, _ in chosen])
     sized = {each.term: size for each, size in zip(judged, structure.term_sizes, strict=True)}
-    for each in judged:
-        others = structure.with_terms([term for i, term in enumerate(structure.terms) if i != each.number])
-        sized |= {rival.term: Added.of(others, rival.term.columns).likeliest_size for rival in each.rivals}
+    for each, own in zip(judged, others, strict=True):
+        rest = structure.with_terms([term for i, term in enumerate(structure.terms) if i != each.number])
+        sized |= {rival.term: Added.of(rest, rival.term.columns).likeliest_size for rival in own}
     return [
         Likely(_with_sizes(structure, terms, [sized[term] for term in terms]), float(weight / weights.sum()))
         for (_, terms), weight in zip(chosen, weights, strict=True)

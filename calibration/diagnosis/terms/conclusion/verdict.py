@@ -7,7 +7,7 @@ moment of the term. The rivals of a wave are waves of other periods too: between
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -49,6 +49,8 @@ class Judged:
     """Against none, beside the other terms."""
     rivals: tuple[Rival, ...]
     """Those from which the data do not tell it clearly, the likeliest first; other periods of a wave too."""
+    forms: tuple[Rival, ...] = ()
+    """Other forms of the same cause, likewise: with another course in time, or with a temperature, ..."""
 
     @property
     def alternatives(self) -> tuple[Rival, ...]:
@@ -88,8 +90,22 @@ def _judged(candidates: Candidates, number: int) -> Judged:
         # the members of its family may be likelier together than the one that was chosen
         own = max(own, place.of_members(term.family)[1])
     rivals = [*_of_other_families(place, term, own), *_waves(place, term, own)]
-    close = sorted((each for each in rivals if each.log_odds < CLEAR), key=lambda each: each.log_odds)
-    return Judged(number, term, own, tuple(close))
+    return Judged(number, term, own, _close(rivals), _close(_forms(place, term)))
+
+
+def _close(rivals: Iterable[Rival]) -> tuple[Rival, ...]:
+    """The rivals from which the data do not tell a term clearly, the likeliest first."""
+    return tuple(sorted((each for each in rivals if each.log_odds < CLEAR), key=lambda each: each.log_odds))
+
+
+def _forms(place: _Place, term: Term) -> Iterator[Rival]:
+    """The likeliest member of each other form of a term; members of one form differ in a time constant or a moment."""
+    own, terms = place.candidates.own(place.number), place.candidates.terms
+    members = [number for number, each in enumerate(terms) if each.family == term.family and each.name != term.name]
+    best = {terms[number].name: number for number in sorted(members, key=place.members.__getitem__)}
+    for number in best.values():
+        other, odds, _ = place.refined(terms[number])
+        yield Rival(other, own - odds)
 
 
 def _of_other_families(place: _Place, term: Term, own: float) -> Iterator[Rival]:
