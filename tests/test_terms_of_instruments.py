@@ -1,9 +1,11 @@
 """The search among structures in the data of all instruments: what is hidden is found, nothing else is."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from support import robot
 from support.ballbar_cases import circles_of
 from support.interferometer_runs import runs
@@ -156,3 +158,55 @@ def test_a_wave_of_a_short_axis():
     """An axis whose travel has no room for three of the shortest periods has no waves."""
     short = runs(lambda x: 0.01 * x, np.linspace(0.0, 10.0, 9), np.random.default_rng(1))
     assert not search(Observations.of(short)).structure.terms
+
+
+def logged(error, count: int = 900) -> Measurement:
+    """A log along X of the gantry, one way, 11 mm long."""
+    return runs(error, np.linspace(100.0, 111.0, count), np.random.default_rng(1), 0.3)
+
+
+def test_a_gear_in_a_log_is_one_wave_with_its_harmonics():
+    """Waves of a log are as short as its positions show, and its period is found to a hundredth of the noise."""
+
+    def gear(x):
+        turn = 2.0 * np.pi * x / 0.25
+        return 14.0 * np.sin(turn) + 4.0 * np.cos(2.0 * turn) + 2.0 * np.sin(3.0 * turn) + 0.2 * (x - 105.0) ** 2
+
+    found = search(Observations.of(logged(gear))).structure
+    (term,) = found.terms
+    assert term.kind == "cyclic"
+    assert term.effects[0].period == pytest.approx(0.25, abs=1e-5)
+    assert len(term.effects[0].sine) >= 3
+    assert found.noise.factor**0.5 < 1.1
+
+
+def test_a_log_has_a_curve_finer_than_error_motions():
+    """Without a name, and no period: the error of a rack that was ground in short pieces."""
+    pieces = np.random.default_rng(3).normal(0.0, 1.0, 45)
+
+    def rack(x):
+        return 4.0 * CubicSpline(np.linspace(100.0, 111.0, 45), pieces)(x)
+
+    found = search(Observations.of(logged(rack))).structure
+    assert [term.name for term in found.terms] == ["fine errors of X"]
+    assert found.noise.factor**0.5 < 1.1
+
+
+def test_a_backlash_that_differs_from_target_to_target():
+    """Runs as of ISO 230-2: each target has a difference of its own between forward and backward."""
+    targets = np.linspace(0.0, 4000.0, 9)
+    each = 20.0 + np.random.default_rng(4).normal(0.0, 4.0, 9)
+    data = runs(lambda x: 0.01 * x, targets, np.random.default_rng(1))
+    side = np.sign(data.state.approach[:, 0]) * np.interp(data.state.positions[:, 0], targets, each)
+    found = search(Observations.of(replace(data, observed=data.observed + 0.5e-3 * side[:, None]))).structure
+    (term,) = found.terms
+    differences = term.parameters @ found.posterior.mean[-term.width :]
+    assert (term.kind, term.effects[0].name) == ("reversal", "reversal E_XX")
+    assert differences == pytest.approx(each, abs=1.5)
+
+
+def test_a_backlash_that_is_the_same_at_all_targets_is_one_number():
+    data = runs(lambda x: 0.01 * x, np.linspace(0.0, 4000.0, 9), np.random.default_rng(1))
+    side = 6e-3 * np.sign(data.state.approach[:, :1])
+    (term,) = search(Observations.of(replace(data, observed=data.observed + side))).structure.terms
+    assert term.name == "backlash X"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -18,7 +18,7 @@ from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.priors import BANDS, FALL, FIRST_SIDE, MOTION
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import BasisChoice, axis_motions
-from kinematics.effects import Effect, UnknownApproach
+from kinematics.effects import Effect, ErrorMotion, UnknownApproach
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 from kinematics.turn import gap_of
@@ -129,16 +129,16 @@ def _band(degree: int) -> int:
     return next(number for number, (low, high) in enumerate(BANDS) if low <= degree <= high)
 
 
-def motions(measurement: Measurement) -> list[tuple[Effect, np.ndarray]]:
+def motions(measurement: Measurement) -> list[tuple[ErrorMotion, np.ndarray]]:
     """The error motions that the instrument observes, and the degree of each of their columns `(size,)`."""
-    found = []
+    found: list[tuple[ErrorMotion, np.ndarray]] = []
     for axis, arc in measurement.moving.items():
         own = measurement.machine.axes[measurement.machine.index(axis)]
         closed = own.turns_fully and not gap_of(arc)
         degree = min(DEGREE, measurement.distinct_positions[axis] + 1)
         choice = BasisChoice("fourier", HARMONICS) if closed else BasisChoice("legendre", degree)
         for effect in axis_motions(measurement, axis, choice):
-            found.append((effect, degrees_of(len(effect.parameters), closed=closed)))
+            found.append((cast(ErrorMotion, effect), degrees_of(len(effect.parameters), closed=closed)))
     return found
 
 

@@ -13,11 +13,13 @@ import msgspec
 import numpy as np
 
 from calibration.diagnosis.search.candidates import Candidate, at_zero
+from calibration.gaussian_terms.geometry import motions
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.priors import FALL, MOTION
 from calibration.gaussian_terms.term import Term
-from kinematics.basis import Legendre
-from kinematics.effects import Effect, ErrorMotion
+from calibration.observation.full_model import repeated_targets
+from kinematics.basis import Basis, BSpline, Legendre
+from kinematics.effects import Effect, ErrorMotion, Reversal
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
@@ -27,9 +29,12 @@ Form = Callable[[Observations, Effect], Term]
 """Makes a term of an effect."""
 
 
-def plain(observations: Observations, effect: Effect) -> Term:
-    """The term of an effect: a column for each linear parameter."""
-    return _term(observations, effect, effect.name, (effect,), np.diag(_typical(effect)))
+def plain(observations: Observations, effect: Effect, shares: Array | float = 1.0) -> Term:
+    """The term of an effect: a column for each linear parameter.
+
+    shares `(parameters,)`: expected sizes, as shares of the typical ones.
+    """
+    return _term(observations, effect, effect.name, (effect,), np.diag(_typical(effect) * shares))
 
 
 def pivoted(observations: Observations, effect: Effect) -> Term:
@@ -63,6 +68,23 @@ def _term(observations: Observations, effect: Effect, name: str, effects: Sequen
         parameters,
         candidate.axis,
     )
+
+
+def reversals(observations: Observations) -> Iterator[Term]:
+    """Terms of differences of error motions between forward and backward, of axes that are observed one at a time.
+
+    At targets that are visited again and again they are a mean and any difference at each target; between other
+    positions they are as smooth as error motions.
+    """
+    measurement = observations.measurement
+    for motion, degrees in motions(measurement):
+        nodes = repeated_targets(measurement, motion.axis)
+        basis: Basis = BSpline(tuple(nodes), 1) if nodes else motion.basis
+        effect = Reversal(motion.component, motion.axis, basis, (0.0,) * basis.size)
+        each = np.eye(basis.size) if nodes else np.diag(1.0 / np.maximum(degrees, 1) ** FALL)
+        mean = np.ones((basis.size, min(len(nodes), 1)))
+        shares = np.concatenate([mean, each], axis=1)
+        yield _term(observations, effect, effect.name, (effect,), _typical(effect)[:, None] * shares)
 
 
 def motion_changes(observations: Observations, calibration: ErrorModel) -> Iterator[Term]:

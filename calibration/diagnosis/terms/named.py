@@ -16,7 +16,7 @@ import numpy as np
 
 from calibration.diagnosis.search.candidates import changes
 from calibration.diagnosis.search.causes import angle_steps, causes, given, jumps
-from calibration.diagnosis.terms.forms import Form, motion_changes, pivoted, plain
+from calibration.diagnosis.terms.forms import Form, motion_changes, pivoted, plain, reversals
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.term import Term
 from calibration.measurement.measurement import Measurement
@@ -54,6 +54,8 @@ def named(observations: Observations) -> list[Term]:
     for effect in effects:
         for form in _forms(effect):
             terms.append(_between_shapes(observations, effect, form, between.get(effect)))
+    if measurement.axis is not None:
+        terms += reversals(observations)
     if observations.given is not None:
         terms += motion_changes(observations, observations.given)
     for effect in jumps(measurement):

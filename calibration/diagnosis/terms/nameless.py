@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from calibration.diagnosis.terms.forms import columns_of
 from calibration.diagnosis.terms.smooth import (
     TYPICAL,
     Products,
@@ -31,8 +32,11 @@ from calibration.diagnosis.terms.smooth import (
 )
 from calibration.gaussian_terms.geometry import DEGREE
 from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.priors import FALL
 from calibration.gaussian_terms.term import Term
-from kinematics.effects import COMPONENTS
+from calibration.observation.full_model import is_log
+from kinematics.basis import Legendre
+from kinematics.effects import COMPONENTS, ErrorMotion
 from kinematics.effects.base import UM, own_component, unit_of
 from kinematics.state import TIME
 from kinematics.transforms import Array
@@ -51,6 +55,8 @@ WALK, ROWS_OF_A_STEP = 80, 4
 """Most Karhunen-Loeve functions of a random walk, and rows for each of them."""
 MOST_POSITIONS = 400
 """Most positions of an axis that have errors of their own; more of them are a curve."""
+FINEST_DEGREE = 160
+"""Largest degree of the curve of an axis that was logged at many positions: 80 waves over its travel."""
 VISITS = 2.0
 """Least mean number of rows of a position."""
 SAME = 2
@@ -167,9 +173,12 @@ def _walk_columns(arm: Array, count: int, share: Array) -> Array:
 
 
 def fine(observations: Observations) -> Iterator[Term]:
-    """Errors of an axis at each of its positions, shared by all visits, finer than its error motions."""
+    """Errors of an axis finer than its error motions: at each of its positions, shared by all visits, or a curve."""
     measurement = observations.measurement
     for axis in measurement.moving:
+        if is_log(measurement, axis):
+            yield _fine_curve(observations, axis)
+            continue
         position = np.round(measurement.state.position(measurement.machine, axis), SAME)
         _, number, counts = np.unique(position, return_inverse=True, return_counts=True)
         again = np.flatnonzero(counts > 1)
@@ -184,6 +193,27 @@ def fine(observations: Observations) -> Iterator[Term]:
             where=axis,
             variables=(axis,),
         )
+
+
+def _fine_curve(observations: Observations, axis: str) -> Term:
+    """The positioning error of a logged axis, finer than its error motion: Legendre polynomials of higher degrees."""
+    basis = Legendre(observations.measurement.moving[axis], FINEST_DEGREE)
+    effect = ErrorMotion(own_component(axis), axis, basis, (0.0,) * basis.size)
+    degrees = np.arange(basis.size)
+    finer = degrees > DEGREE
+    sizes = TYPICAL_FINE * (DEGREE / np.maximum(degrees, 1)) ** FALL
+    parameters = np.diag(sizes)[:, finer]
+    return Term(
+        f"fine errors of {axis}",
+        "fine",
+        ("fine", axis),
+        partial(columns_of, observations, (effect,), parameters),
+        parameters.shape[1],
+        (effect,),
+        parameters,
+        axis,
+        (axis,),
+    )
 
 
 def own_arm(observations: Observations, axis: str) -> Array:

@@ -40,8 +40,8 @@ RETRIED, DOUBTFUL = 6, -9.0
 """Number of causes that are retried, and the least log odds of these; they explain something of the data already."""
 RIVALS = 2
 """Rivals of a term that are refined before they are compared with it."""
-REFINED = 3
-"""Most times that a term is refined: each time its time constant or moment is found about eight times as closely."""
+REFINED = 6
+"""Most times that a term is refined, each time about eight times as closely."""
 PARTS = 3
 """Most terms into which one is split; one with fewer columns is not split."""
 SHORT = 12
@@ -133,7 +133,7 @@ def worth(structure: Structure) -> float:
 def additions(candidates: Candidates) -> Iterator[Move]:
     """The likeliest causes that may be added."""
     structure = candidates.structure
-    for odds, term in _likeliest(candidates, (), RIVALS + 1):
+    for odds, term in _likeliest(candidates, (), RIVALS + 1, refine=True):
         if odds > PRESENT:
             yield Move(odds - PRESENT, f"add {term.name}", (*structure.terms, term))
 

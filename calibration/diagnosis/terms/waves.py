@@ -29,6 +29,10 @@ LEADS_MM = (4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 32.0, 40.0)
 """Leads of ball screws (ISO 3408-2), whose turns give the commonest periodic errors of linear axes."""
 OF_LEADS = 0.5
 """Share of the periodic errors whose period is one of these: the others are of couplings, scales, racks, belts."""
+POSITIONS = 4
+"""Positions of a log in a shorter period, which its positions show by design."""
+HARMONICS = (1, 2, 4, 8, 16)
+"""Numbers of harmonics of a wave: a scale, a gear or a screw repeats exactly, but is no sine."""
 FEWEST_TURNS = 3.0
 """Fewest periods over the travel; longer ones are error motions."""
 TURNING_PARTS = 3
@@ -43,6 +47,9 @@ MEMBERS = 4
 """Members of a proposal between two steps of the scan."""
 FINER = 10
 """Periods between two neighbours at a time."""
+CLOSER = 4.0
+"""Distance to the neighbours of a finer member, in half distances of finer members: what is found later, beside it,
+moves the likeliest period by one of them."""
 OFFSETS, FINER_OFFSETS = 32, 5
 """Offsets of a sawtooth that are tried, over its pitch, and those between two neighbours at a time."""
 
@@ -108,6 +115,7 @@ class Scan:
         measurement = observations.measurement
         low, high = measurement.moving[axis]
         shortest = SHORTEST_DEG if axis[0] in "ABC" else SHORTEST_MM
+        shortest = min(shortest, POSITIONS * (high - low) / measurement.distinct_positions[axis])
         turns = np.arange(FEWEST_TURNS, (high - low) / shortest, STEP)
         arm = structure.whitener.rows(own_arm(observations, axis)[:, :, None] * unit_of(axis)[1])[:, 0]
         position = measurement.state.position(measurement.machine, axis)
@@ -122,8 +130,9 @@ class Scan:
         for lead in LEADS_MM if self._of_other_periods < 1.0 else ():
             turns = self.travel / lead
             if turns >= FEWEST_TURNS:
-                term = self._wave(turns, STEP / MEMBERS)
-                own = odds_of_kind(term) * OF_LEADS / (len(self.observations.measurement.moving) * len(LEADS_MM))
+                term = self._wave(turns, STEP / MEMBERS, 1)
+                shared = len(self.observations.measurement.moving) * len(LEADS_MM) * len(HARMONICS)
+                own = odds_of_kind(term) * OF_LEADS / shared
                 yield with_log_prior(term, float(np.log(own)))
 
     @property
@@ -134,13 +143,22 @@ class Scan:
     def waves(self) -> Iterator[Term]:
         """Waves near the likeliest periods."""
         for turns in self._proposed_turns():
-            yield self._with_odds(self._wave(turns, STEP / MEMBERS), MEMBERS / self._of_other_periods)
+            yield self._with_odds(
+                self._wave(turns, STEP / MEMBERS, 1), MEMBERS * len(HARMONICS) / self._of_other_periods
+            )
 
-    def _wave(self, turns: float, step: float) -> Term:
-        """A wave of so many periods over the travel; those of its neighbours are one step more and less."""
-        period, closer = self.travel / turns, 2.0 * step / (FINER + 1)
-        effect = Cyclic(component=own_component(self.axis), axis=self.axis, period=period, sine=(0.0,), cosine=(0.0,))
-        return self._term(effect, lambda: [self._wave(turns + way * step, closer) for way in _between(FINER)])
+    def _wave(self, turns: float, step: float, harmonics: int) -> Term:
+        """A wave of so many periods over the travel; those of its neighbours are one step more and less.
+
+        Its finer members have other periods, or more harmonics, as far as the positions show them.
+        """
+        closer, zeros = CLOSER * step / (FINER + 1), (0.0,) * harmonics
+        effect = Cyclic(own_component(self.axis), self.axis, self.travel / turns, zeros, zeros)
+        orders = np.tile(np.arange(1.0, harmonics + 1.0), 2)
+        near = [(turns + way * step, harmonics) for way in _between(FINER)]
+        near += [(turns, more) for more in HARMONICS if more > harmonics and more * turns <= self.turns[-1]]
+        term = plain(self.observations, effect, 1.0 / orders)
+        return replace(term, finer=lambda: [self._wave(other, closer, count) for other, count in near])
 
     def sawteeth(self) -> Iterator[Term]:
         """Sawteeth near the likeliest periods, each at its likeliest offset."""
@@ -156,7 +174,7 @@ class Scan:
         """
         pitch = self.travel / turns
         effect = QuantisedCompensation(self.axis, 0.0, pitch, (self._middle + share * pitch) % pitch)
-        closer = 2.0 * step / (FINER + 1), 2.0 * apart / (FINER_OFFSETS + 1)
+        closer = CLOSER * step / (FINER + 1), CLOSER * apart / (FINER_OFFSETS + 1)
         near = list(product(_between(FINER), _between(FINER_OFFSETS)))
         return self._term(
             effect, lambda: [self._teeth(turns + way * step, share + off * apart, *closer) for way, off in near]
