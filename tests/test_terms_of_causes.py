@@ -17,9 +17,10 @@ from calibration.diagnosis.terms.candidates import Candidates
 from calibration.diagnosis.terms.dictionary import Dictionary
 from calibration.diagnosis.terms.named import named, shape_of
 from calibration.diagnosis.terms.nameless import nameless, second_moment
-from calibration.diagnosis.terms.prior_odds import COMMON, NAMELESS, with_prior_odds
+from calibration.diagnosis.terms.prior_odds import with_prior_odds
 from calibration.diagnosis.terms.waves import waves
 from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.priors import PRIORS
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
 from calibration.instruments import Part
@@ -64,7 +65,7 @@ def observed(name: str) -> Observations:
 
 @cache
 def terms_of(name: str) -> list[Term]:
-    return with_prior_odds([*named(observed(name)), *nameless(observed(name))])
+    return with_prior_odds([*named(observed(name)), *nameless(observed(name))], PRIORS)
 
 
 MEASUREMENTS = pytest.mark.parametrize("name", ["cframe", "gantry", "dmu50"])
@@ -105,7 +106,7 @@ OTHERS = {
 @pytest.mark.parametrize("instrument", OTHERS)
 def test_other_instruments_have_the_same_terms(instrument):
     observations = Observations.of(OTHERS[instrument]())
-    terms = with_prior_odds([*named(observations), *nameless(observations), *waves(fitted(observations))])
+    terms = with_prior_odds([*named(observations), *nameless(observations), *waves(fitted(observations))], PRIORS)
     assert terms
     for term in terms:
         assert term.make().shape == (*observations.residual.shape, term.width), term.name
@@ -120,11 +121,11 @@ def test_families_share_the_odds_of_their_kind(name):
     for term in terms:
         kinds[term.family].add(term.kind)
     assert sum(own[i] for i, term in enumerate(terms) if "thermal-drift" in kinds[term.family]) == pytest.approx(
-        COMMON / (1.0 - COMMON)
+        PRIORS.common / (1.0 - PRIORS.common)
     )
     for kind in {term.kind for term in terms}:
         whole = sum(odds for odds, term in zip(own, terms, strict=True) if kind in kinds[term.family])
-        most = NAMELESS.get(kind, COMMON)
+        most = getattr(PRIORS, kind, PRIORS.common)
         assert 0.0 < whole <= most / (1.0 - most) * (1 + 1e-9), kind
 
 
@@ -275,7 +276,7 @@ def likeliest(candidates: Candidates, count: int) -> list[Term]:
 )
 def test_a_cause_is_the_likeliest_in_its_own_data(effect):
     observations = Observations.of(data_with(effect))
-    terms = with_prior_odds([*named(observations), *nameless(observations)])
+    terms = with_prior_odds([*named(observations), *nameless(observations)], PRIORS)
     structure = fitted(observations)
     best = likeliest(Candidates.of(structure, Dictionary(terms)), 4)
     totals = [structure.with_terms([term]).fitted().total for term in best]
@@ -326,5 +327,5 @@ def test_a_second_wave_of_an_axis_is_a_cause_of_its_own():
 def test_the_odds_of_waves_are_shared_by_all_that_are_scanned():
     structure = fitted(observed("cframe"))
     own = [np.exp(term.log_prior) for term in waves(structure) if term.kind == "cyclic"]
-    assert 0.5 * COMMON < sum(own) < COMMON
+    assert 0.5 * PRIORS.common < sum(own) < PRIORS.common
     assert not any(term.kind == "cyclic" for term in terms_of("cframe"))

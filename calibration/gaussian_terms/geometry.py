@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.priors import BANDS, FALL, FIRST_SIDE, MOTION
+from calibration.gaussian_terms.priors import BANDS
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import BasisChoice, axis_motions
 from kinematics.effects import Effect, ErrorMotion, UnknownApproach
@@ -96,7 +96,7 @@ def geometry(observations: Observations) -> Geometry:
         np.array([known.index(key) for key in keys], int),
         np.array(coarser, int),
         np.array([key[2] < 0 for key in known], bool),
-        np.array([FIRST_SIDE if key[2] == FIRST else 1.0 for key in known]),
+        np.array([observations.priors.first_side if key[2] == FIRST else 1.0 for key in known]),
     )
 
 
@@ -120,9 +120,15 @@ def _parts(observations: Observations) -> Iterator[_Part]:
     for effect, degrees in motions(measurement):
         if effect.axes[0] not in calibrated:
             keys = [(effect.axes[0], effect.angular, _band(degree)) for degree in degrees.tolist()]
-            yield _Part(effect, MOTION / np.maximum(degrees, 1) ** FALL, keys)
+            yield _Part(effect, prior_sizes(observations, degrees), keys)
     for side in _first_sides(measurement):
         yield _Part(side, np.array(side.typical), [(side.name, False, FIRST)])
+
+
+def prior_sizes(observations: Observations, degrees: np.ndarray) -> Array:
+    """Prior sizes `(m,)` of the coefficients of an error motion, um or urad, by their degrees."""
+    priors = observations.priors
+    return np.asarray(priors.error_motion_um / np.maximum(degrees, 1) ** priors.smoothness)
 
 
 def _band(degree: int) -> int:

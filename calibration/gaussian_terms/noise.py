@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.priors import REPEATS
 from kinematics.effects import COMPONENTS
 from kinematics.effects.base import own_component, unit_of
 from kinematics.transforms import Array
@@ -101,16 +100,21 @@ class Moments(NamedTuple):
     """Covariance, whitened in the same way, by each variance of 1."""
 
 
-def variances(moments: Sequence[Moments], axes: Sequence[str], noise: Noise) -> tuple[float, dict[str, float]]:
-    """The factor of the specification, and the standard deviation of each axis, with the greatest likelihood."""
+def variances(
+    moments: Sequence[Moments], axes: Sequence[str], noise: Noise, median: float
+) -> tuple[float, dict[str, float]]:
+    """The factor of the specification, and the standard deviation of each axis, with the greatest likelihood.
+
+    median: of the prior of the standard deviation of an axis, um or urad.
+    """
     theta = np.array([noise.factor, *(noise.repeats.get(axis, 0.0) ** 2 for axis in axes)])
-    now = _likelihood(moments, theta)
+    now = _likelihood(moments, theta, median)
     for _ in range(STEPS):
         step, least = _fisher_step(theta, now), LEAST_FACTOR * theta[0]
         for _ in range(HALVINGS):
             new = np.maximum(theta + step, 0.0)
             new[0] = max(new[0], least)
-            found = _likelihood(moments, new)
+            found = _likelihood(moments, new, median)
             if found.value >= now.value:
                 break
             step = step / 2.0
@@ -141,14 +145,14 @@ def _fisher_step(theta: Array, now: _Likelihood) -> Array:
         free &= ~below
 
 
-def _likelihood(moments: Sequence[Moments], theta: Array) -> _Likelihood:
+def _likelihood(moments: Sequence[Moments], theta: Array, median: float) -> _Likelihood:
     """Log likelihood of variances `(k,)` with the half-Cauchy prior of each standard deviation, and its derivatives.
 
     The information of the prior is the square of its slope: data of one row a stop may not tell the variances apart.
     """
     k = len(theta)
-    value = -float(np.sum(np.log1p(theta[1:] / REPEATS**2)))
-    gradient, information = -1.0 / (REPEATS**2 + theta), np.zeros((k, k))
+    value = -float(np.sum(np.log1p(theta[1:] / median**2)))
+    gradient, information = -1.0 / (median**2 + theta), np.zeros((k, k))
     gradient[0] = 0.0
     information[np.diag_indices(k)] += gradient**2
     for second, parts in moments:

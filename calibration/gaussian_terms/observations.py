@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.gaussian_terms.priors import PRIORS, Priors
 from calibration.measurement.measurement import Measurement
 from calibration.observation.equations import specified_covariance
 from calibration.observation.normal_equations import residuals
@@ -44,10 +45,17 @@ class Observations:
     """Stated minus present values `(k,)`, in the same unit."""
     given: ErrorModel | None = None
     """The calibration to which errors are relative; None for the nominal machine."""
+    priors: Priors = PRIORS
+    """What is known of the machine before any data."""
 
     @classmethod
     def of(
-        cls, measurement: Measurement, about: ErrorModel | None = None, *, given: ErrorModel | None = None
+        cls,
+        measurement: Measurement,
+        about: ErrorModel | None = None,
+        *,
+        given: ErrorModel | None = None,
+        priors: Priors = PRIORS,
     ) -> Observations:
         """The observations of a measurement, linearised about a model of the machine: by default that of `given`.
 
@@ -71,6 +79,7 @@ class Observations:
             instrument.stated_design(measurement, registration),
             instrument.stated_residuals(measurement, registration),
             given,
+            priors,
         )
 
     def __len__(self) -> int:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.gaussian_terms.gains import log_gains
-from calibration.gaussian_terms.priors import OUTLIER, OUTLIER_SIZES
+from calibration.gaussian_terms.priors import OUTLIER_SIZES
 from kinematics.transforms import Array
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def log_odds(structure: Structure) -> Array:
         shift, covariance = shifts(structure, np.flatnonzero(left_out))
         inverse = np.asarray(np.linalg.inv(covariance), float)
         along = (inverse @ shift[:, :, None])[:, :, 0]
-        found[left_out] = log_gains(inverse, along, OUTLIER_SIZES, 1.0) + float(np.log(OUTLIER))
+        found[left_out] = log_gains(inverse, along, OUTLIER_SIZES, 1.0) + float(np.log(structure.priors.outlier))
     return found
 
 
@@ -47,7 +47,7 @@ def _odds_inside(structure: Structure) -> Array:
             through = shift @ stop_used
             block = shift @ np.swapaxes(shift, 1, 2) - through @ np.swapaxes(through, 1, 2)
             odds[stops.rows[:, i]] = log_gains(block, (shift @ stop_left)[:, :, 0], OUTLIER_SIZES, factor)
-    return odds + float(np.log(OUTLIER))
+    return odds + float(np.log(structure.priors.outlier))
 
 
 def shifts(structure: Structure, rows: np.ndarray) -> tuple[Array, Array]:

@@ -18,16 +18,7 @@ from calibration.gaussian_terms.noise import Moments, Noise, Stops, stops_of, va
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.outliers import outlying
 from calibration.gaussian_terms.posterior import Equations, Posterior
-from calibration.gaussian_terms.priors import (
-    BAND_WEIGHT,
-    LEAST_SQUARE,
-    LEFT_OUT,
-    MOST_LEFT_OUT,
-    REPEATS,
-    ROUGHER,
-    SIZES,
-    TERM_WEIGHT,
-)
+from calibration.gaussian_terms.priors import SIZES, Priors
 from calibration.gaussian_terms.term import Term
 from calibration.gaussian_terms.whitened import Whitener
 from kinematics.transforms import Array
@@ -76,6 +67,11 @@ class Structure:
         nothing = np.zeros(len(data.observations), bool)
         return cls(data, Noise(left_out=nothing), data.geometry.first_sizes)
 
+    @property
+    def priors(self) -> Priors:
+        """What is known before any data."""
+        return self.data.observations.priors
+
     @cached_property
     def whitener(self) -> Whitener:
         """The whitener of the noise."""
@@ -106,7 +102,7 @@ class Structure:
         """
         bands = len(self.band_sizes)
         determined = np.bincount(self.groups, self.posterior.determined(self.sizes), minlength=bands)[:bands]
-        freedom = np.maximum(determined, 0.0) + BAND_WEIGHT
+        freedom = np.maximum(determined, 0.0) + self.priors.band_weight
         larger = np.where(self.data.geometry.fixed, 1.0, np.sqrt(freedom / (freedom - 2.0)))
         wider = self.resized(np.concatenate([self.band_sizes * larger, self.term_sizes]))
         return replace(self.posterior, covariance=wider.posterior.covariance)
@@ -128,7 +124,7 @@ class Structure:
         """Log density of the observations, given the sizes and the noise."""
         posterior, white = self.posterior, self.whitener
         scale = white.scalars * float(np.log(self.noise.factor))
-        lost = LEFT_OUT * np.count_nonzero(self.noise.left_out)
+        lost = self.priors.left_out * np.count_nonzero(self.noise.left_out)
         return white.log_volume - 0.5 * (posterior.misfit + posterior.log_determinant + scale) - float(lost)
 
     @property
@@ -137,8 +133,10 @@ class Structure:
         about, squares = self._expected_squares[: len(self.band_sizes)], self.band_sizes**2
         fitted = ~self.data.geometry.fixed
         ratio = (about / squares)[fitted]
-        of_sizes = -0.5 * BAND_WEIGHT * float(np.sum(ratio - 1.0 - np.log(ratio)))
-        of_noise = -sum(float(np.log1p((size / REPEATS) ** 2)) for size in self.noise.repeats.values())
+        of_sizes = -0.5 * self.priors.band_weight * float(np.sum(ratio - 1.0 - np.log(ratio)))
+        of_noise = -sum(
+            float(np.log1p((size / self.priors.non_repeatability_um) ** 2)) for size in self.noise.repeats.values()
+        )
         of_terms = sum(term.log_prior for term in self.terms) + self._log_widths
         return self.log_evidence + of_sizes + of_noise + of_terms
 
@@ -159,8 +157,8 @@ class Structure:
     def _expected_squares(self) -> Array:
         """Expected squares of the sizes of bands and terms: of a band, those of the coarser one if these are larger."""
         coarser = self.data.geometry.coarser
-        of_bands = np.where(coarser >= 0, ROUGHER * self.band_sizes[coarser] ** 2, 0.0)
-        return np.asarray(np.maximum(np.append(of_bands, np.zeros(len(self.terms))), LEAST_SQUARE))
+        of_bands = np.where(coarser >= 0, self.priors.rougher * self.band_sizes[coarser] ** 2, 0.0)
+        return np.asarray(np.maximum(np.append(of_bands, np.zeros(len(self.terms))), self.priors.least_share**2))
 
     def with_terms(self, terms: Sequence[Term]) -> Structure:
         """The structure with these terms; sizes of those that it has already stay."""
@@ -181,7 +179,7 @@ class Structure:
     def with_sizes(self, steps: int) -> Structure:
         """The structure with likelier sizes, after at most so many steps."""
         found, groups, counted = self, self.groups, len(self.band_sizes) + len(self.terms)
-        weight = np.repeat([BAND_WEIGHT, TERM_WEIGHT], [len(self.band_sizes), len(self.terms)])
+        weight = np.repeat([self.priors.band_weight, self.priors.term_weight], [len(self.band_sizes), len(self.terms)])
         fixed = np.append(self.data.geometry.fixed, np.zeros(len(self.terms), bool))
         for _ in range(steps):
             posterior, before = found.posterior, np.concatenate([found.band_sizes, found.term_sizes])
@@ -199,9 +197,9 @@ class Structure:
         Outliers are rows whose odds of an error of their own are above 1.
         """
         axes = list(self.data.observations.measurement.moving)
-        factor, repeats = variances(list(self._moments(axes)), axes, self.noise)
+        factor, repeats = variances(list(self._moments(axes)), axes, self.noise, self.priors.non_repeatability_um)
         left_out = outlying(self)
-        if left_out.mean() >= MOST_LEFT_OUT:
+        if left_out.mean() >= self.priors.most_left_out:
             left_out = self.noise.left_out
         return replace(self, noise=Noise(factor, repeats, left_out))
 

@@ -13,9 +13,8 @@ import msgspec
 import numpy as np
 
 from calibration.diagnosis.search.candidates import Candidate, at_zero
-from calibration.gaussian_terms.geometry import motions
+from calibration.gaussian_terms.geometry import motions, prior_sizes
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.priors import FALL, MOTION
 from calibration.gaussian_terms.term import Term
 from calibration.observation.full_model import repeated_targets
 from kinematics.basis import Basis, BSpline, Legendre
@@ -81,7 +80,7 @@ def reversals(observations: Observations) -> Iterator[Term]:
         nodes = repeated_targets(measurement, motion.axis)
         basis: Basis = BSpline(tuple(nodes), 1) if nodes else motion.basis
         effect = Reversal(motion.component, motion.axis, basis, (0.0,) * basis.size)
-        each = np.eye(basis.size) if nodes else np.diag(1.0 / np.maximum(degrees, 1) ** FALL)
+        each = np.eye(basis.size) if nodes else np.diag(1.0 / np.maximum(degrees, 1) ** observations.priors.smoothness)
         mean = np.ones((basis.size, min(len(nodes), 1)))
         shares = np.concatenate([mean, each], axis=1)
         yield _term(observations, effect, effect.name, (effect,), _typical(effect)[:, None] * shares)
@@ -96,7 +95,7 @@ def motion_changes(observations: Observations, calibration: ErrorModel) -> Itera
         basis = Legendre(arc, CHANGED_DEGREE)
         effect = ErrorMotion(motion.component, motion.axis, basis, (0.0,) * basis.size)
         degrees = np.arange(basis.size)
-        sizes = np.where(degrees > 1, MOTION / np.maximum(degrees, 1) ** FALL, 0.0)
+        sizes = np.where(degrees > 1, prior_sizes(observations, degrees), 0.0)
         yield _term(observations, effect, f"change of {effect.name}", (effect,), np.diag(sizes)[:, degrees > 1])
 
 

@@ -32,7 +32,6 @@ from calibration.diagnosis.terms.smooth import (
 )
 from calibration.gaussian_terms.geometry import DEGREE
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.priors import FALL
 from calibration.gaussian_terms.term import Term
 from calibration.observation.full_model import is_log
 from kinematics.basis import Legendre
@@ -201,7 +200,7 @@ def _fine_curve(observations: Observations, axis: str) -> Term:
     effect = ErrorMotion(own_component(axis), axis, basis, (0.0,) * basis.size)
     degrees = np.arange(basis.size)
     finer = degrees > DEGREE
-    sizes = TYPICAL_FINE * (DEGREE / np.maximum(degrees, 1)) ** FALL
+    sizes = TYPICAL_FINE * (DEGREE / np.maximum(degrees, 1)) ** observations.priors.smoothness
     parameters = np.diag(sizes)[:, finer]
     return Term(
         f"fine errors of {axis}",

@@ -8,38 +8,27 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.diagnosis.search.candidates import Candidate
+from calibration.gaussian_terms.priors import Priors
 from calibration.gaussian_terms.term import Term
 
-COMMON = 0.05
-"""Probability that a kind of cause is present: there are about twenty common kinds, and a measurement that is to be
-diagnosed shows about one of them."""
-RARE = 0.0025
-"""The same of a rare kind, which imitates a common one: 20 to 1 for the common one, as `candidates.RARE`."""
-NAMELESS = {"smooth": 0.02, "swing": 0.005, "walk": 0.02, "fine": 0.02}
-"""The same of functions without a name.
 
-The table of effects names nearly all errors of machines, so that a function without a name is less likely than a common
-cause, and likelier than a rare one. The tool seldom swings through a whole measurement: only controlled temperatures,
-and a pump or a lamp that switches, repeat so regularly.
-"""
-
-
-def odds_of_kind(term: Term) -> float:
+def odds_of_kind(term: Term, priors: Priors) -> float:
     """Odds of the kind of a term, if all terms of its kind were as common as this one."""
-    probability = NAMELESS.get(term.kind)
-    if probability is None:
+    if term.named:
         rare = any(Candidate(effect).rarity > 0.0 for effect in term.effects)
-        probability = RARE if rare else COMMON
+        probability = priors.rare if rare else priors.common
+    else:
+        probability = float(getattr(priors, term.kind))
     return probability / (1.0 - probability)
 
 
-def with_prior_odds(terms: Sequence[Term]) -> list[Term]:
+def with_prior_odds(terms: Sequence[Term], priors: Priors) -> list[Term]:
     """The terms with their prior odds, those of their finer members included.
 
     The odds of a kind are those of its commonest term. Its families share them, and the members of a family share those
     of the family: rare ones have a smaller part.
     """
-    odds = np.array([odds_of_kind(term) for term in terms])
+    odds = np.array([odds_of_kind(term, priors) for term in terms])
     families: dict[Hashable, list[int]] = {}
     for number, term in enumerate(terms):
         families.setdefault(term.family, []).append(number)

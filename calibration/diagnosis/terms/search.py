@@ -70,7 +70,7 @@ def search(observations: Observations, progress: Progress = silent) -> Found:
     """The likeliest structure of observations, which are linearised again about the errors of the machine."""
     structure = linearised(Structure.first(Data.of(observations)).fitted())
     own = structure.data.observations
-    dictionary = Dictionary(with_prior_odds([*named(own), *nameless(own)]))
+    dictionary = Dictionary(with_prior_odds([*named(own), *nameless(own)], own.priors))
     return Search(dictionary, progress).from_structure(structure)
 
 

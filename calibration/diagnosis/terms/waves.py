@@ -131,9 +131,7 @@ class Scan:
             turns = self.travel / lead
             if turns >= FEWEST_TURNS:
                 term = self._wave(turns, STEP / MEMBERS, 1)
-                shared = len(self.observations.measurement.moving) * len(LEADS_MM) * len(HARMONICS)
-                own = odds_of_kind(term) * OF_LEADS / shared
-                yield with_log_prior(term, float(np.log(own)))
+                yield self._with_odds(term, len(LEADS_MM) * len(HARMONICS) / OF_LEADS)
 
     @property
     def _of_other_periods(self) -> float:
@@ -143,9 +141,8 @@ class Scan:
     def waves(self) -> Iterator[Term]:
         """Waves near the likeliest periods."""
         for turns in self._proposed_turns():
-            yield self._with_odds(
-                self._wave(turns, STEP / MEMBERS, 1), MEMBERS * len(HARMONICS) / self._of_other_periods
-            )
+            scanned = MEMBERS * len(self.turns) * len(HARMONICS)
+            yield self._with_odds(self._wave(turns, STEP / MEMBERS, 1), scanned / self._of_other_periods)
 
     def _wave(self, turns: float, step: float, harmonics: int) -> Term:
         """A wave of so many periods over the travel; those of its neighbours are one step more and less.
@@ -165,7 +162,9 @@ class Scan:
         shares = np.arange(OFFSETS) / OFFSETS
         for turns in self._proposed_turns():
             best = float(shares[np.argmax(self._gains_of_teeth(turns, shares))])
-            yield self._with_odds(self._teeth(turns, best, STEP / MEMBERS, 1.0 / OFFSETS), MEMBERS * OFFSETS)
+            yield self._with_odds(
+                self._teeth(turns, best, STEP / MEMBERS, 1.0 / OFFSETS), MEMBERS * len(self.turns) * OFFSETS
+            )
 
     def _teeth(self, turns: float, share: float, step: float, apart: float) -> Term:
         """A sawtooth of so many teeth over the travel, a share of the pitch behind the middle of the travel.
@@ -194,9 +193,10 @@ class Scan:
         return replace(plain(self.observations, effect), finer=finer)
 
     def _with_odds(self, term: Term, members: float) -> Term:
-        """The term with its odds: those of its kind, shared by all members of a scan, and by the axes."""
+        """The term with its odds: those of its kind, shared by so many members, and by the axes."""
         axes = len(self.observations.measurement.moving)
-        return with_log_prior(term, float(np.log(odds_of_kind(term) / (axes * members * len(self.turns)))))
+        odds = odds_of_kind(term, self.observations.priors) / (axes * members)
+        return with_log_prior(term, float(np.log(odds)))
 
     def _proposed_turns(self) -> list[float]:
         """Periods over the travel near the likeliest ones, between the neighbours in the scan; none of a short axis."""
