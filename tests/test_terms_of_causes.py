@@ -327,5 +327,5 @@ def test_a_second_wave_of_an_axis_is_a_cause_of_its_own():
 def test_the_odds_of_waves_are_shared_by_all_that_are_scanned():
     structure = fitted(observed("cframe"))
     own = [np.exp(term.log_prior) for term in waves(structure) if term.kind == "cyclic"]
-    assert 0.5 * PRIORS.common < sum(own) < PRIORS.common
+    assert 0.05 * PRIORS.common < sum(own) < PRIORS.common
     assert not any(term.kind == "cyclic" for term in terms_of("cframe"))
