@@ -192,6 +192,37 @@ def test_a_log_has_a_curve_finer_than_error_motions():
     assert found.noise.factor**0.5 < 1.1
 
 
+TURNTABLE = machines.parse(
+    'name = "turntable"\nchain = "w C b t"\n[axes.C]\ntravel = [-1, 361]\npoint = [0, 0, 0]\nhome = 0\n', "turntable"
+)
+
+
+def turned(standing: int) -> Measurement:
+    """A turn of a table, logged with a wave of 200 urad four times a turn, and so many readings where it ends."""
+    degrees = np.append(np.linspace(0.0, 360.0, 721), np.full(standing, 360.0))
+    n, rng = len(degrees), np.random.default_rng(2)
+    urad = 200.0 * np.sin(np.radians(4.0 * degrees) + 0.4) + 20.0 * rng.normal(size=n)
+    state = with_moves(State(np.radians(degrees)[:, None], target=np.full(n, "1"), time=0.1 * np.arange(n)))
+    target = {"1": Target((0.0, 0.0, 0.0))}
+    return Measurement(
+        TURNTABLE, Interferometer(u_um=20.0), state, urad[:, None] * 1e-6, target, axis=np.full(n, "C"),
+        run=np.full(n, "1"), source="turn",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("standing", [1, 3000])
+def test_a_wave_that_error_motions_hide_is_named(standing):
+    """Order 4 is one of their harmonics. A long standstill counts as one position, and takes no time."""
+    found = search(Observations.of(turned(standing))).structure
+    (term,) = found.terms
+    assert (term.kind, term.effects[0].period) == ("cyclic", pytest.approx(90.0, rel=0.01))
+    sizes = term.parameters @ found.posterior.mean[-term.width :]
+    assert np.hypot(*sizes[[0, len(sizes) // 2]]) == pytest.approx(200.0, rel=0.05)
+    assert len(found.data.observations) < 760
+    expected = 20.0 * found.noise.factor**0.5
+    assert np.hypot(expected, found.noise.repeats.get("C", 0.0)) == pytest.approx(20.0, rel=0.1)
+
+
 def test_a_backlash_that_differs_from_target_to_target():
     """Runs as of ISO 230-2: each target has a difference of its own between forward and backward."""
     targets = np.linspace(0.0, 4000.0, 9)

@@ -30,6 +30,8 @@ KNOWN = 1e-12
 """Share of the largest variance of a calibration, in squares of its uncertainties, below which one is rounding."""
 Key = tuple[str, bool, int]
 """Band: axis, whether it is angular, and number; numbers below 0 are of sizes that are not fitted."""
+WAVY = 2
+"""Number of the coarsest band that may contain a periodic error."""
 FIRST = -1
 """Number of the band of an error before the first move of an axis."""
 CALIBRATED: Key = ("", False, -2)
@@ -56,6 +58,8 @@ class Geometry:
     """True for each band whose size is not fitted."""
     first_sizes: Array
     """Sizes of the bands before any fit, in prior sizes."""
+    wavy: np.ndarray
+    """True for each band whose functions have two waves or more over the travel, as a periodic error has."""
 
     @property
     def width(self) -> int:
@@ -97,6 +101,7 @@ def geometry(observations: Observations) -> Geometry:
         np.array(coarser, int),
         np.array([key[2] < 0 for key in known], bool),
         np.array([observations.priors.first_side if key[2] == FIRST else 1.0 for key in known]),
+        np.array([key[2] >= WAVY for key in known], bool),
     )
 
 

@@ -23,10 +23,7 @@ SETTLED = 0.05
 def linearised(structure: Structure) -> Structure:
     """The structure of the geometry alone, fitted to observations that are linearised about its own errors."""
     for _ in range(PASSES):
-        before = structure.data.observations
-        observations = Observations.of(
-            before.measurement, mean_errors(structure), given=before.given, priors=before.priors
-        )
+        observations = structure.data.observations.about(mean_errors(structure))
         if _change(structure, observations) < SETTLED:
             break
         structure = replace(structure, data=Data.of(observations)).fitted()

@@ -7,7 +7,7 @@ errors of millimetres, of those of a chain of rotary axes, and of lengths.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,10 @@ from kinematics.error_model.effect_sums import Design
 from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.transforms import Array
 
+MOST_OF_STOP = 20
+"""Most rows of a stop with one target; more of them are combined to so many means."""
+ROUNDED = 1e-9
+"""Rounding of a share of a stop."""
 STEPS, LAST_STEP = 4, 1e-7
 """Most steps of a registration beside errors that are given, and the last one, mm and rad."""
 
@@ -62,6 +66,7 @@ class Observations:
         given: a calibration of the machine, to which errors are relative, whatever the model; None for the nominal
         machine.
         """
+        measurement, counts = with_short_stops(measurement)
         relative = no_errors(measurement.machine) if given is None else given
         model = relative if about is None else about
         registration = _registered(measurement, model)
@@ -75,12 +80,17 @@ class Observations:
             residual,
             transform,
             instrument.registration_design(measurement, registration),
-            specified_covariance(measurement),
+            specified_covariance(measurement) / counts[:, None, None],
             instrument.stated_design(measurement, registration),
             instrument.stated_residuals(measurement, registration),
             given,
             priors,
         )
+
+    def about(self, model: ErrorModel) -> Observations:
+        """The same observations, linearised about another model."""
+        again = Observations.of(self.measurement, model, given=self.given, priors=self.priors)
+        return replace(again, specified=self.specified)
 
     def __len__(self) -> int:
         return len(self.residual)
@@ -95,6 +105,28 @@ class Observations:
         measurement = self.measurement
         design = Design(effects, measurement.machine, measurement.state, with_instrument=True)
         return design.of(slice(None), self.transform)
+
+
+def with_short_stops(measurement: Measurement) -> tuple[Measurement, np.ndarray]:
+    """The measurement with means of the rows of long stops, and the number `(n,)` of rows of each mean.
+
+    A long standstill contains no more about the motion than a short one, and its rows have one error of position. Rows
+    with another target, or another error motion, are not averaged.
+    """
+    named = [column for column in (measurement.axis, measurement.component) if column is not None]
+    numbers = [np.unique(column, return_inverse=True)[1] for column in named]
+    columns = np.array([measurement.stops, measurement.target_number, *numbers])
+    start = np.flatnonzero(np.append(True, np.any(np.diff(columns, axis=1) != 0, axis=0)))
+    count = np.diff(np.append(start, len(measurement)))
+    within = np.arange(len(measurement)) - np.repeat(start, count)
+    share = np.minimum(1.0, MOST_OF_STOP / count)
+    cell = np.repeat(start, count) + np.floor(within * np.repeat(share, count) + ROUNDED)
+    first = np.flatnonzero(np.append(True, np.diff(cell) != 0))
+    size = np.diff(np.append(first, len(measurement)))
+    if size.max(initial=1) == 1:
+        return measurement, size
+    means = np.add.reduceat(measurement.observed, first) / size[:, None]
+    return replace(measurement.rows(first + size // 2), observed=means), size
 
 
 def _registered(measurement: Measurement, model: ErrorModel) -> Registration:

@@ -20,7 +20,7 @@ from calibration.diagnosis.terms.dictionary import Dictionary
 from calibration.diagnosis.terms.named import named
 from calibration.diagnosis.terms.nameless import nameless
 from calibration.diagnosis.terms.prior_odds import with_prior_odds
-from calibration.diagnosis.terms.waves import waves
+from calibration.diagnosis.terms.waves import beside_waves, waves, waves_of_motions
 from calibration.gaussian_terms.linearised import linearised
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
@@ -42,6 +42,8 @@ RIVALS = 2
 """Rivals of a term that are refined before they are compared with it."""
 REFINED = 6
 """Most times that a term is refined, each time about eight times as closely."""
+SMOOTHER = 0.1
+"""Share of their sizes at which finer error motions are begun beside a wave."""
 PARTS = 3
 """Most terms into which one is split; one with fewer columns is not split."""
 SHORT = 12
@@ -86,7 +88,7 @@ class Search:
         self._tried.add(_key(structure.terms))
         candidates = self._candidates(structure)
         for _ in range(MOVES):
-            better = self._moved(candidates) or self._retried(candidates)
+            better = self._moved(candidates) or self._retried(candidates) or self._out_of_motions(candidates)
             if better is None:
                 break
             structure = better
@@ -123,6 +125,67 @@ class Search:
                 found.append(structure.with_terms(together).fitted(STEPS))
         best_found = max(found, key=worth, default=structure)
         return best_found if worth(best_found) > worth(structure) else None
+
+    def _out_of_motions(self, candidates: Candidates) -> Structure | None:
+        """The structure with a wave in the place of finer error motions, sizes and noise found again; None without.
+
+        These are begun smoother than they are: sizes that were found without the wave explain it.
+        """
+        structure = candidates.structure
+        left, best_found = beside_waves(structure), structure
+        started: dict[Hashable, _Started] = {}
+        for term in waves_of_motions(structure):
+            each = _Started.of(term, structure.whitener.columns(term.columns), left)
+            before = started[term.family].explained if term.family in started else 0.0
+            if each.explained > before:
+                started[term.family] = each
+        for each in started.values():
+            found = self._begun(structure, each, left)
+            if worth(found) > worth(best_found):
+                best_found = found
+        return best_found if best_found is not structure else None
+
+    def _begun(self, structure: Structure, started: _Started, left: Array) -> Structure:
+        """A structure with a term whose size is known; if it is likelier so, with the likeliest number of harmonics."""
+        together = (*structure.terms, started.term)
+        if _key(together) in self._tried:
+            return structure
+        self._tried.add(_key(together))
+        found = started.beside(smoothed(structure)).fitted(STEPS)
+        if worth(found) < worth(structure) or started.term.finer is None:
+            return found
+        for term in started.term.finer():
+            if term.width > started.term.width:
+                more = _Started.of(term, structure.whitener.columns(term.columns), left)
+                found = max(found, more.beside(smoothed(structure)).fitted(STEPS), key=worth)
+        return found
+
+
+class _Started(NamedTuple):
+    """A term by itself, of any size."""
+
+    term: Term
+    size: float
+    """RMS of its coefficients."""
+    explained: float
+    """Squares that it explains of a whitened residual."""
+
+    @classmethod
+    def of(cls, term: Term, columns: Array, left: Array) -> _Started:
+        """A term with whitened columns `(N, width)`, by least squares in a whitened residual `(N,)`."""
+        coefficients = np.linalg.lstsq(columns, left)[0]
+        return cls(term, float(np.sqrt(np.mean(coefficients**2))), float(left @ columns @ coefficients))
+
+    def beside(self, structure: Structure) -> Structure:
+        """The structure with the term, of this size."""
+        found = structure.with_terms((*structure.terms, self.term))
+        return found.resized(np.concatenate([found.band_sizes, structure.term_sizes, [self.size]]))
+
+
+def smoothed(structure: Structure) -> Structure:
+    """The structure with smaller sizes of the error motions that may contain a wave."""
+    bands = np.where(structure.data.geometry.wavy, SMOOTHER, 1.0) * structure.band_sizes
+    return structure.resized(np.concatenate([bands, structure.term_sizes]))
 
 
 def worth(structure: Structure) -> float:

@@ -32,7 +32,7 @@ OF_LEADS = 0.5
 POSITIONS = 4
 """Positions of a log in a shorter period, which its positions show by design."""
 HARMONICS = (1, 2, 4, 8, 16)
-"""Numbers of harmonics of a wave: a scale, a gear or a screw repeats exactly, but is no sine."""
+"""Numbers of harmonics of a wave, with the same odds: a scale, a gear or a screw repeats exactly, but is no sine."""
 FEWEST_TURNS = 3.0
 """Fewest periods over the travel; longer ones are error motions."""
 TURNING_PARTS = 3
@@ -66,6 +66,21 @@ def waves(structure: Structure, without: int | None = None) -> list[Term]:
     scans = [Scan.of(structure, left, axis) for axis in structure.data.observations.measurement.moving]
     proposed = [term for scan in scans for term in (*scan.of_leads(), *scan.waves(), *scan.sawteeth())]
     return [_in_family(term, family) for term in proposed if (family := _one_more(term.family, known)) is not None]
+
+
+def waves_of_motions(structure: Structure) -> list[Term]:
+    """Waves in the place of finer error motions of a structure, which hide them from `waves`; with their prior odds."""
+    observations, known = structure.data.observations, {term.family for term in structure.terms}
+    left = beside_waves(structure)[: observations.residual.size]
+    proposed = [term for axis in observations.measurement.moving for term in Scan.of(structure, left, axis).waves()]
+    return [_in_family(term, family) for term in proposed if (family := _one_more(term.family, known)) is not None]
+
+
+def beside_waves(structure: Structure) -> Array:
+    """Whitened residual `(N,)` of a structure without its finer error motions."""
+    geometry, mean = structure.data.geometry, structure.posterior.mean.copy()
+    mean[: geometry.width][geometry.wavy[geometry.bands]] = 0.0
+    return np.asarray(structure.equations.residual - structure.equations.design @ mean)
 
 
 def _left(structure: Structure, without: int | None) -> Array:
@@ -131,7 +146,7 @@ class Scan:
             turns = self.travel / lead
             if turns >= FEWEST_TURNS:
                 term = self._wave(turns, STEP / MEMBERS, 1)
-                yield self._with_odds(term, len(LEADS_MM) * len(HARMONICS) / OF_LEADS)
+                yield self._with_odds(term, len(LEADS_MM) / OF_LEADS)
 
     @property
     def _of_other_periods(self) -> float:
@@ -141,7 +156,7 @@ class Scan:
     def waves(self) -> Iterator[Term]:
         """Waves near the likeliest periods."""
         for turns in self._proposed_turns():
-            scanned = MEMBERS * len(self.turns) * len(HARMONICS)
+            scanned = MEMBERS * len(self.turns)
             yield self._with_odds(self._wave(turns, STEP / MEMBERS, 1), scanned / self._of_other_periods)
 
     def _wave(self, turns: float, step: float, harmonics: int) -> Term:
