@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from kinematics.files.report_head import ReportHead
+from kinematics.priors import PRIORS, Priors
 from kinematics.transforms import Array, read_only
 from kinematics.user_error import UserError
 
@@ -164,6 +165,8 @@ class Machine:
     """Datum entries of work offsets, by their name; `default` for all that are not named."""
     report: ReportHead = field(default_factory=ReportHead)
     """Entries of the head of its reports."""
+    priors: Priors = PRIORS
+    """What is known of its errors before any data."""
 
     def __repr__(self) -> str:
         return f"<Machine: {self.name}, {self.chain}>"

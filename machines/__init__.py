@@ -14,6 +14,7 @@ from kinematics.files.mistaken import did_you_mean
 from kinematics.files.report_head import ReportHead
 from kinematics.files.toml_entries import at_line, entry, read_table, utf8_text
 from kinematics.machine import EVERY_OTHER, Control, Machine, make_axis, split_chain
+from kinematics.priors import Priors
 from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
 from machines.places import folders, own
@@ -45,6 +46,7 @@ class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):
     tools: dict[str, Any] = {}
     datum: dict[str, str] = {}
     report: dict[str, Any] = {}
+    priors: dict[str, Any] = {}
 
 
 def names() -> list[str]:
@@ -140,6 +142,7 @@ def _build(entries: _MachineFile) -> Machine:
         tools_assumed,
         {name: read_datum(text, chained, f"datum.{name}") for name, text in entries.datum.items()},
         ReportHead.of_table(entries.report),
+        _priors(entries.priors),
     )
 
 
@@ -163,6 +166,15 @@ def _offset(table: object, where: str, chained: set[str]) -> dict[str, float]:
             f"{where}: no axis {', '.join(sorted(unknown))} in the chain: its axes are {', '.join(sorted(chained))}"
         )
     return _lengths(values, where)
+
+
+def _priors(table: dict[str, Any]) -> Priors:
+    """The `[priors]` table; the fields of `Priors` are its keys."""
+    priors = entry(table, Priors, "priors")
+    wrong = next((name for name, value in table.items() if not 0.0 < value < math.inf), None)
+    if wrong is not None:
+        raise UserError(f"priors.{wrong} {table[wrong]} must be positive")
+    return priors
 
 
 def _control(table: dict[str, Any], chained: set[str]) -> Control:

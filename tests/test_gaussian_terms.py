@@ -1,6 +1,7 @@
 """Observations as a sum of Gaussian terms: the algebra against dense matrices, and what simulated data contain."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -10,6 +11,7 @@ from support.ballbar_cases import circles_of
 from support.diagnosis_cases import CFRAME, data_with, with_stops
 from support.tiers import quick
 
+import ncomp
 from calibration.evaluation.volumetric import aligned, deviation_on
 from calibration.fit.calibrate import calibrate
 from calibration.gaussian_terms.calibrated import calibrated
@@ -24,6 +26,7 @@ from kinematics.effects import COMPONENTS, Backlash, ErrorMotion
 from kinematics.error_model.model import no_errors
 from kinematics.error_transform import error_transform_with_tool
 from kinematics.state import State
+from machines import path_of
 
 
 def structure_of(measurement: Measurement) -> Structure:
@@ -103,6 +106,17 @@ def test_noise_and_non_repeatability_that_look_alike_are_one_noise():
     found = structure_of(circles_of(step=5.0, noise=3.0)[0]).fitted()
     variance = 0.3**2 * found.noise.factor + found.noise.repeats.get("X", 0.0) ** 2
     assert variance**0.5 == pytest.approx(0.9, rel=0.25)
+
+
+def test_what_the_machine_file_expects_decides_where_the_data_do_not(tmp_path):
+    """Errors that the data hardly show are as large as the machine file says."""
+    text = Path(path_of("cframe")).read_text()
+    spread = []
+    for size in (3.0, 300.0):
+        (tmp_path / "mill.toml").write_text(f"{text}\n[priors]\nerror_motion_um = {size}\n")
+        data = replace(data_with(n=20), machine=ncomp.load_machine(str(tmp_path / "mill.toml")))
+        spread.append(np.trace(np.array(calibrated(structure_of(data).fitted()).covariance)))
+    assert spread[1] > 100.0 * spread[0]
 
 
 def test_outliers_are_left_out_and_come_back():

@@ -212,6 +212,12 @@ BAD = {
     "tool a word": ("1 = 80", '1 = "long"', "tools.1: expected a number, not a text in quotes"),
     "tool length not a number": ("1 = 80", "1 = nan", "tools.1: nan is not finite"),
     "zero increment": ("[tools]", "[control]\nincrement = 0\n[tools]", "control.increment 0.0 must be positive"),
+    "no expected size": ("[tools]", "[priors]\nwalk = 0\n[tools]", "priors.walk 0 must be positive"),
+    "unknown prior": (
+        "[tools]",
+        "[priors]\nrepeatability_um = 5\n[tools]",
+        "priors.repeatability_um is not known (did you mean 'non_repeatability_um'?)",
+    ),
     "unknown control setting": (
         "[tools]",
         "[control]\ncalls_leave_stat = true\n[tools]",

@@ -7,10 +7,10 @@ from support.diagnosis_cases import data_with
 from calibration.diagnosis.terms.candidates import Candidates
 from calibration.diagnosis.terms.dictionary import Dictionary
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.priors import SIZES
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.effects import AngleHarmonic, Backlash, Effect, TrackerDrift
+from kinematics.priors import SIZES
 
 
 def term_of(observations: Observations, effect: Effect) -> Term:

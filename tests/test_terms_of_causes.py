@@ -20,7 +20,6 @@ from calibration.diagnosis.terms.nameless import nameless, second_moment
 from calibration.diagnosis.terms.prior_odds import with_prior_odds
 from calibration.diagnosis.terms.waves import waves
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.priors import PRIORS
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
 from calibration.instruments import Part
@@ -35,6 +34,7 @@ from kinematics.effects import (
     ThermalDrift,
 )
 from kinematics.error_model.model import no_errors
+from kinematics.priors import PRIORS
 from kinematics.state import State
 
 CUBE = 100.0 * (1.0 + np.array(list(np.ndindex(3, 3, 3)), float))

@@ -15,11 +15,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from calibration.gaussian_terms.observations import Observations
-from calibration.gaussian_terms.priors import BANDS
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import BasisChoice, axis_motions
 from kinematics.effects import Effect, ErrorMotion, UnknownApproach
 from kinematics.error_model.model import ErrorModel
+from kinematics.priors import BANDS
 from kinematics.transforms import Array
 from kinematics.turn import gap_of
 

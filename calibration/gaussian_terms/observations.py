@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.gaussian_terms.priors import PRIORS, Priors
 from calibration.measurement.measurement import Measurement
 from calibration.observation.equations import specified_covariance
 from calibration.observation.normal_equations import residuals
@@ -20,6 +19,7 @@ from calibration.registration.registration import Registration
 from kinematics.effects import Effect
 from kinematics.error_model.effect_sums import Design
 from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.priors import Priors
 from kinematics.transforms import Array
 
 MOST_OF_STOP = 20
@@ -49,8 +49,6 @@ class Observations:
     """Stated minus present values `(k,)`, in the same unit."""
     given: ErrorModel | None = None
     """The calibration to which errors are relative; None for the nominal machine."""
-    priors: Priors = PRIORS
-    """What is known of the machine before any data."""
 
     @classmethod
     def of(
@@ -59,7 +57,6 @@ class Observations:
         about: ErrorModel | None = None,
         *,
         given: ErrorModel | None = None,
-        priors: Priors = PRIORS,
     ) -> Observations:
         """The observations of a measurement, linearised about a model of the machine: by default that of `given`.
 
@@ -84,16 +81,20 @@ class Observations:
             instrument.stated_design(measurement, registration),
             instrument.stated_residuals(measurement, registration),
             given,
-            priors,
         )
 
     def about(self, model: ErrorModel) -> Observations:
         """The same observations, linearised about another model."""
-        again = Observations.of(self.measurement, model, given=self.given, priors=self.priors)
+        again = Observations.of(self.measurement, model, given=self.given)
         return replace(again, specified=self.specified)
 
     def __len__(self) -> int:
         return len(self.residual)
+
+    @property
+    def priors(self) -> Priors:
+        """What is known of the machine before any data."""
+        return self.measurement.machine.priors
 
     @property
     def components(self) -> int:

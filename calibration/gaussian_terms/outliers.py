@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.gaussian_terms.gains import log_gains
-from calibration.gaussian_terms.priors import OUTLIER_SIZES
+from kinematics.priors import OUTLIER_SIZES
 from kinematics.transforms import Array
 
 if TYPE_CHECKING:

@@ -18,9 +18,9 @@ from calibration.gaussian_terms.noise import Moments, Noise, Stops, stops_of, va
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.outliers import outlying
 from calibration.gaussian_terms.posterior import Equations, Posterior
-from calibration.gaussian_terms.priors import SIZES, Priors
 from calibration.gaussian_terms.term import Term
 from calibration.gaussian_terms.whitened import Whitener
+from kinematics.priors import SIZES, Priors
 from kinematics.transforms import Array
 
 FIRST_STEPS, STEPS, LAST_STEPS = 30, 3, 4

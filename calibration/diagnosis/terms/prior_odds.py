@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.gaussian_terms.priors import Priors
 from calibration.gaussian_terms.term import Term
+from kinematics.priors import Priors
 
 
 def odds_of_kind(term: Term, priors: Priors) -> float:

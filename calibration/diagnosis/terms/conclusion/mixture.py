@@ -22,10 +22,10 @@ import numpy as np
 from calibration.diagnosis.terms.conclusion.verdict import Judged
 from calibration.diagnosis.terms.nameless import second_moment
 from calibration.gaussian_terms.gains import log_gains
-from calibration.gaussian_terms.priors import SIZES
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.effects import Effect
+from kinematics.priors import SIZES
 from kinematics.transforms import Array
 
 UNDECIDED = -3.0

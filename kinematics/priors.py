@@ -6,7 +6,7 @@ is halved or doubled; a machine file states others under `[priors]`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -64,12 +64,6 @@ class Priors:
     """The same of a random walk of the tool."""
     fine: float = 0.02
     """The same of errors at each position of an axis, finer than its error motions."""
-
-    def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if not value > 0.0:
-                raise ValueError(f"{each.name} must be above 0, got {value:g}")
 
 
 PRIORS = Priors()
