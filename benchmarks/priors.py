@@ -33,7 +33,7 @@ import ncomp
 from calibration.diagnosis.terms.conclusion.document import document
 from calibration.diagnosis.terms.diagnosed import diagnosed
 from kinematics.error_model.model import write_model
-from kinematics.priors import PRIORS, Priors
+from kinematics.error_model.priors import PRIORS, Priors
 
 PROBABILITIES = ("outlier", "common", "rare", "smooth", "swing", "walk", "fine", "most_left_out")
 HEAD = """# Priors

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from kinematics.error_model.priors import PRIORS, Priors
 from kinematics.files.report_head import ReportHead
-from kinematics.priors import PRIORS, Priors
 from kinematics.transforms import Array, read_only
 from kinematics.user_error import UserError
 

@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 import msgspec
 
+from kinematics.error_model.priors import Priors
 from kinematics.files import read_input
 from kinematics.files.mistaken import did_you_mean
 from kinematics.files.report_head import ReportHead
 from kinematics.files.toml_entries import at_line, entry, read_table, utf8_text
 from kinematics.machine import EVERY_OTHER, Control, Machine, make_axis, split_chain
-from kinematics.priors import Priors
 from kinematics.touch_off import read_datum
 from kinematics.user_error import UserError
 from machines.places import folders, own

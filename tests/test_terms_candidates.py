@@ -10,7 +10,7 @@ from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.effects import AngleHarmonic, Backlash, Effect, TrackerDrift
-from kinematics.priors import SIZES
+from kinematics.error_model.priors import SIZES
 
 
 def term_of(observations: Observations, effect: Effect) -> Term:

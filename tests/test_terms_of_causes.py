@@ -34,7 +34,7 @@ from kinematics.effects import (
     ThermalDrift,
 )
 from kinematics.error_model.model import no_errors
-from kinematics.priors import PRIORS
+from kinematics.error_model.priors import PRIORS
 from kinematics.state import State
 
 CUBE = 100.0 * (1.0 + np.array(list(np.ndindex(3, 3, 3)), float))

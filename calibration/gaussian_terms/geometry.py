@@ -19,7 +19,7 @@ from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import BasisChoice, axis_motions
 from kinematics.effects import Effect, ErrorMotion, UnknownApproach
 from kinematics.error_model.model import ErrorModel
-from kinematics.priors import BANDS
+from kinematics.error_model.priors import BANDS
 from kinematics.transforms import Array
 from kinematics.turn import gap_of
 

@@ -19,7 +19,7 @@ from calibration.registration.registration import Registration
 from kinematics.effects import Effect
 from kinematics.error_model.effect_sums import Design
 from kinematics.error_model.model import ErrorModel, no_errors
-from kinematics.priors import Priors
+from kinematics.error_model.priors import Priors
 from kinematics.transforms import Array
 
 MOST_OF_STOP = 20

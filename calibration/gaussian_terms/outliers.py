@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.gaussian_terms.gains import log_gains
-from kinematics.priors import OUTLIER_SIZES
+from kinematics.error_model.priors import OUTLIER_SIZES
 from kinematics.transforms import Array
 
 if TYPE_CHECKING:

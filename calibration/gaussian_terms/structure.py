@@ -20,7 +20,7 @@ from calibration.gaussian_terms.outliers import outlying
 from calibration.gaussian_terms.posterior import Equations, Posterior
 from calibration.gaussian_terms.term import Term
 from calibration.gaussian_terms.whitened import Whitener
-from kinematics.priors import SIZES, Priors
+from kinematics.error_model.priors import SIZES, Priors
 from kinematics.transforms import Array
 
 FIRST_STEPS, STEPS, LAST_STEPS = 30, 3, 4

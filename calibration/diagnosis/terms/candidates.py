@@ -17,7 +17,7 @@ from scipy import linalg
 from calibration.diagnosis.terms.dictionary import Dictionary
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
-from kinematics.priors import SIZES
+from kinematics.error_model.priors import SIZES
 from kinematics.transforms import Array
 
 LEAST = 1e-3

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.gaussian_terms.term import Term
-from kinematics.priors import Priors
+from kinematics.error_model.priors import Priors
 
 
 def odds_of_kind(term: Term, priors: Priors) -> float:

@@ -25,7 +25,7 @@ from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.effects import Effect
-from kinematics.priors import SIZES
+from kinematics.error_model.priors import SIZES
 from kinematics.transforms import Array
 
 UNDECIDED = -3.0
