@@ -90,7 +90,7 @@ def _judged(candidates: Candidates, number: int) -> Judged:
         # the members of its family may be likelier together than the one that was chosen
         own = max(own, place.of_members(term.family)[1])
     rivals = [*_of_other_families(place, term, own), *_waves(place, term, own)]
-    return Judged(number, term, own, _close(rivals), _close(_forms(place, term)))
+    return Judged(number, term, own, _close(rivals), _close(_forms(place, term, own)))
 
 
 def _close(rivals: Iterable[Rival]) -> tuple[Rival, ...]:
@@ -98,10 +98,17 @@ def _close(rivals: Iterable[Rival]) -> tuple[Rival, ...]:
     return tuple(sorted((each for each in rivals if each.log_odds < CLEAR), key=lambda each: each.log_odds))
 
 
-def _forms(place: _Place, term: Term) -> Iterator[Rival]:
-    """The likeliest member of each other form of a term; members of one form differ in a time constant or a moment."""
-    own, terms = place.candidates.own(place.number), place.candidates.terms
-    members = [number for number, each in enumerate(terms) if each.family == term.family and each.name != term.name]
+def _forms(place: _Place, term: Term, own: float) -> Iterator[Rival]:
+    """The likeliest member of each other form of a cause; members of one form differ in a time constant or a moment."""
+    terms = place.candidates.terms
+    members = [
+        number
+        for number, each in enumerate(terms)
+        if each.named
+        and each.family == term.family
+        and each.name != term.name
+        and place.near(own, place.members[number])
+    ]
     best = {terms[number].name: number for number in sorted(members, key=place.members.__getitem__)}
     for number in best.values():
         other, odds, _ = place.refined(terms[number])
@@ -115,7 +122,7 @@ def _of_other_families(place: _Place, term: Term, own: float) -> Iterator[Rival]
         if family == term.family:
             continue
         found = list(place.at_moment(family, moment))
-        if own - together < CLEAR + ROUNDED * abs(own):
+        if place.near(own, together):
             found.append(place.of_members(family))
         if found:
             likeliest, odds = max(found, key=lambda each: each[1])
@@ -142,6 +149,10 @@ class _Place(NamedTuple):
     def odds(self, terms: Sequence[Term]) -> Array:
         """Log odds `(len(terms),)` of terms in this place, against none."""
         return self.candidates.exact(terms, {self.number})
+
+    def near(self, own: float, odds: float) -> bool:
+        """True where log odds in single precision may be those of a rival of a term with these log odds."""
+        return own - odds < CLEAR + ROUNDED * abs(own)
 
     def of_members(self, family: Hashable) -> tuple[Term, float]:
         """The likeliest member of a family, refined, and the log odds of the family."""
