@@ -1,5 +1,7 @@
 """Verdicts: of each term of a structure, its log odds against none, and against each rival in its place.
 
+Against none, sizes and noise are found again without the term: they may explain a part of it.
+
 A rival is another family of terms that explains the data about as well in the place of a term. A term and its rivals
 are compared in double precision, each with the likeliest of its finer members; a rival with a moment is compared at the
 moment of the term. The rivals of a wave are waves of other periods too: between few positions many are equally likely.
@@ -15,6 +17,7 @@ import numpy as np
 
 from calibration.diagnosis.terms.candidates import Candidates, by_family
 from calibration.diagnosis.terms.waves import waves
+from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.transforms import Array
 
@@ -22,6 +25,8 @@ CLEAR = 5.0
 """Log odds from which something is clear: 150 to 1, strong evidence by the scale of Kass and Raftery."""
 ROUNDED = 2e-3
 """Relative error of log odds in single precision."""
+STEPS = 12
+"""Steps of the sizes without a term before the noise is found."""
 REFINED = 4
 """Most times that a rival is refined: each time its time constant or moment is found about eight times as closely."""
 RESOLVED = 1.0
@@ -90,7 +95,14 @@ def _judged(candidates: Candidates, number: int) -> Judged:
         # the members of its family may be likelier together than the one that was chosen
         own = max(own, place.of_members(term.family)[1])
     rivals = [*_of_other_families(place, term, own), *_waves(place, term, own)]
-    return Judged(number, term, own, _close(rivals), _close(_forms(place, term, own)))
+    against_none = min(own, _fitted_again(candidates.structure, number))
+    return Judged(number, term, against_none, _close(rivals), _close(_forms(place, term, own)))
+
+
+def _fitted_again(structure: Structure, number: int) -> float:
+    """Log odds of a term against none, where sizes and noise are found again without it."""
+    rest = structure.with_terms([term for i, term in enumerate(structure.terms) if i != number])
+    return structure.total - rest.fitted(STEPS).total
 
 
 def _close(rivals: Iterable[Rival]) -> tuple[Rival, ...]:
