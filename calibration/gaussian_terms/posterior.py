@@ -28,6 +28,13 @@ class Equations:
         """The equations of whitened columns and observations."""
         return cls(design, residual, design.T @ design, design.T @ residual)
 
+    def beside(self, columns: Array) -> Equations:
+        """The equations with further whitened columns `(N, c)` behind these; products of these are not made again."""
+        across = self.design.T @ columns
+        gram = np.block([[self.gram, across], [across.T, columns.T @ columns]])
+        along = np.concatenate([self.along, columns.T @ self.residual])
+        return Equations(np.concatenate([self.design, columns], axis=1), self.residual, gram, along)
+
 
 @dataclass(frozen=True)
 class Posterior:

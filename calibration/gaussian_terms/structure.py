@@ -78,15 +78,15 @@ class Structure:
         return Whitener.of(self.data.observations, self.data.stops, self.noise)
 
     @cached_property
-    def white_geometry(self) -> Array:
-        """Whitened columns of the geometry `(N, g)`."""
-        return self.whitener.columns(self.data.geometry.columns)
+    def of_geometry(self) -> Equations:
+        """Whitened columns of the geometry."""
+        return Equations.of(self.whitener.columns(self.data.geometry.columns), self.whitener.residual())
 
     @cached_property
     def equations(self) -> Equations:
         """Whitened columns of the geometry, then of each term."""
         own = [self.whitener.columns(term.columns) for term in self.terms]
-        return Equations.of(np.concatenate([self.white_geometry, *own], axis=1), self.whitener.residual())
+        return self.of_geometry.beside(np.concatenate(own, axis=1)) if own else self.of_geometry
 
     @cached_property
     def posterior(self) -> Posterior:
@@ -224,7 +224,7 @@ class Structure:
 
     def _of_same_noise(self, other: Structure) -> Structure:
         """A structure with the same noise; the geometry is not whitened anew."""
-        other.__dict__["whitener"], other.__dict__["white_geometry"] = self.whitener, self.white_geometry
+        other.__dict__["whitener"], other.__dict__["of_geometry"] = self.whitener, self.of_geometry
         return other
 
     def _moments(self, axes: Sequence[str]) -> Iterator[Moments]:

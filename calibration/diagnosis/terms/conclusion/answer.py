@@ -13,7 +13,7 @@ import numpy as np
 from calibration.diagnosis.search.candidates import where
 from calibration.diagnosis.terms.candidates import Candidates
 from calibration.diagnosis.terms.conclusion.guard import HeldOut, held_out, in_units, rms_um
-from calibration.diagnosis.terms.conclusion.mixture import UNDECIDED, Mixture, averaged, likely_structures
+from calibration.diagnosis.terms.conclusion.mixture import UNDECIDED, InPlace, Mixture, averaged, likely_structures
 from calibration.diagnosis.terms.conclusion.verdict import CLEAR, Judged, Verdict, judged
 from calibration.diagnosis.terms.conclusion.visibility import not_visible
 from calibration.fit.acceptance import Judged as Accepted
@@ -27,7 +27,6 @@ from calibration.plausibility.finding import Finding
 from kinematics.effects import Effect, Outliers
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.number_text import rounded
-from kinematics.transforms import Array
 
 FINE = "fine"
 """Kind of terms that are the fine structure of an error motion: no cause, and nothing unexplained."""
@@ -155,6 +154,11 @@ class Answer(Accepted):
         outliers = self._outliers()
         return tuple(sorted([*found, *outliers], key=lambda cause: -cause.log_odds))
 
+    @cached_property
+    def _places(self) -> list[InPlace]:
+        """What may be there in the place of each term."""
+        return [InPlace.of(self.structure, each) for each in self.judged]
+
     @property
     def unexplained(self) -> tuple[Judged, ...]:
         """Functions without a name, and waves whose period is open."""
@@ -190,7 +194,7 @@ class Answer(Accepted):
     @cached_property
     def calibration(self) -> ErrorModel:
         """The calibration, over all that the data leave undecided."""
-        structures = likely_structures(self.structure, self.judged)
+        structures = likely_structures(self.structure, self.judged, self._places)
         found = averaged(
             structures, self._undecided({term.family for one in structures for term in one.structure.terms})
         )
@@ -214,11 +218,9 @@ class Answer(Accepted):
 
     def _cause(self, each: Judged) -> Cause:
         """A term as a cause, with its size."""
-        term, cosines = each.term, self._cosines(each)
-        rivals = tuple(
-            (rival.term, float(np.exp(rival.log_odds)), cosine)
-            for rival, cosine in zip(each.alternatives, cosines, strict=True)
-        )
+        term, place = each.term, self._places[each.number]
+        cosines = dict(zip(place.terms, place.cosines, strict=True))
+        rivals = tuple((one.term, float(np.exp(one.log_odds)), cosines[one.term]) for one in each.alternatives)
         gain = self.held_out.without[each.number] - self.held_out.with_all
         effect = self.sizes.effect_of(each.term)
         return Cause(term.kind, effect, each.log_odds, each.verdict, rivals, gain, self._share(each))
@@ -236,15 +238,6 @@ class Answer(Accepted):
         mean = posterior.mean[columns]
         whole = float(np.sum(self.bare.left**2)) / structure.noise.factor
         return min(max(float(mean @ information @ mean) / max(whole, 1e-300), 0.0), 1.0)
-
-    def _cosines(self, each: Judged) -> list[float]:
-        """Cosine of what a term and each alternative contribute to the observations in its place."""
-        structure = self.structure
-        others = [term for i, term in enumerate(structure.terms) if i != each.number]
-        terms = (each.term, *(rival.term for rival in each.alternatives))
-        size = structure.term_sizes[each.number]
-        own, *rest = (_contribution(structure.with_terms([*others, term]), size) for term in terms)
-        return [abs(float(own @ one)) / max(float(np.linalg.norm(own) * np.linalg.norm(one)), 1e-300) for one in rest]
 
     def _outliers(self) -> list[Cause]:
         """The outliers as one cause; none beside a function without a name, which makes some where it is too coarse."""
@@ -272,13 +265,6 @@ def answered(candidates: Candidates, findings: Sequence[Finding] = (), *, force:
 
 def _of_machine(cause: Cause) -> bool:
     return cause.effect.ACTS_ON != "instrument"
-
-
-def _contribution(structure: Structure, size: float) -> Array:
-    """What the last term of a structure, of a prior size, contributes to the whitened observations `(N,)`."""
-    sized = structure.resized(np.concatenate([structure.band_sizes, structure.term_sizes[:-1], [size]]))
-    columns = slice(len(sized.sizes) - sized.terms[-1].width, None)
-    return np.asarray(sized.equations.design[:, columns] @ sized.posterior.mean[columns])
 
 
 def _figures(structure: Structure, heldout_rms_um: float) -> Figures:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import NamedTuple
 
 import msgspec
@@ -33,8 +33,8 @@ UNDECIDED = -3.0
 RELATIVE = 0.4
 """Prior standard deviation of a relative change of a time constant, lag, length or period: members of a family differ
 by a factor of about 2."""
-KEPT = 30
-"""Most structures that are averaged, the likeliest ones."""
+KEPT, COMPLETE = 12, 0.98
+"""Most structures that are averaged, and their probability together from which the others do not count."""
 
 
 class Parameters(NamedTuple):
@@ -63,29 +63,67 @@ class Likely(NamedTuple):
     probability: float
 
 
-def likely_structures(structure: Structure, judged: Sequence[Judged]) -> list[Likely]:
-    """The likeliest structures by the rivals and other forms of the terms of one, with their probabilities."""
-    others = [(*each.rivals, *each.forms) for each in judged]
-    places = [
-        [(0.0, each.term), *((r.log_odds, r.term) for r in own)] for each, own in zip(judged, others, strict=True)
-    ]
-    chosen = [(-sum(lost for lost, _ in each), tuple(term for _, term in each)) for each in product(*places)]
-    chosen = sorted(chosen, key=lambda each: -each[0])[:KEPT]
-    chosen = [each for each in chosen if len({term.family for term in each[1]}) == len(each[1])]
-    weights = np.exp([odds for odds, _ in chosen])
-    sized = {each.term: size for each, size in zip(judged, structure.term_sizes, strict=True)}
-    for each, own in zip(judged, others, strict=True):
+class InPlace(NamedTuple):
+    """Terms that may be there in one place of a structure, each by itself beside the other terms."""
+
+    terms: tuple[Term, ...]
+    """That of the structure first."""
+    parts: tuple[Added, ...]
+    """The columns of each term."""
+    sizes: tuple[float, ...]
+    """The likeliest size of each, in prior sizes."""
+    cosines: tuple[float, ...]
+    """Cosine of what each would contribute to the observations, and what the first one does."""
+
+    @classmethod
+    def of(cls, structure: Structure, each: Judged) -> InPlace:
+        """A term of a structure, its rivals and other forms."""
+        terms = (each.term, *(other.term for other in (*each.rivals, *each.forms)))
         rest = structure.with_terms([term for i, term in enumerate(structure.terms) if i != each.number])
-        sized |= {rival.term: Added.of(rest, rival.term.columns).likeliest_size for rival in own}
-    return [
-        Likely(_with_sizes(structure, terms, [sized[term] for term in terms]), float(weight / weights.sum()))
-        for (_, terms), weight in zip(chosen, weights, strict=True)
-    ]
+        together = Added.of(rest, np.concatenate([term.columns for term in terms], axis=2))
+        slices = [slice(*own) for own in pairwise(np.cumsum([0, *(term.width for term in terms)]).tolist())]
+        parts = [Added(together.block[own, own], together.along[own], together.moved[:, own]) for own in slices]
+        sizes = (structure.term_sizes[each.number], *(part.likeliest_size for part in parts[1:]))
+        means = [part.posterior(size)[1] for part, size in zip(parts, sizes, strict=True)]
+        products = [
+            float(means[0] @ together.block[slices[0], own] @ mean) for own, mean in zip(slices, means, strict=True)
+        ]
+        squares = [float(mean @ part.block @ mean) for part, mean in zip(parts, means, strict=True)]
+        norms = np.sqrt(np.maximum(squares, np.finfo(float).tiny))
+        return cls(terms, tuple(parts), sizes, tuple((np.abs(products) / (norms * norms[0])).tolist()))
 
 
-def _with_sizes(structure: Structure, terms: Sequence[Term], sizes: Sequence[float]) -> Structure:
+class _Chosen(NamedTuple):
+    """Terms that are chosen, one for each place."""
+
+    lost: float
+    """Log odds of the terms of the structure against these."""
+    terms: tuple[Term, ...]
+    sizes: tuple[float, ...]
+
+
+def likely_structures(structure: Structure, judged: Sequence[Judged], places: Sequence[InPlace]) -> list[Likely]:
+    """The likeliest structures by the rivals and other forms of the terms of one, with their probabilities."""
+    chosen = [_Chosen(0.0, (), ())]
+    for each, place in zip(judged, places, strict=True):
+        lost = [0.0, *(other.log_odds for other in (*each.rivals, *each.forms))]
+        longer = [
+            _Chosen(before.lost + own, (*before.terms, term), (*before.sizes, size))
+            for before in chosen
+            for own, term, size in zip(lost, place.terms, place.sizes, strict=True)
+            if all(term.family != other.family for other in before.terms)
+        ]
+        chosen = sorted(longer, key=lambda one: one.lost)[:KEPT]
+    weights = np.exp([-each.lost for each in chosen])
+    count = min(int(np.searchsorted(np.cumsum(weights) / weights.sum(), COMPLETE)) + 1, len(chosen))
+    shares = (weights[:count] / weights[:count].sum()).tolist()
+    return [Likely(_with(structure, each), share) for each, share in zip(chosen, shares, strict=False)]
+
+
+def _with(structure: Structure, chosen: _Chosen) -> Structure:
     """The structure with other terms, of some sizes."""
-    return structure.with_terms(terms).resized(np.concatenate([structure.band_sizes, sizes]))
+    grown = structure.with_terms(chosen.terms)
+    return grown.resized(np.concatenate([structure.band_sizes, chosen.sizes]))
 
 
 def averaged(structures: Sequence[Likely], undecided: Sequence[tuple[Term, float]]) -> Parameters:
