@@ -164,7 +164,7 @@ class Structure:
         """The structure with these terms; sizes of those that it has already stay."""
         known = {id(term): size for term, size in zip(self.terms, self.term_sizes, strict=True)}
         sizes = tuple(known.get(id(term), 1.0) for term in terms)
-        return self._of_same_noise(replace(self, terms=tuple(terms), term_sizes=sizes))
+        return self._of_same_whitening(replace(self, terms=tuple(terms), term_sizes=sizes))
 
     def fitted(self, steps: int = FIRST_STEPS) -> Structure:
         """The structure with the likeliest sizes, noise and outliers; steps: of the sizes before the first noise."""
@@ -201,7 +201,11 @@ class Structure:
         left_out = outlying(self)
         if left_out.mean() >= self.priors.most_left_out:
             left_out = self.noise.left_out
-        return replace(self, noise=Noise(factor, repeats, left_out))
+        new = replace(self, noise=Noise(factor, repeats, left_out))
+        if not repeats and not self.noise.repeats and np.array_equal(left_out, self.noise.left_out):
+            new.__dict__["equations"] = self.equations  # a factor alone is left out of the whitening
+            return self._of_same_whitening(new)
+        return new
 
     @cached_property
     def spread(self) -> Array:
@@ -220,10 +224,10 @@ class Structure:
         bands = len(self.band_sizes)
         new = replace(self, band_sizes=sizes[:bands], term_sizes=tuple(sizes[bands:].tolist()))
         new.__dict__["equations"] = self.equations
-        return self._of_same_noise(new)
+        return self._of_same_whitening(new)
 
-    def _of_same_noise(self, other: Structure) -> Structure:
-        """A structure with the same noise; the geometry is not whitened anew."""
+    def _of_same_whitening(self, other: Structure) -> Structure:
+        """A structure whose noise has the same whitening; the geometry is not whitened anew."""
         other.__dict__["whitener"], other.__dict__["of_geometry"] = self.whitener, self.of_geometry
         return other
 
