@@ -62,8 +62,8 @@ class Judged:
     @property
     def alternatives(self) -> tuple[Rival, ...]:
         """Rivals that are other causes: of another kind, or elsewhere."""
-        own = self.term.kind, self.term.where
-        return tuple(each for each in self.rivals if each.term.named and (each.term.kind, each.term.where) != own)
+        own = _cause_of(self.term)
+        return tuple(each for each in self.rivals if each.term.named and _cause_of(each.term) != own)
 
     @property
     def periods(self) -> tuple[float, ...]:
@@ -220,6 +220,13 @@ def _waves(place: _Place, term: Term, own: float) -> Iterator[Rival]:
             others.append(found)
             likeliest, refined, _ = place.refined(other)
             yield Rival(likeliest, own - refined)
+
+
+def _cause_of(term: Term) -> Hashable:
+    """What distinguishes a cause from others: its kind, place and direction; of two axes either may be the first."""
+    axes = {axis for effect in term.effects for axis in effect.axes}
+    components = {getattr(effect, "component", None) for effect in term.effects}
+    return term.kind, frozenset(axes) if len(axes) > 1 else term.where, frozenset(components)
 
 
 def moment_of(term: Term) -> float | None:
