@@ -28,6 +28,8 @@ from kinematics.effects import Effect, Outliers
 from kinematics.error_model.model import ErrorModel
 from kinematics.files.number_text import rounded
 
+POINT = 3
+"""Components of an observed point."""
 FINE = "fine"
 """Kind of terms that are the fine structure of an error motion: no cause, and nothing unexplained."""
 
@@ -240,11 +242,14 @@ class Answer(Accepted):
         return min(max(float(mean @ information @ mean) / max(whole, 1e-300), 0.0), 1.0)
 
     def _outliers(self) -> list[Cause]:
-        """The outliers as one cause; none beside a function without a name, which makes some where it is too coarse."""
+        """The outliers of points as one cause.
+
+        None beside a function without a name, which makes some where it is too coarse.
+        """
         rows = np.array(self.outliers, int)
         nameless = any(not (each.term.named or each.term.kind == FINE) for each in self.judged)
         odds = float(log_odds(self.structure)[rows].sum()) if len(rows) else 0.0
-        if nameless or odds < CLEAR:
+        if nameless or odds < CLEAR or self.measurement.instrument.components != POINT:
             return []
         shift, covariance = shifts(self.structure, rows)
         u = 1e3 * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
