@@ -22,6 +22,8 @@ from kinematics.transforms import Array
 
 ROWS = 1500
 """Most rows, evenly spread, on which columns are compared."""
+SAME = 6
+"""Decimals of a cosine, beyond which causes with equal signals differ by rounding only: they are ordered by name."""
 ALIKE = 0.9
 """Cosine from which a design does not separate two causes."""
 PARALLEL = 1e-9
@@ -60,7 +62,7 @@ def separability(linearised: LinearisedFit, library: Sequence[Candidate]) -> lis
             each.effect.name,
             "not visible" if one.visible < SEEN else "tied" if ties[i] else "visible",
             one.visible,
-            tuple(sorted(ties[i], key=lambda tie: -tie[1])),
+            tuple(sorted(ties[i], key=lambda tie: (-round(tie[1], SAME), tie[0]))),
             shown_by(each),
         )
         for i, (each, one) in enumerate(zip(causes, apart, strict=True))
