@@ -128,14 +128,13 @@ def _build(entries: _MachineFile) -> Machine:
         point = axis.point or (0.0, 0.0, 0.0)
         given = msgspec.structs.asdict(axis) | {"point": point, "rollover": axis.rollover or ""}
         axes.append(make_axis(name, side, **given))
-    control = _control(entries.control, chained)
     offsets, offsets_assumed = _assumed(entries.work_offsets, "work_offsets")
     tools, tools_assumed = _assumed(entries.tools, "tools")
     return Machine(
         entries.name,
         entries.description,
         tuple(axes),
-        control,
+        _control(entries.control, chained),
         {name: _offset(values, f"work_offsets.{name}", chained) for name, values in offsets.items()},
         _lengths(tools, "tools"),
         offsets_assumed,
