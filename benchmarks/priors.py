@@ -45,10 +45,13 @@ machine file states others under `[priors]` ([the machine file](../machines.md))
 RESULTS = """
 ## How results move
 
-Each prior halved and doubled (of probabilities the odds), with {questions} questions of the third exam, seed {seed}
-(`python benchmarks/priors.py --seed {seed} --questions {questions} --page docs/develop/priors.md`). Named, tied,
-unexplained: what became of the hidden effects. False: causes that are not there. Within 95 %: errors at unseen poses
-within their intervals, all questions and the lowest one. Left: their RMS, median.
+Priors halved and doubled (of probabilities the odds), with {questions} questions of the third exam:
+
+    python benchmarks/priors.py {options} --page docs/develop/priors.md
+
+Without `--only` all priors are tried. Named, tied, unexplained: what became of the hidden effects. False: causes that
+are not there. Within 95 %: errors at unseen poses within their intervals, all questions and the lowest one. Left: their
+RMS, median.
 
 """
 
@@ -137,7 +140,9 @@ def main() -> None:
             print(rows[-1], flush=True)
     if given.page:
         table = "\n".join(rows)
-        text = RESULTS.format(questions=given.questions, seed=given.seed)
+        only = f" --only {given.only}" * bool(given.only)
+        options = f"--seed {given.seed} --questions {given.questions}{only}"
+        text = RESULTS.format(questions=given.questions, options=options)
         given.page.write_text(f"{HEAD}{reasons()}\n{text}{table}\n", encoding="utf-8")
 
 
