@@ -8,10 +8,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 import pytest
 from support.command import refusal, run_command
+from support.virtual_measurements import THREE, measured, positions
 from virtual_machine import draws
+
+import machines
+from calibration.measurement.written_file import write_measurement
+from kinematics.effects import Cyclic
+from kinematics.error_model.model import no_errors
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
@@ -19,6 +26,7 @@ from short_measurements.answers import predicted, rms, without_rigid
 from short_measurements.case import UM, Case
 from short_measurements.machines import AXES
 
+CFRAME = machines.load("cframe")
 FIGURES = {"rms_um", "max_um", "chi2_reduced", "heldout_rms_um"}
 KEYS = {
     *("before", "after", "noise_um", "n_observations", "n_parameters", "rank", "not_visible", "accepted", "reason"),
@@ -110,6 +118,18 @@ def test_the_document_has_the_keys_of_the_contract(answer):
     assert found["n_observations"] == 3 * len(BACKLASH.rows.q)
     assert found["after"]["heldout_rms_um"] < found["before"]["heldout_rms_um"]
     assert 0.0 < found["noise_um"] < found["before"]["rms_um"]
+
+
+def test_a_wave_of_few_periods_over_the_travel_is_an_error_motion(tmp_path):
+    """The axis has it whatever its drive: the calibration holds it, and it is no cause."""
+    (low, high), rng = CFRAME.axes[CFRAME.index("X")].travel, np.random.default_rng(5)
+    wave = Cyclic("X", "X", (high - low) / 2.5, (5.0,), (1.7,))
+    model = msgspec.structs.replace(no_errors(CFRAME), effects=(wave,))
+    with (tmp_path / "data.csv").open("wb") as file:
+        write_measurement(measured(CFRAME, positions(CFRAME, 200, rng), THREE, model, rng), file)
+    found = diagnosed(tmp_path, "cframe", "--force").document
+    assert found["effects"] == []
+    assert found["unexplained"] is None
 
 
 def test_effects_of_the_instrument_are_named_and_not_written(tmp_path):

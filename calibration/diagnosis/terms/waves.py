@@ -167,7 +167,7 @@ class Scan:
         closer, zeros = CLOSER * step / (FINER + 1), (0.0,) * harmonics
         effect = Cyclic(own_component(self.axis), self.axis, self.travel / turns, zeros, zeros)
         orders = np.tile(np.arange(1.0, harmonics + 1.0), 2)
-        near = [(turns + way * step, harmonics) for way in _between(FINER)]
+        near = [(other, harmonics) for way in _between(FINER) if (other := turns + way * step) >= FEWEST_TURNS]
         near += [(turns, more) for more in HARMONICS if more > harmonics and more * turns <= self.turns[-1]]
         term = plain(self.observations, effect, 1.0 / orders)
         return replace(term, finer=lambda: [self._wave(other, closer, count) for other, count in near])
@@ -189,10 +189,9 @@ class Scan:
         pitch = self.travel / turns
         effect = QuantisedCompensation(self.axis, 0.0, pitch, (self._middle + share * pitch) % pitch)
         closer = CLOSER * step / (FINER + 1), CLOSER * apart / (FINER_OFFSETS + 1)
-        near = list(product(_between(FINER), _between(FINER_OFFSETS)))
-        return self._term(
-            effect, lambda: [self._teeth(turns + way * step, share + off * apart, *closer) for way, off in near]
-        )
+        others = [other for way in _between(FINER) if (other := turns + way * step) >= FEWEST_TURNS]
+        near = list(product(others, _between(FINER_OFFSETS)))
+        return self._term(effect, lambda: [self._teeth(other, share + off * apart, *closer) for other, off in near])
 
     def _gains_of_teeth(self, turns: float, shares: Array) -> Array:
         """Squares `(k,)` that sawteeth of these offsets explain."""
@@ -224,7 +223,8 @@ class Scan:
             if len(peaks) == PEAKS:
                 break
         near = STEP / MEMBERS * np.arange(-MEMBERS, MEMBERS + 1)
-        return [float(self.turns[peak] + change) for peak in peaks for change in near]
+        proposed = [float(self.turns[peak] + change) for peak in peaks for change in near]
+        return [turns for turns in proposed if turns >= FEWEST_TURNS]
 
     def _power(self) -> Array:
         """Squares `(k,)` that waves explain, as at dense positions.
