@@ -44,6 +44,7 @@ class Told(NamedTuple):
 
     document: dict[str, Any]
     calibration: Path
+    shown: str
 
 
 def diagnosed(folder: Path, machine: str, *options: str) -> Told:
@@ -52,7 +53,7 @@ def diagnosed(folder: Path, machine: str, *options: str) -> Told:
     words = ("-m", machine, "-o", new, "--json", out, "--engine", "terms", *options)
     done = run_command("diagnose", folder / "data.csv", *words)
     assert done.status == 0, done.shown
-    return Told(json.loads(out.read_text(encoding="utf-8"), parse_constant=pytest.fail), new)
+    return Told(json.loads(out.read_text(encoding="utf-8"), parse_constant=pytest.fail), new, done.shown)
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +80,9 @@ def test_a_backlash_is_named_with_its_size(answer):
 
 
 def test_nothing_hidden_gives_no_cause(answer):
-    found = answer(NOTHING).document
+    found, _, shown = answer(NOTHING)
     assert found["effects"] == []
+    assert "No cause was found: residual" in " ".join(shown.split())
     assert found["unexplained"] is None
     assert found["accepted"]
 

@@ -15,6 +15,7 @@ import numpy as np
 from scipy import linalg
 
 from calibration.diagnosis.terms.dictionary import Dictionary
+from calibration.gaussian_terms.gains import log_gains
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from kinematics.error_model.priors import SIZES
@@ -86,17 +87,13 @@ class Columns(NamedTuple):
         less = np.asarray(removed @ self.across)
         along = self.along - np.einsum("maw,a->mw", less, moved)
         present, width = less.shape[1:]
-        if present == 0 or width > present:
+        if 0 < present < width:
             each = [_by_update(self.values, less, along, size**2 / factor) for size in SIZES]
-        else:
-            blocks = np.einsum("mw,wv->mwv", self.values, np.eye(width)) - np.swapaxes(less, 1, 2) @ less
-            values, vectors = np.linalg.eigh(blocks)
-            turned = np.einsum("mwv,mw->mv", vectors, along)
-            nothing = np.zeros((len(values), 0, width))
-            each = [_by_update(np.maximum(values, 0.0), nothing, turned, size**2 / factor) for size in SIZES]
-        quadratic, determinant = np.moveaxis(np.array(each), 1, 0)
-        evidence = 0.5 * (quadratic / factor - determinant)
-        return np.asarray(np.logaddexp.reduce(evidence, axis=0) - np.log(len(SIZES)))
+            quadratic, determinant = np.moveaxis(np.array(each), 1, 0)
+            evidence = 0.5 * (quadratic / factor - determinant)
+            return np.asarray(np.logaddexp.reduce(evidence, axis=0) - np.log(len(SIZES)))
+        blocks = np.einsum("mw,wv->mwv", self.values, np.eye(width)) - np.swapaxes(less, 1, 2) @ less
+        return log_gains(blocks, along, SIZES, factor)
 
 
 def _by_update(values: Array, less: Array, along: Array, ratio: float) -> tuple[Array, Array]:
@@ -104,15 +101,13 @@ def _by_update(values: Array, less: Array, along: Array, ratio: float) -> tuple[
     inverse = 1.0 / (1.0 / ratio + values)
     quadratic = np.sum(along**2 * inverse, axis=1)
     determinant = np.sum(np.log1p(ratio * values), axis=1)
-    if less.shape[1]:
-        scaled = less * inverse[:, None, :]
-        small = np.eye(less.shape[1]) - scaled @ np.swapaxes(less, 1, 2)
-        beyond = np.einsum("maw,mw->ma", scaled, along)
-        sign, log = np.linalg.slogdet(small)
-        solved = np.linalg.solve(small, beyond[:, :, None])[:, :, 0]
-        quadratic = quadratic + np.where(sign > 0, np.sum(beyond * solved, axis=1), 0.0)
-        determinant = determinant + np.where(sign > 0, log, 0.0)
-    return quadratic, determinant
+    scaled = less * inverse[:, None, :]
+    small = np.eye(less.shape[1]) - scaled @ np.swapaxes(less, 1, 2)
+    beyond = np.einsum("maw,mw->ma", scaled, along)
+    sign, log = np.linalg.slogdet(small)
+    solved = np.linalg.solve(small, beyond[:, :, None])[:, :, 0]
+    quadratic = quadratic + np.where(sign > 0, np.sum(beyond * solved, axis=1), 0.0)
+    return quadratic, determinant + np.where(sign > 0, log, 0.0)
 
 
 @dataclass(frozen=True)

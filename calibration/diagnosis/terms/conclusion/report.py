@@ -22,14 +22,15 @@ def report(answer: Answer) -> Report:
 
 def _verdict(answer: Answer) -> str:
     before, after = answer.figures
-    names = "; ".join(f"{_name(cause)}, {cause.verdict.upper()}" for cause in answer.causes) or "no cause was found"
+    names = "; ".join(f"{_name(cause)}, {cause.verdict.upper()}" for cause in answer.causes)
     change = (
         f"residual {before.rms_um:.2f} -> {after.rms_um:.2f} um RMS, held-out blocks {before.heldout_rms_um:.2f} -> "
         f"{after.heldout_rms_um:.2f} um"
     )
     functions = "; ".join(each.term.name for each in answer.unexplained)
     left = f" Not explained by any cause: {functions}." if functions else ""
-    return f"Causes: {names}. With them: {change}.{left}"
+    found = f"Causes: {names}. With them:" if names else "No cause was found:"
+    return f"{found} {change}.{left}"
 
 
 def _sections(answer: Answer) -> Iterator[Section]:
