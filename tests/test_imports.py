@@ -24,6 +24,7 @@ CALIBRATION = (
     "calibration.measurement",
     "calibration.observation",
     "calibration.plausibility",
+    "calibration.follow_up",
     "calibration.fit",
     "calibration.gaussian_terms",
     "calibration.single_axis",

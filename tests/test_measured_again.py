@@ -10,7 +10,7 @@ from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.machine_change import MachineChange
+from calibration.evaluation.machine_change import MachineChange
 from calibration.evaluation.volumetric import aligned
 from calibration.fit.calibrate import calibrate
 from calibration.gaussian_terms.given.merged import merged

@@ -11,9 +11,7 @@ from support.virtual_measurements import ONE, THREE, TRACKER, measured, position
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.next.follow_up import MOST_ROWS
 from calibration.diagnosis.next.predicted_information import PredictedInformation
-from calibration.diagnosis.next.proposals import follow_up_designs
 from calibration.diagnosis.next.ranking import SURE, Question, Signal, proposed_measurements
 from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
 from calibration.diagnosis.residual.dependence import Unexplained
@@ -22,6 +20,8 @@ from calibration.diagnosis.search.evaluation import SEEN
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.start_model import base_of
 from calibration.fit.fit import fit
+from calibration.follow_up.design import MOST_ROWS
+from calibration.follow_up.designs import follow_up_designs
 from calibration.instruments import Interferometer, Part
 from calibration.measurement.measurement import Target
 from calibration.observation.full_model import BasisChoice, with_effects
@@ -96,8 +96,12 @@ def frame_of(measurement):
     return LinearisedFit.of(fit(measurement, model, prior=prior))
 
 
+def designs_after(fitted):
+    return follow_up_designs(fitted.measurement, fitted.registration)
+
+
 def planned(linearised, name):
-    return next(plan for plan in follow_up_designs(linearised.fit) if plan.name == name)
+    return next(plan for plan in designs_after(linearised.fit) if plan.name == name)
 
 
 def shares(linearised, effects, name=None):
@@ -208,7 +212,7 @@ def test_only_a_length_standard_shows_range_offset_and_air_scale():
         linearised = frame_of(seen(q))
         predicted = PredictedInformation(linearised, LENGTHS)
         assert shares_of(predicted).max() < SEEN
-        for plan in follow_up_designs(linearised.fit):
+        for plan in designs_after(linearised.fit):
             then = shares_of(predicted, plan)
             assert (then.min() > SEEN) == (plan.name == "bar"), plan.name
             if plan.name != "bar":
@@ -235,7 +239,7 @@ def powers(linearised, one, other, size=HUGE):
     sizes = [size * np.ones(sum(q.linear for q in effect.parameter_table)) for effect in (one, other)]
     tie = Question("tied", one.name, other.name, (Signal(0, sizes[0], beside=1), Signal(1, sizes[1], beside=0)))
     found = {"now": tie.power(now, now)}
-    return found | {plan.name: tie.power(predicted.after(now, plan), now) for plan in follow_up_designs(linearised.fit)}
+    return found | {plan.name: tie.power(predicted.after(now, plan), now) for plan in designs_after(linearised.fit)}
 
 
 FIXED = {"fixed references", "many fixed references", "fixed references, fewer", "many fixed references, fewer"}
@@ -460,7 +464,7 @@ def test_a_plan_is_a_measurement_that_follows_the_data(case):
     data = make()
     base = base_of(data, None, silent)
     linearised = LinearisedFit.of(base.fit(data, [], "sheet"))
-    found = list(follow_up_designs(linearised.fit))
+    found = list(designs_after(linearised.fit))
     assert expected <= {plan.name for plan in found}
     assert len({plan.name for plan in found}) == len(found)
     now = (predicted := PredictedInformation(linearised, DRIFTS)).now
@@ -481,12 +485,12 @@ def test_a_plan_is_a_measurement_that_follows_the_data(case):
 
 def test_nothing_is_planned_after_a_part():
     part = observe(BENCH, no_errors(BENCH), State(swept()), Part(u_um=2.0), np.random.default_rng(9))
-    assert not list(follow_up_designs(frame_of(part).fit))
+    assert not list(designs_after(frame_of(part).fit))
 
 
 def test_what_is_in_motion_is_not_asked_to_stand():
     assert not {"shuffled", "other side", "move lengths"} & {
-        plan.name for plan in follow_up_designs(frame_of(in_motion()).fit)
+        plan.name for plan in designs_after(frame_of(in_motion()).fit)
     }
 
 

@@ -75,6 +75,8 @@ def test_the_same_machine_confirms_its_calibration_and_makes_it_surer(given):
     found = diagnosed(data_of(CFRAME, 2, 120), given())
     assert found.confirmed
     assert found.accepted
+    assert found.machine_change is not None
+    assert not found.machine_change.significant
     assert left(CFRAME, found.calibration) < left(CFRAME, given())
     before, after = (np.linalg.norm(root_of(model)) for model in (given(), found.calibration))
     assert after < before
@@ -92,11 +94,28 @@ def test_a_change_is_named_with_its_size(change):
     assert len(names) == len(set(names))
 
 
+@pytest.mark.parametrize("change", [LocationError("C", "Y", 80.0), Scale("Y", 60.0)], ids=lambda each: each.name)
+def test_a_changed_line_has_its_size_within_its_uncertainty(change):
+    found = diagnosed(data_of(CFRAME, 2, 120, change), by_terms()).machine_change
+    assert found is not None
+    assert found.significant
+    (line,) = found.changed
+    (size,), (u,) = line.parameters, line.uncertainties
+    assert line.name == change.name
+    assert abs(size - change.parameters[0]) < 3.0 * u < 0.5 * change.parameters[0]
+
+
+def test_without_a_calibration_nothing_has_changed():
+    assert diagnosed(data_of(CFRAME, 2, 120)).machine_change is None
+
+
 def test_a_guide_that_bends_since_the_calibration():
     bent = ErrorMotion("X", "Z", Legendre(Z, 3), (0.0, 0.0, 15.0, 10.0))
     found = diagnosed(data_of(CFRAME, 2, 120, bent), by_terms())
     (cause,) = found.causes
     assert (cause.kind, cause.effect.name) == ("error-motion", "E_XZ")
+    assert found.machine_change is not None
+    assert found.machine_change.significant
     assert left(CFRAME, found.calibration, bent) < 0.7 * left(CFRAME, by_terms(), bent)
 
 
@@ -106,6 +125,9 @@ def test_a_backlash_of_the_calibration_that_has_grown():
     assert sizes(found) == {"backlash Y": pytest.approx(15.0, abs=5.0)}
     (width,) = [effect.width for effect in found.calibration.effects if effect.name == "backlash Y"]
     assert width == pytest.approx(35.0, abs=4.0)
+    (cause,) = found.causes
+    assert cause.present is not None
+    assert cause.present.parameters[0] == pytest.approx(20.0, abs=4.0)
 
 
 @pytest.mark.statistical

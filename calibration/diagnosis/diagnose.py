@@ -9,7 +9,6 @@ import numpy as np
 
 from calibration.diagnosis.acceptance import Acceptance
 from calibration.diagnosis.improvement import closure, volume
-from calibration.diagnosis.machine_change import MachineChange, machine_change
 from calibration.diagnosis.misplaced_targets import beside_causes, misplaced_targets
 from calibration.diagnosis.next.ranking import proposed_measurements
 from calibration.diagnosis.not_visible import below_spacing, not_visible
@@ -35,6 +34,7 @@ from calibration.diagnosis.unseen.unseen_states import mean_squares
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, in_terms_of, named, outliers, with_changed_lines
 from calibration.diagnosis.widening import UnseenErrors, Widened, errors_by_choice, unseen_errors, widened
+from calibration.evaluation.machine_change import MachineChange, machine_change
 from calibration.fit.acceptance import disagreement
 from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.fit import Fit

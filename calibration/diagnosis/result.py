@@ -10,7 +10,6 @@ import numpy as np
 from calibration.diagnosis.acceptance import Acceptance
 from calibration.diagnosis.conclusion import Conclusion
 from calibration.diagnosis.improvement import Figures, Volume, by_direction, figures, held_out_rows
-from calibration.diagnosis.machine_change import MachineChange
 from calibration.diagnosis.next.ranking import ProposedMeasurement
 from calibration.diagnosis.not_visible import NotVisible, smallest_sizes
 from calibration.diagnosis.repeatability import Repeats
@@ -26,6 +25,7 @@ from calibration.diagnosis.search.start_model import Base
 from calibration.diagnosis.separability import Separability
 from calibration.diagnosis.unseen.swing import FoundSwing
 from calibration.diagnosis.verdict import Named
+from calibration.evaluation.machine_change import MachineChange
 from calibration.fit.acceptance import relative_deviations, significant_share
 from calibration.fit.curves.between_positions import BetweenPositions
 from calibration.fit.identifiability import Identifiability

@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calibration.diagnosis.machine_change import MachineChange
 from calibration.diagnosis.residual.unexplained import against_walk
 from calibration.diagnosis.search.candidates import contract_kind, fields_of, where
 from calibration.diagnosis.search.evaluation import EVEN, WORTH, Sibling
@@ -18,6 +17,7 @@ from calibration.diagnosis.search.shapes.sawtooth import saw_uncertainty
 from calibration.diagnosis.search.shapes.spectra import aliases
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.diagnosis.search.sudden_changes import like_outliers
+from calibration.evaluation.machine_change import MachineChange
 from calibration.fit.fit import Fit
 from kinematics.effects import (
     Cyclic,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from calibration.diagnosis.machine_change import MachineChange
+from calibration.evaluation.machine_change import MachineChange
 from calibration.reports.causes import text as words
 from kinematics.effects import Effect
 from rendering.report import Section, Table, shortened

@@ -18,11 +18,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from calibration.diagnosis.next.follow_up import FollowUpDesign
 from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
 from calibration.diagnosis.search.derivatives import derivatives, signals
 from calibration.diagnosis.search.linearised_fit import RIDGE, LinearisedFit
 from calibration.fit.linear import Posterior, pseudo_inverse
+from calibration.follow_up.design import FollowUpDesign
 from calibration.measurement.measurement import Measurement
 from calibration.observation.normal_equations import whiteners
 from kinematics.effects import Effect

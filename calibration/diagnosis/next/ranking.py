@@ -17,9 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy import special
 
-from calibration.diagnosis.next.follow_up import FollowUpDesign
 from calibration.diagnosis.next.predicted_information import Information, PredictedInformation
-from calibration.diagnosis.next.proposals import follow_up_designs
 from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unexplained import shared_rms
@@ -28,6 +26,8 @@ from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.unseen.swing import FoundSwing
 from calibration.diagnosis.verdict import CLEAR, Named, tied_with
 from calibration.fit.fit import Fit
+from calibration.follow_up.design import FollowUpDesign
+from calibration.follow_up.designs import follow_up_designs
 from kinematics.effects import Effect
 from kinematics.transforms import Array
 
@@ -171,7 +171,7 @@ def proposed_measurements(
     others: list[ProposedMeasurement] = []
     best: dict[Question, _Best | None] = dict.fromkeys(questions)
     answered: set[Question] = set()
-    for follow_up in follow_up_designs(stage.fit):
+    for follow_up in follow_up_designs(stage.fit.measurement, stage.fit.registration):
         after = predicted.after(now, follow_up)
         gains = {q: WEIGHTS[q.kind] * max(q.information(after, now) - q.information(now, now), 0.0) for q in questions}
         powers = {q: q.power(after, now) if gains[q] > 0.0 else 0.0 for q in questions}
@@ -203,7 +203,7 @@ def _proposed(follow_up: FollowUpDesign, gain: float, expected: str) -> Proposed
 
 def _measured_again(fit: Fit, noise: str) -> Iterator[ProposedMeasurement]:
     """The same positions once more, which show a larger noise; nothing for instruments without follow-up designs."""
-    for again in itertools.islice(follow_up_designs(fit), 1):
+    for again in itertools.islice(follow_up_designs(fit.measurement, fit.registration), 1):
         does = f"{again.does[0].upper()}{again.does[1:]} ({again.minutes:.0f} min)"
         text = f"{does}: this shows whether {noise}, or the model lacks errors."
         yield ProposedMeasurement(again.name, again.minutes, 0.0, text)

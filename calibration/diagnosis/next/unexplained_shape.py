@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from calibration.diagnosis.next.follow_up import FollowUpDesign
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.unexplained import in_lengths
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.follow_up.design import FollowUpDesign
 from calibration.observation.normal_equations import whitened
 from kinematics.transforms import Array
 

@@ -12,10 +12,19 @@ import numpy as np
 
 from calibration.diagnosis.search.candidates import where
 from calibration.diagnosis.terms.candidates import Candidates
+from calibration.diagnosis.terms.conclusion.change import change_since, size_in
 from calibration.diagnosis.terms.conclusion.guard import HeldOut, held_out, in_units, rms_um
-from calibration.diagnosis.terms.conclusion.mixture import UNDECIDED, InPlace, Mixture, averaged, likely_structures
+from calibration.diagnosis.terms.conclusion.mixture import (
+    UNDECIDED,
+    InPlace,
+    Mixture,
+    Parameters,
+    averaged,
+    likely_structures,
+)
 from calibration.diagnosis.terms.conclusion.verdict import CLEAR, Judged, Verdict, judged
 from calibration.diagnosis.terms.conclusion.visibility import not_visible
+from calibration.evaluation.machine_change import MachineChange
 from calibration.fit.acceptance import Judged as Accepted
 from calibration.fit.calibrate import provenance
 from calibration.gaussian_terms.calibrated import machine_model, prior_sizes
@@ -62,6 +71,8 @@ class Cause(NamedTuple):
     """Improvement of the prediction of held-out blocks."""
     share: float = 0.0
     """Share of the squares without any cause that this one explains."""
+    present: Effect | None = None
+    """The effect of the given calibration of which the cause is a change; None where that has none."""
 
 
 @dataclass(frozen=True)
@@ -194,12 +205,16 @@ class Answer(Accepted):
         return _figures(self.bare, self.held_out.geometry), _figures(self.structure, self.held_out.with_all)
 
     @cached_property
+    def _averaged(self) -> Parameters:
+        """Parameters of the geometry and of the terms, over all that the data leave undecided."""
+        structures = likely_structures(self.structure, self.judged, self._places)
+        known = {term.family for one in structures for term in one.structure.terms}
+        return averaged(structures, self._undecided(known))
+
+    @cached_property
     def calibration(self) -> ErrorModel:
         """The calibration, over all that the data leave undecided."""
-        structures = likely_structures(self.structure, self.judged, self._places)
-        found = averaged(
-            structures, self._undecided({term.family for one in structures for term in one.structure.terms})
-        )
+        found = self._averaged
         prior, own = np.ones(len(found.values)), prior_sizes(self.structure)
         prior[: len(own)] = own
         model = machine_model(self.measurement, found.effects, found.values, found.covariance, prior, self.given)
@@ -211,6 +226,11 @@ class Answer(Accepted):
         if self.given is not None:
             made = msgspec.structs.replace(made, inputs={**self.given.provenance.inputs, **made.inputs})
         return msgspec.structs.replace(model, effects=effects, provenance=made)
+
+    @cached_property
+    def machine_change(self) -> MachineChange | None:
+        """Change of the machine since the calibration that was given; None without one."""
+        return change_since(self.structure, self._averaged)
 
     def _undecided(self, known: Collection[Hashable]) -> list[tuple[Term, float]]:
         """Causes of other families that the data neither name nor exclude, with their log odds."""
@@ -225,7 +245,8 @@ class Answer(Accepted):
         rivals = tuple((one.term, float(np.exp(one.log_odds)), cosines[one.term]) for one in each.alternatives)
         gain = self.held_out.without[each.number] - self.held_out.with_all
         effect = self.sizes.effect_of(each.term)
-        return Cause(term.kind, effect, each.log_odds, each.verdict, rivals, gain, self._share(each))
+        present = size_in(self.given, effect)
+        return Cause(term.kind, effect, each.log_odds, each.verdict, rivals, gain, self._share(each), present)
 
     def _columns(self, number: int) -> np.ndarray:
         """Numbers of the columns of a term of the structure."""

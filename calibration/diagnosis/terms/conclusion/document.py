@@ -63,6 +63,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
             {"kind": term.kind, "axis": term.where, "name": term.name, "cosine": cosine, "odds": odds}
             for term, odds, cosine in cause.rivals
         ],
+        "present": None if cause.present is None else cause.present.by_key(cause.present.parameters),
         "notes": list(effect.remarks),
     }
 

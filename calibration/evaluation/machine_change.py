@@ -127,6 +127,8 @@ def _differences(machine: Machine, present: ErrorModel, new: ErrorModel, arms: M
 
 def _sizes(machine: Machine, model: ErrorModel, arms: Mapping[str, Array]) -> Iterator[_Size]:
     """Location errors of a model, those in its error motions too, and the scales of its linear axes."""
+    if not model.effects:
+        return
     functions: dict[str, tuple[Effect, Array]] = {}
 
     def add(effect: Effect, row: Array) -> None:

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from calibration.diagnosis.next.extra_setups import from_elsewhere, with_bar, with_other_tools, with_references
-from calibration.diagnosis.next.follow_up import Data, FollowUpDesign
-from calibration.fit.fit import Fit
+from calibration.follow_up.design import Data, FollowUpDesign
+from calibration.follow_up.extra_setups import from_elsewhere, with_bar, with_other_tools, with_references
 from calibration.measurement.measurement import Measurement
+from calibration.registration.registration import Registration
 from kinematics.state import State
 from kinematics.transforms import Array
 
@@ -29,10 +29,9 @@ LONG = 0.4
 """Length of a long move, as a share of the travel that the data cover."""
 
 
-def follow_up_designs(fit: Fit) -> Iterator[FollowUpDesign]:
-    """All designs that make sense after the data of a fit; none unless a tracker or an interferometer was used."""
-    measurement = fit.measurement
-    data = Data(measurement, fit.registration)
+def follow_up_designs(measurement: Measurement, registration: Registration) -> Iterator[FollowUpDesign]:
+    """All designs that make sense after a measurement; none unless a tracker or an interferometer was used."""
+    data = Data(measurement, registration)
     if measurement.instrument.FOLLOWED_UP:
         yield from _once_more(data)
         if not data.in_motion:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.next.fixed_standards import Length
+from calibration.follow_up.fixed_standards import Length
 from calibration.measurement.measurement import Measurement, with_moves
 from calibration.registration.registration import Registration
 from kinematics.effects import Effect, TrackerDrift

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.diagnosis.next.fixed_standards import BAR_MM, bar, references
-from calibration.diagnosis.next.follow_up import Data, FollowUpDesign, unused
+from calibration.follow_up.design import Data, FollowUpDesign, unused
+from calibration.follow_up.fixed_standards import BAR_MM, bar, references
 from calibration.measurement.measurement import Target
 from kinematics.machine import Vector
 from kinematics.transforms import Array, Pose, rotation_about, turn

@@ -1,0 +1,1 @@
+"""Measurements that could follow others: instruction, duration, rows and registration of each."""
