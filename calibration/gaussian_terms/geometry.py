@@ -54,6 +54,8 @@ class Geometry:
     """Number `(p,)` of the band of each column."""
     coarser: np.ndarray
     """Number of the next coarser band of each band; -1 for the coarsest one of an axis."""
+    falls: Array
+    """Size of the coarser band, in prior sizes, at which both have coefficients of equal size, for a size of 1."""
     fixed: np.ndarray
     """True for each band whose size is not fitted."""
     first_sizes: Array
@@ -99,6 +101,7 @@ def geometry(observations: Observations) -> Geometry:
         np.concatenate([given.parameters if given else np.zeros(0), np.zeros(len(sizes))]),
         np.array([known.index(key) for key in keys], int),
         np.array(coarser, int),
+        np.array([_fall(key[2]) ** observations.priors.smoothness for key in known]),
         np.array([key[2] < 0 for key in known], bool),
         np.array([observations.priors.first_side if key[2] == FIRST else 1.0 for key in known]),
         np.array([key[2] >= WAVY for key in known], bool),
@@ -136,6 +139,14 @@ def prior_sizes(observations: Observations, degrees: np.ndarray) -> Array:
     return np.asarray(priors.error_motion_um / np.maximum(degrees, 1) ** priors.smoothness)
 
 
+def _fall(band: int) -> float:
+    """Degree of the next coarser band, as a share of that of a band; 0 for bands that have none."""
+    if band < 1:
+        return 0.0
+    coarser, finer = (max(low, 1) for low, _ in BANDS[band - 1 : band + 1])
+    return coarser / finer
+
+
 def _band(degree: int) -> int:
     return next(number for number, (low, high) in enumerate(BANDS) if low <= degree <= high)
 
@@ -146,8 +157,7 @@ def motions(measurement: Measurement) -> list[tuple[ErrorMotion, np.ndarray]]:
     for axis, arc in measurement.moving.items():
         own = measurement.machine.axes[measurement.machine.index(axis)]
         closed = own.turns_fully and not gap_of(arc)
-        degree = min(DEGREE, measurement.distinct_positions[axis] + 1)
-        choice = BasisChoice("fourier", HARMONICS) if closed else BasisChoice("legendre", degree)
+        choice = BasisChoice("fourier", HARMONICS) if closed else BasisChoice("legendre", DEGREE)
         for effect in axis_motions(measurement, axis, choice):
             found.append((cast(ErrorMotion, effect), degrees_of(len(effect.parameters), closed=closed)))
     return found

@@ -33,19 +33,18 @@ def log_odds(structure: Structure) -> Array:
 
 def _odds_inside(structure: Structure) -> Array:
     """As `log_odds`, for rows that are not left out."""
-    data, factor = structure.data, structure.noise.factor
+    data, white, factor = structure.data, structure.whitener, structure.noise.factor
     n, d = data.observations.residual.shape
     left = structure.left[: n * d].reshape(n, d)
-    spread = structure.spread / np.sqrt(factor)
-    used = np.concatenate([spread, structure.whitener.spanned], axis=1)[: n * d].reshape(n, d, -1)
     odds = np.empty(n)
-    for stops, matrices in zip(data.stops, structure.whitener.matrices, strict=True):
+    for stops, matrices, uncertain, registered in zip(
+        data.stops, white.matrices, structure.uncertain, white.registered, strict=True
+    ):
         stop_left = left[stops.rows].reshape(len(stops.rows), -1, 1)
-        stop_used = used[stops.rows].reshape(len(stops.rows), stop_left.shape[1], -1)
+        free = np.eye(stop_left.shape[1]) - uncertain / factor - registered
         for i in range(stops.rows.shape[1]):
             shift = np.swapaxes(matrices[:, :, i * d : (i + 1) * d], 1, 2)
-            through = shift @ stop_used
-            block = shift @ np.swapaxes(shift, 1, 2) - through @ np.swapaxes(through, 1, 2)
+            block = shift @ free @ np.swapaxes(shift, 1, 2)
             odds[stops.rows[:, i]] = log_gains(block, (shift @ stop_left)[:, :, 0], OUTLIER_SIZES, factor)
     return odds + float(np.log(structure.priors.outlier))
 

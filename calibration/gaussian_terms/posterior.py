@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import lapack
@@ -14,8 +15,8 @@ from kinematics.transforms import Array
 class Equations:
     """Whitened columns that are present, and their products."""
 
-    design: Array
-    """`(N, p)`"""
+    parts: tuple[Array, ...]
+    """Columns `(N, ...)`, p together."""
     residual: Array
     """`(N,)`"""
     gram: Array
@@ -25,15 +26,26 @@ class Equations:
 
     @classmethod
     def of(cls, design: Array, residual: Array) -> Equations:
-        """The equations of whitened columns and observations."""
-        return cls(design, residual, design.T @ design, design.T @ residual)
+        """The equations of whitened columns `(N, p)` and observations."""
+        return cls((design,), residual, design.T @ design, design.T @ residual)
+
+    @cached_property
+    def design(self) -> Array:
+        """All columns `(N, p)`."""
+        return self.parts[0] if len(self.parts) == 1 else np.concatenate(self.parts, axis=1)
 
     def beside(self, columns: Array) -> Equations:
         """The equations with further whitened columns `(N, c)` behind these; products of these are not made again."""
-        across = self.design.T @ columns
+        across = np.concatenate([part.T @ columns for part in self.parts])
         gram = np.block([[self.gram, across], [across.T, columns.T @ columns]])
         along = np.concatenate([self.along, columns.T @ self.residual])
-        return Equations(np.concatenate([self.design, columns], axis=1), self.residual, gram, along)
+        return Equations((*self.parts, columns), self.residual, gram, along)
+
+    def times(self, coefficients: Array) -> Array:
+        """All columns times coefficients `(p,)` or `(p, k)`: `(N,)` or `(N, k)`; in the precision of these."""
+        ends = np.cumsum([part.shape[1] for part in self.parts])[:-1]
+        own = zip(self.parts, np.split(coefficients, ends), strict=True)
+        return np.asarray(sum(part.astype(each.dtype, copy=False) @ each for part, each in own))
 
 
 @dataclass(frozen=True)

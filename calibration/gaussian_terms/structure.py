@@ -31,6 +31,8 @@ ROUNDS = 8
 """Most rounds of sizes, noise and outliers."""
 SAME_FACTOR, SAME_REPEATS = 0.03, 0.1
 """Relative changes of the variance factor, and of the non-repeatability, below which the noise is found."""
+LEAST = 1e-3
+"""Variance that the posterior gives a direction of the observations, in that of the noise, above which it counts."""
 SMALLEST = 0.5
 """Non-repeatability, um or urad, whose relative change counts in full."""
 
@@ -155,9 +157,16 @@ class Structure:
 
     @property
     def _expected_squares(self) -> Array:
-        """Expected squares of the sizes of bands and terms: of a band, those of the coarser one if these are larger."""
-        coarser = self.data.geometry.coarser
+        """Expected squares of the sizes of bands and terms: of a band, those of its neighbours if these are larger.
+
+        A finer band is not expected to fall at once, and a coarser one to have smaller coefficients than a finer one.
+        """
+        geometry = self.data.geometry
+        coarser = geometry.coarser
+        finer = np.flatnonzero(coarser >= 0)
         of_bands = np.where(coarser >= 0, self.priors.rougher * self.band_sizes[coarser] ** 2, 0.0)
+        by_finer = (geometry.falls[finer] * self.band_sizes[finer]) ** 2
+        of_bands[coarser[finer]] = np.maximum(of_bands[coarser[finer]], by_finer)
         return np.asarray(np.maximum(np.append(of_bands, np.zeros(len(self.terms))), self.priors.least_share**2))
 
     def with_terms(self, terms: Sequence[Term]) -> Structure:
@@ -208,16 +217,21 @@ class Structure:
         return new
 
     @cached_property
-    def spread(self) -> Array:
-        """A root `(N, p)` of the covariance that the posterior gives the whitened observations."""
-        covariance = self.posterior.covariance
-        root = np.linalg.cholesky(covariance + np.diag(1e-12 * np.diag(covariance)))
-        return np.asarray(self.equations.design @ root)
+    def uncertain(self) -> list[Array]:
+        """Covariances `(stops, m d, m d)` that the posterior gives the whitened rows of each stop.
+
+        In single precision, without directions that the data determine hardly better than their prior.
+        """
+        sizes = self.sizes / np.sqrt(self.noise.factor)
+        values, vectors = np.linalg.eigh(self.equations.gram * sizes[:, None] * sizes)
+        counted = values > LEAST
+        root = self.sizes[:, None] * vectors[:, counted] / np.sqrt(1.0 + values[counted])
+        return self.whitener.blocks(self.equations.times(root.astype(np.float32)))
 
     @cached_property
     def left(self) -> Array:
         """Whitened observations `(N,)` less the mean of the posterior."""
-        return self.equations.residual - self.equations.design @ self.posterior.mean
+        return np.asarray(self.equations.residual - self.equations.times(self.posterior.mean))
 
     def resized(self, sizes: Array) -> Structure:
         """The structure with other sizes of bands and terms; nothing is whitened anew."""
@@ -236,19 +250,19 @@ class Structure:
         observations, white = self.data.observations, self.whitener
         shape = len(observations), observations.components, -1
         count = len(observations) * observations.components
-        residual, spread = self.left[:count].reshape(shape), self.spread[:count].reshape(shape)
-        for stops, matrices in zip(self.data.stops, white.matrices, strict=True):
+        residual = self.left[:count].reshape(shape)
+        for stops, matrices, uncertain in zip(self.data.stops, white.matrices, self.uncertain, strict=True):
             inside = ~self.noise.left_out[stops.rows].any(axis=1)
             own, rows = matrices[inside], stops.rows[inside]
             if not len(rows):
                 continue
-            left = np.concatenate([residual[rows], spread[rows]], axis=3).reshape(*own.shape[:2], -1)
+            left = residual[rows].reshape(*own.shape[:2], 1)
             turned = np.swapaxes(own, 1, 2)
             parts = [own @ stops.specified[inside] @ turned]
             for axis in axes:
                 arm = own @ stops.arms[axis][inside][:, :, None]
                 parts.append(arm @ np.swapaxes(arm, 1, 2))
-            yield Moments(left @ np.swapaxes(left, 1, 2), parts)
+            yield Moments(left * np.swapaxes(left, 1, 2) + uncertain[inside], parts)
 
 
 def _settled(before: Noise, after: Noise) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -60,6 +61,17 @@ class Whitener:
             turned = stops.times(own.astype(table.dtype, copy=False), table)
             found[stops.rows] = turned.reshape(*stops.rows.shape, *table.shape[1:])
         return found.reshape(-1, table.shape[2])
+
+    def blocks(self, table: Array) -> list[Array]:
+        """Products T T' `(stops, m d, m d)` of the whitened rows of each stop of a table T `(n d + k, c)`."""
+        rows = table[: self.observations.residual.size].reshape(*self.observations.residual.shape, -1)
+        own = (rows[each.rows].reshape(*each.specified.shape[:2], -1) for each in self.stops)
+        return [np.asarray(each @ np.swapaxes(each, 1, 2), float) for each in own]
+
+    @cached_property
+    def registered(self) -> list[Array]:
+        """Share `(stops, m d, m d)` that the registration takes of the whitened rows of each stop."""
+        return self.blocks(self.spanned)
 
     def columns(self, table: Array) -> Array:
         """Whitened columns `(n d + k, c)` of terms `(n, d, c)`, free of the registration."""

@@ -38,6 +38,8 @@ MOVES = 30
 """Most moves of a search."""
 RETRIED, DOUBTFUL = 6, -9.0
 """Number of causes that are retried, and the least log odds of these; they explain something of the data already."""
+LIKELY = 2
+"""Number of structures for which the noise is found again, of all that are tried at once."""
 RIVALS = 2
 """Rivals of a term that are refined before they are compared with it."""
 REFINED = 6
@@ -122,43 +124,46 @@ class Search:
             together = (*structure.terms, terms[best])
             if _key(together) not in self._tried:
                 self._tried.add(_key(together))
-                found.append(structure.with_terms(together).fitted(STEPS))
-        best_found = max(found, key=worth, default=structure)
-        return best_found if worth(best_found) > worth(structure) else None
+                found.append(structure.with_terms(together).with_sizes(STEPS))
+        return self._better(found, structure)
+
+    def _better(self, sized: Sequence[Structure], structure: Structure) -> Structure | None:
+        """The likeliest of some structures with noise and outliers found again, if it is likelier than a structure.
+
+        Only the likeliest ones by their sizes alone are looked at: the noise takes most of the time.
+        """
+        likely = sorted(sized, key=worth, reverse=True)[:LIKELY]
+        best = max((each.fitted(STEPS) for each in likely), key=worth, default=structure)
+        return best if worth(best) > worth(structure) else None
 
     def _out_of_motions(self, candidates: Candidates) -> Structure | None:
-        """The structure with a wave in the place of finer error motions, sizes and noise found again; None without.
+        """The structure with a wave in the place of finer error motions, of the likeliest number of harmonics.
 
-        These are begun smoother than they are: sizes that were found without the wave explain it.
+        None without one. The error motions are begun smoother than they are: sizes that were found without the wave explain it.
         """
         structure = candidates.structure
-        left, best_found = beside_waves(structure), structure
+        left = beside_waves(structure)
         started: dict[Hashable, _Started] = {}
         for term in waves_of_motions(structure):
             each = _Started.of(term, structure.whitener.columns(term.columns), left)
             before = started[term.family].explained if term.family in started else 0.0
             if each.explained > before:
                 started[term.family] = each
-        for each in started.values():
-            found = self._begun(structure, each, left)
-            if worth(found) > worth(best_found):
-                best_found = found
-        return best_found if best_found is not structure else None
+        smooth = smoothed(structure)
+        sized = [each.beside(smooth).with_sizes(STEPS) for each in started.values() if self._is_new(structure, each)]
+        if sized:
+            best = max(sized, key=worth).terms[-1]
+            finer = [] if best.finer is None else [term for term in best.finer() if term.width > best.width]
+            more = (_Started.of(term, structure.whitener.columns(term.columns), left) for term in finer)
+            sized += [each.beside(smooth).with_sizes(STEPS) for each in more]
+        return self._better(sized, structure)
 
-    def _begun(self, structure: Structure, started: _Started, left: Array) -> Structure:
-        """A structure with a term whose size is known; if it is likelier so, with the likeliest number of harmonics."""
-        together = (*structure.terms, started.term)
-        if _key(together) in self._tried:
-            return structure
-        self._tried.add(_key(together))
-        found = started.beside(smoothed(structure)).fitted(STEPS)
-        if worth(found) < worth(structure) or started.term.finer is None:
-            return found
-        for term in started.term.finer():
-            if term.width > started.term.width:
-                more = _Started.of(term, structure.whitener.columns(term.columns), left)
-                found = max(found, more.beside(smoothed(structure)).fitted(STEPS), key=worth)
-        return found
+    def _is_new(self, structure: Structure, started: _Started) -> bool:
+        """True if a term has not been tried beside a structure; it counts as tried then."""
+        key = _key((*structure.terms, started.term))
+        known = key in self._tried
+        self._tried.add(key)
+        return not known
 
 
 class _Started(NamedTuple):

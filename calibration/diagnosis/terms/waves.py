@@ -80,7 +80,7 @@ def beside_waves(structure: Structure) -> Array:
     """Whitened residual `(N,)` of a structure without its finer error motions."""
     geometry, mean = structure.data.geometry, structure.posterior.mean.copy()
     mean[: geometry.width][geometry.wavy[geometry.bands]] = 0.0
-    return np.asarray(structure.equations.residual - structure.equations.design @ mean)
+    return np.asarray(structure.equations.residual - structure.equations.times(mean))
 
 
 def _left(structure: Structure, without: int | None) -> Array:
@@ -90,7 +90,7 @@ def _left(structure: Structure, without: int | None) -> Array:
         first = len(structure.data.geometry.bands) + sum(term.width for term in structure.terms[:without])
         mean[first : first + structure.terms[without].width] = 0.0
     observations = structure.data.observations
-    return np.asarray(equations.residual - equations.design @ mean)[: observations.residual.size]
+    return np.asarray(equations.residual - equations.times(mean))[: observations.residual.size]
 
 
 def _one_more(family: Hashable, known: Collection[Hashable]) -> Hashable | None:
