@@ -18,6 +18,7 @@ from calibration.gaussian_terms.observations import Observations
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import BasisChoice, axis_motions
 from kinematics.effects import Effect, ErrorMotion, UnknownApproach
+from kinematics.effects.base import own_component
 from kinematics.error_model.model import ErrorModel
 from kinematics.error_model.priors import BANDS
 from kinematics.transforms import Array
@@ -28,13 +29,13 @@ DEGREE, HARMONICS = 20, 8
 
 KNOWN = 1e-12
 """Share of the largest variance of a calibration, in squares of its uncertainties, below which one is rounding."""
-Key = tuple[str, bool, int]
-"""Band: axis, whether it is angular, and number; numbers below 0 are of sizes that are not fitted."""
+Key = tuple[str, str, int]
+"""Band: axis, kind of error motion, and number; numbers below 0 are of sizes that are not fitted."""
 WAVY = 2
 """Number of the coarsest band that may contain a periodic error."""
 FIRST = -1
 """Number of the band of an error before the first move of an axis."""
-CALIBRATED: Key = ("", False, -2)
+CALIBRATED: Key = ("", "", -2)
 """Band of the parameters of a given calibration: their covariance is their size."""
 
 
@@ -127,16 +128,23 @@ def _parts(observations: Observations) -> Iterator[_Part]:
     calibrated = {motion.axis for motion, _ in given.error_motions} if given else set()
     for effect, degrees in motions(measurement):
         if effect.axes[0] not in calibrated:
-            keys = [(effect.axes[0], effect.angular, _band(degree)) for degree in degrees.tolist()]
+            keys = [(effect.axes[0], _kind(effect), _band(degree)) for degree in degrees.tolist()]
             yield _Part(effect, prior_sizes(observations, degrees), keys)
     for side in _first_sides(measurement):
-        yield _Part(side, np.array(side.typical), [(side.name, False, FIRST)])
+        yield _Part(side, np.array(side.typical), [(side.name, "", FIRST)])
 
 
 def prior_sizes(observations: Observations, degrees: np.ndarray) -> Array:
     """Prior sizes `(m,)` of the coefficients of an error motion, um or urad, by their degrees."""
     priors = observations.priors
     return np.asarray(priors.error_motion_um / np.maximum(degrees, 1) ** priors.smoothness)
+
+
+def _kind(effect: ErrorMotion) -> str:
+    """The kind of an error motion: a scale or a screw positions the axis, guides and bearings keep it straight."""
+    if effect.component == own_component(effect.axis):
+        return "positioning"
+    return "angular" if effect.angular else "straightness"
 
 
 def _fall(band: int) -> float:
