@@ -30,8 +30,8 @@ from short_measurements.case import UM, Case
 from short_measurements_exam import questions
 
 import ncomp
-from calibration.diagnosis.terms.conclusion.document import document
 from calibration.diagnosis.terms.diagnosed import diagnosed
+from calibration.reports.diagnosed.document import answer_json
 from kinematics.error_model.model import write_model
 from kinematics.error_model.priors import PRIORS, Priors
 
@@ -91,7 +91,7 @@ def asked(words: tuple[str, str, str, int], priors: Priors) -> Said:
         true = without_rigid(nominal, (case.points(states, unseen=True) - nominal) / UM)
         write_model(answer.calibration, folder / "new.json")
         record = predicted(case, folder / "new.json", folder, nominal, true)
-    found = document(answer)
+    found = answer_json(answer)
     verdict = judged(case, found["effects"], found["unexplained"], found["estimated_noise"])
     return Said(verdict["verdict"], len(verdict["false"]), record["covered"], record["after_um"])
 

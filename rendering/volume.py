@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
+from kinematics.basis import Interval
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Effect
 from kinematics.error_model.model import ErrorModel
@@ -74,12 +75,17 @@ class _Values(NamedTuple):
     """`(n,)`, um."""
 
 
-def volume_section(machine: Machine, fields: Sequence[Field], *, sizes: bool = True) -> Iterator[Section]:
+def volume_section(
+    machine: Machine, fields: Sequence[Field], *, sizes: bool = True, measured: Mapping[str, Interval] | None = None
+) -> Iterator[Section]:
     """The maps of one machine; nothing where the errors of fewer than two linear axes are known.
 
-    sizes: with the RMS and the largest value of each map.
+    sizes: with the RMS and the largest value of each map. measured: ranges of the axes that were moved, mm; the maps
+    do not go beyond them, and do not extend along other axes.
     """
     bounds = _bounds(machine, [model for field in fields for model in (field.plus, field.minus) if model is not None])
+    if measured is not None:
+        bounds = {i: both for i, own in bounds.items() if (both := _common(own, measured.get(machine.names[i])))}
     if len(bounds) < 2:
         return
     lines = [TEXT.format(tool=TOOL_MM)]
@@ -113,6 +119,14 @@ def _bounds(machine: Machine, models: Sequence[ErrorModel]) -> Bounds:
         if np.isfinite((low, high)).all() and low < high:
             found[i] = (low, high)
     return found
+
+
+def _common(own: Interval, measured: Interval | None) -> Interval | None:
+    """The part of a range within a measured one; None without."""
+    if measured is None:
+        return None
+    low, high = max(own[0], measured[0]), min(own[1], measured[1])
+    return (low, high) if low < high else None
 
 
 def _positions(machine: Machine, bounds: Bounds, counts: Sequence[int]) -> Array:

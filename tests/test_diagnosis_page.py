@@ -8,30 +8,20 @@ import msgspec
 import numpy as np
 import pytest
 from rich.console import Console
-from support.effect_examples import EXAMPLES, full_state
 from support.pages import LINK, figures, text_of
-from support.tiers import first_of_each, quick
-from support.virtual_measurements import THREE, TRACKER, measured, pose_of, positions
+from support.virtual_measurements import THREE, measured, positions
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.separability import Separability
-from calibration.fit.fit import fit
-from calibration.measurement.measurement import Measurement, Target, with_moves
-from calibration.reports.causes.figures import cause_figure
+from calibration.measurement.measurement import Target
 from calibration.reports.causes.text import in_full, quantity_name, with_uncertainty
-from calibration.reports.causes.views import VIEWS, views
 from calibration.reports.diagnosis import diagnosis_report
 from calibration.reports.diagnosis_json import diagnosis_json
 from calibration.reports.separability import separability_section
 from kinematics.effects import (
-    EFFECTS,
     Backlash,
-    CrossAxis,
     Cyclic,
-    GrowthWithTime,
-    Outliers,
     ThermalDrift,
     TrackerDrift,
     Unnamed,
@@ -43,89 +33,6 @@ from rendering.terminal import show
 
 CFRAME = machines.load("cframe")
 TARGETS = {name: Target(place) for name, place in (("t1", (0.0, 0.0, -120.0)), ("t2", (90.0, 40.0, -180.0)))}
-
-
-def seen_with(effect, machine, n=300, seed=1):
-    """A fit of a machine without other errors to what a tracker sees of it in states that have every column."""
-    state = with_moves(full_state(machine, n, seed))
-    empty = Measurement(machine, TRACKER, state, np.ones((n, 3)), TARGETS, source="virtual")
-    model = msgspec.structs.replace(no_errors(machine), effects=(effect,))
-    points = empty.instrument.expected(empty, pose_of(["s1", "s2"]), no_errors(machine).observation(machine, state))
-    state = replace(state, observed=points)
-    exact = replace(empty, state=state)
-    observed = exact.instrument.expected(exact, pose_of(["s1", "s2"]), model.observation(machine, state))
-    noise = np.linalg.cholesky(TRACKER.covariance(observed)) @ np.random.default_rng(seed).normal(size=(n, 3, 1))
-    return fit(replace(exact, observed=observed + noise[:, :, 0]), model)
-
-
-SEEN = [example for example in EXAMPLES if example.touched]
-
-
-def test_every_class_of_effect_has_its_own_view():
-    assert set(VIEWS) == {effect.SHOWN_OVER for effect in EFFECTS}
-
-
-@pytest.mark.parametrize(
-    "example",
-    quick(
-        SEEN,
-        first_of_each(SEEN, lambda example: VIEWS[example.effect.SHOWN_OVER]),
-        first_of_each(SEEN, lambda example: type(example.effect)),
-    )
-    + [example for example in EXAMPLES if not example.touched],
-    ids=lambda example: f"{example.effect.name} {example.machine.name}",
-)
-def test_every_kind_of_cause_yields_a_figure_whose_readings_scatter_by_their_uncertainty(example):
-    if not example.touched:
-        pytest.skip("does nothing that could be seen")
-    linearised = LinearisedFit.of(seen_with(example.effect, example.machine))
-    effect = linearised.fit.model.effects[0]
-    panels = views(linearised, effect)
-    assert panels
-    for panel in panels:
-        told = np.isfinite(panel.u)
-        assert told.sum() > 100
-        assert all(np.isfinite(column).all() for column in (panel.x, panel.y[told], panel.fitted[told]))
-        assert panel.x_label
-        assert panel.y_label.endswith(("um", "urad", "um/m", "uncertainty"))
-        if not isinstance(effect, Outliers):
-            scatter = np.sqrt(np.mean(((panel.y - panel.fitted) / panel.u)[told] ** 2))
-            assert 0.8 < scatter < 1.2
-    assert len(cause_figure(panels).spec()["panels"]) == sum(1 if panel.over is None else 2 for panel in panels)
-
-
-def test_readings_show_what_is_in_the_data():
-    linearised = LinearisedFit.of(seen_with(Backlash("X", 60.0), CFRAME))
-    (panel,) = views(linearised, linearised.fit.model.effects[0])
-    forward, backward = (np.average(panel.y[rows], weights=panel.u[rows] ** -2) for _, rows in panel.groups)
-    assert (forward, backward) == (pytest.approx(-30.0, abs=2.0), pytest.approx(30.0, abs=2.0))
-    linearised = LinearisedFit.of(seen_with(GrowthWithTime(axis="Y", rate=40.0, fixed_point=-100.0), CFRAME))
-    (panel,) = views(linearised, linearised.fit.model.effects[0])
-    assert panel.y_label == "scale of Y, um/m"
-    slope = np.polyfit(panel.x, panel.y, 1, w=1 / panel.u)[0]
-    assert slope == pytest.approx(40.0, rel=0.05)
-
-
-def test_a_map_of_a_cause_of_two_axes_has_both_panels():
-    linearised = LinearisedFit.of(
-        seen_with(CrossAxis("Z", "X", "Y", (0.0, 500.0), (0.0, 400.0), 0, 1, (40.0,)), CFRAME)
-    )
-    (panel,) = views(linearised, linearised.fit.model.effects[0])
-    assert (panel.x_label, panel.over_label) == ("X, mm", "Y, mm")
-    slope = np.polyfit(panel.over, panel.y, 1, w=1 / panel.u)[0]
-    assert slope == pytest.approx(np.polyfit(panel.over, panel.fitted, 1)[0], rel=0.2)
-    assert [each.title for each in cause_figure([panel]).panels] == ["E_ZX, from the data", "E_ZX, fitted"]
-
-
-def test_curves_are_those_of_the_cause():
-    linearised = LinearisedFit.of(seen_with(Cyclic("X", "X", 20.0, (30.0,), (0.0,)), CFRAME))
-    (panel,) = views(linearised, linearised.fit.model.effects[0])
-    (curve,) = panel.curves
-    amplitude = linearised.fit.model.effects[0].sine[0]
-    np.testing.assert_allclose(
-        np.interp(curve.x, np.sort(panel.x), panel.fitted[np.argsort(panel.x)]), curve.y, atol=0.05 * abs(amplitude)
-    )
-    assert panel.x.max() < 20.1
 
 
 def diagnosis_of(*effects, n=100, seed=2, variance="sheet"):

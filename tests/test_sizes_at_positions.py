@@ -2,19 +2,25 @@
 
 import re
 
+import numpy as np
+
 import machines
 from calibration.reports.causes.at_positions import at_positions
 from kinematics.basis import Legendre
 from kinematics.effects import Backlash, CrossAxis, Cyclic, Reversal
-from kinematics.error_model.model import no_errors
 
 CFRAME = machines.load("cframe")
+
+
+def shown_of(effect):
+    """The sizes of an effect whose parameters are independent."""
+    return at_positions(CFRAME, effect, np.diag(np.square(effect.uncertainties)))
 
 
 def test_a_reversal_is_shown_at_positions_and_not_by_its_coefficients():
     low, high = CFRAME.axes[CFRAME.index("X")].travel
     wear = Reversal("X", "X", Legendre((low, high), 1), (10.0, 4.0), u=(0.5, 0.0))  # 6 um at one end, 14 at the other
-    head, *shown = at_positions(CFRAME, wear, no_errors(CFRAME))
+    head, *shown = shown_of(wear)
     assert head == "forward minus backward:"
     assert shown[0] == f"6.0 ± 1.0 um at X {low:.4g} mm"
     assert shown[2] == f"10.0 ± 1.0 um at X {(low + high) / 2:.4g} mm"
@@ -23,10 +29,10 @@ def test_a_reversal_is_shown_at_positions_and_not_by_its_coefficients():
 
 def test_a_cross_axis_error_is_shown_at_its_corners():
     sag = CrossAxis("Z", "X", "Y", (0.0, 600.0), (0.0, 400.0), 0, 1, (8.0,), u=(1.0,))
-    shown = at_positions(CFRAME, sag, no_errors(CFRAME))
+    shown = shown_of(sag)
     assert shown[0] == "-8.0 ± 2.0 um at X 0 mm, Y 0 mm"
     assert shown[-1] == "8.0 ± 2.0 um at X 600 mm, Y 400 mm"
-    assert at_positions(CFRAME, Backlash("X", 10.0), no_errors(CFRAME)) == []
+    assert shown_of(Backlash("X", 10.0)) == []
 
 
 def test_a_rotary_axis_has_no_nut_and_no_screw():

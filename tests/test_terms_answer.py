@@ -150,13 +150,6 @@ def data(tmp_path):
     return tmp_path / "data.csv"
 
 
-def test_what_the_engine_does_not_know_is_refused(data, tmp_path):
-    words = ("diagnose", data, "-m", "gantry", "-o", tmp_path / "new.json", "--engine", "terms")
-    assert "--noise and --engine terms exclude each other" in refusal(*words, "--noise", "estimate")
-    assert "--unexplained and --engine terms exclude each other" in refusal(*words, "--unexplained", "add")
-    assert not (tmp_path / "new.json").exists()
-
-
 def test_an_interferometer_has_the_same_answer(tmp_path):
     (tmp_path / "data.csv").write_text(draws.by_laser("backlash", "cframe", 1).sheet(), encoding="utf-8")
     found = diagnosed(tmp_path, "cframe").document

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from calibration.diagnosis.acceptance import Acceptance
-from calibration.diagnosis.improvement import closure, volume
+from calibration.diagnosis.improvement import closure
 from calibration.diagnosis.misplaced_targets import beside_causes, misplaced_targets
 from calibration.diagnosis.next.ranking import proposed_measurements
 from calibration.diagnosis.not_visible import below_spacing, not_visible
@@ -26,6 +26,7 @@ from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.searched_causes import Searched, searched_causes
 from calibration.diagnosis.separability import separability
+from calibration.diagnosis.terms.conclusion.volume import volume
 from calibration.diagnosis.unseen.beside_moving import BesideMoving, settled_beside
 from calibration.diagnosis.unseen.fine_errors import squares_by_fine_errors
 from calibration.diagnosis.unseen.random_walk import squares_by_walk
@@ -199,7 +200,7 @@ def _concluded(
         unnamed=completed.unnamed,
         evaluated=evidence.evaluated,
         closure=closure(after.linearised),
-        volume=volume(given.before, after),
+        volume=volume(after.fit.measurement, after.fit.model, given.before.fit.model),
         proposed_measurements=tuple(proposed_measurements(searched.found.stage, given.causes, dependence, swing)),
         acceptance=new.acceptance,
         design=tuple(separability(searched.before.linearised, first.library)),

@@ -9,33 +9,17 @@ import numpy as np
 
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Stage
-from calibration.evaluation.volumetric import volumetric_error_um
-from calibration.fit.acceptance import ARM, measures_angles
 from calibration.fit.fit import Fit
 from calibration.fit.linear import pseudo_inverse
 from calibration.observation.normal_equations import whitened, whiteners
 from kinematics.basis import BSpline
-from kinematics.deviation import exact_deviation
 from kinematics.effects import ErrorMotion
-from kinematics.error_model.model import ErrorModel
-from kinematics.forward import tool_point
 from kinematics.transforms import Array
 
 FINEST = 48
 """Parameters of an error motion of the finest rigid chain."""
 SHARE = 3
 """Scalars per parameter of the finest rigid chain that `closure` needs."""
-
-
-class Volume(NamedTuple):
-    """Deviations of the tool over the measured states, RMS and largest length, um."""
-
-    machine_rms: float
-    """Deviation of the machine, by the new model."""
-    machine_max: float
-    left_rms: float
-    """Deviation that a correction by the present model leaves, by the new model."""
-    left_max: float
 
 
 class Figures(NamedTuple):
@@ -96,23 +80,6 @@ def in_micro(fit: Fit, values: Array) -> Array:
     if measurement.instrument.BY_BEAM:
         values = np.einsum("nji,nj->ni", fit.registration.rotations(measurement), values)
     return np.asarray(values * measurement.per_micro)
-
-
-def volume(before: Stage, after: Stage) -> Volume:
-    """Deviations over the measured states, by the machine's part of both models, after rigid alignment."""
-    measurement = after.fit.measurement
-    machine, state = measurement.machine, measurement.state
-    q = state.positions
-    tool = np.full((len(q), 3), ARM) if measures_angles(measurement) else measurement.tool
-
-    def deviation(model: ErrorModel) -> Array:
-        own = model.part(lambda effect: effect.ACTS_ON != "instrument")
-        return exact_deviation(machine, q, own.errors(machine, state), tool).position
-
-    new, old = deviation(after.fit.model), deviation(before.fit.model)
-    points = tool_point(machine, q, tool)
-    whole, change = volumetric_error_um(new, points), volumetric_error_um(new - old, points)
-    return Volume(whole.rms, whole.largest, change.rms, change.largest)
 
 
 def closure(linearised: LinearisedFit) -> float | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.diagnosis.acceptance import Acceptance
 from calibration.diagnosis.conclusion import Conclusion
-from calibration.diagnosis.improvement import Figures, Volume, by_direction, figures, held_out_rows
+from calibration.diagnosis.improvement import Figures, by_direction, figures, held_out_rows
 from calibration.diagnosis.next.ranking import ProposedMeasurement
 from calibration.diagnosis.not_visible import NotVisible, smallest_sizes
 from calibration.diagnosis.repeatability import Repeats
@@ -23,6 +23,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Stage
 from calibration.diagnosis.search.start_model import Base
 from calibration.diagnosis.separability import Separability
+from calibration.diagnosis.terms.conclusion.volume import Volume
 from calibration.diagnosis.unseen.swing import FoundSwing
 from calibration.diagnosis.verdict import Named
 from calibration.evaluation.machine_change import MachineChange

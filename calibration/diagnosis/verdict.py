@@ -10,13 +10,13 @@ from typing import Any, Literal
 import numpy as np
 
 from calibration.diagnosis.residual.unexplained import against_walk
-from calibration.diagnosis.search.candidates import contract_kind, fields_of, where
 from calibration.diagnosis.search.evaluation import EVEN, WORTH, Sibling
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.sawtooth import saw_uncertainty
 from calibration.diagnosis.search.shapes.spectra import aliases
 from calibration.diagnosis.search.stage import Accepted, Stage
 from calibration.diagnosis.search.sudden_changes import like_outliers
+from calibration.diagnosis.terms.contract import contract_kind, fields_of, where
 from calibration.evaluation.machine_change import MachineChange
 from calibration.fit.fit import Fit
 from kinematics.effects import (

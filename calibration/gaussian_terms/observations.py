@@ -66,7 +66,7 @@ class Observations:
         measurement, counts = with_short_stops(measurement)
         relative = no_errors(measurement.machine) if given is None else given
         model = relative if about is None else about
-        registration = _registered(measurement, model)
+        registration = registered(measurement, model)
         instrument = measurement.instrument
         transform = instrument.transform(measurement, registration)
         residual = residuals(measurement, model, registration)
@@ -130,7 +130,7 @@ def with_short_stops(measurement: Measurement) -> tuple[Measurement, np.ndarray]
     return replace(measurement.rows(first + size // 2), observed=means), size
 
 
-def _registered(measurement: Measurement, model: ErrorModel) -> Registration:
+def registered(measurement: Measurement, model: ErrorModel) -> Registration:
     """The registration of a machine with these errors: least squares, without rows that are far off."""
     registration, trusted = first_registration(measurement)
     if not model.effects:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from calibration.diagnosis.result import Diagnosis
+    from calibration.diagnosis.terms.conclusion.answer import Answer
     from calibration.fit.calibrate import Calibration
     from calibration.fit.together import Together
     from calibration.interface.evaluations import CircularTests, ContinuousResult, ThreePointsResult
@@ -38,6 +39,12 @@ def _diagnosis(found: Diagnosis) -> Report:
     from calibration.reports.diagnosis import diagnosis_report
 
     return diagnosis_report(found, "ncomp.diagnose")
+
+
+def _answer(found: Answer) -> Report:
+    from calibration.reports.diagnosed.page import answer_report
+
+    return answer_report(found, "ncomp.diagnose")
 
 
 def _plan(found: Plan) -> Report:
@@ -96,6 +103,7 @@ REPORTS: dict[str, Callable[[Any], Report]] = {
     "Calibration": _calibration,
     "Together": _together,
     "Diagnosis": _diagnosis,
+    "Answer": _answer,
     "Plan": _plan,
     "AxisTest": _axis_test,
     "CircularTests": _circles,

@@ -5,23 +5,26 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterator, Sequence
 from functools import partial
-from shlex import quote
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from calibration.diagnosis.result import Diagnosis
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.terms.conclusion.fitted_rows import FittedRows
 from calibration.diagnosis.verdict import Named
+from calibration.observation.normal_equations import whitened, whiteners
 from calibration.reports.causes import text as words
-from calibration.reports.causes.at_positions import at_positions
-from calibration.reports.causes.figures import cause_figure
+from calibration.reports.causes.at_positions import at_positions, covariance_of
+from calibration.reports.causes.figures import cause_figure, share_chart
 from calibration.reports.causes.residual import residual_sections
 from calibration.reports.causes.views import views
-from calibration.reports.figures.residuals import share_chart
+from calibration.reports.diagnosed.commands import Files, use_section
 from calibration.reports.fit import acceptance, between_positions, insignificant, left_out_sentence
 from calibration.reports.head import foot_of, measured_head
 from calibration.reports.machine_change import change_sections, change_sentences
 from calibration.reports.run_zeros import zeros_section
 from calibration.reports.separability import separability_section
-from kinematics.error_model.needed_conditions import needed_conditions
 from kinematics.files.number_text import probability, rounded
 from rendering.figures import percent
 from rendering.report import Report, Section, Table, facts, shortened
@@ -29,7 +32,6 @@ from rendering.volume import Field, uncertainty_of, volume_section
 
 if TYPE_CHECKING:
     from calibration.diagnosis.search.start_model import Origin
-    from kinematics.error_model.model import ErrorModel
 
 ORIGINS: dict[Origin, str] = {
     "automatic": "error motions of all axes, their bases selected by the evidence",
@@ -77,14 +79,6 @@ def _confirmed(found: Diagnosis) -> Iterator[str]:
             f"({present.other_rms_um:.2f} {unit} RMS) as one that these data update ({present.rms_um:.2f} {unit}). It "
             f"stays: the new file holds it unchanged{larger}."
         )
-
-
-class Files(NamedTuple):
-    """Names for the commands of a report: machine or its file, file of the new calibration, and of the present one."""
-
-    machine: str
-    new: str
-    present: str | None = None
 
 
 def diagnosis_report(found: Diagnosis, command: str, files: Files | None = None) -> Report:
@@ -158,11 +152,7 @@ def _sections(found: Diagnosis, files: Files) -> Iterator[Section]:
     if rows:
         head = ("measurement", "minutes", "information, noise variances per minute", "instruction and expected result")
         yield Section("Proposed measurements", table=Table(head, rows), detail=True)
-    text = f"{files.new} holds the machine with the causes of the machine (calibration {found.model.id})."
-    if needed_conditions(found.model):
-        text += " Its errors depend on temperature or time: write the values while the program runs, or give --log."
-    commands = Table(("task", "command"), _commands(files, found.model))
-    yield Section("Use of the new calibration", text, commands, detail=True)
+    yield use_section(files, found.model)
 
 
 def _map(found: Diagnosis) -> Iterator[Section]:
@@ -207,14 +197,15 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
     ordered = sorted(found.causes, key=lambda cause: -cause.share)
     shop = [(words.title(cause), percent(cause.share), *cause.effect.workshop) for cause in ordered]
     table = Table(("cause", "share", "usual origin", "repair"), shop)
-    yield Section("Share by cause", text, table, partial(share_chart, found), detail=True)
+    yield Section("Share by cause", text, table, partial(share_chart, ordered, found.unexplained_share), detail=True)
     machine = found.measurement.machine
     numbered = [(str(number), words.title(cause), cause) for number, cause in enumerate(found.causes, start=1)]
+    sizes = {n: at_positions(machine, c.effect, covariance_of(c.effect, found.model)) for n, _, c in numbered}
     rows = [
         (
             number,
             title,
-            "\n".join(at_positions(machine, cause.effect, found.model) or words.sizes(cause)),
+            "\n".join(sizes.get(number) or words.sizes(cause)),
             f"{cause.delta_bic:.0f}",
             f"{round(-cause.heldout_gain_um, 2) + 0.0:+.2f}",
             percent(cause.share),
@@ -227,8 +218,18 @@ def _causes(found: Diagnosis) -> Iterator[Section]:
     yield Section("Causes", f"{SIGNS}\n{LEGEND}", Table(head, rows))
     yield from _similar(numbered)
     for number, title, cause in numbered:
-        drawn = partial(cause_figure, views(found.after.linearised, cause.effect))
+        drawn = partial(cause_figure, views(_rows(found.after.linearised), cause.effect))
         yield Section(f"Cause {number}: {title}", "\n".join(_about(cause)), figure=drawn)
+
+
+def _rows(linearised: LinearisedFit) -> FittedRows:
+    """The rows of the measurement with the residuals of a linearised fit; those that it lacks are not good."""
+    fit, rows, own = linearised.fit, linearised.rows, linearised.transform
+    transform, good = np.zeros((len(fit.measurement), *own.shape[1:])), np.zeros(len(fit.measurement), bool)
+    residual = whitened(whiteners(fit.measurement), fit.residual) / fit.variance_factor**0.5
+    transform[rows], good[rows] = own, linearised.good
+    residual[rows[linearised.good]] = linearised.residual.reshape(own.shape[:2])[linearised.good]
+    return FittedRows(fit.measurement, transform, residual, good)
 
 
 def _similar(numbered: Sequence[tuple[str, str, Named]]) -> Iterator[Section]:
@@ -322,20 +323,3 @@ def _notes(found: Diagnosis) -> Iterator[str]:
         yield from (f"{words.in_full(cause.effect.name)}: {note}" for note in cause.notes)
         if cause.where == "instrument":
             yield f"{cause.effect.name}: {words.remedy(cause.effect)}"
-
-
-def _commands(files: Files, model: ErrorModel) -> list[Sequence[str]]:
-    """Tasks and their commands, with the options that the effects of the new model need."""
-    at = "".join(f" {option}" for option in needed_conditions(model))
-    new = f"--machine {quote(files.machine)} --calibration {quote(files.new)}{at}"
-    tasks: list[Sequence[str]] = [("correct a program", f"ncomp PART.nc {new} -o PART_NEW.nc")]
-    verify = f"ncomp verify PART.nc PART_NEW.nc {new}"
-    if files.present is None:
-        return [*tasks, ("evaluate the part's error before and after", verify)]
-    old = f"--machine {quote(files.machine)} --calibration {quote(files.present)}{at}"
-    left = f"ncomp PART.nc {old} -o PART_OLD.nc\nncomp verify PART.nc PART_OLD.nc {new} --accept calibration"
-    return [
-        *tasks,
-        ("evaluate the part's error by this and the present model", f"{verify} --old {quote(files.present)}"),
-        ("evaluate the part's error after a correction by the present model", left),
-    ]

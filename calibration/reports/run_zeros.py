@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from calibration.fit.fit import Fit
-from calibration.fit.set_up.run_zeros import run_zeros
+from calibration.fit.set_up.run_zeros import Registered, run_zeros
 from kinematics.files.number_text import uncertainty
 from rendering.report import Section, Table
 
@@ -16,7 +15,7 @@ TEXT = (
 )
 
 
-def zeros_section(found: Fit) -> Iterator[Section]:
+def zeros_section(found: Registered) -> Iterator[Section]:
     """The table of the zeros; none where there are no runs with zeros."""
     rows = [(zero.run, f"{zero.value:.3f}", uncertainty(zero.u, 3), zero.unit) for zero in run_zeros(found)]
     if rows:

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
 from calibration.diagnosis.search.causes import causes, given
 from calibration.diagnosis.search.score import GENEROUS
+from calibration.diagnosis.terms.contract import contract_kind, where
 from calibration.fit.datum import along_own_line
 from calibration.measurement.measurement import Measurement
 from kinematics.basis import Interval, Legendre
@@ -44,12 +45,6 @@ SQUARE_BY_DATUM = ("E_C0X", "E_B0X", "E_A0Y")
 """Orientations that are zero by the datum: X is x, and Y lies in the x y plane."""
 BRIDGE = 1000.0
 """Least length, mm, of a bridge that is driven on both sides."""
-
-DISTINGUISHING = (
-    *("component", "other", "sensor", "harmonic", "over", "above_deg", "station", "since_s", "target", "direction"),
-    *("plane", "degree", "fixed_point", "rows", "variables", "ranges", "terms", "side"),
-)
-"""Fields that distinguish effects of one kind, besides their axis."""
 
 
 @dataclass(frozen=True)
@@ -126,24 +121,6 @@ class Untested:
 
     name: str
     lacks: str
-
-
-def contract_kind(effect: Effect) -> str:
-    """The kind of an effect in a diagnosis (contract 4.3)."""
-    return effect.DIAGNOSED_AS or effect.kind
-
-
-def where(effect: Effect) -> str | None:
-    """Axis of an effect; else the direction of the tool, or the part of the instrument: its circle, station, ..."""
-    for field in ("axis", "component", "circle", "station", "target", "direction", "plane"):
-        if getattr(effect, field, None):
-            return str(getattr(effect, field))
-    return None
-
-
-def fields_of(effect: Effect) -> dict[str, Any]:
-    """Fields that distinguish an effect from others of its kind: component, other axis, sensor, side, ..."""
-    return {name: getattr(effect, name) for name in DISTINGUISHING if getattr(effect, name, None) is not None}
 
 
 def at_zero(effect: Effect) -> Effect:

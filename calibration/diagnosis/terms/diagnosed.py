@@ -26,12 +26,14 @@ def diagnosed(
     calibration: ErrorModel | None = None,
     *,
     force: bool = False,
+    add_unexplained: bool = False,
     progress: Progress = silent,
 ) -> Answer:
     """The diagnosis of a measurement against a calibration, without one against the nominal machine.
 
-    force: the new calibration is accepted although it predicts worse than the other one. UserError where the
-    measurement is not plausible, or has too few rows.
+    force: the new calibration is accepted although it predicts worse than the other one. add_unexplained: it corrects
+    functions without a name too, as far as it can. UserError where the measurement is not plausible, or has too few
+    rows.
     """
     progress("checking the data")
     measurement, findings, _ = checked_data(measurement, misplaced=False)
@@ -44,7 +46,7 @@ def diagnosed(
         _refuse_few(observations)
     found = search(observations, progress)
     progress("verdicts and calibration")
-    return answered(found.candidates, findings, force=force)
+    return answered(found.candidates, findings, force=force, add_unexplained=add_unexplained)
 
 
 def _of_other_data(calibration: ErrorModel, measurement: Measurement) -> tuple[ErrorModel | None, list[Finding]]:

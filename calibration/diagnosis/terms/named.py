@@ -98,6 +98,16 @@ def _with_shape(effect: Effect, shape: Parameter, value: float) -> Effect:
     return msgspec.structs.replace(effect, **changes)
 
 
+def untested(measurement: Measurement) -> list[tuple[str, str]]:
+    """Names of the causes that cannot be tried, and the columns that the measurement lacks for them."""
+    found = {}
+    for cause in causes(measurement):
+        lacks = [need.replace("_", " ") for need in cause.effect.needs if not given(measurement.state, need)]
+        if lacks:
+            found[cause.effect.name] = ", ".join(lacks)
+    return list(found.items())
+
+
 def _neighbours(effects: Sequence[Effect]) -> dict[Effect, Interval]:
     """Of each effect with a shape: those of its neighbours, effects that are equal but for it, below and above it."""
     families: dict[Hashable, dict[float, Effect]] = {}

@@ -117,8 +117,9 @@ def _swing(
     names = tuple(each.name for each in variables)
     arm = dict(tool_directions(observations))[letter]
     size = TYPICAL * np.diag(form.heights)
+    period = float(np.ptp(time_of(observations))) / turns
     return Term(
-        f"swing of {turns:.4g} turns along {letter}, by {', '.join(names)}, {len(form.degrees)} functions",
+        f"swing along {letter} with a period of {period:.4g} s, which changes with {', '.join(names)}",
         "swing",
         ("swing", letter),
         partial(_swing_columns, arm, form, [each.columns for each in variables], share_of_time(observations), turns),

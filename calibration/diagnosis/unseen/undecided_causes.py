@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.diagnosis.forms import Forms, compared, forms
-from calibration.diagnosis.search.candidates import Candidate, at_zero, where
+from calibration.diagnosis.search.candidates import Candidate, at_zero
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling, complexity, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.stage import Stage
+from calibration.diagnosis.terms.contract import where
 from calibration.diagnosis.unseen.beside_function import scaled
 from calibration.diagnosis.unseen.unseen_states import MOMENTS, POSES, Moment, moments
 from calibration.diagnosis.verdict import tied_with

@@ -4,18 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy import special
 
-from calibration.fit.fit import Fit
+from calibration.measurement.measurement import Measurement
 from calibration.observation.equations import specified_covariance
 from calibration.plausibility.finding import Finding
+from calibration.registration.registration import Registration
 from kinematics.transforms import Array
 
 SIGNIFICANCE = 1e-3
 """Chance that zeros which differ by noise alone count as spread."""
+
+
+class Registered(Protocol):
+    """A fit as its zeros need it."""
+
+    @property
+    def measurement(self) -> Measurement:
+        """The n rows."""
+
+    @property
+    def registration(self) -> Registration:
+        """The registration that was found."""
+
+    @property
+    def residual(self) -> Array:
+        """Residuals `(n, d)`, mm and rad."""
+
+    @property
+    def kept(self) -> np.ndarray:
+        """Mask `(n,)` of the rows that are not left out."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +61,7 @@ class RunZero:
         return {"run": self.run, f"zero_{self.unit}": self.value, f"u_{self.unit}": self.u}
 
 
-def run_zeros(found: Fit) -> list[RunZero]:
+def run_zeros(found: Registered) -> list[RunZero]:
     """The zeros of the runs of an interferometer, in the order of the runs; none for other instruments."""
     measurement = found.measurement
     if measurement.axis is None:

@@ -15,8 +15,8 @@ ALONG, CORNERS = 5, 2
 """Positions along the range of one axis, and along each of two axes."""
 
 
-def at_positions(machine: Machine, effect: Effect, model: ErrorModel) -> list[str]:
-    """The errors of an effect at positions over its ranges, with U (k=2) by the covariance of the calibration.
+def at_positions(machine: Machine, effect: Effect, covariance: Array) -> list[str]:
+    """The errors of an effect at positions over its ranges, with U (k=2) by the covariance of its parameters.
 
     The difference forward minus backward of an effect that depends on the direction. Empty for other effects.
     """
@@ -32,7 +32,7 @@ def at_positions(machine: Machine, effect: Effect, model: ErrorModel) -> list[st
     unit, size = unit_of(COMPONENTS[_component(machine, effect, q)])
     design = _design(machine, effect, q) / size
     values = design @ np.array(effect.parameters)
-    u = np.sqrt(np.maximum(np.sum(design @ _covariance(effect, model) * design, axis=1), 0.0))
+    u = np.sqrt(np.maximum(np.sum(design @ covariance * design, axis=1), 0.0))
     units = [machine.axes[i].unit for i in numbers]
     shown = [
         f"{with_uncertainty(value, each)} {unit} at "
@@ -54,7 +54,7 @@ def _design(machine: Machine, effect: Effect, q: Array) -> Array:
     return np.asarray(forward - backward if "approach" in effect.needs else forward)
 
 
-def _covariance(effect: Effect, model: ErrorModel) -> Array:
+def covariance_of(effect: Effect, model: ErrorModel) -> Array:
     """Covariance of the parameters of an effect; without one of the calibration, of independent parameters."""
     if model.covariance is not None:
         for part, each in zip(model.slices, model.effects, strict=True):

@@ -6,12 +6,16 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from calibration.reports.causes.text import Told, title
 from calibration.reports.causes.view import View
 from kinematics.transforms import Array
 from rendering.figures import (
     COLOURS,
     INK,
+    INSTRUMENT,
+    MACHINE,
     RED,
+    UNEXPLAINED,
     Figure,
     Panel,
     bars_of_error,
@@ -20,17 +24,26 @@ from rendering.figures import (
     grid,
     heat,
     line,
+    ranked,
     some,
 )
 
 MEANS = COLOURS[:2]
 MEANS_ALONG = 24
+SHARE = "% of the squared residuals of the model without these causes, in units of the noise"
 PER_CELL, FEWEST_CELLS, MOST_CELLS = 12, 4, 10
 """Mean number of rows in a cell of a map; least and most cells along each of its axes."""
 PER_MEAN = 4
 """Least number of rows of a mean."""
 OUTER = 1.0
 """Share of the points, per cent, that may lie outside of a panel on each side."""
+
+
+def share_chart(causes: Sequence[Told], unexplained: float) -> Figure:
+    """Share of the squares without any cause, by cause, and the share that no cause explains."""
+    ordered = sorted(causes, key=lambda cause: -cause.share)
+    rows = [(title(c), c.share, INSTRUMENT if c.where == "instrument" else MACHINE) for c in ordered]
+    return ranked([*rows, ("noise and unexplained residual", unexplained, UNEXPLAINED)], SHARE)
 
 
 def cause_figure(views: Sequence[View]) -> Figure:

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from kinematics.effects import Effect, Parameter
 from rendering.report import shortened
-
-if TYPE_CHECKING:
-    from calibration.diagnosis.verdict import Named
 
 MANY = 8
 """Most parameters of a cause that are printed; the JSON has all."""
@@ -26,7 +23,39 @@ REMEDIES = {
 """Meaning of an effect's remedy (docs/effects.md) in the workshop."""
 
 
-def title(cause: Named) -> str:
+class Told(Protocol):
+    """A cause as reports need it."""
+
+    @property
+    def kind(self) -> str:
+        """Kind in the contract of the diagnosis."""
+
+    @property
+    def effect(self) -> Effect:
+        """The effect with its size."""
+
+    @property
+    def where(self) -> str:
+        """What it is an error of: the machine or the instrument."""
+
+    @property
+    def present(self) -> Effect | None:
+        """Effect of the present calibration that it changes; None where it is a cause of its own."""
+
+    @property
+    def share(self) -> float:
+        """Share of the squared residuals without causes that it explains."""
+
+    @property
+    def verdict(self) -> str:
+        """How sure it is."""
+
+    @property
+    def heldout_gain_um(self) -> float:
+        """Improvement of the prediction of held-out blocks."""
+
+
+def title(cause: Told) -> str:
     """Title of a cause: its kind and its axis or component, with a mark for the instrument."""
     if cause.kind == "higher-frequency":
         return f"{cause.effect.name} needs a higher spatial frequency"
@@ -39,7 +68,7 @@ def title(cause: Named) -> str:
     return f"{change}{name}" + (f" ({meaning})" if meaning else " (instrument)" if cause.where == "instrument" else "")
 
 
-def present(cause: Named) -> Iterator[str]:
+def present(cause: Told) -> Iterator[str]:
     """Parameters in the present calibration of an effect that has changed, and their new values."""
     if cause.present is None:
         return
@@ -54,7 +83,7 @@ def in_full(name: str) -> str:
     return f"cross-axis {name}" if name.startswith("E_") and "(" in name else name
 
 
-def sizes(cause: Named) -> list[str]:
+def sizes(cause: Told) -> list[str]:
     """Parameters with their expanded uncertainties and units."""
     effect = cause.effect
     if cause.kind == "higher-frequency":
@@ -103,12 +132,12 @@ def similarity(cosine: float, *, tied: bool) -> str:
     return text if tied or text != "1.00" else "> 0.99"
 
 
-def held_out(cause: Named) -> str:
+def held_out(cause: Told) -> str:
     """Change of the held-out RMS, um, that the cause brought."""
     return f"{round(-cause.heldout_gain_um, 2) + 0.0:+.2f}"
 
 
-def verdict(cause: Named) -> str:
+def verdict(cause: Told) -> str:
     """The verdict in one word; a tie in capitals."""
     return cause.verdict.upper() if cause.verdict == "tied" else cause.verdict
 

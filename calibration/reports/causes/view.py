@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.terms.conclusion.fitted_rows import FittedRows
 from kinematics.effects import (
     COMPONENTS,
     Effect,
     unit_of,
 )
+from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 from rendering.figures import clock
@@ -60,29 +61,29 @@ class View:
 
 @dataclass(frozen=True)
 class CauseInFit:
-    """One cause in one linearised fit."""
+    """One cause, beside the residuals that it and all others leave."""
 
-    linearised: LinearisedFit
+    data: FittedRows
     effect: Any
 
     @property
     def state(self) -> State:
-        """State of the rows of the linearised fit."""
-        return self.linearised.measurement.state.rows(self.linearised.rows)
+        """State of the rows."""
+        return self.data.measurement.state
 
     def position(self, axis: str) -> Array:
         """Positions `(n,)` of an axis, mm or degrees."""
-        return self.state.position(self.linearised.measurement.machine, axis)
+        return self.state.position(self.data.measurement.machine, axis)
 
     def label(self, axis: str) -> str:
         """Name and unit of an axis."""
-        machine = self.linearised.measurement.machine
+        machine = self.data.measurement.machine
         return f"{axis}, {machine.axes[machine.index(axis)].unit}"
 
     def of_axis(self, column: str) -> Array:
         """Column `(n,)` of the state for the axis of the cause."""
         table = self.state.need(column, self.effect.name)
-        return np.asarray(table[:, self.linearised.measurement.machine.index(self.effect.axis)])
+        return np.asarray(table[:, self.data.measurement.machine.index(self.effect.axis)])
 
     def time(self) -> tuple[Array, str]:
         """Time `(n,)` in the unit of its label, and the label."""
@@ -92,13 +93,11 @@ class CauseInFit:
 
     def over(self, x: Array, label: str) -> Iterator[View]:
         """A panel for each component that the cause acts on."""
-        for (acts_at, component), values in motions_of(
-            self.effect, self.linearised.measurement.state, self.linearised
-        ).items():
-            arm = self.linearised.transform[:, :, 6 * acts_at + component]
+        for (acts_at, component), values in motions_of(self.effect, self.state, self.data.measurement.machine).items():
+            arm = self.data.transform[:, :, 6 * acts_at + component]
             unit, size = unit_of(COMPONENTS[component])
             title = self._title(acts_at, component)
-            yield self.along(arm, values[self.linearised.rows], size, (title, f"{title}, {unit}"), (x, label))
+            yield self.along(arm, values, size, (title, f"{title}, {unit}"), (x, label))
 
     def along(self, arm: Array, values: Array, size: float, title: tuple[str, str], over: tuple[Array, str]) -> View:
         """Readings along whitened directions `(n, d)` per mm or rad; `values` `(n,)` are those of the cause.
@@ -106,24 +105,23 @@ class CauseInFit:
         size: mm or rad of the unit shown; title: of the panel, of its y axis; over: x and its label.
         """
         squares = np.sum(arm**2, axis=1)
-        sharp = self.linearised.good & (squares > 0)
+        sharp = self.data.good & (squares > 0)
         sharp &= squares >= (np.median(squares[sharp]) if sharp.any() else 0.0) / BLUNT**2
         safe = np.where(sharp, squares, 1.0)
-        left = np.sum(arm * self.linearised.residual.reshape(arm.shape), axis=1) / safe
+        left = np.sum(arm * self.data.residual, axis=1) / safe
         u = np.where(sharp, safe**-0.5 / size, np.inf)
         fitted = values / size
         return View(title[0], over[0], fitted + left / size, u, fitted, over[1], title[1])
 
     def _title(self, acts_at: int, component: int) -> str:
-        axes, letter = self.linearised.measurement.machine.names, COMPONENTS[component]
+        axes, letter = self.data.measurement.machine.names, COMPONENTS[component]
         if acts_at < len(axes):
             return f"E_{letter}{axes[acts_at]}"
         return f"tool {letter}" if acts_at == len(axes) else f"observed {letter.lower()}"
 
 
-def motions_of(effect: Effect, state: State, linearised: LinearisedFit) -> dict[tuple[int, int], Array]:
+def motions_of(effect: Effect, state: State, machine: Machine) -> dict[tuple[int, int], Array]:
     """Values `(n,)` of the effect in these states, mm or rad, by error frame and component."""
-    machine = linearised.measurement.machine
     sums: dict[tuple[int, int], Array] = {}
     for acts_at, component, values in effect.contributions(machine, state):
         key = acts_at % (len(machine.axes) + 2), component

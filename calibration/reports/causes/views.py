@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.observation.normal_equations import whitened, whiteners
+from calibration.diagnosis.terms.conclusion.fitted_rows import FittedRows
 from calibration.reports.causes.view import BLUNT, IN_ORDER, CauseInFit, Curve, View, lined, motions_of
 from kinematics.effects import COMPONENTS, INSTRUMENT, UM, URAD, Effect, unit_of
 from kinematics.effects.base import own_motion
@@ -29,13 +28,13 @@ DENSE = 400
 """Points of a curve."""
 
 
-def views(linearised: LinearisedFit, effect: Effect) -> list[View]:
-    """The panels of a cause with its fitted parameters, on a linearised fit whose model has it."""
-    return list(VIEWS[effect.SHOWN_OVER](CauseInFit(linearised, effect)))
+def views(data: FittedRows, effect: Effect) -> list[View]:
+    """The panels of a cause with its size, beside the residuals that it and all others leave."""
+    return list(VIEWS[effect.SHOWN_OVER](CauseInFit(data, effect)))
 
 
 def _by_row(cause: CauseInFit) -> Iterator[View]:
-    yield from cause.over(cause.linearised.rows.astype(float), IN_ORDER)
+    yield from cause.over(np.arange(len(cause.data.good), dtype=float), IN_ORDER)
 
 
 def _by_direction(cause: CauseInFit) -> Iterator[View]:
@@ -44,8 +43,8 @@ def _by_direction(cause: CauseInFit) -> Iterator[View]:
 
 def _by_way(cause: CauseInFit) -> Iterator[View]:
     """Over the distance since the last reversal; rows before the first reversal count as behind the longest."""
-    measurement, effect = cause.linearised.measurement, cause.effect
-    way = way_since_reversal(measurement.machine, measurement.state, effect.axis, effect.name)[cause.linearised.rows]
+    measurement, effect = cause.data.measurement, cause.effect
+    way = way_since_reversal(measurement.machine, measurement.state, effect.axis, effect.name)
     way = np.minimum(way, way[np.isfinite(way)].max(initial=0.0))
     unit = measurement.machine.axes[measurement.machine.index(effect.axis)].unit
     yield from _in_both_directions(cause, way, f"way of {effect.axis} since its last reversal, {unit}")
@@ -71,11 +70,11 @@ def _by_position(cause: CauseInFit) -> Iterator[View]:
 
 def _course(cause: CauseInFit, view: View, x: Array) -> Curve:
     """Curve along its axis of a cause that depends on positions alone, in the component of the view."""
-    machine = cause.linearised.measurement.machine
+    machine = cause.data.measurement.machine
     positions = np.zeros((len(x), len(machine.axes)))
     i = machine.index(cause.effect.axis)
     positions[:, i] = x * machine.scale[i]
-    for (acts_at, component), values in motions_of(cause.effect, State(positions), cause.linearised).items():
+    for (acts_at, component), values in motions_of(cause.effect, State(positions), machine).items():
         if cause._title(acts_at, component) == view.title:
             return Curve(x, values / unit_of(COMPONENTS[component])[1])
     raise KeyError(view.title)
@@ -92,7 +91,7 @@ def _folded(cause: CauseInFit) -> Iterator[View]:
 
 
 def _by_velocity(cause: CauseInFit) -> Iterator[View]:
-    machine = cause.linearised.measurement.machine
+    machine = cause.data.measurement.machine
     own = getattr(cause.effect, "axis", "")
     velocity = cause.state.need("velocity", cause.effect.name)
     for i, name in enumerate(machine.names):
@@ -105,7 +104,7 @@ def _by_velocity(cause: CauseInFit) -> Iterator[View]:
 
 
 def _by_last_move(cause: CauseInFit) -> Iterator[View]:
-    machine = cause.linearised.measurement.machine
+    machine = cause.data.measurement.machine
     move = cause.of_axis("last_move") / machine.scale[machine.index(cause.effect.axis)]
     yield from map(lined, cause.over(move, f"last move of {cause.label(cause.effect.axis)}"))
 
@@ -129,10 +128,10 @@ def _by_heat(cause: CauseInFit) -> Iterator[View]:
 def _of_workpiece(cause: CauseInFit) -> Iterator[View]:
     """Along the drift's own direction, which turns with the workpiece in the frame of the axis that carries it."""
     letter = cause.effect.component
-    direction = workpiece_direction(cause.linearised.measurement.machine, cause.state, letter)
-    motions = motions_of(cause.effect, cause.linearised.measurement.state, cause.linearised)
-    values = sum(row[cause.linearised.rows] * direction[:, k] for (_, k), row in motions.items())
-    arm = (cause.linearised.transform[:, :, :3] @ direction[:, :, None])[:, :, 0]
+    direction = workpiece_direction(cause.data.measurement.machine, cause.state, letter)
+    motions = motions_of(cause.effect, cause.state, cause.data.measurement.machine)
+    values = sum(row * direction[:, k] for (_, k), row in motions.items())
+    arm = (cause.data.transform[:, :, :3] @ direction[:, :, None])[:, :, 0]
     title = f"workpiece {letter}"
     yield lined(cause.along(arm, np.asarray(values), UM, (title, f"{title}, um"), _drive_of_heat(cause)))
 
@@ -140,7 +139,7 @@ def _of_workpiece(cause: CauseInFit) -> Iterator[View]:
 def _growth(cause: CauseInFit) -> Iterator[View]:
     """Growth per metre of distance from the fixed point; rows near it are not shown."""
     axis = cause.effect.axis
-    forward = own_motion(cause.linearised.measurement.machine, axis)[2]
+    forward = own_motion(cause.data.measurement.machine, axis)[2]
     metres = forward * (cause.position(axis) - cause.effect.fixed_point) * 1e-3
     far = np.abs(metres) > np.median(np.abs(metres)) / BLUNT
     per = np.where(far, metres, 1.0)
@@ -185,7 +184,7 @@ def _of_table(cause: CauseInFit) -> Iterator[View]:
 
 def _by_variable(cause: CauseInFit) -> Iterator[View]:
     """A panel for each variable."""
-    machine, effect = cause.linearised.measurement.machine, cause.effect
+    machine, effect = cause.data.measurement.machine, cause.effect
     for name in effect.variables:
         x, label = cause.state.variable(machine, name, effect.name), f"{name}, degC"
         if name in machine.names:
@@ -250,27 +249,26 @@ def _by_range(cause: CauseInFit) -> Iterator[View]:
 
 
 def _by_turn_of_probe(cause: CauseInFit) -> Iterator[View]:
-    turn = turn_of_probe(cause.linearised.measurement.machine, cause.state)
+    turn = turn_of_probe(cause.data.measurement.machine, cause.state)
     yield from map(lined, cause.over(np.degrees(turn), "turn of the probe about its axis, deg"))
 
 
 def _beam_columns(cause: CauseInFit) -> Array:
     """Derivatives `(n, 3, parameters)` of the observed point by an instrument's parameters, mm."""
-    made = {c.component: c.values for c in cause.effect.columns(cause.linearised.measurement.machine, cause.state)}
+    made = {c.component: c.values for c in cause.effect.columns(cause.data.measurement.machine, cause.state)}
     return np.stack([made[k] for k in range(3)], axis=1)
 
 
 def _white(cause: CauseInFit, vectors: Array) -> Array:
     """Vectors `(n, 3)` of the instrument's frame, whitened."""
-    at = 6 * (len(cause.linearised.measurement.machine.axes) + 2 + INSTRUMENT)
-    return np.asarray((cause.linearised.transform[:, :, at : at + 3] @ vectors[:, :, None])[:, :, 0])
+    at = 6 * (len(cause.data.measurement.machine.axes) + 2 + INSTRUMENT)
+    return np.asarray((cause.data.transform[:, :, at : at + 3] @ vectors[:, :, None])[:, :, 0])
 
 
 def _outliers(cause: CauseInFit) -> Iterator[View]:
     """Sizes of the residuals of all rows, the outliers in a colour of their own."""
-    fit, rows = cause.linearised.fit, cause.linearised.rows
-    white = whitened(whiteners(fit.measurement.rows(rows)), fit.residual[rows])
-    sizes = np.linalg.norm(white, axis=1) / fit.variance_factor**0.5
+    sizes = np.linalg.norm(cause.data.residual, axis=1)
+    rows = np.arange(len(sizes))
     astray = np.isin(rows, cause.effect.rows)
     groups = (("all others", ~astray), ("outliers", astray))
     label, one = "residual / standard uncertainty", np.ones(len(rows))

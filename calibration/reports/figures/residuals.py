@@ -10,7 +10,6 @@ from calibration.diagnosis.improvement import in_micro
 from calibration.diagnosis.residual.readings import readings
 from calibration.diagnosis.residual.unexplained import in_lengths, variables
 from calibration.diagnosis.result import Diagnosis
-from calibration.reports.causes.text import title
 from calibration.reports.figures.fit import in_uncertainties
 from kinematics.state import REFERENCE
 from kinematics.transforms import Array
@@ -18,9 +17,6 @@ from rendering.figures import (
     AFTER,
     BEFORE,
     COLOURS,
-    INSTRUMENT,
-    MACHINE,
-    UNEXPLAINED,
     Figure,
     Panel,
     against_normal,
@@ -31,22 +27,13 @@ from rendering.figures import (
     dots,
     grid,
     line,
-    ranked,
     some,
 )
 
-SHARE = "% of the squared residuals of the model without these causes, in units of the noise"
 APPROACHES = ((1, "forward"), (-1, "backward"), (0, "not known"))
 MEANS_ALONG, PER_MEAN = 16, 8
 OUTER = 0.5
 """Share of the points, per cent, that may lie outside of a panel on each side."""
-
-
-def share_chart(found: Diagnosis) -> Figure:
-    """Share of the squares without any cause, by named cause, and the share that no cause explains."""
-    causes = sorted(found.causes, key=lambda cause: -cause.share)
-    rows = [(title(c), c.share, INSTRUMENT if c.where == "instrument" else MACHINE) for c in causes]
-    return ranked([*rows, ("noise and unexplained residual", found.unexplained_share, UNEXPLAINED)], SHARE)
 
 
 def before_and_after(found: Diagnosis) -> Figure:

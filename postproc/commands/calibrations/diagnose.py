@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.calibrations.diagnose_by_terms import diagnose_by_terms, refuse_options
+from postproc.commands.calibrations.diagnose_by_terms import diagnose_by_terms
 from postproc.commands.options.declared import MODEL, argument, option, output_option
 from postproc.commands.options.measurement import DataOptions, Force, Noise
 from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
@@ -60,8 +60,8 @@ def diagnose(
     the measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
     """
     if engine == "terms":
-        refuse_options({"--noise": noise != "sheet", "--unexplained": unexplained != "report"})
-        diagnose_by_terms(data, machine, output, calibration, form, others, force=force)
+        added = unexplained == "add"
+        diagnose_by_terms(data, machine, output, calibration, form, others, add_unexplained=added, force=force)
         return
     _diagnose_by_rules(data, machine, output, calibration, (noise, unexplained), form, others, force=force)
 
@@ -72,7 +72,8 @@ def _diagnose_by_rules(
 ) -> None:  # fmt: skip
     """Diagnose measurement files, and write the calibration and the results."""
     from calibration.fit.beyond_measured import calibration_file
-    from calibration.reports.diagnosis import Files, diagnosis_report
+    from calibration.reports.diagnosed.commands import Files
+    from calibration.reports.diagnosis import diagnosis_report
     from calibration.reports.diagnosis_json import diagnosis_json
     from postproc.commands.show.terminal import console, show
 

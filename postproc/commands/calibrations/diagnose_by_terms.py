@@ -19,33 +19,31 @@ def diagnose_by_terms(
     form: DataOptions,
     others: ResultOptions,
     *,
+    add_unexplained: bool,
     force: bool,
 ) -> None:
     """Diagnose measurement files, and write the calibration and the results."""
-    from calibration.diagnosis.terms.conclusion.document import document
-    from calibration.diagnosis.terms.conclusion.report import report
     from calibration.diagnosis.terms.diagnosed import diagnosed
     from calibration.fit.beyond_measured import calibration_file
+    from calibration.reports.diagnosed.commands import Files
+    from calibration.reports.diagnosed.document import answer_json
+    from calibration.reports.diagnosed.page import answer_report
     from postproc.commands.show.terminal import console, show
 
     found_machine = ncomp.load_machine(machine)
     present = None if calibration is None else ncomp.load_calibration(found_machine, calibration)
     measurement = form.read(data, found_machine)
     with console.status("reading") as status:
-        answer = diagnosed(measurement, present, force=force, progress=status.update)
-    shown = report(answer)
+        answer = diagnosed(measurement, present, force=force, add_unexplained=add_unexplained, progress=status.update)
+    against = "" if calibration is None else f" --calibration {calibration}"
+    command = f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
+    files = Files(machine, str(output), None if calibration is None else str(calibration))
+    shown = answer_report(answer, command, files)
     with whole_results(*others.files, str(output) if answer.accepted else None) as (results, page, file):
         if answer.accepted:
-            file.write(calibration_file(answer.calibration, found_machine))
-        others.write(document(answer), shown, (results, page), (*data, form.plan, calibration))
+            file.write(calibration_file(answer.model, found_machine))
+        others.write(answer_json(answer), shown, (results, page), (*data, form.plan, calibration))
     show(shown, *others.files, str(output))
     if not answer.accepted:
         raise UserError(f"{measurement.source}: {answer.reason}")
     form.note_date([measurement])
-
-
-def refuse_options(given: dict[str, bool]) -> None:
-    """UserError for the first option that is given and that this engine does not know."""
-    for name, is_given in given.items():
-        if is_given:
-            raise UserError(f"{name} and --engine terms exclude each other: leave out one of them")

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from calibration.diagnosis.search.candidates import where
 from calibration.diagnosis.terms.candidates import Candidates
+from calibration.diagnosis.terms.conclusion.cause import Alternative, Cause
 from calibration.diagnosis.terms.conclusion.change import change_since, size_in
+from calibration.diagnosis.terms.conclusion.functions import obstacle
 from calibration.diagnosis.terms.conclusion.guard import HeldOut, held_out, in_units, rms_um
 from calibration.diagnosis.terms.conclusion.mixture import (
     UNDECIDED,
@@ -22,10 +23,16 @@ from calibration.diagnosis.terms.conclusion.mixture import (
     averaged,
     likely_structures,
 )
-from calibration.diagnosis.terms.conclusion.verdict import CLEAR, Judged, Verdict, judged
-from calibration.diagnosis.terms.conclusion.visibility import not_visible
+from calibration.diagnosis.terms.conclusion.next_measurement import next_measurement
+from calibration.diagnosis.terms.conclusion.verdict import CLEAR, Judged, judged
+from calibration.diagnosis.terms.conclusion.visibility import Expected, expected, unseen_motions
+from calibration.diagnosis.terms.conclusion.volume import Volume, volume
+from calibration.diagnosis.terms.conclusion.worse_than_none import AsGiven, as_given
+from calibration.diagnosis.terms.contract import where
+from calibration.diagnosis.terms.named import untested
 from calibration.evaluation.machine_change import MachineChange
 from calibration.fit.acceptance import Judged as Accepted
+from calibration.fit.acceptance import relative_deviations, significant_share
 from calibration.fit.calibrate import provenance
 from calibration.gaussian_terms.calibrated import machine_model, prior_sizes
 from calibration.gaussian_terms.outliers import log_odds, shifts
@@ -33,9 +40,11 @@ from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
 from calibration.measurement.measurement import Measurement
 from calibration.plausibility.finding import Finding
-from kinematics.effects import Effect, Outliers
-from kinematics.error_model.model import ErrorModel
+from kinematics.effects import Outliers
+from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.files.number_text import rounded
+from kinematics.transforms import Array
+from rendering.shown import Shown
 
 POINT = 3
 """Components of an observed point."""
@@ -56,27 +65,8 @@ class Figures(NamedTuple):
     """RMS per scalar of held-out blocks, predicted from the others."""
 
 
-class Cause(NamedTuple):
-    """A cause that the data support."""
-
-    kind: str
-    effect: Effect
-    """With its parameters and standard uncertainties."""
-    log_odds: float
-    """Against none."""
-    verdict: Verdict
-    rivals: tuple[tuple[Term, float, float], ...] = ()
-    """Causes that the data do not tell from it, with the odds of the cause against each, and the cosine of both."""
-    heldout_gain_um: float = 0.0
-    """Improvement of the prediction of held-out blocks."""
-    share: float = 0.0
-    """Share of the squares without any cause that this one explains."""
-    present: Effect | None = None
-    """The effect of the given calibration of which the cause is a change; None where that has none."""
-
-
-@dataclass(frozen=True)
-class Answer(Accepted):
+@dataclass(frozen=True, repr=False)
+class Answer(Accepted, Shown):
     """The answer of a search."""
 
     candidates: Candidates
@@ -87,6 +77,15 @@ class Answer(Accepted):
     """Anomalies of the data."""
     forced: bool
     """True where the calibration is written although it predicts worse than none."""
+    add_unexplained: bool
+    """True where the calibration corrects functions without a name too, as far as it can."""
+
+    @property
+    def headline(self) -> str:
+        """The result in a few words."""
+        before, after = self.figures
+        causes = ", ".join(cause.effect.name for cause in self.causes) or "no cause found"
+        return f"{self.measurement.machine.name}, {before.rms_um:.3g} -> {after.rms_um:.3g} um RMS: {causes}"
 
     @property
     def structure(self) -> Structure:
@@ -183,6 +182,10 @@ class Answer(Accepted):
         columns = np.concatenate([np.zeros(0, int), *(self._columns(each.number) for each in some)])
         return rms_um(self.structure, equations.design[:, columns] @ mean[columns])
 
+    def contribution(self, each: Judged) -> Array:
+        """What a term contributes to the observations `(n, d)`, mm and rad."""
+        return np.asarray(each.term.columns @ self.structure.posterior.mean[self._columns(each.number)])
+
     @property
     def not_repeating(self) -> dict[str, float]:
         """Standard deviation of each axis from stop to stop, um or urad, where the data show it clearly."""
@@ -194,12 +197,66 @@ class Answer(Accepted):
                 found[axis] = size
         return found
 
+    @property
+    def added(self) -> tuple[Judged, ...]:
+        """Functions without a name that the calibration corrects."""
+        asked = self.unexplained if self.add_unexplained else ()
+        return tuple(each for each in asked if not obstacle(each, self.held_out))
+
     @cached_property
-    def not_visible(self) -> list[str]:
-        """Names of error motions and causes that the data do not show."""
-        return not_visible(self.candidates)
+    def expected(self) -> list[Expected]:
+        """The causes that were tried and are not present, as the data would show them."""
+        return expected(self.candidates)
+
+    @cached_property
+    def unseen_motions(self) -> list[str]:
+        """Names of the error motions that the data do not show."""
+        return list(dict.fromkeys(unseen_motions(self.structure)))
 
     @property
+    def not_visible(self) -> list[str]:
+        """Names of error motions and causes that the data do not show."""
+        hidden = [each.effect.name for each in self.expected if not each.visible]
+        return list(dict.fromkeys([*self.unseen_motions, *hidden]))
+
+    @property
+    def untested(self) -> list[tuple[str, str]]:
+        """Names of the causes that could not be tried, and the columns that the data lack for them."""
+        return untested(self.measurement)
+
+    @property
+    def next_measurement(self) -> str:
+        """Recommended next measurement, as text for the workshop."""
+        return next_measurement(self.causes, self.unexplained)
+
+    @property
+    def model(self) -> ErrorModel:
+        """The calibration."""
+        return self.calibration
+
+    @cached_property
+    def as_given(self) -> AsGiven | None:
+        """The calibration as it was given, compared with no correction; None without one."""
+        return as_given(self.structure)
+
+    @cached_property
+    def volume(self) -> Volume:
+        """Errors of the machine over the measured states, by the calibration."""
+        present = no_errors(self.measurement.machine) if self.given is None else self.given
+        return volume(self.measurement, self.calibration, present)
+
+    @cached_property
+    def significant_share(self) -> float:
+        """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
+        return significant_share(relative_deviations(self.calibration, self.measurement))
+
+    @cached_property
+    def unexplained_share(self) -> float:
+        """Squares of the residuals with all terms, as a share of those without any."""
+        whole = float(np.sum(self.bare.left**2))
+        return min(float(np.sum(self.structure.left**2)) / max(whole, np.finfo(float).tiny), 1.0)
+
+    @cached_property
     def figures(self) -> tuple[Figures, Figures]:
         """Residuals without and with the terms."""
         return _figures(self.bare, self.held_out.geometry), _figures(self.structure, self.held_out.with_all)
@@ -209,7 +266,7 @@ class Answer(Accepted):
         """Parameters of the geometry and of the terms, over all that the data leave undecided."""
         structures = likely_structures(self.structure, self.judged, self._places)
         known = {term.family for one in structures for term in one.structure.terms}
-        return averaged(structures, self._undecided(known))
+        return averaged(structures, self._undecided(known), [each.term for each in self.added])
 
     @cached_property
     def calibration(self) -> ErrorModel:
@@ -242,11 +299,24 @@ class Answer(Accepted):
         """A term as a cause, with its size."""
         term, place = each.term, self._places[each.number]
         cosines = dict(zip(place.terms, place.cosines, strict=True))
-        rivals = tuple((one.term, float(np.exp(one.log_odds)), cosines[one.term]) for one in each.alternatives)
+        others = tuple(
+            Alternative(one.term.kind, one.term.where, one.term.name, cosines[one.term], float(np.exp(one.log_odds)))
+            for one in each.alternatives
+        )
         gain = self.held_out.without[each.number] - self.held_out.with_all
-        effect = self.sizes.effect_of(each.term)
-        present = size_in(self.given, effect)
-        return Cause(term.kind, effect, each.log_odds, each.verdict, rivals, gain, self._share(each), present)
+        found = self.sizes.effect_of(each.term)
+        (effect,) = found.sized()
+        return Cause(
+            term.kind,
+            effect,
+            found.covariance,
+            each.log_odds,
+            each.verdict,
+            others,
+            gain,
+            self._share(each),
+            size_in(self.given, effect),
+        )
 
     def _columns(self, number: int) -> np.ndarray:
         """Numbers of the columns of a term of the structure."""
@@ -273,20 +343,22 @@ class Answer(Accepted):
         if nameless or odds < CLEAR or self.measurement.instrument.components != POINT:
             return []
         shift, covariance = shifts(self.structure, rows)
-        u = 1e3 * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        u = 1e3 * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)).ravel()
         effect = Outliers(
-            rows=tuple(rows.tolist()), shift_um=tuple((1e3 * shift).ravel().tolist()), u=tuple(u.ravel().tolist())
+            rows=tuple(rows.tolist()), shift_um=tuple((1e3 * shift).ravel().tolist()), u=tuple(u.tolist())
         )
-        return [Cause("outliers", effect, odds, "strong")]
+        return [Cause("outliers", effect, np.diag(u**2), odds, "strong")]
 
 
 SIZE_STEPS = 10
 """Steps of the sizes of the geometry without terms."""
 
 
-def answered(candidates: Candidates, findings: Sequence[Finding] = (), *, force: bool = False) -> Answer:
+def answered(
+    candidates: Candidates, findings: Sequence[Finding] = (), *, force: bool = False, add_unexplained: bool = False
+) -> Answer:
     """The answer by the structure that a search has found, and the odds of all terms beside it."""
-    return Answer(candidates, tuple(judged(candidates)), tuple(findings), force)
+    return Answer(candidates, tuple(judged(candidates)), tuple(findings), force, add_unexplained)
 
 
 def _of_machine(cause: Cause) -> bool:

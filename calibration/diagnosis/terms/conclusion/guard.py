@@ -55,7 +55,7 @@ def held_out(structure: Structure) -> HeldOut:
 def _predicted(structure: Structure, sets: Sequence[np.ndarray]) -> list[Array]:
     """Whitened residuals `(N,)` of all blocks, each predicted from the others with the columns of each set."""
     equations, sizes, factor = structure.equations, structure.sizes, structure.noise.factor
-    labels = _blocks(structure)
+    labels = blocks_of(structure)
     found = [equations.residual.copy() for _ in sets]
     for block in range(BLOCKS):
         mine = labels == block
@@ -69,7 +69,7 @@ def _predicted(structure: Structure, sets: Sequence[np.ndarray]) -> list[Array]:
     return found
 
 
-def _blocks(structure: Structure) -> np.ndarray:
+def blocks_of(structure: Structure) -> np.ndarray:
     """Number of the block of each scalar `(N,)`; the rows of a stop are in one block, stated values in none."""
     observations = structure.data.observations
     stop = observations.measurement.stops

@@ -4,14 +4,14 @@
 - Terms that the data neither name nor exclude, each with the probability that it is there.
 - Time constants, lags, lengths and periods, by the derivatives of the columns.
 
-A function without a name is not what a calibration can correct: it is written as a displacement of the tool whose mean
-is zero, and whose covariance is that of its second moments.
+A function without a name is not what a calibration corrects, unless this is asked for: it is written as a displacement
+of the tool whose mean is zero, and whose covariance is that of its second moments.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -126,10 +126,13 @@ def _with(structure: Structure, chosen: _Chosen) -> Structure:
     return grown.resized(np.concatenate([structure.band_sizes, chosen.sizes]))
 
 
-def averaged(structures: Sequence[Likely], undecided: Sequence[tuple[Term, float]]) -> Parameters:
+def averaged(
+    structures: Sequence[Likely], undecided: Sequence[tuple[Term, float]], corrected: Collection[Term] = ()
+) -> Parameters:
     """Parameters of the geometry, then of the effects of all terms, over some structures.
 
-    undecided: terms that may be there beside each of them, with their log odds.
+    undecided: terms that may be there beside each of them, with their log odds. corrected: functions without a name
+    that the calibration corrects; of the others it has the uncertainty only.
     """
     each = [(Mixture.of(one.structure).with_undecided(undecided), one.probability) for one in structures]
     terms = list(dict.fromkeys(term for mixture, _ in each for term in mixture.terms if term.effects))
@@ -137,7 +140,7 @@ def averaged(structures: Sequence[Likely], undecided: Sequence[tuple[Term, float
     size = sum(len(effect.parameters) for effect in effects)
     mean, second = np.zeros(size), np.zeros((size, size))
     for mixture, probability in each:
-        values, covariance = mixture.parameters(terms)
+        values, covariance = mixture.parameters(terms, corrected)
         mean += probability * values
         second += probability * (covariance + np.outer(values, values))
     return Parameters(effects, mean, second - np.outer(mean, mean))
@@ -220,8 +223,8 @@ class Mixture:
         covariance = np.pad(self.covariance, (0, len(mean))) + whole @ spread @ whole.T
         return replace(self, mean=np.concatenate([self.mean + moved @ mean, mean]), covariance=covariance)
 
-    def effect_of(self, term: Term) -> Effect:
-        """The effect of a term with its size and standard uncertainties.
+    def effect_of(self, term: Term) -> Parameters:
+        """The effect of a term, with its size and covariance.
 
         Two effects that are fixed at different positions are one, fixed at a third one.
         """
@@ -236,7 +239,7 @@ class Mixture:
             sums = np.concatenate([np.eye(k), *(np.diag(linear.astype(float)) for _ in others)], axis=1)
             values, covariance = sums @ values, sums @ covariance @ sums.T
             first = msgspec.structs.replace(first, fixed_point=round(fixed, 3))
-        return Parameters((first,), values, covariance).sized()[0]
+        return Parameters((first,), values, covariance)
 
     def _rows(self, term: Term) -> Array:
         """The matrix `(P, q)` from all coefficients to the parameters of a term's effects, changes in units."""
@@ -251,10 +254,11 @@ class Mixture:
                 rows[names == change.name, change.column] = values[names == change.name]
         return rows
 
-    def parameters(self, terms: Sequence[Term]) -> tuple[Array, Array]:
+    def parameters(self, terms: Sequence[Term], corrected: Collection[Term] = ()) -> tuple[Array, Array]:
         """Mean `(P,)` and covariance `(P, P)` of the parameters of the geometry, then of the effects of some terms.
 
-        Those of terms that are not there are zero.
+        Those of terms that are not there are zero. The mean of a function without a name is zero, and its covariance
+        that of its second moments, unless it is one of `corrected`.
         """
         geometry = self.structure.data.geometry
         always = np.pad(geometry.parameters, ((0, 0), (0, len(self.mean) - geometry.width)))
@@ -264,7 +268,7 @@ class Mixture:
         values, covariance = np.concatenate(bare) + matrix @ self.mean, matrix @ self.covariance @ matrix.T
         ends = np.cumsum([len(part) for part in parts]).tolist()
         for term, (low, high) in zip(terms, pairwise(ends), strict=True):
-            if term in self.columns and not term.named:
+            if term in self.columns and not term.named and term not in corrected:
                 own, columns = slice(low, high), self.columns[term]
                 values[own], covariance[own, :], covariance[:, own] = 0.0, 0.0, 0.0
                 within = self.covariance[np.ix_(columns, columns)]

@@ -66,6 +66,11 @@ class Judged:
         return tuple(each for each in self.rivals if each.term.named and _cause_of(each.term) != own)
 
     @property
+    def variables(self) -> tuple[str, ...]:
+        """Variables of a function; of a wave its axis."""
+        return self.term.variables or ((self.term.where,) if self.term.where else ())
+
+    @property
     def periods(self) -> tuple[float, ...]:
         """The likely periods of a wave whose period the data leave open, its own one first; else empty."""
         own = period_of(self.term)

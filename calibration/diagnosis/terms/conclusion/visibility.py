@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,40 +11,79 @@ from calibration.diagnosis.terms.candidates import Candidates
 from calibration.diagnosis.terms.conclusion.verdict import CLEAR
 from calibration.gaussian_terms.posterior import Posterior
 from calibration.gaussian_terms.structure import Structure
+from calibration.gaussian_terms.term import Term
+from kinematics.effects import Effect
+from kinematics.transforms import Array
 
 SEEN = 0.5
 """Share of a coefficient that the data determine, the prior the rest, below which they do not show it."""
 
 
-def not_visible(candidates: Candidates) -> list[str]:
-    """Names of error motions and of causes that these data do not show."""
-    structure = candidates.structure
-    present = {term.family for term in structure.terms}
-    found = dict(_expected(candidates, present))
-    causes = [name for name, odds in found.values() if odds < CLEAR]
-    return list(dict.fromkeys([*_unseen_motions(structure), *causes]))
+class Smallest(NamedTuple):
+    """The smallest size of a cause of one parameter that is expected to be clear in these data."""
+
+    name: str
+    size: float
+    unit: str
 
 
-def _expected(candidates: Candidates, present: set[Hashable]) -> Iterator[tuple[Hashable, tuple[str, float]]]:
-    """Of each family of causes: its name, and the log odds that are expected of a cause of typical size.
+class Expected(NamedTuple):
+    """A cause that is not present, as these data would show it: the best shown one of its family."""
 
-    Of its members the one that these data show best counts, with the prior odds of the family.
-    """
-    factor = candidates.structure.noise.factor
-    gains = np.zeros(len(candidates.terms))
-    for group in candidates.groups:
-        ratio = group.values / factor
-        gains[group.numbers] = 0.5 * np.sum(ratio - np.log1p(ratio), axis=1)
+    effect: Effect
+    """Without its size."""
+    log_odds: float
+    """Expected of a cause of typical size."""
+    smallest: Smallest | None
+    """Of its forms with one parameter; None without any."""
+
+    @property
+    def visible(self) -> bool:
+        """True where a cause of typical size is expected to be clear."""
+        return self.log_odds >= CLEAR
+
+
+def expected(candidates: Candidates) -> list[Expected]:
+    """The causes that were tried and are not present, as these data would show them."""
+    present = {term.family for term in candidates.structure.terms}
+    ratios = _ratios(candidates)
     families: dict[Hashable, list[int]] = {}
     for number, term in enumerate(candidates.terms):
         if term.named and term.effects and term.family not in present:
             families.setdefault(term.family, []).append(number)
-    for family, numbers in families.items():
-        prior = float(np.logaddexp.reduce([candidates.terms[number].log_prior for number in numbers]))
-        yield family, (candidates.terms[numbers[0]].effects[0].name, prior + float(gains[numbers].max()))
+    return [_expected(candidates.terms, ratios, numbers) for numbers in families.values()]
 
 
-def _unseen_motions(structure: Structure) -> Iterator[str]:
+def _ratios(candidates: Candidates) -> list[Array]:
+    """Eigenvalues `(width,)` of the columns of each candidate beyond the geometry, in the variance of the noise."""
+    found: list[Array] = [np.zeros(0)] * len(candidates.terms)
+    for group in candidates.groups:
+        for number, values in zip(group.numbers.tolist(), group.values, strict=True):
+            found[number] = np.maximum(values / candidates.structure.noise.factor, 0.0)
+    return found
+
+
+def _expected(terms: Sequence[Term], ratios: Sequence[Array], numbers: Sequence[int]) -> Expected:
+    """The member of a family that the data show best, with the prior odds of the family."""
+    gains = [0.5 * float(np.sum(ratios[number] - np.log1p(ratios[number]))) for number in numbers]
+    prior = float(np.logaddexp.reduce([terms[number].log_prior for number in numbers]))
+    found = [each for number in numbers if (each := _smallest(terms[number], ratios[number], prior))]
+    smallest = min(found, key=lambda each: each.size, default=None)
+    return Expected(terms[numbers[0]].effects[0], prior + max(gains), smallest)
+
+
+def _smallest(term: Term, ratios: Array, prior: float) -> Smallest | None:
+    """The size of a term of one column at which its expected log odds are clear."""
+    if term.width != 1 or term.parameters is None or len(term.parameters) != 1 or not ratios[0]:
+        return None
+    table = term.effects[0].parameter_table
+    quantity = next(each for each in table if each.linear)
+    needed = 2.0 * (CLEAR - prior) + float(np.log1p(ratios[0]))
+    size = abs(float(term.parameters[0, 0])) * float(np.sqrt(max(needed, 0.0) / ratios[0]))
+    return Smallest(term.effects[0].name, size, quantity.unit)
+
+
+def unseen_motions(structure: Structure) -> Iterator[str]:
     """Names of the error motions of which the data show nothing, were they of their expected size."""
     geometry, equations = structure.data.geometry, structure.equations
     count = geometry.width

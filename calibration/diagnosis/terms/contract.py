@@ -1,0 +1,31 @@
+"""Kind, place and distinguishing fields of an effect in a diagnosis (contract 4.3)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from kinematics.effects import Effect
+
+DISTINGUISHING = (
+    *("component", "other", "sensor", "harmonic", "over", "above_deg", "station", "since_s", "target", "direction"),
+    *("plane", "degree", "fixed_point", "rows", "variables", "ranges", "terms", "side"),
+)
+"""Fields that distinguish effects of one kind, besides their axis."""
+
+
+def contract_kind(effect: Effect) -> str:
+    """The kind of an effect in a diagnosis (contract 4.3)."""
+    return effect.DIAGNOSED_AS or effect.kind
+
+
+def where(effect: Effect) -> str | None:
+    """Axis of an effect; else the direction of the tool, or the part of the instrument: its circle, station, ..."""
+    for field in ("axis", "component", "circle", "station", "target", "direction", "plane"):
+        if getattr(effect, field, None):
+            return str(getattr(effect, field))
+    return None
+
+
+def fields_of(effect: Effect) -> dict[str, Any]:
+    """Fields that distinguish an effect from others of its kind: component, other axis, sensor, side, ..."""
+    return {name: getattr(effect, name) for name in DISTINGUISHING if getattr(effect, name, None) is not None}
