@@ -139,7 +139,8 @@ class Search:
     def _out_of_motions(self, candidates: Candidates) -> Structure | None:
         """The structure with a wave in the place of finer error motions, of the likeliest number of harmonics.
 
-        None without one. The error motions are begun smoother than they are: sizes that were found without the wave explain it.
+        None without one. The error motions are begun smoother than they are: sizes that were found without the wave
+        explain it.
         """
         structure = candidates.structure
         left = beside_waves(structure)
