@@ -1,10 +1,11 @@
 """What to measure next: what a measurement not yet made would show, and which one is asked for."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
+from support.bench import BENCH, POSE, seen, shuffled, swept, to_and_fro, together
 from support.diagnosis_cases import selector
 from support.tiers import quick
 from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions
@@ -26,7 +27,7 @@ from calibration.instruments import Interferometer, Part
 from calibration.measurement.measurement import Target
 from calibration.observation.full_model import BasisChoice, with_effects
 from calibration.observation.normal_equations import residuals
-from calibration.simulation.simulate import observe, tracker_pose
+from calibration.simulation.simulate import observe
 from kinematics.effects import (
     AirScale,
     AngleHarmonic,
@@ -43,52 +44,15 @@ from kinematics.error_model.model import no_errors
 from kinematics.running.progress import silent
 from kinematics.state import State
 
-BENCH = machines.parse(
-    """
-name = "bench"
-chain = "w b Y X Z t"
-axes.X = { travel = [0, 600] }
-axes.Y = { travel = [0, 600] }
-axes.Z = { travel = [0, 450] }
-""",
-    "bench",
-)
-"""The volume of "Visibility under a tracker design"; the tracker stands 1.5 m from its middle."""
 BACKLASH_X, SETTLING_X = Backlash("X", 0.0), Settling(axis="X", share_ppm=0.0)
 GROWN_WITH_Y = CrossAxis(
     component="X", axis="X", other="Y", own_interval=(0.0, 600.0), other_interval=(0.0, 600.0), own_degree=1,
     other_degree=2, coefficients=(0.0,) * 4,
 )  # fmt: skip
-POSE = tracker_pose((-1200.0, 300.0, 300.0), np.random.default_rng(0))
-GRID = [(0.0, 120.0, 240.0, 360.0, 480.0, 600.0)] * 2 + [(0.0, 112.5, 225.0, 337.5, 450.0)]
 DRIFTS = [ThermalDrift(component=c, rate=0.0) for c in "XYZ"]
 GROWTH = [GrowthWithTime(axis=axis, rate=0.0) for axis in "XYZ"]
 ENCODER = [AngleHarmonic(circle="azimuth", harmonic=k, sine_urad=0.0, cosine_urad=0.0) for k in (1, 2)]
 LENGTHS = [RangeOffset(offset_um=0.0), AirScale(scale_um_per_m=0.0)]
-
-
-def swept():
-    return np.stack(np.meshgrid(*GRID, indexing="ij"), axis=-1).reshape(-1, 3)
-
-
-def shuffled():
-    return np.random.default_rng(5).permutation(swept())
-
-
-def to_and_fro():
-    """The grid line by line, every move along X and Z of the same length."""
-    path = [[]]
-    for ladder in (GRID[1], GRID[0], GRID[2]):
-        path = [[*head, at] for i, head in enumerate(path) for at in (ladder if i % 2 == 0 else ladder[::-1])]
-    return np.array(path)
-
-
-def seen(q, *effects, seed=2, targets=THREE):
-    """The bench as a tracker sees it, a row every 15 s."""
-    rng = np.random.default_rng(seed)
-    state = State(q, time=15.0 * np.arange(len(q)), target=rng.choice(list(targets), len(q)))
-    model = msgspec.structs.replace(no_errors(BENCH), effects=effects)
-    return observe(BENCH, model, state, TRACKER, rng, {"1": POSE}, targets)
 
 
 def frame_of(measurement):
@@ -112,23 +76,6 @@ def shares(linearised, effects, name=None):
 def shares_of(predicted, plan=None):
     known = predicted.now if plan is None else predicted.after(predicted.now, plan)
     return np.array([known.share(i) for i in range(len(predicted.effects))])
-
-
-def together(measurement, plan, *effects, seed=3):
-    """The data, and what the planned measurement shows of the bench with these effects."""
-    more = plan.measurement
-    rng = np.random.default_rng(seed)
-    known = {name: replace(target, carrier=target.carrier) for name, target in more.targets.items()}
-    model = msgspec.structs.replace(no_errors(BENCH), effects=effects)
-    done = observe(BENCH, model, replace(more.state, past=None), TRACKER, rng, plan.registration.poses, known)
-    columns = {}
-    before = replace(measurement.state, station=measurement.groups)
-    for field in fields(State):
-        one, other = getattr(before, field.name, None), getattr(done.state, field.name, None)
-        if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-            columns[field.name] = np.concatenate([one, other])
-    observed = np.concatenate([measurement.observed, done.observed])
-    return replace(measurement, state=State(**columns), observed=observed, targets=known)
 
 
 # ---- what a measurement would show

@@ -64,6 +64,10 @@ def _further(answer: Answer) -> dict[str, Any]:
         "outliers": [answer.measurement.where(row) for row in answer.outliers],
         "machine_change": machine_change_json(answer.machine_change),
         "significant_share": answer.significant_share,
+        "moves": [
+            {"move": each.name, "minutes": each.minutes, "gain_per_minute": each.gain_per_minute, "says": each.text}
+            for each in answer.proposals
+        ],
         "calibration": answer.model.id,
     }
 

@@ -20,7 +20,8 @@ from calibration.reports.fit import acceptance
 from calibration.reports.head import foot_of, measured_head
 from calibration.reports.machine_change import change_sections
 from calibration.reports.run_zeros import zeros_section
-from rendering.report import Report, Section
+from kinematics.files.number_text import rounded
+from rendering.report import Report, Section, Table
 from rendering.volume import Field, uncertainty_of, volume_section
 
 
@@ -52,7 +53,20 @@ def _sections(answer: Answer, files: Files) -> Iterator[Section]:
     yield from zeros_section(registered_rows(answer))
     yield from left_out_section(answer)
     yield Section("Next", answer.next_measurement)
+    yield from _proposals(answer)
     yield use_section(files, answer.model)
+
+
+def _proposals(answer: Answer) -> Iterator[Section]:
+    """The table of all designs that answer what the data leave open."""
+    rows = [
+        (each.name, f"{each.minutes:.0f}", rounded(each.gain_per_minute, 2), each.text)
+        for each in answer.proposals
+        if each.minutes
+    ]
+    if rows:
+        head = ("measurement", "minutes", "log odds expected per minute", "instruction and expected result")
+        yield Section("Proposed measurements", table=Table(head, rows), detail=True)
 
 
 def _map(answer: Answer) -> Iterator[Section]:

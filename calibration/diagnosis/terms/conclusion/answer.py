@@ -23,13 +23,13 @@ from calibration.diagnosis.terms.conclusion.mixture import (
     averaged,
     likely_structures,
 )
-from calibration.diagnosis.terms.conclusion.next_measurement import next_measurement
 from calibration.diagnosis.terms.conclusion.verdict import CLEAR, Judged, judged
 from calibration.diagnosis.terms.conclusion.visibility import Expected, expected, unseen_motions
 from calibration.diagnosis.terms.conclusion.volume import Volume, volume
 from calibration.diagnosis.terms.conclusion.worse_than_none import AsGiven, as_given
 from calibration.diagnosis.terms.contract import where
 from calibration.diagnosis.terms.named import untested
+from calibration.diagnosis.terms.next.proposals import CHECK, ProposedMeasurement, proposed
 from calibration.evaluation.machine_change import MachineChange
 from calibration.fit.acceptance import Judged as Accepted
 from calibration.fit.acceptance import relative_deviations, significant_share
@@ -227,7 +227,7 @@ class Answer(Accepted, Shown):
     @property
     def next_measurement(self) -> str:
         """Recommended next measurement, as text for the workshop."""
-        return next_measurement(self.causes, self.unexplained)
+        return self.proposals[0].text if self.proposals else CHECK
 
     @property
     def model(self) -> ErrorModel:
@@ -260,6 +260,12 @@ class Answer(Accepted, Shown):
     def figures(self) -> tuple[Figures, Figures]:
         """Residuals without and with the terms."""
         return _figures(self.bare, self.held_out.geometry), _figures(self.structure, self.held_out.with_all)
+
+    @cached_property
+    def proposals(self) -> tuple[ProposedMeasurement, ...]:
+        """Measurements that answer what the data leave open, the best first; then questions that none answers."""
+        functions = [each for each in self.unexplained if not each.term.named]
+        return tuple(proposed(self.candidates, self.judged, self._places, functions))
 
     @cached_property
     def _averaged(self) -> Parameters:

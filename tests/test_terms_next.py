@@ -1,0 +1,186 @@
+"""What to measure next, by the engine of terms: designs that answer what the data leave open, and no others."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+from support.bench import BENCH_TOML, seen, shuffled, swept, to_and_fro, together
+from support.command import run_command
+from support.virtual_measurements import written
+
+from calibration.diagnosis.terms.conclusion.answer import Answer
+from calibration.diagnosis.terms.diagnosed import diagnosed
+from calibration.diagnosis.terms.forms import plain
+from calibration.diagnosis.terms.next.questions import Known, Question, Signal, columns_of
+from calibration.diagnosis.terms.next.stacked_rows import StackedRows
+from calibration.follow_up.design import FollowUpDesign
+from calibration.follow_up.designs import follow_up_designs
+from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.structure import Data, Structure
+from calibration.measurement.measurement import Measurement
+from calibration.observation.outliers import first_registration
+from kinematics.effects import (
+    AirScale,
+    Backlash,
+    CrossAxis,
+    Effect,
+    GrowthWithTime,
+    RangeOffset,
+    Settling,
+    ThermalDrift,
+    TrackerDrift,
+    Unnamed,
+)
+
+BACKLASH = Backlash("X", 12.0)
+SPANS = (0.0, 600.0), (0.0, 600.0)
+UNNAMED = Unnamed(
+    component="Z", variables=("X", "Y"), ranges=SPANS, terms=((3, 2), (2, 3), (4, 4)), coefficients=(12.0, -9.0, 14.0)
+)
+
+
+@cache
+def tied() -> Answer:
+    """Backlash, measured with moves by which it looks like other causes of the drive."""
+    return diagnosed(seen(to_and_fro(), BACKLASH))
+
+
+def planned(data: Measurement, name: str) -> FollowUpDesign:
+    registration, _ = first_registration(data)
+    return next(design for design in follow_up_designs(data, registration) if design.name == name)
+
+
+def separated(answer: Answer, rival: str) -> set[str]:
+    """Designs that separate the backlash from a rival, as it is said."""
+    return {each.name for each in answer.proposals if each.minutes and rival in each.text}
+
+
+def test_the_design_that_tells_most_in_a_minute_comes_first():
+    (cause,) = tied().causes
+    assert cause.verdict == "tied"
+    designs = [each for each in tied().proposals if each.minutes]
+    gains = [each.gain_per_minute for each in designs]
+    assert gains == sorted(gains, reverse=True)
+    assert len(set(gains)) > 1
+    assert all(f"({each.minutes:.0f} min)" in each.text and "to 1 expected" in each.text for each in designs)
+    assert "separates backlash X from settling X" in designs[0].text
+
+
+@pytest.mark.parametrize(
+    "design",
+    [
+        "shuffled, fewer",
+        "move lengths",
+        "other side",
+        "target below",
+        "retrace",
+        "bar",
+        "second station across the volume",
+    ],
+)
+def test_a_tie_ends_by_the_designs_that_are_said_to_end_it_and_by_no_others(design):
+    """The designs are measured on the virtual machine with the backlash, and both measurements diagnosed as one."""
+    data = seen(to_and_fro(), BACKLASH)
+    again = diagnosed(together(data, planned(data, design), BACKLASH))
+    (cause,) = again.causes
+    assert cause.kind == "backlash"
+    left = {each.kind for each in cause.alternatives}
+    for rival in ("settling", "reversal-spike"):
+        assert (design in separated(tied(), rival)) == (rival not in left)
+    assert (cause.verdict == "strong") == (not left)
+
+
+def test_another_order_shows_whether_a_function_without_a_name_recurs():
+    found = diagnosed(seen(swept(), UNNAMED))
+    assert found.unexplained
+    asking = [each for each in found.proposals if "recurs with the position or with the time" in each.text]
+    assert {"retrace", "shuffled"} <= {each.name for each in asking}
+    assert not {"other side", "bar", "move lengths"} & {each.name for each in asking}
+    assert found.proposals[0] in asking
+
+
+def test_a_weak_cause_is_measured_again():
+    found = diagnosed(seen(shuffled(), Backlash("X", 0.7), seed=11))
+    assert found.causes[0].verdict in ("weak", "tied")
+    design = next(each for each in found.proposals if each.minutes)
+    data = seen(shuffled(), Backlash("X", 0.7), seed=11)
+    again = diagnosed(together(data, planned(data, design.name), Backlash("X", 0.7)))
+    assert again.causes[0].log_odds > found.causes[0].log_odds
+
+
+def test_where_nothing_is_in_doubt_nothing_is_proposed():
+    found = diagnosed(seen(shuffled(), BACKLASH))
+    assert [(cause.effect.name, cause.verdict) for cause in found.causes] == [("backlash X", "strong")]
+    assert not found.proposals
+
+
+def test_the_command_says_the_first_proposal(tmp_path):
+    written(seen(to_and_fro(), BACKLASH), tmp_path / "data.csv")
+    (tmp_path / "bench.toml").write_text(BENCH_TOML, encoding="utf-8")
+    out = tmp_path / "out.json"
+    words = ("-m", tmp_path / "bench.toml", "-o", tmp_path / "new.json", "--json", out, "--engine", "terms")
+    done = run_command("diagnose", tmp_path / "data.csv", *words)
+    assert done.status == 0, done.shown
+    document = json.loads(out.read_text(encoding="utf-8"))
+    said = document["next_measurement"]
+    assert document["moves"][0]["says"] == said
+    assert document["moves"][0]["minutes"] > 0.0
+    assert "separates backlash X from settling X" in said
+    assert " min): this " in said
+
+
+# ---- causes that are parallel in some data: designs in which they are not
+
+
+SIZE = 3.0
+"""Size of a cause, in typical sizes."""
+CLEARLY, NOT_CLEARLY = 20.0, 5.0
+"""Log odds by which causes are separated for certain, and that leave a tie."""
+ORDERS = {"retrace", "shuffled", "cold start"}
+STATIONS = {"second station across the volume", "second station a quarter round the volume"}
+GROWN_WITH_Y = CrossAxis(
+    component="X", axis="X", other="Y", own_interval=SPANS[0], other_interval=SPANS[1], own_degree=1,
+    other_degree=2, coefficients=(0.0,) * 4,
+)  # fmt: skip
+PARALLEL = {
+    "tool and tracker": (
+        shuffled, ThermalDrift(component="X", rate=0.0), TrackerDrift(), {"fixed references", "many fixed references"},
+        {*ORDERS, *STATIONS, "other side", "target below"},
+    ),
+    "range and air": (
+        shuffled, RangeOffset(offset_um=0.0), AirScale(scale_um_per_m=0.0), {"bar"}, {*ORDERS, "other side", "finer X"},
+    ),
+    "moves of one length": (
+        to_and_fro, Backlash("X", 0.0), Settling(axis="X", share_ppm=0.0), {"move lengths", "other side", "shuffled"},
+        {"retrace", "fixed references", "bar", *STATIONS},
+    ),
+    "growth in time and bending": (
+        swept, GrowthWithTime(axis="X", rate=0.0), GROWN_WITH_Y, ORDERS, {"other side", "bar", *STATIONS},
+    ),
+}  # fmt: skip
+"""Positions, two causes that are parallel in them, designs that part them, and designs in which they stay parallel."""
+
+
+def expected_odds(data: Measurement, one: Effect, other: Effect) -> dict[str, float]:
+    """Expected log odds of either cause against the other, by design."""
+    observations = Observations.of(data)
+    structure = Structure.first(Data.of(observations)).fitted()
+    terms = [plain(observations, effect) for effect in (one, other)]
+    registration, _ = first_registration(data)
+    rows = StackedRows.of(structure, registration, terms, np.zeros_like(observations.residual))
+    signals = [Signal(columns_of(terms, structure, i), np.full(terms[i].width, SIZE)) for i in range(2)]
+    tie = Question("tie", one.name, signals[0], ((signals[1], 0.0),), ())
+    now = Known(rows.products(), structure)
+    designs = follow_up_designs(data, registration)
+    return {each.name: tie.answer(now, Known(rows.products(each), structure)) for each in designs}
+
+
+@pytest.mark.parametrize("case", PARALLEL)
+def test_only_designs_in_which_two_causes_are_not_parallel_separate_them(case):
+    positions, one, other, parting, staying = PARALLEL[case]
+    found = expected_odds(seen(positions()), one, other)
+    assert all(found[name] > CLEARLY for name in parting)
+    assert all(found[name] < NOT_CLEARLY for name in staying)
