@@ -12,6 +12,7 @@ from calibration.diagnosis.terms.contract import fields_of
 from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.reports.diagnosed.registered import registered_rows
 from calibration.reports.machine_change import machine_change_json
+from calibration.reports.separability import separability_json
 
 LARGEST = 700.0
 """Largest logarithm of odds whose odds are a number."""
@@ -64,6 +65,10 @@ def _further(answer: Answer) -> dict[str, Any]:
         "outliers": [answer.measurement.where(row) for row in answer.outliers],
         "machine_change": machine_change_json(answer.machine_change),
         "significant_share": answer.significant_share,
+        "design": [
+            {**row, "log10_odds": each.log_odds / math.log(10.0)}
+            for row, each in zip(separability_json(answer.design), answer.design, strict=True)
+        ],
         "moves": [
             {"move": each.name, "minutes": each.minutes, "gain_per_minute": each.gain_per_minute, "says": each.text}
             for each in answer.proposals

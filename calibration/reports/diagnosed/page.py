@@ -20,6 +20,7 @@ from calibration.reports.fit import acceptance
 from calibration.reports.head import foot_of, measured_head
 from calibration.reports.machine_change import change_sections
 from calibration.reports.run_zeros import zeros_section
+from calibration.reports.separability import BY_ODDS, separability_section
 from kinematics.files.number_text import rounded
 from rendering.report import Report, Section, Table
 from rendering.volume import Field, uncertainty_of, volume_section
@@ -50,6 +51,7 @@ def _sections(answer: Answer, files: Files) -> Iterator[Section]:
     yield from change_sections(answer.machine_change)
     yield from residual_sections(answer)
     yield from unseen_sections(answer)
+    yield separability_section(answer.design, BY_ODDS)
     yield from zeros_section(registered_rows(answer))
     yield from left_out_section(answer)
     yield Section("Next", answer.next_measurement)

@@ -13,6 +13,7 @@ import numpy as np
 from calibration.diagnosis.terms.candidates import Candidates
 from calibration.diagnosis.terms.conclusion.cause import Alternative, Cause
 from calibration.diagnosis.terms.conclusion.change import change_since, size_in
+from calibration.diagnosis.terms.conclusion.design import Designed, designed
 from calibration.diagnosis.terms.conclusion.functions import obstacle
 from calibration.diagnosis.terms.conclusion.guard import HeldOut, held_out, in_units, rms_um
 from calibration.diagnosis.terms.conclusion.mixture import (
@@ -260,6 +261,11 @@ class Answer(Accepted, Shown):
     def figures(self) -> tuple[Figures, Figures]:
         """Residuals without and with the terms."""
         return _figures(self.bare, self.held_out.geometry), _figures(self.structure, self.held_out.with_all)
+
+    @cached_property
+    def design(self) -> list[Designed]:
+        """The causes that the rows can show and separate, whatever is read."""
+        return designed(self.structure.data, self.candidates.terms)
 
     @cached_property
     def proposals(self) -> tuple[ProposedMeasurement, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from calibration.diagnosis.terms.candidates import Candidates
 from calibration.diagnosis.terms.conclusion.verdict import CLEAR
+from calibration.gaussian_terms.gains import log_gains_by_squares
 from calibration.gaussian_terms.posterior import Posterior
 from calibration.gaussian_terms.structure import Structure
 from calibration.gaussian_terms.term import Term
@@ -46,12 +47,21 @@ class Expected(NamedTuple):
 def expected(candidates: Candidates) -> list[Expected]:
     """The causes that were tried and are not present, as these data would show them."""
     present = {term.family for term in candidates.structure.terms}
-    ratios = _ratios(candidates)
+    gains, ratios = typical_gains(candidates), _ratios(candidates)
     families: dict[Hashable, list[int]] = {}
     for number, term in enumerate(candidates.terms):
         if term.named and term.effects and term.family not in present:
             families.setdefault(term.family, []).append(number)
-    return [_expected(candidates.terms, ratios, numbers) for numbers in families.values()]
+    return [_expected(candidates.terms, gains, ratios, numbers) for numbers in families.values()]
+
+
+def typical_gains(candidates: Candidates) -> Array:
+    """Log evidence `(terms,)` that each candidate is expected to gain where it is there, of typical size."""
+    factor, found = candidates.structure.noise.factor, np.zeros(len(candidates.terms))
+    for group in candidates.groups:
+        squares = group.values**2 + factor * group.values
+        found[group.numbers] = log_gains_by_squares(group.values, squares, np.ones(1), factor)
+    return found
 
 
 def _ratios(candidates: Candidates) -> list[Array]:
@@ -63,13 +73,12 @@ def _ratios(candidates: Candidates) -> list[Array]:
     return found
 
 
-def _expected(terms: Sequence[Term], ratios: Sequence[Array], numbers: Sequence[int]) -> Expected:
+def _expected(terms: Sequence[Term], gains: Array, ratios: Sequence[Array], numbers: Sequence[int]) -> Expected:
     """The member of a family that the data show best, with the prior odds of the family."""
-    gains = [0.5 * float(np.sum(ratios[number] - np.log1p(ratios[number]))) for number in numbers]
     prior = float(np.logaddexp.reduce([terms[number].log_prior for number in numbers]))
     found = [each for number in numbers if (each := _smallest(terms[number], ratios[number], prior))]
     smallest = min(found, key=lambda each: each.size, default=None)
-    return Expected(terms[numbers[0]].effects[0], prior + max(gains), smallest)
+    return Expected(terms[numbers[0]].effects[0], prior + float(gains[list(numbers)].max()), smallest)
 
 
 def _smallest(term: Term, ratios: Array, prior: float) -> Smallest | None:
