@@ -7,25 +7,30 @@ from functools import cache
 
 import numpy as np
 import pytest
-from support.bench import BENCH_TOML, seen, shuffled, swept, to_and_fro, together
+from support.bench import BENCH, BENCH_TOML, POSE, seen, shuffled, swept, to_and_fro, together
 from support.command import run_command
-from support.virtual_measurements import written
+from support.virtual_measurements import THREE, TRACKER, measured, positions, written
 
+import machines
 from calibration.diagnosis.terms.conclusion.answer import Answer
 from calibration.diagnosis.terms.diagnosed import diagnosed
 from calibration.diagnosis.terms.forms import plain
+from calibration.diagnosis.terms.named import named
 from calibration.diagnosis.terms.next.questions import Known, Question, Signal, columns_of
 from calibration.diagnosis.terms.next.stacked_rows import StackedRows
 from calibration.follow_up.design import FollowUpDesign
 from calibration.follow_up.designs import follow_up_designs
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
-from calibration.measurement.measurement import Measurement
+from calibration.instruments import Interferometer
+from calibration.measurement.measurement import Measurement, Target
 from calibration.observation.outliers import first_registration
+from calibration.simulation.simulate import observe
 from kinematics.effects import (
     AirScale,
     Backlash,
     CrossAxis,
+    Cyclic,
     Effect,
     GrowthWithTime,
     RangeOffset,
@@ -34,6 +39,8 @@ from kinematics.effects import (
     TrackerDrift,
     Unnamed,
 )
+from kinematics.error_model.model import no_errors
+from kinematics.state import State
 
 BACKLASH = Backlash("X", 12.0)
 SPANS = (0.0, 600.0), (0.0, 600.0)
@@ -100,6 +107,22 @@ def test_another_order_shows_whether_a_function_without_a_name_recurs():
     assert {"retrace", "shuffled"} <= {each.name for each in asking}
     assert not {"other side", "bar", "move lengths"} & {each.name for each in asking}
     assert found.proposals[0] in asking
+
+
+def test_irregular_positions_find_a_period_that_equal_steps_leave_open():
+    """At steps of 20 mm a wave of 12.5 mm looks like waves of 33.3, 7.7, 4.8 mm and others."""
+    rng, wave = np.random.default_rng(1), Cyclic("X", "X", 12.5, (8.0,), (5.0,))
+    q = rng.uniform(0.0, 450.0, (150, 3))
+    q[:, BENCH.index("X")] = 20.0 * rng.integers(0, 31, 150)
+    data = seen(q, wave, seed=1)
+    found = diagnosed(data)
+    assert [len(each.periods) > 1 for each in found.unexplained] == [True]
+    best = found.proposals[0]
+    assert (best.name, "finds the period" in best.text) == ("finer X", True)
+    (cause,) = diagnosed(together(data, planned(data, best.name), wave)).causes
+    assert (cause.kind, cause.verdict) == ("cyclic", "strong")
+    assert isinstance(cause.effect, Cyclic)
+    assert cause.effect.period == pytest.approx(12.5, abs=0.05)
 
 
 def test_a_weak_cause_is_measured_again():
@@ -180,7 +203,53 @@ def expected_odds(data: Measurement, one: Effect, other: Effect) -> dict[str, fl
 
 @pytest.mark.parametrize("case", PARALLEL)
 def test_only_designs_in_which_two_causes_are_not_parallel_separate_them(case):
-    positions, one, other, parting, staying = PARALLEL[case]
-    found = expected_odds(seen(positions()), one, other)
+    where, one, other, parting, staying = PARALLEL[case]
+    found = expected_odds(seen(where()), one, other)
     assert all(found[name] > CLEARLY for name in parting)
     assert all(found[name] < NOT_CLEARLY for name in staying)
+
+
+# ---- after other measurements
+
+
+def five_axes() -> Measurement:
+    machine, rng = machines.load("dmu50"), np.random.default_rng(4)
+    targets = THREE | {"nest": Target((100.0, 50.0, -20.0), "table")}
+    q = positions(machine, 160, rng)
+    return measured(machine, q, targets, no_errors(machine), rng, stations=2, stands_on="bed")
+
+
+def in_motion() -> Measurement:
+    q, rng = shuffled(), np.random.default_rng(6)
+    velocity = np.diff(q, axis=0, prepend=q[:1]) + 1.0
+    state = State(q, time=0.1 * np.arange(len(q)), velocity=velocity, acceleration=0.0 * q)
+    return observe(BENCH, no_errors(BENCH), state, TRACKER, rng, {"1": POSE})
+
+
+def by_interferometer() -> Measurement:
+    x = np.tile(np.append(np.linspace(0, 600, 13), np.linspace(600, 0, 13)), 3)
+    state = State(np.stack([0 * x + 300, x, 0 * x + 200], axis=1), time=10.0 * np.arange(len(x)))
+    run, rng = np.repeat(["1", "2", "3"], 26), np.random.default_rng(8)
+    instrument = Interferometer(u_um=0.5)
+    return observe(BENCH, no_errors(BENCH), state, instrument, rng, axis=np.full(len(x), "X"), run=run)
+
+
+SMALL = 1e-3
+"""Signal, in standard deviations of the noise, that is rounding."""
+
+
+@pytest.mark.parametrize("make", [five_axes, in_motion, by_interferometer])
+def test_no_design_takes_information_away(make):
+    """Whatever unknowns it brings: all causes that the data can show, with all designs that may follow."""
+    observations = Observations.of(make())
+    structure = Structure.first(Data.of(observations)).fitted()
+    terms = list({term.family: term for term in named(observations)}.values())
+    registration, _ = first_registration(observations.measurement)
+    rows = StackedRows.of(structure, registration, terms, np.zeros_like(observations.residual))
+    now, designs = rows.products(), list(follow_up_designs(observations.measurement, registration))
+    assert designs
+    for design in designs:
+        after = rows.products(design)
+        scale = np.maximum(np.linalg.norm(rows.root[:, : rows.width], axis=0), np.sqrt(np.diag(after)))
+        scale = np.maximum(scale, SMALL)
+        assert np.linalg.eigvalsh((after - now) / scale[:, None] / scale).min() > -1e-6
