@@ -83,9 +83,9 @@ def volume_section(
     sizes: with the RMS and the largest value of each map. measured: ranges of the axes that were moved, mm; the maps
     do not go beyond them, and do not extend along other axes.
     """
-    bounds = _bounds(machine, [model for field in fields for model in (field.plus, field.minus) if model is not None])
-    if measured is not None:
-        bounds = {i: both for i, own in bounds.items() if (both := _common(own, measured.get(machine.names[i])))}
+    travels = {axis.name: axis.travel for axis in machine.axes} if measured is None else measured
+    models = [model for field in fields for model in (field.plus, field.minus) if model is not None]
+    bounds = _bounds(machine, models, travels)
     if len(bounds) < 2:
         return
     lines = [TEXT.format(tool=TOOL_MM)]
@@ -102,31 +102,24 @@ def positional(effect: Effect) -> bool:
     return effect.ACTS_ON != "instrument" and not others and not effect.sensors
 
 
-def _bounds(machine: Machine, models: Sequence[ErrorModel]) -> Bounds:
+def _bounds(machine: Machine, models: Sequence[ErrorModel], travels: Mapping[str, Interval]) -> Bounds:
     """Ends of each linear axis in which all error motions are known; of no axis without any, if another one has some.
 
-    Where no effect has a range (squareness, backlash), all linear axes have those of their travel.
+    travels: largest ranges by axis; axes that are not there have no ends. Where no effect has a range (squareness,
+    backlash), the ends are those of these ranges.
     """
     effects = [effect for model in models for effect in model.effects if positional(effect)]
-    linear = [i for i in range(len(machine.axes)) if not machine.rotary[i]]
+    linear = [i for i in range(len(machine.axes)) if not machine.rotary[i] and machine.names[i] in travels]
     ranges = {i: [e.intervals[name] for e in effects if (name := machine.names[i]) in e.intervals] for i in linear}
     found = {}
     for i in linear:
         if not ranges[i] and any(ranges.values()):
             continue
-        known = zip(*ranges[i], machine.axes[i].travel, strict=True)
+        known = zip(*ranges[i], travels[machine.names[i]], strict=True)
         low, high = (f(ends) for f, ends in zip((max, min), known, strict=True))
         if np.isfinite((low, high)).all() and low < high:
             found[i] = (low, high)
     return found
-
-
-def _common(own: Interval, measured: Interval | None) -> Interval | None:
-    """The part of a range within a measured one; None without."""
-    if measured is None:
-        return None
-    low, high = max(own[0], measured[0]), min(own[1], measured[1])
-    return (low, high) if low < high else None
 
 
 def _positions(machine: Machine, bounds: Bounds, counts: Sequence[int]) -> Array:

@@ -126,7 +126,7 @@ def check_contract(said):
         assert set(effect["parameters"]) == set(effect["u"])
         for size in (*effect["parameters"].values(), *effect["u"].values()):
             assert all(isinstance(value, float) and math.isfinite(value) for value in np.atleast_1d(size).tolist())
-        for key in ("delta_bic", "heldout_gain_um", "share"):
+        for key in ("log10_odds" if "log10_odds" in effect else "delta_bic", "heldout_gain_um", "share"):
             assert isinstance(effect[key], float)
         assert 0.0 <= effect["share"] <= 1.0
         assert effect["verdict"] in ("strong", "tied", "weak")

@@ -22,7 +22,7 @@ CFRAME, DMU50 = machines.load("cframe"), machines.load("dmu50")
 FURTHER = {
     *("estimated_noise", "forced", "confirmed", "worse_than_none", "held_out", "unexplained_periods", "added"),
     *("sanity", "zeros", "by_direction_um", "volume_um", "visibility", "would_show_from", "not_tested", "outliers"),
-    *("significant_share", "calibration"),
+    *("significant_share", "calibration", "unexplained_functions", "machine_change"),
 }
 
 
@@ -129,7 +129,7 @@ def test_the_map_does_not_extend_along_an_axis_that_did_not_move(tmp_path):
     flat = there_and_back(Backlash("X", 100.0), height=-100.0)
     found = told(tmp_path, written(flat, tmp_path / "data.csv"))
     titles = [panel.get("title", "") for panel in panels(found.page)]
-    assert any(title == "without a correction: X and Y" for title in titles)
+    assert any("without a correction: X and Y" in title for title in titles)
     assert not any(re.search(r": .*\bZ\b", title) for title in titles if "correction" in title)
 
 
@@ -189,11 +189,11 @@ def test_a_function_of_the_time_is_not_added_and_the_page_says_why(tmp_path):
 
 
 def test_open_periods_of_a_rotary_axis_are_told_with_their_orders(tmp_path):
-    """At steps of 45 deg, 5 and 11 waves in a turn look the same."""
+    """At steps of 5 deg, 30 and 42 waves in a turn look the same."""
     rng = np.random.default_rng(3)
-    q = np.repeat(positions(DMU50, 40, rng, edges=30), 8, axis=0)
-    q[:, DMU50.index("C")] = np.radians(np.tile(np.arange(0.0, 360.0, 45.0), 40))
-    wave = Cyclic("C", "C", 72.0, (60.0,), (0.0,))
+    q = np.repeat(positions(DMU50, 5, rng, edges=3), 72, axis=0)
+    q[:, DMU50.index("C")] = np.radians(np.tile(np.arange(0.0, 360.0, 5.0), 5))
+    wave = Cyclic("C", "C", 12.0, (60.0,), (0.0,))
     data = measured(DMU50, q, THREE, with_errors(wave, machine=DMU50), rng)
     found = told(tmp_path, written(data, tmp_path / "data.csv"), "--force", machine="dmu50")
     assert found.document["unexplained_periods"]

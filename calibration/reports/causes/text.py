@@ -12,6 +12,8 @@ from rendering.report import shortened
 MANY = 8
 """Most parameters of a cause that are printed; the JSON has all."""
 COVERAGE = 2
+WAVES = 3
+"""Most waves of a cause that are printed."""
 CERTAIN = 1e6
 """Odds from which a similar cause is excluded in practice."""
 REMEDIES = {
@@ -84,7 +86,7 @@ def in_full(name: str) -> str:
 
 
 def sizes(cause: Told) -> list[str]:
-    """Parameters with their expanded uncertainties and units."""
+    """Parameters with their expanded uncertainties and units; of a periodic error its waves and its period."""
     effect = cause.effect
     if cause.kind == "higher-frequency":
         basis = getattr(effect, "basis", None)
@@ -92,8 +94,9 @@ def sizes(cause: Told) -> list[str]:
     if effect.size_summary:
         return list(effect.size_summary)
     table = zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
-    texts = [f"{_label(q)} {with_uncertainty(value, u)} {q.unit}" for q, value, u in table if not q.held]
-    return [*effect.waves, *shortened(texts, MANY, "parameters"), *effect.conditions]
+    listed = [row for row in table if not (row[0].held or (effect.waves and row[0].linear))]
+    texts = [f"{_label(q)} {with_uncertainty(value, u)} {q.unit}" for q, value, u in listed]
+    return [*shortened(effect.waves, WAVES, "waves"), *shortened(texts, MANY, "parameters"), *effect.conditions]
 
 
 def with_uncertainty(value: float, u: float) -> str:

@@ -29,9 +29,8 @@ LEGEND = (
     "RMS of held-out blocks by the cause. TIED means that these data do not tell the cause from another one."
 )
 SHARES = (
-    "Blue: the machine. Orange: the instrument. 100 % are the squared residuals of the model without these causes. A "
-    "share is what they would grow by if this cause alone were left out again. What two causes could both explain "
-    "counts for neither or for both, so the shares need not sum up to 100 %."
+    "Blue: the machine. Orange: the instrument. 100 % are the squared residuals of the model without these causes; a "
+    "share is the part of them that follows the cause."
 )
 LARGEST = 700.0
 """Largest logarithm of odds whose odds are a number."""

@@ -53,6 +53,10 @@ def _further(answer: Answer) -> dict[str, Any]:
         "worse_than_none": given is not None and given.worse,
         "widened": 1.0,
         "held_out": {"nothing_rms_um": answer.held_out.nothing, "new_rms_um": answer.held_out.with_all},
+        "unexplained_functions": [
+            {"name": each.term.name, "variables": list(each.variables), "rms_um": answer.rms_of([each])}
+            for each in answer.unexplained
+        ],
         "unexplained_periods": [period for each in answer.unexplained for period in each.periods],
         "added": [each.term.name for each in answer.added],
         "sanity": [{"what": finding.check, "says": finding.message} for finding in answer.findings],
@@ -108,8 +112,4 @@ def _unexplained(answer: Answer) -> dict[str, Any] | None:
         "variables": list(dict.fromkeys(variable for each in some for variable in each.variables)),
         "p_value": 1.0 / (1.0 + math.exp(min(max(each.log_odds for each in some), LARGEST))),
         "rms_um": answer.rms_of(some),
-        "functions": [
-            {"name": each.term.name, "variables": list(each.variables), "rms_um": answer.rms_of([each])}
-            for each in some
-        ],
     }

@@ -93,7 +93,7 @@ def function_figure(answer: Answer, each: Judged) -> Figure:
     for label, x in found:
         panels.append(Panel(label, f"unexplained, {measurement.unit}"))
         rows = some(np.arange(len(x)))
-        for k in range(micro.shape[1]):
+        for k in np.flatnonzero(micro.any(axis=0)).tolist():
             dots(panels[-1], x[rows], micro[rows, k], COLOURS[k], names[k])
     if len(found) < 2:
         return grid(panels, 2)

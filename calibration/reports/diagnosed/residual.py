@@ -17,7 +17,8 @@ from rendering.report import Section, Table, facts, shortened
 
 LISTED = 8
 """Most rows that are listed; the JSON has all."""
-OBSERVED = "Residuals are observed minus expected, in x, y, z of the part that carries the instrument."
+OBSERVED = "Residuals are observed minus expected"
+OF_POINTS = ", in x, y, z of the part that carries the instrument"
 
 
 def unexplained_sections(answer: Answer) -> Iterator[Section]:
@@ -49,9 +50,9 @@ def residual_sections(answer: Answer) -> Iterator[Section]:
     rows.append(("expected of noise alone", f"{answer.noise_um:.2f}", "", "", ""))
     table = Table((f"residual, {unit}", "RMS", "max", "chi2/dof", "held out, RMS"), rows)
     text = (
-        f"{OBSERVED} Max is the largest length; chi2/dof is by the instrument specification. Before is the model "
-        "without the causes, after with them. Held-out residuals are those of blocks of rows, each predicted from all "
-        "others."
+        f"{OBSERVED}{OF_POINTS if answer.measurement.axis is None else ''}. Max is the largest length; chi2/dof is by "
+        "the instrument specification. Before is the model without the causes, after with them. Held-out residuals are "
+        "those of blocks of rows, each predicted from all others."
     )
     yield Section("Residual before and after", text, table, partial(before_and_after, answer))
     before, after = by_direction(answer.bare), by_direction(answer.structure)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from calibration.diagnosis.terms.conclusion.answer import Answer
@@ -16,8 +17,12 @@ from rendering.report import shortened
 
 SIMILAR = 3
 """Most causes that a sentence lists in the place of one."""
+CAUSES = 4
+"""Most causes in the first sentences; the table has all."""
 LISTED = 4
 """Most rows that are listed as left out; the JSON has all."""
+FAR = 2.0
+"""Factor between noise and specification from which a sentence says so: data sheets are safe by about as much."""
 PERIODS = 8
 """Most periods that a sentence lists."""
 
@@ -27,8 +32,8 @@ def sentences(answer: Answer) -> Iterator[str]:
     yield from _given(answer)
     yield from (f"NOTE: {each.message}." for each in answer.findings if each.check == "chain")
     yield from change_sentences(answer.machine_change)
-    for cause, size in by_size(answer):
-        yield f"{_headed(cause, size)}. {cause.effect.workshop.repair}"
+    causes = [f"{_headed(cause, size)}. {cause.effect.workshop.repair}" for cause, size in by_size(answer)]
+    yield from shortened(causes, CAUSES, "causes")
     before, after = answer.figures
     unit = answer.measurement.unit
     yield (
@@ -37,6 +42,7 @@ def sentences(answer: Answer) -> Iterator[str]:
         f"{_changed(before.heldout_rms_um, after.heldout_rms_um)} {unit}."
     )
     yield unexplained_sentence(answer)
+    yield from _noise(answer)
     yield from insignificant(answer.significant_share)
     yield from _left_out(answer)
 
@@ -115,6 +121,16 @@ def _given(answer: Answer) -> Iterator[str]:
             f"CONFIRMED: these data show no change of the machine since the present calibration, which predicts "
             f"held-out blocks to {held.nothing:.2f} {unit} RMS, and updated by these data to {held.with_all:.2f} "
             f"{unit}. The new file holds the updated one."
+        )
+
+
+def _noise(answer: Answer) -> Iterator[str]:
+    """A sentence where the noise is far from the specification of the instrument."""
+    factor = math.sqrt(answer.structure.noise.factor)
+    if not 1.0 / FAR < factor < FAR:
+        yield (
+            f"The residuals contradict the stated uncertainty of the instrument: the noise is {rounded(factor, 2)} "
+            "times as large. The diagnosis uses the noise that the data show."
         )
 
 

@@ -253,9 +253,8 @@ class Answer(Accepted, Shown):
 
     @cached_property
     def unexplained_share(self) -> float:
-        """Squares of the residuals with all terms, as a share of those without any."""
-        whole = float(np.sum(self.bare.left**2))
-        return min(float(np.sum(self.structure.left**2)) / max(whole, np.finfo(float).tiny), 1.0)
+        """Share of the squares without any cause that no term follows."""
+        return self._part(self.structure.left)
 
     @cached_property
     def figures(self) -> tuple[Figures, Figures]:
@@ -336,13 +335,14 @@ class Answer(Accepted, Shown):
         return np.arange(before, before + self.structure.terms[number].width)
 
     def _share(self, each: Judged) -> float:
-        """Share of the squares without any cause that a term explains, beside all others."""
-        structure, columns = self.structure, self._columns(each.number)
-        posterior, sizes = structure.posterior, structure.sizes[columns]
-        information = np.linalg.inv(posterior.covariance[np.ix_(columns, columns)]) - np.diag(sizes**-2)
-        mean = posterior.mean[columns]
-        whole = float(np.sum(self.bare.left**2)) / structure.noise.factor
-        return min(max(float(mean @ information @ mean) / max(whole, 1e-300), 0.0), 1.0)
+        """Share of the squares without any cause that follows a term; the shares of all terms and the rest are 1."""
+        columns = self._columns(each.number)
+        return self._part(self.structure.equations.design[:, columns] @ self.structure.posterior.mean[columns])
+
+    def _part(self, values: Array) -> float:
+        """Share of the squares without any cause that follows values `(N,)`."""
+        whole = self.bare.left
+        return min(max(float(values @ whole) / max(float(whole @ whole), np.finfo(float).tiny), 0.0), 1.0)
 
     def _outliers(self) -> list[Cause]:
         """The outliers of points as one cause.

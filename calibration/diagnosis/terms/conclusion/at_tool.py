@@ -24,7 +24,7 @@ class AtTool(NamedTuple):
 
     size_um: float
     u_um: float
-    """Standard uncertainty."""
+    """Standard uncertainty by the linear parameters; where the displacements are largest does not depend on others."""
 
 
 def at_tool(measurement: Measurement, effect: Effect, covariance: Array) -> AtTool | None:
@@ -50,7 +50,7 @@ def at_tool(measurement: Measurement, effect: Effect, covariance: Array) -> AtTo
     size = float(np.linalg.norm(difference))
     transform = error_transform_with_tool(machine, state.positions, tool)[:, :3]
     design = model.design(machine, state, transform)[[first, second]]
-    along = (difference / size if size else np.zeros(3)) @ (design[0] - design[1])
+    along = (difference / size if size else np.zeros(3)) @ (design[0] - design[1]) * effect.linear
     return AtTool(1e3 * size, 1e3 * float(np.sqrt(max(float(along @ covariance @ along), 0.0))))
 
 

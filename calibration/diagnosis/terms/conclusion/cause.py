@@ -38,7 +38,7 @@ class Cause(NamedTuple):
     heldout_gain_um: float = 0.0
     """Improvement of the prediction of held-out blocks."""
     share: float = 0.0
-    """Share of the squares without any cause that this one explains."""
+    """Share of the squares without any cause that follows this one."""
     present: Effect | None = None
     """Effect of the calibration that was given which it changes; None where it is a cause of its own."""
 
