@@ -1,5 +1,6 @@
 """The engine of terms against a calibration: it is confirmed, or changes of the machine are named with their sizes."""
 
+import json
 from functools import cache
 
 import numpy as np
@@ -149,5 +150,9 @@ def test_the_command_confirms_a_calibration(tmp_path):
     assert run_command("diagnose", tmp_path / "first.csv", *words, "-o", old).status == 0
     done = run_command("diagnose", tmp_path / "second.csv", *words, "-c", old, "-o", new, "--json", out)
     assert done.status == 0, done.shown
-    assert '"confirmed": true' in out.read_text(encoding="utf-8")
+    said = json.loads(out.read_text(encoding="utf-8"))
+    assert said["confirmed"]
+    assert not said["machine_change"]["significant"]
+    assert {line["name"] for line in said["machine_change"]["lines"]} >= {"E_C0Y", "scale X"}
+    assert "No change of the machine: " in " ".join(done.shown.split())
     assert new.exists()

@@ -125,13 +125,29 @@ def test_irregular_positions_find_a_period_that_equal_steps_leave_open():
     assert cause.effect.period == pytest.approx(12.5, abs=0.05)
 
 
-def test_a_weak_cause_is_measured_again():
-    found = diagnosed(seen(shuffled(), Backlash("X", 0.7), seed=11))
-    assert found.causes[0].verdict in ("weak", "tied")
-    design = next(each for each in found.proposals if each.minutes)
-    data = seen(shuffled(), Backlash("X", 0.7), seed=11)
-    again = diagnosed(together(data, planned(data, design.name), Backlash("X", 0.7)))
-    assert again.causes[0].log_odds > found.causes[0].log_odds
+def test_a_weak_cause_is_confirmed_by_the_first_design():
+    weak = Backlash("X", 0.7)
+    data = seen(shuffled(), weak, seed=11)
+    (before,) = (found := diagnosed(data)).causes
+    assert before.log_odds < np.log(150.0)
+    best = found.proposals[0]
+    assert "confirms backlash X" in best.text
+    (after,) = diagnosed(together(data, planned(data, best.name), weak)).causes
+    assert after.kind == "backlash"
+    assert after.log_odds > np.log(150.0)
+
+
+def test_fixed_targets_tell_a_drifting_machine_from_a_drifting_tracker():
+    drift = ThermalDrift(component="X", rate=2.0)
+    data = seen(shuffled(), drift, seed=1)
+    (before,) = (found := diagnosed(data)).causes
+    assert "tracker-range-drift" in {each.kind for each in before.alternatives}
+    separating = [each for each in found.proposals if each.minutes and "tracker-range-drift" in each.text]
+    assert separating
+    assert all("fixed targets" in each.text for each in separating)
+    (after,) = diagnosed(together(data, planned(data, separating[0].name), drift)).causes
+    assert (after.kind, after.axis) == ("thermal-drift", "X")
+    assert not {each.kind for each in after.alternatives if each.kind.startswith(("tracker", "air"))}
 
 
 def test_where_nothing_is_in_doubt_nothing_is_proposed():

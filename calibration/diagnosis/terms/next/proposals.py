@@ -105,7 +105,8 @@ def _expected(clear: Mapping[Question, float]) -> Iterator[str]:
     for question in clear:
         ties.setdefault(f"{question.kind} {question.name}", []).append(question)
     for some in ties.values():
-        others = " and ".join(question.other for question in some)
+        *first, last = [question.other for question in some]
+        others = f"{', '.join(first)} and {last}" if first else last
         yield f"{_does(some[0], others)} ({_odds(min(clear[question] for question in some))})"
 
 

@@ -7,7 +7,7 @@ the data, and what the evidence of both is expected to gain by it; the same with
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -57,7 +57,7 @@ class Question:
 
     def answer(self, now: Known, after: Known) -> float:
         """Least of the log odds that are expected from the data with a design, whichever of the signals is there."""
-        now, after = now.beside(self), after.beside(self)
+        now, after = now.without(self.without), after.without(self.without)
         if not self.others:
             return self.log_odds + after.gain(self.one, self.one) - now.gain(self.one, self.one)
         found = []
@@ -74,12 +74,17 @@ class Known:
 
     products: Array
     structure: Structure
+    _without: dict[tuple[int, ...], Known] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    def beside(self, question: Question) -> Known:
-        """Products less what the geometry and the terms that stay explain, at their sizes."""
-        present = len(self.structure.sizes)
-        left_out = [columns_of(self.structure.terms, self.structure, number) for number in question.without]
-        kept = np.setdiff1d(np.arange(present), np.concatenate([np.zeros(0, int), *left_out]))
+    def without(self, numbers: tuple[int, ...]) -> Known:
+        """Products less what the geometry and the terms explain at their sizes, but for the terms of some numbers."""
+        if numbers not in self._without:
+            self._without[numbers] = self._less(numbers)
+        return self._without[numbers]
+
+    def _less(self, numbers: tuple[int, ...]) -> Known:
+        left_out = [columns_of(self.structure.terms, self.structure, number) for number in numbers]
+        kept = np.setdiff1d(np.arange(len(self.structure.sizes)), np.concatenate([np.zeros(0, int), *left_out]))
         size = self.structure.sizes[kept]
         low = np.linalg.cholesky(self.products[np.ix_(kept, kept)] * size[:, None] * size + np.eye(len(kept)))
         through = linalg.solve_triangular(low, self.products[kept] * size[:, None], lower=True)
@@ -171,11 +176,11 @@ def _of_term(place: _Place, rivals: list[Term]) -> Iterator[Question]:
     if each.periods:
         periods = [rival for rival in each.rivals if rival.term.family == each.term.family]
         yield Question("period", name, one, tuple(against(periods)), without, term=each.term)
-    elif each.alternatives:
-        for rival in each.alternatives:
-            others = tuple(against(place.near(rival)))
-            yield Question("tie", name, one, others, without, 0.0, _name(rival.term), each.term, rival.term)
-    elif each.verdict == "weak":
+        return
+    for rival in each.alternatives:
+        others = tuple(against(place.near(rival)))
+        yield Question("tie", name, one, others, without, 0.0, _name(rival.term), each.term, rival.term)
+    if each.log_odds < CLEAR:
         yield Question("weak", name, one, (), without, each.log_odds, term=each.term)
 
 
