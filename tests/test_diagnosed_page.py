@@ -15,8 +15,8 @@ from virtual_machine import draws
 
 import machines
 from calibration.diagnosis.terms.diagnosed import diagnosed
-from kinematics.effects import Backlash, Cyclic, ThermalDrift, Unnamed
-from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.effects import Backlash, Cyclic, LocationError, ThermalDrift, Unnamed
+from kinematics.error_model.model import ErrorModel, encode_model, no_errors
 
 CFRAME, DMU50 = machines.load("cframe"), machines.load("dmu50")
 FURTHER = {
@@ -224,6 +224,28 @@ def test_a_calibration_that_is_worse_than_none_is_called_so(tmp_path, half_waves
     assert ("WORSE THAN NONE" in first) == worse
     assert ("CONFIRMED" in first) != worse
     assert len(found.document["zeros"]) == 4
+
+
+@pytest.mark.parametrize("factor", [0.02, 50.0])
+def test_a_sheet_that_is_far_off_is_told_with_the_noise_that_was_found(tmp_path, factor):
+    data = written(there_and_back(Backlash("X", 80.0)), tmp_path / "data.csv")
+    stated = {"u_range_um_per_m": 0.5 * factor, "u_angle_um": 3.0 * factor, "u_angle_um_per_m": 3.0 * factor}
+    found = told(tmp_path, data, *(part for key, u in stated.items() for part in ("--header", f"{key}={u}")))
+    assert any(line.startswith("The residuals contradict the stated uncertainty") for line in found.lines)
+    assert found.document["estimated_noise"]["instrument_factor"] == pytest.approx(1.0 / factor, rel=0.2)
+    assert [cause["kind"] for cause in found.document["effects"]] == ["backlash"]
+
+
+def test_an_angle_is_told_by_what_it_does_at_the_tool_point(tmp_path):
+    """A squareness of 100 urad over the travel of the axis that is out of square."""
+    low, high = CFRAME.axes[CFRAME.index("Y")].travel
+    given = tmp_path / "given.json"
+    given.write_bytes(encode_model(diagnosed(there_and_back(rows=120, seed=3), force=True).model))
+    data = written(there_and_back(LocationError("C", "Y", 100.0), rows=120), tmp_path / "data.csv")
+    found = told(tmp_path, data, "-c", given)
+    first = next(line for line in found.lines if "E_C0Y" in line)
+    size, u = map(float, re.search(r": ([\d.]+) um \(U ([\d.]+) um\) at the tool point", first).groups())
+    assert abs(size - 0.1 * (high - low)) < 2.0 * u + 1.0
 
 
 def test_an_answer_shows_itself_in_a_session():
