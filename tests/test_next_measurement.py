@@ -5,12 +5,11 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from support.bench import BENCH, POSE, seen, shuffled, swept, to_and_fro, together
+from support.bench import BENCH, seen, shuffled, swept, to_and_fro, together
 from support.diagnosis_cases import selector
 from support.tiers import quick
-from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions
+from support.virtual_measurements import ONE, TRACKER, measured, positions
 
-import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.next.predicted_information import PredictedInformation
 from calibration.diagnosis.next.ranking import SURE, Question, Signal, proposed_measurements
@@ -19,15 +18,9 @@ from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.search.derivatives import signals
 from calibration.diagnosis.search.evaluation import SEEN
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.start_model import base_of
 from calibration.fit.fit import fit
-from calibration.follow_up.design import MOST_ROWS
 from calibration.follow_up.designs import follow_up_designs
-from calibration.instruments import Interferometer, Part
-from calibration.measurement.measurement import Target
 from calibration.observation.full_model import BasisChoice, with_effects
-from calibration.observation.normal_equations import residuals
-from calibration.simulation.simulate import observe
 from kinematics.effects import (
     AirScale,
     AngleHarmonic,
@@ -41,8 +34,6 @@ from kinematics.effects import (
     TrackerDrift,
 )
 from kinematics.error_model.model import no_errors
-from kinematics.running.progress import silent
-from kinematics.state import State
 
 BACKLASH_X, SETTLING_X = Backlash("X", 0.0), Settling(axis="X", share_ppm=0.0)
 GROWN_WITH_Y = CrossAxis(
@@ -359,124 +350,6 @@ def test_moves_are_ranked_by_what_they_tell_per_minute(backlash_or_settling):
         for move in found.proposed_measurements
         if move.gain_per_minute
     )
-
-
-# ---- what may follow a measurement
-
-
-def five_axis():
-    machine = machines.load("dmu50")
-    rng = np.random.default_rng(4)
-    targets = THREE | {"nest": Target((100.0, 50.0, -20.0), "table")}
-    return measured(
-        machine, positions(machine, 160, rng), targets, no_errors(machine), rng, stations=2, stands_on="bed"
-    )
-
-
-def in_motion():
-    q = shuffled()
-    state = State(
-        q, time=0.1 * np.arange(len(q)), velocity=np.diff(q, axis=0, prepend=q[:1]) + 1.0, acceleration=0.0 * q,
-        temperatures={"spindle": np.linspace(0.0, 3.0, len(q))},
-    )  # fmt: skip
-    rng = np.random.default_rng(6)
-    return observe(BENCH, no_errors(BENCH), state, TRACKER, rng, {"1": POSE})
-
-
-def many_rows():
-    rng = np.random.default_rng(7)
-    return seen(rng.uniform(0.0, 450.0, (1500, 3)))
-
-
-def by_interferometer():
-    x = np.tile(np.append(np.linspace(0, 600, 13), np.linspace(600, 0, 13)), 3)
-    state = State(np.stack([0 * x + 300, x, 0 * x + 200], axis=1), time=10.0 * np.arange(len(x)))
-    run = np.repeat(["1", "2", "3"], 26)
-    rng = np.random.default_rng(8)
-    return observe(BENCH, no_errors(BENCH), state, Interferometer(u_um=0.5), rng, axis=np.full(len(x), "X"), run=run)
-
-
-CASES = {
-    "standing": (lambda: seen(swept()), {"retrace", "shuffled", "cold start", "other side", "move lengths", "finer X", "bar"}),
-    "five axes": (five_axis, {"retrace", "second station across the volume", "fixed references", "target below", "finer B", "bar"}),
-    "in motion": (in_motion, {"retrace", "second feed", "second station across the volume", "bar"}),
-    "many rows": (many_rows, {"retrace"}),
-    "interferometer": (by_interferometer, {"retrace", "shuffled", "other side", "move lengths", "finer X"}),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", quick(CASES, ["standing", "interferometer"]))
-def test_a_plan_is_a_measurement_that_follows_the_data(case):
-    make, expected = CASES[case]
-    data = make()
-    base = base_of(data, None, silent)
-    linearised = LinearisedFit.of(base.fit(data, [], "sheet"))
-    found = list(designs_after(linearised.fit))
-    assert expected <= {plan.name for plan in found}
-    assert len({plan.name for plan in found}) == len(found)
-    now = (predicted := PredictedInformation(linearised, DRIFTS)).now
-    for plan in found:
-        more = plan.measurement
-        assert plan.minutes > 0.0
-        assert 0 < len(more) <= 2 * MOST_ROWS
-        assert set(linearised.fit.registration.names) <= set(plan.registration.names)
-        assert set(np.unique(more.groups)) <= {*plan.registration.poses, *(g for g in plan.registration.zeros)}
-        missed = residuals(more, no_errors(data.machine), plan.registration)
-        assert np.abs(missed).max() < 1e-9
-        if more.state.time is not None and not plan.name.startswith("cold start"):
-            assert more.state.time.min() > data.state.time.max()
-        known = predicted.after(now, plan)
-        for i in range(len(DRIFTS)):
-            assert np.all(np.linalg.eigvalsh(known.schur(i) - now.schur(i)) > -1e-6 * max(known.schur(i).max(), 1.0))
-
-
-def test_nothing_is_planned_after_a_part():
-    part = observe(BENCH, no_errors(BENCH), State(swept()), Part(u_um=2.0), np.random.default_rng(9))
-    assert not list(designs_after(frame_of(part).fit))
-
-
-def test_what_is_in_motion_is_not_asked_to_stand():
-    assert not {"shuffled", "other side", "move lengths"} & {
-        plan.name for plan in designs_after(frame_of(in_motion()).fit)
-    }
-
-
-def test_a_second_feed_changes_the_velocity_and_not_the_path():
-    data = in_motion()
-    more = planned(frame_of(data), "second feed").measurement
-    assert np.array_equal(more.state.positions, data.state.positions)
-    assert more.state.velocity == pytest.approx(0.5 * data.state.velocity)
-    assert np.ptp(more.state.time) == pytest.approx(2.0 * np.ptp(data.state.time))
-
-
-def test_a_retrace_comes_from_where_the_machine_went():
-    data = seen(swept())
-    more = planned(frame_of(data), "retrace").measurement
-    assert np.array_equal(more.state.positions, data.state.positions[::-1])
-    moved = np.diff(data.state.positions, axis=0)[::-1]
-    assert np.array_equal(more.state.last_move[1:][moved != 0.0], -moved[moved != 0.0])
-
-
-def test_from_cold_the_machine_warms_up_as_it_did():
-    data = seen(swept())
-    kelvin = 5.0 * (1.0 - np.exp(-data.state.time / 900.0))
-    data = replace(data, state=replace(data.state, temperatures={"frame": kelvin}))
-    linearised = frame_of(data)
-    for name in ("cold start", "cold start, fewer"):
-        state = planned(linearised, name).measurement.state
-        assert state.temperatures["frame"] == pytest.approx(5.0 * (1.0 - np.exp(-state.time / 900.0)), abs=0.01)
-    later = planned(linearised, "retrace").measurement.state
-    half = len(kelvin) // 2
-    slope = np.polyfit(data.state.time[half:], kelvin[half:], 1)[0]
-    assert np.diff(later.temperatures["frame"]) == pytest.approx(slope * np.diff(later.time))
-
-
-def test_a_few_of_the_positions_take_less_time():
-    linearised = frame_of(seen(swept()))
-    whole, some = planned(linearised, "retrace"), planned(linearised, "retrace, fewer")
-    assert "all 180 positions" in whole.does
-    assert "60 of the positions" in some.does
-    assert (whole.minutes, some.minutes) == pytest.approx((45.0, 15.0))
 
 
 @pytest.mark.statistical

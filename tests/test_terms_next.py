@@ -7,25 +7,33 @@ from functools import cache
 
 import numpy as np
 import pytest
-from support.bench import BENCH, BENCH_TOML, POSE, seen, shuffled, swept, to_and_fro, together
+from support.bench import (
+    BENCH,
+    BENCH_TOML,
+    by_interferometer,
+    five_axes,
+    in_motion,
+    planned,
+    seen,
+    shuffled,
+    swept,
+    to_and_fro,
+    together,
+)
 from support.command import run_command
-from support.virtual_measurements import THREE, TRACKER, measured, positions, written
+from support.virtual_measurements import written
 
-import machines
 from calibration.diagnosis.terms.conclusion.answer import Answer
 from calibration.diagnosis.terms.diagnosed import diagnosed
 from calibration.diagnosis.terms.forms import plain
 from calibration.diagnosis.terms.named import named
 from calibration.diagnosis.terms.next.questions import Known, Question, Signal, columns_of
 from calibration.diagnosis.terms.next.stacked_rows import StackedRows
-from calibration.follow_up.design import FollowUpDesign
 from calibration.follow_up.designs import follow_up_designs
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
-from calibration.instruments import Interferometer
-from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import first_registration
-from calibration.simulation.simulate import observe
 from kinematics.effects import (
     AirScale,
     Backlash,
@@ -39,8 +47,6 @@ from kinematics.effects import (
     TrackerDrift,
     Unnamed,
 )
-from kinematics.error_model.model import no_errors
-from kinematics.state import State
 
 BACKLASH = Backlash("X", 12.0)
 SPANS = (0.0, 600.0), (0.0, 600.0)
@@ -53,11 +59,6 @@ UNNAMED = Unnamed(
 def tied() -> Answer:
     """Backlash, measured with moves by which it looks like other causes of the drive."""
     return diagnosed(seen(to_and_fro(), BACKLASH))
-
-
-def planned(data: Measurement, name: str) -> FollowUpDesign:
-    registration, _ = first_registration(data)
-    return next(design for design in follow_up_designs(data, registration) if design.name == name)
 
 
 def separated(answer: Answer, rival: str) -> set[str]:
@@ -226,28 +227,6 @@ def test_only_designs_in_which_two_causes_are_not_parallel_separate_them(case):
 
 
 # ---- after other measurements
-
-
-def five_axes() -> Measurement:
-    machine, rng = machines.load("dmu50"), np.random.default_rng(4)
-    targets = THREE | {"nest": Target((100.0, 50.0, -20.0), "table")}
-    q = positions(machine, 160, rng)
-    return measured(machine, q, targets, no_errors(machine), rng, stations=2, stands_on="bed")
-
-
-def in_motion() -> Measurement:
-    q, rng = shuffled(), np.random.default_rng(6)
-    velocity = np.diff(q, axis=0, prepend=q[:1]) + 1.0
-    state = State(q, time=0.1 * np.arange(len(q)), velocity=velocity, acceleration=0.0 * q)
-    return observe(BENCH, no_errors(BENCH), state, TRACKER, rng, {"1": POSE})
-
-
-def by_interferometer() -> Measurement:
-    x = np.tile(np.append(np.linspace(0, 600, 13), np.linspace(600, 0, 13)), 3)
-    state = State(np.stack([0 * x + 300, x, 0 * x + 200], axis=1), time=10.0 * np.arange(len(x)))
-    run, rng = np.repeat(["1", "2", "3"], 26), np.random.default_rng(8)
-    instrument = Interferometer(u_um=0.5)
-    return observe(BENCH, no_errors(BENCH), state, instrument, rng, axis=np.full(len(x), "X"), run=run)
 
 
 SMALL = 1e-3

@@ -7,13 +7,16 @@ import numpy as np
 
 import machines
 from calibration.follow_up.design import FollowUpDesign
-from calibration.measurement.measurement import Measurement
+from calibration.follow_up.designs import follow_up_designs
+from calibration.instruments import Interferometer
+from calibration.measurement.measurement import Measurement, Target
+from calibration.observation.outliers import first_registration
 from calibration.simulation.simulate import observe, tracker_pose
 from kinematics.effects import Effect
 from kinematics.error_model.model import no_errors
 from kinematics.state import State
 from kinematics.transforms import Array
-from support.virtual_measurements import THREE, TRACKER
+from support.virtual_measurements import THREE, TRACKER, measured, positions
 
 BENCH_TOML = """
 name = "bench"
@@ -69,3 +72,40 @@ def together(measurement: Measurement, plan: FollowUpDesign, *effects: Effect, s
             columns[field.name] = np.concatenate([one, other])
     observed = np.concatenate([measurement.observed, done.observed])
     return replace(measurement, state=State(**columns), observed=observed, targets=known)
+
+
+def five_axes() -> Measurement:
+    """Five axes without errors, from two stations, with a target on the table."""
+    machine, rng = machines.load("dmu50"), np.random.default_rng(4)
+    targets = THREE | {"nest": Target((100.0, 50.0, -20.0), "table")}
+    q = positions(machine, 160, rng)
+    return measured(machine, q, targets, no_errors(machine), rng, stations=2, stands_on="bed")
+
+
+def in_motion() -> Measurement:
+    """The bench without errors, recorded in motion, with the temperature of its spindle."""
+    q, rng = shuffled(), np.random.default_rng(6)
+    velocity = np.diff(q, axis=0, prepend=q[:1]) + 1.0
+    state = State(
+        q,
+        time=0.1 * np.arange(len(q)),
+        velocity=velocity,
+        acceleration=0.0 * q,
+        temperatures={"spindle": np.linspace(0.0, 3.0, len(q))},
+    )
+    return observe(BENCH, no_errors(BENCH), state, TRACKER, rng, {"1": POSE})
+
+
+def by_interferometer() -> Measurement:
+    """X of the bench without errors, to and fro in three runs."""
+    x = np.tile(np.append(np.linspace(0, 600, 13), np.linspace(600, 0, 13)), 3)
+    state = State(np.stack([0 * x + 300, x, 0 * x + 200], axis=1), time=10.0 * np.arange(len(x)))
+    run, rng = np.repeat(["1", "2", "3"], 26), np.random.default_rng(8)
+    instrument = Interferometer(u_um=0.5)
+    return observe(BENCH, no_errors(BENCH), state, instrument, rng, axis=np.full(len(x), "X"), run=run)
+
+
+def planned(data: Measurement, name: str) -> FollowUpDesign:
+    """The design of a name that may follow a measurement."""
+    registration, _ = first_registration(data)
+    return next(design for design in follow_up_designs(data, registration) if design.name == name)
