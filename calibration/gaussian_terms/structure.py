@@ -159,12 +159,12 @@ class Structure:
     def _expected_squares(self) -> Array:
         """Expected squares of the sizes of bands and terms: of a band, those of its neighbours if these are larger.
 
-        A finer band is not expected to fall at once, and a coarser one to have smaller coefficients than a finer one.
+        A finer band is expected to go on falling as its prior sizes do, a coarser one to have no smaller coefficients.
         """
         geometry = self.data.geometry
         coarser = geometry.coarser
         finer = np.flatnonzero(coarser >= 0)
-        of_bands = np.where(coarser >= 0, self.priors.rougher * self.band_sizes[coarser] ** 2, 0.0)
+        of_bands = np.where(coarser >= 0, self.band_sizes[coarser] ** 2, 0.0)
         by_finer = (geometry.falls[finer] * self.band_sizes[finer]) ** 2
         of_bands[coarser[finer]] = np.maximum(of_bands[coarser[finer]], by_finer)
         return np.asarray(np.maximum(np.append(of_bands, np.zeros(len(self.terms))), self.priors.least_share**2))

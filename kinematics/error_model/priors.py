@@ -29,9 +29,7 @@ class Priors:
     before a compensation have 10 to 100 (the table of effects)."""
     smoothness: float = 1.5
     """Power of the degree with which expected coefficients of an error motion fall: between a walk (1) and a guide
-    whose curvature is limited (2)."""
-    rougher: float = 0.5
-    """Expected square of the size of a band of degrees, beyond this fall, as a share of that of the coarser band."""
+    whose curvature is limited (2). A finer band is expected to go on falling so from the coarser one."""
     least_share: float = 0.3
     """Least expected size of a band or a cause, as a share of its prior size."""
     band_weight: float = 4.0
