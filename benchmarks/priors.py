@@ -30,8 +30,8 @@ from short_measurements.case import UM, Case
 from short_measurements_exam import questions
 
 import ncomp
-from calibration.diagnosis.terms.diagnosed import diagnosed
-from calibration.reports.diagnosed.document import answer_json
+from calibration.diagnosis.diagnose import diagnosed
+from calibration.reports.diagnosis.document import answer_json
 from kinematics.error_model.model import write_model
 from kinematics.error_model.priors import PRIORS, Priors
 

@@ -8,7 +8,7 @@ from support.diagnosis_cases import data_with, selector
 
 from calibration.diagnosis.residual.cancelling import cancelling
 from calibration.diagnosis.residual.unexplained import stand_together
-from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.library.candidate import Candidate
 from kinematics.effects import Backlash, LocationError, LocationJump, ThermalDrift, Unnamed
 
 DRIFT = Candidate(ThermalDrift("X", rate=0.0))

@@ -11,8 +11,8 @@ from support.virtual_measurements import ONE, THREE, TRACKER, measured, position
 
 import machines
 from calibration.diagnosis.not_visible import below_spacing
-from calibration.diagnosis.search.candidates import Candidate, at_zero, changes, library
-from calibration.diagnosis.search.causes import causes, jumps
+from calibration.diagnosis.library.candidate import Candidate, at_zero, changes, library
+from calibration.diagnosis.library.causes import causes, jumps
 from calibration.diagnosis.search.evaluation import evaluate, siblings
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes import proposed_shapes

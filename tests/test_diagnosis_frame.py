@@ -8,7 +8,7 @@ import pytest
 from support.diagnosis_cases import LEGENDRE, data_with, fitted, selector
 
 from calibration.diagnosis.improvement import figures, held_out_rows
-from calibration.diagnosis.search.candidates import at_zero
+from calibration.diagnosis.library.candidate import at_zero
 from calibration.diagnosis.search.held_out import LIKELY
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import GENEROUS

@@ -22,7 +22,7 @@ from calibration.diagnosis.residual.chance_level import DRAWS, ENOUGH, Chance
 from calibration.diagnosis.residual.dependence import Unexplained, of_variables
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.residual.found_again import found_again
-from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Selector

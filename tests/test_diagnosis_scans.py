@@ -7,7 +7,7 @@ from support.diagnosis_cases import CFRAME, data_with, fitted, framed
 from support.tiers import quick
 from support.virtual_measurements import THREE, measured
 
-from calibration.diagnosis.search.candidates import at_zero, library
+from calibration.diagnosis.library.candidate import at_zero, library
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes import proposed_shapes as scans

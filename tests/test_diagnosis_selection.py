@@ -13,7 +13,7 @@ from support.diagnosis_cases import data_with, framed, selector
 
 from calibration.diagnosis import searched_causes
 from calibration.diagnosis.search import evaluation, recent_fits, selection
-from calibration.diagnosis.search.candidates import RARE, Candidate, at_zero
+from calibration.diagnosis.library.candidate import RARE, Candidate, at_zero
 from calibration.diagnosis.search.common_causes import commoner, drifting, knocked
 from calibration.diagnosis.search.evaluation import (
     SIGNS,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.diagnosis_cases import data_with, fitted
 
-from calibration.diagnosis.search.candidates import Candidate, library
+from calibration.diagnosis.library.candidate import Candidate, library
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.separability import ALIKE, separability
 from kinematics.effects import Backlash

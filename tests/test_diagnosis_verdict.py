@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.diagnosis_cases import CFRAME, data_with, fitted, framed
 
-from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Projected, Score

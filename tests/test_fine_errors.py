@@ -8,7 +8,7 @@ import pytest
 from support.diagnosis_cases import CFRAME, selector
 from support.virtual_measurements import THREE, measured, positions
 
-from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.unseen.fine_errors import fine_variances, squares_by_fine_errors
 from calibration.diagnosis.unseen.unseen_states import moments
 from calibration.measurement.estimated_noise import EstimatedNoise

@@ -17,7 +17,7 @@ from calibration.diagnosis.acceptance import against_undecided
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.preparation import prepared
 from calibration.diagnosis.residual.recurring import recurring
-from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.imitated_causes import imitated
 from calibration.diagnosis.search.shapes.change_points import breaks

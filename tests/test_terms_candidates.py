@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from support.diagnosis_cases import data_with
 
-from calibration.diagnosis.terms.candidates import Candidates
-from calibration.diagnosis.terms.dictionary import Dictionary
+from calibration.diagnosis.candidates import Candidates
+from calibration.diagnosis.dictionary import Dictionary
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term

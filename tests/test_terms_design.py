@@ -10,8 +10,8 @@ from support.bench import BENCH_TOML, seen, shuffled, to_and_fro
 from support.command import run_command
 from support.virtual_measurements import written
 
-from calibration.diagnosis.terms.conclusion.design import Designed
-from calibration.diagnosis.terms.diagnosed import diagnosed
+from calibration.diagnosis.conclusion.design import Designed
+from calibration.diagnosis.diagnose import diagnosed
 from kinematics.effects import Backlash, Effect
 
 

@@ -10,8 +10,8 @@ from support.probe_cases import TIP, probed
 from support.virtual_measurements import ONE, THREE, measured, positions, truth, written
 
 import machines
-from calibration.diagnosis.terms.conclusion.answer import Answer
-from calibration.diagnosis.terms.diagnosed import diagnosed
+from calibration.diagnosis.conclusion.answer import Answer
+from calibration.diagnosis.diagnose import diagnosed
 from calibration.evaluation.volumetric import aligned
 from calibration.fit.calibrate import calibrate
 from calibration.gaussian_terms.geometry import root_of

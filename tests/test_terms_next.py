@@ -23,12 +23,12 @@ from support.bench import (
 from support.command import run_command
 from support.virtual_measurements import written
 
-from calibration.diagnosis.terms.conclusion.answer import Answer
-from calibration.diagnosis.terms.diagnosed import diagnosed
-from calibration.diagnosis.terms.forms import plain
-from calibration.diagnosis.terms.named import named
-from calibration.diagnosis.terms.next.questions import Known, Question, Signal, columns_of
-from calibration.diagnosis.terms.next.stacked_rows import StackedRows
+from calibration.diagnosis.conclusion.answer import Answer
+from calibration.diagnosis.diagnose import diagnosed
+from calibration.diagnosis.forms import plain
+from calibration.diagnosis.named import named
+from calibration.diagnosis.next.questions import Known, Question, Signal, columns_of
+from calibration.diagnosis.next.stacked_rows import StackedRows
 from calibration.follow_up.designs import follow_up_designs
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure

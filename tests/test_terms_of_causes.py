@@ -12,13 +12,13 @@ from support.probe_cases import probed
 from support.virtual_measurements import ONE, THREE, measured, positions
 
 import machines
-from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.terms.candidates import Candidates
-from calibration.diagnosis.terms.dictionary import Dictionary
-from calibration.diagnosis.terms.named import named, shape_of
-from calibration.diagnosis.terms.nameless import nameless, second_moment
-from calibration.diagnosis.terms.prior_odds import with_prior_odds
-from calibration.diagnosis.terms.waves import waves
+from calibration.diagnosis.library.candidate import Candidate
+from calibration.diagnosis.candidates import Candidates
+from calibration.diagnosis.dictionary import Dictionary
+from calibration.diagnosis.named import named, shape_of
+from calibration.diagnosis.nameless import nameless, second_moment
+from calibration.diagnosis.prior_odds import with_prior_odds
+from calibration.diagnosis.waves import waves
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term

@@ -13,7 +13,7 @@ from support.probe_cases import probed, spheres_of
 from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions, truth
 
 import machines
-from calibration.diagnosis.terms.search import search
+from calibration.diagnosis.search import search
 from calibration.gaussian_terms.linearised import linearised, mean_errors
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure

@@ -6,7 +6,7 @@ import pytest
 from support.virtual_measurements import ONE, measured, positions
 
 import machines
-from calibration.diagnosis.search.candidates import Candidate, library
+from calibration.diagnosis.library.candidate import Candidate, library
 from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.start_model import Base

@@ -7,7 +7,7 @@ import pytest
 from support.diagnosis_cases import CFRAME, data_with, framed
 from support.virtual_measurements import ONE, positions
 
-from calibration.diagnosis.search.causes import causes
+from calibration.diagnosis.library.causes import causes
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes.change_points import breaks
 from calibration.diagnosis.verdict import notes

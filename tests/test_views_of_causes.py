@@ -10,7 +10,7 @@ from support.tiers import first_of_each, quick
 from support.virtual_measurements import TRACKER, pose_of
 
 import machines
-from calibration.diagnosis.terms.conclusion.fitted_rows import FittedRows
+from calibration.diagnosis.conclusion.fitted_rows import FittedRows
 from calibration.fit.fit import fit
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation.normal_equations import whitened, whiteners

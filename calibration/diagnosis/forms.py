@@ -1,88 +1,106 @@
-"""Other forms of the causes that are named: another course, or another dependence on the position.
+"""Terms of effects: the columns of their linear parameters, in typical sizes.
 
-The search compares the changing parts of signals alone, since the model holds their means. Between two forms of one
-cause the means may decide: where a calibration is known, or a rotary axis turns a drift, a model cannot hold them.
+An effect with a fixed point has a second form: two columns for each parameter leave open which position of its axis
+stays where it is. They belong to two effects, fixed in the middle and at the end of the travel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
-from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.selection import Selector
-from calibration.diagnosis.search.stage import Stage, chosen_of
-from kinematics.effects import AngleHarmonic
+import msgspec
+import numpy as np
+
+from calibration.diagnosis.contract import contract_kind, family_of, where
+from calibration.diagnosis.library.changes import at_zero
+from calibration.gaussian_terms.geometry import motions, prior_sizes
+from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.term import Term
+from calibration.observation.full_model import repeated_targets
+from kinematics.basis import Basis, BSpline, Legendre
+from kinematics.effects import Effect, ErrorMotion, Reversal
+from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
-
-class Form(NamedTuple):
-    """A form of a cause, with its most likely size."""
-
-    candidate: Candidate
-    size: Array
-    """Linear parameters, in units of their typical sizes."""
-    signal: Array
-    """White `(N,)`, its mean included."""
-    cost: float
-    """Delta-BIC, and twice the log odds against it before the data."""
+CHANGED_DEGREE = 6
+"""Degree of a change of an error motion: wear and a new shape of a guide are long waves."""
+Form = Callable[[Observations, Effect], Term]
+"""Makes a term of an effect."""
 
 
-class Forms(NamedTuple):
-    """The forms of a named cause."""
+def plain(observations: Observations, effect: Effect, shares: Array | float = 1.0) -> Term:
+    """The term of an effect: a column for each linear parameter.
 
-    number: int
-    """Number of the cause."""
-    without: LinearisedFit
-    """The fit without it."""
-    own: Form
-    others: tuple[Form, ...]
-    """The likeliest first."""
-
-
-def forms(stage: Stage, library: Sequence[Candidate]) -> Iterator[Forms]:
-    """The forms of each cause of the machine that has several; of a change of the calibration there is one.
-
-    Also of a wave of a circle: over a part of the turn all of them look alike.
+    shares `(parameters,)`: expected sizes, as shares of the typical ones.
     """
-    for i, own in enumerate(stage.accepted):
-        known = own.candidate
-        of_circle = isinstance(known.effect, AngleHarmonic)
-        if known.replaces or known.changes or (known.effect.ACTS_ON == "instrument" and not of_circle):
+    return _term(observations, effect, effect.name, (effect,), np.diag(_typical(effect) * shares))
+
+
+def pivoted(observations: Observations, effect: Effect) -> Term:
+    """The term of an effect with a fixed point, about any position of its axis.
+
+    Two columns for each linear parameter: about the middle of the travel, and the change of this by moving the fixed
+    point by half of the travel.
+    """
+    axis = effect.axes[0]
+    low, high = observations.measurement.moving[axis]
+    middle, end = (msgspec.structs.replace(effect, fixed_point=point) for point in ((low + high) / 2.0, high))
+    size = np.diag(_typical(effect))
+    mixed = np.block([[size, -size], [np.zeros_like(size), size]])
+    return _term(observations, middle, f"{effect.name} about any {axis}", (middle, end), mixed)
+
+
+def _typical(effect: Effect) -> Array:
+    """Typical sizes of the linear parameters."""
+    return np.array([size for size, linear in zip(effect.typical, effect.linear, strict=True) if linear])
+
+
+def _term(observations: Observations, effect: Effect, name: str, effects: Sequence[Effect], parameters: Array) -> Term:
+    own = tuple(map(at_zero, effects))
+    return Term(
+        name,
+        contract_kind(effect),
+        family_of(effect),
+        partial(columns_of, observations, own, parameters),
+        parameters.shape[1],
+        own,
+        parameters,
+        where(effect),
+    )
+
+
+def reversals(observations: Observations) -> Iterator[Term]:
+    """Terms of differences of error motions between forward and backward, of axes that are observed one at a time.
+
+    At targets that are visited again and again they are a mean and any difference at each target; between other
+    positions they are as smooth as error motions.
+    """
+    measurement = observations.measurement
+    for motion, degrees in motions(measurement):
+        nodes = repeated_targets(measurement, motion.axis)
+        basis: Basis = BSpline(tuple(nodes), 1) if nodes else motion.basis
+        effect = Reversal(motion.component, motion.axis, basis, (0.0,) * basis.size)
+        each = np.eye(basis.size) if nodes else np.diag(1.0 / np.maximum(degrees, 1) ** observations.priors.smoothness)
+        mean = np.ones((basis.size, min(len(nodes), 1)))
+        shares = np.concatenate([mean, each], axis=1)
+        yield _term(observations, effect, effect.name, (effect,), _typical(effect)[:, None] * shares)
+
+
+def motion_changes(observations: Observations, calibration: ErrorModel) -> Iterator[Term]:
+    """Terms of the error motions of a calibration, whose course may have changed beyond a line."""
+    for motion, _ in calibration.error_motions:
+        arc = observations.measurement.moving.get(motion.axis)
+        if arc is None:
             continue
-        others = [each for each in library if each.cause == known.cause and _kind(each) != _kind(known)]
-        if not others:
-            continue
-        without = stage.without(i)
-        own_form, *found = compared(without, [known, *others])
-        yield Forms(i, without, own_form, tuple(sorted(found, key=lambda form: form.cost)))
+        basis = Legendre(arc, CHANGED_DEGREE)
+        effect = ErrorMotion(motion.component, motion.axis, basis, (0.0,) * basis.size)
+        degrees = np.arange(basis.size)
+        sizes = np.where(degrees > 1, prior_sizes(observations, degrees), 0.0)
+        yield _term(observations, effect, f"change of {effect.name}", (effect,), np.diag(sizes)[:, degrees > 1])
 
 
-def compared(without: LinearisedFit, candidates: Sequence[Candidate]) -> Iterator[Form]:
-    """Each candidate as a cause that a linearised fit lacks, its mean included."""
-    responses = without.responses([each.effect for each in candidates])
-    for candidate, response in zip(candidates, responses, strict=True):
-        score = without.score(response, candidate.shapes, candidate.trials)
-        cost = score.delta_bic + 2.0 * candidate.rarity
-        yield Form(candidate, score.size, response.columns @ score.size, cost)
-
-
-def with_likelier_forms(selector: Selector, stage: Stage) -> Stage:
-    """The stage with likelier forms of its causes, where full fits with these are likelier and predict as well."""
-    for each in forms(stage, selector.library):
-        best = each.others[0]
-        if best.cost >= each.own.cost:
-            continue
-        chosen = chosen_of(stage.accepted)
-        chosen[each.number] = (best.candidate, best.size)
-        trial = selector.stage(chosen)
-        likelier = trial.cost + 2.0 * trial.rarity < stage.cost + 2.0 * stage.rarity
-        if likelier and not trial.predicts_worse_than(stage):
-            return with_likelier_forms(selector, trial.with_siblings_of(stage))
-    return stage
-
-
-def _kind(candidate: Candidate) -> tuple[type, int, int | None]:
-    """The type, number of parameters and harmonic by which the forms of one cause differ; their shapes are fitted."""
-    return type(candidate.effect), len(candidate.effect.parameters), getattr(candidate.effect, "harmonic", None)
+def columns_of(observations: Observations, effects: Sequence[Effect], parameters: Array) -> Array:
+    """Columns `(n, d, width)` of coefficients that give the linear parameters of effects, by `parameters @`."""
+    linear = np.concatenate([effect.linear for effect in effects])
+    return np.asarray(observations.columns(effects)[:, :, linear] @ parameters)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from calibration.diagnosis.result import Diagnosis
-    from calibration.diagnosis.terms.conclusion.answer import Answer
+    from calibration.diagnosis.conclusion.answer import Answer
     from calibration.fit.calibrate import Calibration
     from calibration.fit.together import Together
     from calibration.interface.evaluations import CircularTests, ContinuousResult, ThreePointsResult
@@ -42,7 +42,7 @@ def _diagnosis(found: Diagnosis) -> Report:
 
 
 def _answer(found: Answer) -> Report:
-    from calibration.reports.diagnosed.page import answer_report
+    from calibration.reports.diagnosis.page import answer_report
 
     return answer_report(found, "ncomp.diagnose")
 

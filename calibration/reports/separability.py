@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from calibration.diagnosis.separability import Separability
-from calibration.diagnosis.terms.conclusion.design import Designed
+from calibration.diagnosis.conclusion.design import Designed
 from rendering.report import Section, Table
 
 Row = Separability | Designed

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 import machines
-from calibration.diagnosis.search.candidates import library
+from calibration.diagnosis.library.candidate import library
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import GENEROUS
 from calibration.diagnosis.search.selection import Search, Selector

@@ -1,1 +1,1 @@
-"""Proposed measurements that distinguish the remaining causes."""
+"""What to measure next: questions that the data leave open, and the designs that answer them."""

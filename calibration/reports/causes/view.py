@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.terms.conclusion.fitted_rows import FittedRows
+from calibration.diagnosis.conclusion.fitted_rows import FittedRows
 from kinematics.effects import (
     COMPONENTS,
     Effect,

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.diagnosis.terms.conclusion.fitted_rows import FittedRows
+from calibration.diagnosis.conclusion.fitted_rows import FittedRows
 from calibration.reports.causes.view import BLUNT, IN_ORDER, CauseInFit, Curve, View, lined, motions_of
 from kinematics.effects import COMPONENTS, INSTRUMENT, UM, URAD, Effect, unit_of
 from kinematics.effects.base import own_motion

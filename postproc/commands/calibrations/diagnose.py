@@ -72,7 +72,7 @@ def _diagnose_by_rules(
 ) -> None:  # fmt: skip
     """Diagnose measurement files, and write the calibration and the results."""
     from calibration.fit.beyond_measured import calibration_file
-    from calibration.reports.diagnosed.commands import Files
+    from calibration.reports.diagnosis.commands import Files
     from calibration.reports.diagnosis import diagnosis_report
     from calibration.reports.diagnosis_json import diagnosis_json
     from postproc.commands.show.terminal import console, show

@@ -23,11 +23,11 @@ def diagnose_by_terms(
     force: bool,
 ) -> None:
     """Diagnose measurement files, and write the calibration and the results."""
-    from calibration.diagnosis.terms.diagnosed import diagnosed
+    from calibration.diagnosis.diagnose import diagnosed
     from calibration.fit.beyond_measured import calibration_file
-    from calibration.reports.diagnosed.commands import Files
-    from calibration.reports.diagnosed.document import answer_json
-    from calibration.reports.diagnosed.page import answer_report
+    from calibration.reports.diagnosis.commands import Files
+    from calibration.reports.diagnosis.document import answer_json
+    from calibration.reports.diagnosis.page import answer_report
     from postproc.commands.show.terminal import console, show
 
     found_machine = ncomp.load_machine(machine)

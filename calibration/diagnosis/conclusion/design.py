@@ -1,0 +1,119 @@
+"""Causes that the design of a measurement can show and separate, by its rows alone: no reading enters.
+
+A cause of typical size is compared with none, and with each other family of causes in its place, by the log odds that
+are expected of the readings. Error motions have their sizes before any data, and the noise is as specified.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from calibration.diagnosis.candidates import Candidates
+from calibration.diagnosis.conclusion.verdict import CLEAR
+from calibration.diagnosis.conclusion.visibility import typical_gains
+from calibration.diagnosis.dictionary import Dictionary
+from calibration.gaussian_terms.gains import log_gains_by_squares
+from calibration.gaussian_terms.structure import Data, Structure
+from calibration.gaussian_terms.term import Term
+from kinematics.error_model.priors import SIZES
+from kinematics.transforms import Array
+
+PARALLEL = 1e-6
+"""Share of the largest eigenvalue of the products of some columns, in single precision, below which it is rounding."""
+SAME = 6
+"""Decimals of a cosine beyond which causes with equal signals differ by rounding only: they are ordered by name."""
+
+
+class Designed(NamedTuple):
+    """A cause in the design of a measurement."""
+
+    kind: str
+    name: str
+    verdict: Literal["visible", "tied", "not visible"]
+    share: float
+    """Share of its signal that neither error motions nor the registration explain."""
+    log_odds: float
+    """Expected of the cause against none."""
+    tied_with: tuple[tuple[str, float], ...]
+    """Names of the causes from which the rows do not tell it, the most similar first, with the cosines."""
+    remedy: str
+    """Measurement that would show it."""
+
+
+def designed(data: Data, terms: Sequence[Term]) -> list[Designed]:
+    """The causes among some terms, in the design of data; the forms of a cause, at all moments, are one."""
+    causes = [term for term in terms if term.named and term.effects and not any(e.PERIODIC for e in term.effects)]
+    if not causes:
+        return []
+    first, dictionary = Structure.first(data), Dictionary(causes)
+    gains = typical_gains(Candidates.of(first, dictionary))
+    names: dict[str, list[int]] = {}
+    for number, term in enumerate(causes):
+        names.setdefault(term.effects[0].name, []).append(number)
+    best = [max(numbers, key=gains.__getitem__) for numbers in names.values()]
+    table = _Table(Candidates.of(first.with_terms([causes[own] for own in best]), dictionary), names)
+    return list(table.rows())
+
+
+class _Tried(NamedTuple):
+    """All forms of causes, where the best shown form of one cause is there, of typical size."""
+
+    log_odds: Array
+    """Expected of each form against none `(terms, causes)`."""
+    explained: Array
+    """Squares of the signal that each form explains `(terms, causes)`."""
+
+    def together(self, forms: Sequence[int], cause: int) -> float:
+        """Expected log odds of some forms together against none, where a cause is there."""
+        return float(np.logaddexp.reduce(self.log_odds[list(forms), cause]))
+
+
+class _Table(NamedTuple):
+    """The best shown form of each cause, as terms of a structure, and all forms as candidates."""
+
+    candidates: Candidates
+    names: Mapping[str, Sequence[int]]
+    """Numbers of the forms of each cause among the candidates."""
+
+    def rows(self) -> Iterator[Designed]:
+        """The causes."""
+        present, terms = self.candidates.present, self.candidates.structure.terms
+        tried = self._tried()
+        for number, (own, term) in enumerate(zip(self.names, terms, strict=True)):
+            columns = np.arange(present.starts[number], present.starts[number + 1])
+            signal = max(float(np.trace(present.gram[np.ix_(columns, columns)])), np.finfo(float).tiny)
+            whole = float(np.sum(self.candidates.structure.whitener.with_stated(term.columns) ** 2))
+            log_odds = tried.together(self.names[own], number)
+            ties = {} if log_odds < CLEAR else dict(self._ties(tried, number, own, signal))
+            yield Designed(
+                term.kind,
+                own,
+                "not visible" if log_odds < CLEAR else "tied" if ties else "visible",
+                float(np.sqrt(signal / max(whole, signal))),
+                log_odds,
+                tuple(sorted(ties.items(), key=lambda tie: (-round(tie[1], SAME), tie[0]))),
+                term.effects[0].SHOWN_BY,
+            )
+
+    def _ties(self, tried: _Tried, number: int, own: str, signal: float) -> Iterator[tuple[str, float]]:
+        """Names and cosines of the other causes that are expected to explain the signal of one about as well."""
+        least = tried.together(self.names[own], number) - CLEAR
+        for name, forms in self.names.items():
+            if name != own and tried.together(forms, number) > least:
+                nearest = forms[int(np.argmax(tried.log_odds[list(forms), number]))]
+                yield name, float(np.sqrt(min(tried.explained[nearest, number] / signal, 1.0)))
+
+    def _tried(self) -> _Tried:
+        candidates, starts = self.candidates, self.candidates.present.starts
+        factor = candidates.structure.noise.factor
+        log_odds, explained = np.zeros((2, len(candidates.terms), len(self.names)))
+        for group in candidates.groups:
+            squares = np.add.reduceat(group.across**2, starts[:-1], axis=1)
+            values = np.broadcast_to(group.values[:, None, :], squares.shape)
+            log_odds[group.numbers] = log_gains_by_squares(values, squares + factor * values, SIZES, factor)
+            least = PARALLEL * group.values.max(axis=1)[:, None, None]
+            explained[group.numbers] = np.sum(squares / np.maximum(values, least + np.finfo(float).tiny), axis=2)
+        return _Tried(log_odds + np.array([[term.log_prior] for term in candidates.terms]), explained)

@@ -1,0 +1,294 @@
+"""The search for the likeliest structure: which causes and functions are there.
+
+From a structure six moves lead to others: *add* a term, *drop* one, *exchange* one for a member of another family,
+*refine* one (another time constant, period, moment), *split* one into several, *merge* two into one. The likeliest move
+by closed-form odds is made, sizes and noise are found again, and the structure stays if its log posterior has risen.
+Where no move is likely, the few likeliest causes are *retried*: added with sizes and noise found again beside them,
+since sizes that were found without a cause speak against it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.diagnosis.candidates import Candidates, Families
+from calibration.diagnosis.dictionary import Dictionary
+from calibration.diagnosis.named import named
+from calibration.diagnosis.nameless import nameless
+from calibration.diagnosis.prior_odds import with_prior_odds
+from calibration.diagnosis.waves import beside_waves, waves, waves_of_motions
+from calibration.gaussian_terms.linearised import linearised
+from calibration.gaussian_terms.observations import Observations
+from calibration.gaussian_terms.structure import Data, Structure
+from calibration.gaussian_terms.term import Term
+from kinematics.running.progress import Progress, silent
+from kinematics.transforms import Array
+
+PRESENT = 3.0
+"""Log odds from which a term is present: 20 to 1, one false cause in twenty doubtful ones."""
+RISE = 1.0
+"""Least rise of the log posterior by a move between terms: less is decided by rounding and by the sizes."""
+ROUNDING = 2e-3
+"""Relative error of scores in single precision."""
+MOVES = 30
+"""Most moves of a search."""
+RETRIED, DOUBTFUL = 6, -9.0
+"""Number of causes that are retried, and the least log odds of these; they explain something of the data already."""
+LIKELY = 2
+"""Number of structures for which the noise is found again, of all that are tried at once."""
+RIVALS = 2
+"""Rivals of a term that are refined before they are compared with it."""
+REFINED = 6
+"""Most times that a term is refined, each time about eight times as closely."""
+SMOOTHER = 0.1
+"""Share of their sizes at which finer error motions are begun beside a wave."""
+PARTS = 3
+"""Most terms into which one is split; one with fewer columns is not split."""
+SHORT = 12
+"""Families among which the parts of a split are looked for."""
+STEPS = 12
+"""Steps of the sizes after a move."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """The likeliest structure, and all candidates beside it."""
+
+    structure: Structure
+    candidates: Candidates
+
+
+class Move(NamedTuple):
+    """A step to another structure, with its expected rise of the log posterior."""
+
+    rise: float
+    name: str
+    terms: tuple[Term, ...]
+
+
+def search(observations: Observations, progress: Progress = silent) -> Found:
+    """The likeliest structure of observations, which are linearised again about the errors of the machine."""
+    structure = linearised(Structure.first(Data.of(observations)).fitted())
+    own = structure.data.observations
+    dictionary = Dictionary(with_prior_odds([*named(own), *nameless(own)], own.priors))
+    return Search(dictionary, progress).from_structure(structure)
+
+
+class Search:
+    """A search: what it has tried, and the way from structure to structure."""
+
+    def __init__(self, dictionary: Dictionary, progress: Progress = silent) -> None:
+        self._dictionary, self._progress = dictionary, progress
+        self._tried: set[frozenset[Hashable]] = set()
+
+    def from_structure(self, structure: Structure) -> Found:
+        """The likeliest structure that the moves reach."""
+        self._tried.add(_key(structure.terms))
+        candidates = self._candidates(structure)
+        for _ in range(MOVES):
+            better = self._moved(candidates) or self._retried(candidates) or self._out_of_motions(candidates)
+            if better is None:
+                break
+            structure = better
+            candidates = self._candidates(structure)
+        return Found(structure, candidates)
+
+    def _candidates(self, structure: Structure) -> Candidates:
+        return Candidates.of(structure, self._dictionary, waves(structure))
+
+    def _moved(self, candidates: Candidates) -> Structure | None:
+        """The structure by the likeliest move that raises the log posterior; None where none does."""
+        structure = candidates.structure
+        moves = [*additions(candidates), *_changes(candidates)]
+        for move in sorted(moves, key=lambda each: -each.rise):
+            if _key(move.terms) in self._tried:
+                continue
+            self._tried.add(_key(move.terms))
+            self._progress(f"{move.name} ({move.rise:.1f})")
+            found = structure.with_terms(move.terms).fitted(STEPS)
+            if worth(found) > worth(structure):
+                return found
+        return None
+
+    def _retried(self, candidates: Candidates) -> Structure | None:
+        """The structure with the likeliest of a few causes, sizes and noise found again; None where none is likely."""
+        structure, terms = candidates.structure, candidates.terms
+        families = candidates.by_family(candidates.odds())
+        gains = [(odds - terms[best].log_prior, best) for odds, best in families.values() if odds > DOUBTFUL]
+        found = []
+        for _, best in sorted((each for each in gains if each[0] > RISE), reverse=True)[:RETRIED]:
+            together = (*structure.terms, terms[best])
+            if _key(together) not in self._tried:
+                self._tried.add(_key(together))
+                found.append(structure.with_terms(together).with_sizes(STEPS))
+        return self._better(found, structure)
+
+    def _better(self, sized: Sequence[Structure], structure: Structure) -> Structure | None:
+        """The likeliest of some structures with noise and outliers found again, if it is likelier than a structure.
+
+        Only the likeliest ones by their sizes alone are looked at: the noise takes most of the time.
+        """
+        likely = sorted(sized, key=worth, reverse=True)[:LIKELY]
+        best = max((each.fitted(STEPS) for each in likely), key=worth, default=structure)
+        return best if worth(best) > worth(structure) else None
+
+    def _out_of_motions(self, candidates: Candidates) -> Structure | None:
+        """The structure with a wave in the place of finer error motions, of the likeliest number of harmonics.
+
+        None without one. The error motions are begun smoother than they are: sizes that were found without the wave
+        explain it.
+        """
+        structure = candidates.structure
+        left = beside_waves(structure)
+        started: dict[Hashable, _Started] = {}
+        for term in waves_of_motions(structure):
+            each = _Started.of(term, structure.whitener.columns(term.columns), left)
+            before = started[term.family].explained if term.family in started else 0.0
+            if each.explained > before:
+                started[term.family] = each
+        smooth = smoothed(structure)
+        sized = [each.beside(smooth).with_sizes(STEPS) for each in started.values() if self._is_new(structure, each)]
+        if sized:
+            best = max(sized, key=worth).terms[-1]
+            finer = [] if best.finer is None else [term for term in best.finer() if term.width > best.width]
+            more = (_Started.of(term, structure.whitener.columns(term.columns), left) for term in finer)
+            sized += [each.beside(smooth).with_sizes(STEPS) for each in more]
+        return self._better(sized, structure)
+
+    def _is_new(self, structure: Structure, started: _Started) -> bool:
+        """True if a term has not been tried beside a structure; it counts as tried then."""
+        key = _key((*structure.terms, started.term))
+        known = key in self._tried
+        self._tried.add(key)
+        return not known
+
+
+class _Started(NamedTuple):
+    """A term by itself, of any size."""
+
+    term: Term
+    size: float
+    """RMS of its coefficients."""
+    explained: float
+    """Squares that it explains of a whitened residual."""
+
+    @classmethod
+    def of(cls, term: Term, columns: Array, left: Array) -> _Started:
+        """A term with whitened columns `(N, width)`, by least squares in a whitened residual `(N,)`."""
+        coefficients = np.linalg.lstsq(columns, left)[0]
+        return cls(term, float(np.sqrt(np.mean(coefficients**2))), float(left @ columns @ coefficients))
+
+    def beside(self, structure: Structure) -> Structure:
+        """The structure with the term, of this size."""
+        found = structure.with_terms((*structure.terms, self.term))
+        return found.resized(np.concatenate([found.band_sizes, structure.term_sizes, [self.size]]))
+
+
+def smoothed(structure: Structure) -> Structure:
+    """The structure with smaller sizes of the error motions that may contain a wave."""
+    bands = np.where(structure.data.geometry.wavy, SMOOTHER, 1.0) * structure.band_sizes
+    return structure.resized(np.concatenate([bands, structure.term_sizes]))
+
+
+def worth(structure: Structure) -> float:
+    """The log posterior of a structure, less the odds that each term must have to be reported."""
+    return structure.total - PRESENT * len(structure.terms)
+
+
+def additions(candidates: Candidates) -> Iterator[Move]:
+    """The likeliest causes that may be added."""
+    structure = candidates.structure
+    for odds, term in _likeliest(candidates, (), RIVALS + 1, refine=True):
+        if odds > PRESENT:
+            yield Move(odds - PRESENT, f"add {term.name}", (*structure.terms, term))
+
+
+def _changes(candidates: Candidates) -> Iterator[Move]:
+    """What may happen to the terms that are present."""
+    structure, every_row = candidates.structure, candidates.with_every_row()
+    for number, term in enumerate(structure.terms):
+        own = candidates.own(number)
+        margin = RISE + ROUNDING * abs(own)
+        rest = tuple(other for other in structure.terms if other is not term)
+        if own < PRESENT:
+            yield Move(PRESENT - own, f"drop {term.name}", rest)
+        first = every_row.own(number)
+        better, odds = refined(every_row, term, first, (number,), candidates.members(term.family))
+        if better is not term:
+            yield Move(odds - first, f"refine {term.name}", (*rest, better))
+        for odds, rival in _likeliest(candidates, (number,), RIVALS, refine=True):
+            if odds > max(own, PRESENT) + margin:
+                yield Move(odds - own, f"exchange {term.name} for {rival.name}", (*rest, rival))
+        if term.width >= PARTS and term.named:
+            parts, joint = _parts(candidates, number)
+            if len(parts) > 1 and joint > own + margin + PRESENT * (len(parts) - 1):
+                split = joint - own - PRESENT * (len(parts) - 1)
+                yield Move(split, f"split {term.name}", (*rest, *parts))
+    yield from _merged(candidates)
+
+
+def _merged(candidates: Candidates) -> Iterator[Move]:
+    """One term in the place of two."""
+    terms = candidates.structure.terms
+    for one in range(len(terms)):
+        for other in range(one):
+            joint = candidates.own(one) + candidates.own(other, (one,)) - PRESENT
+            rest = tuple(term for number, term in enumerate(terms) if number not in (one, other))
+            for odds, rival in _likeliest(candidates, (one, other), 1, refine=True):
+                if odds > joint + RISE + ROUNDING * abs(joint):
+                    name = f"merge {terms[one].name} and {terms[other].name} to {rival.name}"
+                    yield Move(odds - joint, name, (*rest, rival))
+
+
+def _likeliest(
+    candidates: Candidates, without: Sequence[int], count: int, *, refine: bool = False
+) -> Iterator[tuple[float, Term]]:
+    """Log odds and best member of the likeliest families that are not present, but for some terms left out."""
+    families: Families = candidates.by_family(candidates.odds(without))
+    for odds, best in sorted(families.values(), key=lambda each: -each[0])[:count]:
+        term = candidates.terms[best]
+        if refine:
+            better, own = refined(candidates, term, float(candidates.exact([term], without)[0]), without)
+            yield max(odds, own), better
+        else:
+            yield odds, term
+
+
+def refined(
+    candidates: Candidates, term: Term, odds: float, without: Sequence[int], members: Sequence[Term] = ()
+) -> tuple[Term, float]:
+    """The likeliest member of a family beside a term, and its log odds, if it is clearly likelier; members: first."""
+    for _ in range(REFINED):
+        members = [*members, *([] if term.finer is None else term.finer())]
+        found = candidates.exact(members, without)
+        if not members or found.max() <= odds + RISE / 2.0:
+            break
+        best = int(np.argmax(found))
+        term, odds, members = members[best], float(found[best]), ()
+    return term, odds
+
+
+def _parts(candidates: Candidates, number: int) -> tuple[list[Term], float]:
+    """Several terms, one after the other, in the place of one; and their log odds together."""
+    structure = candidates.structure
+    families: Families = candidates.by_family(candidates.odds((number,)))
+    short = [candidates.terms[best] for _, best in sorted(families.values(), key=lambda each: -each[0])[:SHORT]]
+    rest = tuple(term for i, term in enumerate(structure.terms) if i != number)
+    parts: list[Term] = []
+    joint = 0.0
+    while len(parts) < PARTS:
+        odds: Array = candidates.beside((*rest, *parts)).exact(short)
+        best = int(np.argmax(odds))
+        if odds[best] < PRESENT:
+            break
+        joint += float(odds[best])
+        parts.append(short.pop(best))
+    return parts, joint
+
+
+def _key(terms: Sequence[Term]) -> frozenset[Hashable]:
+    return frozenset((term.name, term.effects) for term in terms)

@@ -1,1 +1,0 @@
-"""The search for effects that a model lacks."""

@@ -1,1 +1,0 @@
-"""Search for shapes: periods, pitches of sawtooth functions, fixed points, moments of jumps, finer bases."""

@@ -1,1 +1,0 @@
-"""The diagnosis as a search among structures of Gaussian terms."""

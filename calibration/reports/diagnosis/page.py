@@ -1,0 +1,80 @@
+"""The page of a diagnosis: what is wrong with the machine, the evidence for it, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from calibration.diagnosis.conclusion.answer import Answer
+from calibration.reports.diagnosis.causes import cause_sections
+from calibration.reports.diagnosis.commands import Files, use_section
+from calibration.reports.diagnosis.registered import registered_rows
+from calibration.reports.diagnosis.residual import (
+    data_section,
+    left_out_section,
+    residual_sections,
+    unexplained_sections,
+)
+from calibration.reports.diagnosis.unseen import unseen_sections
+from calibration.reports.diagnosis.verdict import sentences
+from calibration.reports.fit import acceptance
+from calibration.reports.head import foot_of, measured_head
+from calibration.reports.machine_change import change_sections
+from calibration.reports.run_zeros import zeros_section
+from calibration.reports.separability import BY_ODDS, separability_section
+from kinematics.files.number_text import rounded
+from rendering.report import Report, Section, Table
+from rendering.volume import Field, uncertainty_of, volume_section
+
+
+def answer_report(answer: Answer, command: str, files: Files | None = None) -> Report:
+    """The diagnosis for people; `command`: the command that made it; files: those of the commands in the report."""
+    files = files or Files(answer.measurement.machine.name, "NEW.json", "OLD.json")
+    title = f"Diagnosis of {answer.measurement.machine.name}"
+    lead = f"{answer.measurement.source} · {answer.model.provenance.made_at:%Y-%m-%d %H:%M} UTC"
+    written = answer.model if answer.accepted else None
+    return Report(
+        title,
+        lead,
+        list(_sections(answer, files)),
+        "\n".join(sentences(answer)),
+        acceptance(answer),
+        measured_head(answer.measurement, written, command),
+        foot_of(title, lead, written),
+    )
+
+
+def _sections(answer: Answer, files: Files) -> Iterator[Section]:
+    yield from cause_sections(answer)
+    yield from unexplained_sections(answer)
+    yield from _map(answer)
+    yield data_section(answer)
+    yield from change_sections(answer.machine_change)
+    yield from residual_sections(answer)
+    yield from unseen_sections(answer)
+    yield separability_section(answer.design, BY_ODDS)
+    yield from zeros_section(registered_rows(answer))
+    yield from left_out_section(answer)
+    yield Section("Next", answer.next_measurement)
+    yield from _proposals(answer)
+    yield use_section(files, answer.model)
+
+
+def _proposals(answer: Answer) -> Iterator[Section]:
+    """The table of all designs that answer what the data leave open."""
+    rows = [
+        (each.name, f"{each.minutes:.0f}", rounded(each.gain_per_minute, 2), each.text)
+        for each in answer.proposals
+        if each.minutes
+    ]
+    if rows:
+        head = ("measurement", "minutes", "log odds expected per minute", "instruction and expected result")
+        yield Section("Proposed measurements", table=Table(head, rows), detail=True)
+
+
+def _map(answer: Answer) -> Iterator[Section]:
+    """The errors of the machine by the new model, those that a correction by the present one leaves, and after."""
+    fields = [Field("without a correction", answer.model)]
+    if answer.given is not None:
+        fields.append(Field("with a correction by the present calibration", answer.model, answer.given))
+    measurement = answer.measurement
+    yield from volume_section(measurement.machine, [*fields, uncertainty_of(answer.model)], measured=measurement.moving)
