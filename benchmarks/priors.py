@@ -30,8 +30,8 @@ from short_measurements.case import UM, Case
 from short_measurements_exam import questions
 
 import ncomp
-from calibration.diagnosis.diagnose import diagnosed
-from calibration.reports.diagnosis.document import answer_json
+from calibration.diagnosis.diagnose import diagnose
+from calibration.reports.diagnosis.document import diagnosis_json
 from kinematics.error_model.model import write_model
 from kinematics.error_model.priors import PRIORS, Priors
 
@@ -85,13 +85,13 @@ def asked(words: tuple[str, str, str, int], priors: Priors) -> Said:
         folder = Path(name)
         case.write(folder)
         machine = dataclasses.replace(ncomp.load_machine(case.machine), priors=priors)
-        answer = diagnosed(ncomp.read_measurement(folder / "data.csv", machine), force=True)
+        answer = diagnose(ncomp.read_measurement(folder / "data.csv", machine), force=True)
         states = case.unseen()
         nominal = case.nominal(states)
         true = without_rigid(nominal, (case.points(states, unseen=True) - nominal) / UM)
         write_model(answer.calibration, folder / "new.json")
         record = predicted(case, folder / "new.json", folder, nominal, true)
-    found = answer_json(answer)
+    found = diagnosis_json(answer)
     verdict = judged(case, found["effects"], found["unexplained"], found["estimated_noise"])
     return Said(verdict["verdict"], len(verdict["false"]), record["covered"], record["after_um"])
 

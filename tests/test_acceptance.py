@@ -7,10 +7,10 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from calibration.diagnosis.acceptance import against_imitation
 from support.virtual_measurements import THREE, measured, positions, truth, written
 
 import machines
-from calibration.diagnosis.acceptance import against_imitation
 from calibration.diagnosis.diagnose import diagnose
 from calibration.fit.acceptance import nominal_residuals, not_better
 from calibration.fit.calibrate import NotAccepted, calibrate

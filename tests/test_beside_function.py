@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calibration.diagnosis.residual.absorber import Absorbing
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.unseen.beside_function import BesideFunction
 from shop_floor import exam
 from support.interferometer_runs import runs
 from support.tiers import EXAM, STATISTICAL
 
-from calibration.diagnosis.residual.absorber import Absorbing
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.unseen.beside_function import BesideFunction
 from calibration.fit.curves.between_positions import with_curves_between
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import data_with, selector
-
+from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.residual.cancelling import cancelling
 from calibration.diagnosis.residual.unexplained import stand_together
-from calibration.diagnosis.library.candidate import Candidate
+from support.diagnosis_cases import data_with, selector
+
 from kinematics.effects import Backlash, LocationError, LocationJump, ThermalDrift, Unnamed
 
 DRIFT = Candidate(ThermalDrift("X", rate=0.0))

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import data_with, selector
-
-from calibration.diagnosis.forms import with_likelier_forms
 from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.unseen.undecided_causes import errors_by_forms
 from calibration.diagnosis.unseen.unseen_states import mean_squares
+from support.diagnosis_cases import data_with, selector
+
+from calibration.diagnosis.forms import with_likelier_forms
 from kinematics.effects import AngleHarmonic, ThermalDrift
 
 RATE = Candidate(ThermalDrift("Z", rate=0.0))

@@ -4,14 +4,13 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from calibration.diagnosis.residual.dependence import explaining_variables
+from calibration.diagnosis.residual.permuted_blocks import blocks_in_time, permuted
+from calibration.diagnosis.residual.smooth import AMPLITUDES, Kernels, log_evidence, smooth_part
 from hypothesis import given
 from hypothesis import strategies as st
 from support.dependent_residuals import joint, logged, remembering
 from support.tiers import quick
-
-from calibration.diagnosis.residual.dependence import explaining_variables
-from calibration.diagnosis.residual.permuted_blocks import blocks_in_time, permuted
-from calibration.diagnosis.residual.smooth import AMPLITUDES, Kernels, log_evidence, smooth_part
 
 
 @given(st.lists(st.integers(1, 9), min_size=2, max_size=12), st.integers(0, 99))

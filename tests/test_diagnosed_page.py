@@ -14,7 +14,6 @@ from support.virtual_measurements import THREE, measured, positions, written
 from virtual_machine import draws
 
 import machines
-from calibration.diagnosis.diagnose import diagnosed
 from kinematics.effects import Backlash, Cyclic, LocationError, ThermalDrift, Unnamed
 from kinematics.error_model.model import ErrorModel, encode_model, no_errors
 

@@ -5,14 +5,8 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, data_with, fitted
-from support.effect_examples import HEAD_HEAD
-from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions
-
-import machines
-from calibration.diagnosis.not_visible import below_spacing
 from calibration.diagnosis.library.candidate import Candidate, at_zero, changes, library
-from calibration.diagnosis.library.causes import causes, jumps
+from calibration.diagnosis.not_visible import below_spacing
 from calibration.diagnosis.search.evaluation import evaluate, siblings
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.shapes import proposed_shapes
@@ -20,6 +14,12 @@ from calibration.diagnosis.search.stage import Accepted
 from calibration.diagnosis.search.start_model import Base
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named
+from support.diagnosis_cases import CFRAME, data_with, fitted
+from support.effect_examples import HEAD_HEAD
+from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions
+
+import machines
+from calibration.diagnosis.library.causes import causes, jumps
 from calibration.fit.fit import fit
 from calibration.instruments import Part
 from calibration.observation.full_model import BasisChoice, rigid_model

@@ -5,10 +5,10 @@ from dataclasses import replace
 from itertools import product
 
 import pytest
-
-from calibration.diagnosis.conclusion import FAR, FEW, Conclusion
 from calibration.diagnosis.residual import whiteness
 from calibration.diagnosis.residual.whiteness import SIZE
+
+from calibration.diagnosis.conclusion import FAR, FEW, Conclusion
 
 IN_TIME = whiteness.Test("along time", 5e-46, 0.8, "")
 TOO_LARGE = whiteness.Test(SIZE, 1e-140, 9.0, "")

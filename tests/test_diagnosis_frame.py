@@ -5,14 +5,14 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from support.diagnosis_cases import LEGENDRE, data_with, fitted, selector
-
 from calibration.diagnosis.improvement import figures, held_out_rows
 from calibration.diagnosis.library.candidate import at_zero
 from calibration.diagnosis.search.held_out import LIKELY
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import GENEROUS
 from calibration.diagnosis.search.shapes.proposed_shapes import waves
+from support.diagnosis_cases import LEGENDRE, data_with, fitted, selector
+
 from calibration.fit.fit import fit
 from calibration.observation.correlation import correlation_length, lines_of
 from calibration.observation.full_model import priors, rigid_model

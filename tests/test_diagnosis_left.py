@@ -7,13 +7,7 @@ from itertools import pairwise, product
 import msgspec
 import numpy as np
 import pytest
-from shop_floor.question import ask
-from support.diagnosis_cases import CFRAME, data_with, fitted, selector, with_stops
-from support.tiers import EXAM, STATISTICAL, quick
-from support.virtual_measurements import THREE, measured, positions
-
-import machines
-from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.preparation import prepared
 from calibration.diagnosis.residual import chance_level
 from calibration.diagnosis.residual import unexplained as remainder
@@ -22,7 +16,6 @@ from calibration.diagnosis.residual.chance_level import DRAWS, ENOUGH, Chance
 from calibration.diagnosis.residual.dependence import Unexplained, of_variables
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.residual.found_again import found_again
-from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Selector
@@ -31,6 +24,13 @@ from calibration.diagnosis.search.shapes.proposed_shapes import finer, waves
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
 from calibration.diagnosis.searched_causes import _explain_most, _with_bases
 from calibration.diagnosis.verdict import named
+from shop_floor.question import ask
+from support.diagnosis_cases import CFRAME, data_with, fitted, selector, with_stops
+from support.tiers import EXAM, STATISTICAL, quick
+from support.virtual_measurements import THREE, measured, positions
+
+import machines
+from calibration.diagnosis.diagnose import diagnose
 from calibration.fit.fit import fit
 from calibration.fit.noise import with_noise_of_visits
 from calibration.measurement.file import read_measurement

@@ -7,17 +7,17 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from calibration.diagnosis.separability import Separability
+from calibration.reports.diagnosis_json import diagnosis_json
 from rich.console import Console
 from support.pages import LINK, figures, text_of
 from support.virtual_measurements import THREE, measured, positions
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.separability import Separability
 from calibration.measurement.measurement import Target
 from calibration.reports.causes.text import in_full, quantity_name, with_uncertainty
 from calibration.reports.diagnosis import diagnosis_report
-from calibration.reports.diagnosis_json import diagnosis_json
 from calibration.reports.separability import separability_section
 from kinematics.effects import (
     Backlash,

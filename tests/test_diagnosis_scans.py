@@ -3,10 +3,6 @@
 import msgspec
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, data_with, fitted, framed
-from support.tiers import quick
-from support.virtual_measurements import THREE, measured
-
 from calibration.diagnosis.library.candidate import at_zero, library
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
@@ -14,6 +10,10 @@ from calibration.diagnosis.search.shapes import proposed_shapes as scans
 from calibration.diagnosis.search.shapes.change_points import breaks
 from calibration.diagnosis.search.shapes.sawtooth import refined, saw_uncertainty
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
+from support.diagnosis_cases import CFRAME, data_with, fitted, framed
+from support.tiers import quick
+from support.virtual_measurements import THREE, measured
+
 from kinematics.basis import Fourier
 from kinematics.effects import Cyclic, ErrorMotion, GrowthWithTime, QuantisedCompensation, StationShift
 from kinematics.error_model.model import no_errors

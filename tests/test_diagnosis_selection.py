@@ -5,14 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from shop_floor.question import ask
-from support.command import succeed
-from support.diagnosis_cases import data_with, framed, selector
-
-from calibration.diagnosis import searched_causes
-from calibration.diagnosis.search import evaluation, recent_fits, selection
 from calibration.diagnosis.library.candidate import RARE, Candidate, at_zero
 from calibration.diagnosis.search.common_causes import commoner, drifting, knocked
 from calibration.diagnosis.search.evaluation import (
@@ -29,6 +21,14 @@ from calibration.diagnosis.search.evaluation import (
 from calibration.diagnosis.search.shapes.proposed_shapes import finer, joined
 from calibration.diagnosis.search.stage import chosen_of, unconfirmed
 from calibration.diagnosis.search.start_model import Base
+from hypothesis import given
+from hypothesis import strategies as st
+from shop_floor.question import ask
+from support.command import succeed
+from support.diagnosis_cases import data_with, framed, selector
+
+from calibration.diagnosis import searched_causes
+from calibration.diagnosis.search import evaluation, recent_fits, selection
 from kinematics.basis import Fourier
 from kinematics.effects import (
     Backlash,

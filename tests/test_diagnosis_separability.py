@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import data_with, fitted
-
 from calibration.diagnosis.library.candidate import Candidate, library
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.separability import ALIKE, separability
+from support.diagnosis_cases import data_with, fitted
+
 from kinematics.effects import Backlash
 
 

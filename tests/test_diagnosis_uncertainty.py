@@ -5,15 +5,15 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from calibration.diagnosis.acceptance import against_learned
+from calibration.diagnosis.residual.dependence import Unexplained
+from calibration.diagnosis.unseen.unseen_states import moments
+from calibration.diagnosis.widening import unseen_errors, widened
 from support.diagnosis_cases import CFRAME, data_with, selector
 from support.tiers import EXAM, STATISTICAL
 from support.virtual_measurements import THREE, measured, positions, truth
 
-from calibration.diagnosis.acceptance import against_learned
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.residual.dependence import Unexplained
-from calibration.diagnosis.unseen.unseen_states import moments
-from calibration.diagnosis.widening import unseen_errors, widened
 from calibration.fit.acceptance import without_clamp
 from calibration.fit.prediction import relative
 from kinematics.deviation import exact_deviation

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, data_with, fitted, framed
-
 from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.search.evaluation import Evaluated, Sibling
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import Projected, Score
 from calibration.diagnosis.search.stage import Accepted
 from calibration.diagnosis.verdict import notes, outliers, tied_with, verdict_of
+from support.diagnosis_cases import CFRAME, data_with, fitted, framed
+
 from calibration.observation.equations import specified_covariance
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.reports.causes.text import sizes

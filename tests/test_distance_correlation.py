@@ -4,12 +4,11 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from calibration.diagnosis.residual.distance_correlation import ROWS, dependences, distance_correlation
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 from support.dependent_residuals import logged, remembering
-
-from calibration.diagnosis.residual.distance_correlation import ROWS, dependences, distance_correlation
 
 
 def test_distance_correlation_by_its_definition():

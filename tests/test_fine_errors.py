@@ -5,12 +5,12 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, selector
-from support.virtual_measurements import THREE, measured, positions
-
 from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.unseen.fine_errors import fine_variances, squares_by_fine_errors
 from calibration.diagnosis.unseen.unseen_states import moments
+from support.diagnosis_cases import CFRAME, selector
+from support.virtual_measurements import THREE, measured, positions
+
 from calibration.measurement.estimated_noise import EstimatedNoise
 from kinematics.effects import Cyclic
 from kinematics.error_model.model import no_errors

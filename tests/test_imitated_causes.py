@@ -8,16 +8,10 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, data_with, fitted, selector
-from support.tiers import quick
-from support.virtual_measurements import ONE, measured, truth
-
-from calibration.diagnosis import searched_causes
 from calibration.diagnosis.acceptance import against_undecided
-from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.preparation import prepared
 from calibration.diagnosis.residual.recurring import recurring
-from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.imitated_causes import imitated
 from calibration.diagnosis.search.shapes.change_points import breaks
@@ -25,6 +19,12 @@ from calibration.diagnosis.search.shapes.imitated_waves import imitated_wave
 from calibration.diagnosis.searched_causes import Found
 from calibration.diagnosis.unseen.undecided_causes import errors_by_undecided
 from calibration.diagnosis.unseen.unseen_states import mean_squares, moments, rms_correction
+from support.diagnosis_cases import CFRAME, data_with, fitted, selector
+from support.tiers import quick
+from support.virtual_measurements import ONE, measured, truth
+
+from calibration.diagnosis import searched_causes
+from calibration.diagnosis.diagnose import diagnose
 from kinematics.effects import Backlash, Cyclic, LocationJump, StationShift, TargetOffset
 from kinematics.error_model.model import no_errors
 from kinematics.running.progress import silent

@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
+from calibration.reports.diagnosis_json import diagnosis_json
 from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions, truth
 
@@ -11,7 +12,6 @@ from calibration.diagnosis.diagnose import diagnose
 from calibration.fit.calibrate import calibrate
 from calibration.gaussian_terms.given.larger_range import Larger, extended, larger_ranges, within
 from calibration.reports.diagnosis import diagnosis_report
-from calibration.reports.diagnosis_json import diagnosis_json
 from kinematics.basis import BSpline, Fourier, Legendre
 from kinematics.effects import Backlash, ErrorMotion, LocationError
 from kinematics.error_model.model import no_errors

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
-from support.diagnosis_cases import data_with, fitted, framed, with_stops
-
-from calibration import cores
 from calibration.diagnosis.residual.whiteness import pearson_beyond
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.row_sensitivity import RowSensitivity
 from calibration.diagnosis.search.shapes.sensitivity import Sensitivity
+from scipy import stats
+from support.diagnosis_cases import data_with, fitted, framed, with_stops
+
+from calibration import cores
 from calibration.fit.noise import with_estimated_noise
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, QuantisedCompensation, Unnamed

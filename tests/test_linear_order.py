@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calibration.diagnosis.linear_order import other_order
 from support.diagnosis_cases import data_with
 from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
-from calibration.diagnosis.linear_order import other_order
 from calibration.fit.bases.search import Choice
 from calibration.observation.full_model import BasisChoice
 from kinematics.effects import Backlash, CrossAxis

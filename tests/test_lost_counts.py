@@ -4,15 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from calibration.diagnosis.residual.unexplained import smoothed
+from calibration.diagnosis.search.evaluation import WORTH, evaluate
+from calibration.diagnosis.search.shapes.change_points import turning_points
 from shop_floor.hidden import Hidden
 from shop_floor.question import ask
 from support.diagnosis_cases import data_with, selector
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.residual.unexplained import smoothed
-from calibration.diagnosis.search.evaluation import WORTH, evaluate
-from calibration.diagnosis.search.shapes.change_points import turning_points
 from calibration.measurement.file import read_measurement
 from kinematics.effects import AngleStep
 from kinematics.effects.combined.where import beam

@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
-from shop_floor.causes import Pitch
-from shop_floor.outside_causes import StickSlip
-from shop_floor.question import ask
-from support.diagnosis_cases import selector
-
-import machines
 from calibration.diagnosis.acceptance import against_learned
 from calibration.diagnosis.residual.modulation import modulated, modulation
 from calibration.diagnosis.residual.unexplained import in_lengths
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.shapes.proposed_shapes import waves_of
 from calibration.diagnosis.widening import UnseenErrors
+from shop_floor.causes import Pitch
+from shop_floor.outside_causes import StickSlip
+from shop_floor.question import ask
+from support.diagnosis_cases import selector
+
+import machines
 from calibration.measurement.file import read_measurement
 
 

@@ -5,12 +5,6 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from support.bench import BENCH, seen, shuffled, swept, to_and_fro, together
-from support.diagnosis_cases import selector
-from support.tiers import quick
-from support.virtual_measurements import ONE, TRACKER, measured, positions
-
-from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.next.predicted_information import PredictedInformation
 from calibration.diagnosis.next.ranking import SURE, Question, Signal, proposed_measurements
 from calibration.diagnosis.next.unexplained_shape import UnexplainedShape
@@ -18,6 +12,12 @@ from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.search.derivatives import signals
 from calibration.diagnosis.search.evaluation import SEEN
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from support.bench import BENCH, seen, shuffled, swept, to_and_fro, together
+from support.diagnosis_cases import selector
+from support.tiers import quick
+from support.virtual_measurements import ONE, TRACKER, measured, positions
+
+from calibration.diagnosis.diagnose import diagnose
 from calibration.fit.fit import fit
 from calibration.follow_up.designs import follow_up_designs
 from calibration.observation.full_model import BasisChoice, with_effects

@@ -5,10 +5,10 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from calibration.diagnosis.repeatability import repeats
 from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions, truth
 
 import machines
-from calibration.diagnosis.repeatability import repeats
 from calibration.instruments import Interferometer, LaserTracker
 from calibration.measurement.measurement import with_moves
 from calibration.simulation.simulate import observe

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calibration.diagnosis.preparation import prepared
+from calibration.diagnosis.residual.unexplained import in_lengths, unexplained
 from shop_floor.question import ask
 from support.tiers import EXAM, STATISTICAL, quick
 
 import machines
-from calibration.diagnosis.preparation import prepared
-from calibration.diagnosis.residual.unexplained import in_lengths, unexplained
 from calibration.measurement.file import read_measurement
 from kinematics.running.progress import silent
 

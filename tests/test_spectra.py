@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+from calibration.diagnosis.search.shapes.spectra import Waves, aliases, lattice
 from hypothesis import given
 from hypothesis import strategies as st
-
-from calibration.diagnosis.search.shapes.spectra import Waves, aliases, lattice
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 100])

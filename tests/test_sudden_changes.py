@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calibration.diagnosis.library.candidate import Candidate
+from calibration.diagnosis.search.sudden_changes import LEAST, _sequences, with_outliers_beyond
 from support.diagnosis_cases import data_with, selector
 from support.tiers import quick
 
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.library.candidate import Candidate
-from calibration.diagnosis.search.sudden_changes import LEAST, _sequences, with_outliers_beyond
 from kinematics.effects import StationShift
 
 ROWS, FEW = 160, 8

@@ -5,6 +5,9 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from calibration.diagnosis.unseen.fast_swing import fast_swing
+from calibration.diagnosis.unseen.swing import Swing
+from calibration.reports.diagnosis_json import diagnosis_json
 from shop_floor import exam
 from support.effect_examples import DMU50, full_state
 from support.pages import text_of
@@ -14,11 +17,8 @@ from support.virtual_measurements import THREE, measured, positions, truth
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.search import evaluated_rows
-from calibration.diagnosis.unseen.fast_swing import fast_swing
-from calibration.diagnosis.unseen.swing import Swing
 from calibration.fit.acceptance import without_clamp
 from calibration.reports.diagnosis import diagnosis_report
-from calibration.reports.diagnosis_json import diagnosis_json
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, Unnamed
 from kinematics.forward import forward

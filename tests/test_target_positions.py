@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from support.diagnosis_cases import fitted
 from support.virtual_measurements import ONE, THREE, measured, positions, truth, written
 
 import machines
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.fit.calibrate import calibrate
 from calibration.fit.set_up.target_positions import TargetPosition, at_positions, findings, target_positions
 from calibration.measurement.file import read_measurement
@@ -166,8 +166,9 @@ def test_a_position_is_a_cause_only_if_it_is_wrong_beside_the_other_causes_too(w
 
 @pytest.mark.statistical
 def test_a_diagnosis_names_the_position_that_is_wrong():
-    from calibration.diagnosis.diagnose import diagnose
     from calibration.diagnosis.misplaced_targets import KIND
+
+    from calibration.diagnosis.diagnose import diagnose
 
     found = diagnose(data(stated=moved("3", 0.0, -0.2, 0.0)))
     assert [(each.kind, each.axis) for each in found.causes] == [(KIND, "3")]

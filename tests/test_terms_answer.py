@@ -47,7 +47,7 @@ class Told(NamedTuple):
     shown: str
 
 
-def diagnosed(folder: Path, machine: str, *options: str) -> Told:
+def diagnose(folder: Path, machine: str, *options: str) -> Told:
     """The diagnosis of `data.csv` in a folder."""
     new, out = folder / "new.json", folder / "out.json"
     words = ("-m", machine, "-o", new, "--json", out, "--engine", "terms", *options)
@@ -65,7 +65,7 @@ def answer(tmp_path_factory) -> Callable[[Case], Told]:
         if case.name not in known:
             folder = tmp_path_factory.mktemp("case")
             case.write(folder)
-            known[case.name] = diagnosed(folder, case.machine)
+            known[case.name] = diagnose(folder, case.machine)
         return known[case.name]
 
     return ask
@@ -90,7 +90,7 @@ def test_nothing_hidden_gives_no_cause(answer):
 def test_a_tie_is_said_with_the_odds_of_each_alternative(tmp_path):
     """An axis that stops short by a share of its step looks like a backlash, in a sweep of equal steps."""
     (tmp_path / "data.csv").write_text(draws.tied_backlash("cframe", 1).sheet(), encoding="utf-8")
-    found = diagnosed(tmp_path, "cframe").document
+    found = diagnose(tmp_path, "cframe").document
     (cause,) = found["effects"]
     assert cause["verdict"] == "tied"
     odds = {each["kind"]: each["odds"] for each in cause["alternatives"]}
@@ -129,7 +129,7 @@ def test_a_wave_of_few_periods_over_the_travel_is_an_error_motion(tmp_path):
     model = msgspec.structs.replace(no_errors(CFRAME), effects=(wave,))
     with (tmp_path / "data.csv").open("wb") as file:
         write_measurement(measured(CFRAME, positions(CFRAME, 200, rng), THREE, model, rng), file)
-    found = diagnosed(tmp_path, "cframe", "--force").document
+    found = diagnose(tmp_path, "cframe", "--force").document
     assert found["effects"] == []
     assert found["unexplained"] is None
 
@@ -137,7 +137,7 @@ def test_a_wave_of_few_periods_over_the_travel_is_an_error_motion(tmp_path):
 def test_effects_of_the_instrument_are_named_and_not_written(tmp_path):
     case = Case("cframe", "pairs", "station drift", 7)
     case.write(tmp_path)
-    found = diagnosed(tmp_path, "cframe")
+    found = diagnose(tmp_path, "cframe")
     assert [(each["kind"], each["where"]) for each in found.document["effects"]] == [("tracker-drift", "instrument")]
     kinds = {each["kind"] for each in json.loads(found.calibration.read_text(encoding="utf-8"))["effects"]}
     assert "tracker-drift" not in kinds
@@ -152,14 +152,14 @@ def data(tmp_path):
 
 def test_an_interferometer_has_the_same_answer(tmp_path):
     (tmp_path / "data.csv").write_text(draws.by_laser("backlash", "cframe", 1).sheet(), encoding="utf-8")
-    found = diagnosed(tmp_path, "cframe").document
+    found = diagnose(tmp_path, "cframe").document
     assert {each["kind"] for each in found["effects"]} == {"backlash"}
     assert found["accepted"]
 
 
 def test_data_of_a_calibration_count_once(answer, tmp_path):
     NOTHING.write(tmp_path)
-    found = diagnosed(tmp_path, "gantry", "--calibration", answer(NOTHING).calibration).document
+    found = diagnose(tmp_path, "gantry", "--calibration", answer(NOTHING).calibration).document
     assert "the calibration was made from these data" in found["sanity"][0]["says"]
     assert not found["confirmed"]
 

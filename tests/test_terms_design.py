@@ -11,13 +11,13 @@ from support.command import run_command
 from support.virtual_measurements import written
 
 from calibration.diagnosis.conclusion.design import Designed
-from calibration.diagnosis.diagnose import diagnosed
+from calibration.diagnosis.diagnose import diagnose
 from kinematics.effects import Backlash, Effect
 
 
 def of_design(positions: np.ndarray, *effects: Effect) -> dict[str, Designed]:
     """The design of a measurement of the bench with some effects, by the names of the causes."""
-    return {each.name: each for each in diagnosed(seen(positions, *effects)).design}
+    return {each.name: each for each in diagnose(seen(positions, *effects)).design}
 
 
 @pytest.fixture(scope="module")

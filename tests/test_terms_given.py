@@ -10,8 +10,8 @@ from support.probe_cases import TIP, probed
 from support.virtual_measurements import ONE, THREE, measured, positions, truth, written
 
 import machines
-from calibration.diagnosis.conclusion.answer import Answer
-from calibration.diagnosis.diagnose import diagnosed
+from calibration.diagnosis.conclusion.result import Diagnosis
+from calibration.diagnosis.diagnose import diagnose
 from calibration.evaluation.volumetric import aligned
 from calibration.fit.calibrate import calibrate
 from calibration.gaussian_terms.geometry import root_of
@@ -53,10 +53,10 @@ def by_fit() -> ErrorModel:
 @cache
 def by_terms() -> ErrorModel:
     """The calibration of the engine of terms."""
-    return diagnosed(data_of(CFRAME, 1, 150)).calibration
+    return diagnose(data_of(CFRAME, 1, 150)).calibration
 
 
-def sizes(answer: Answer) -> dict[str, float]:
+def sizes(answer: Diagnosis) -> dict[str, float]:
     return {cause.effect.name: cause.effect.parameters[0] for cause in answer.causes}
 
 
@@ -73,7 +73,7 @@ def left(machine, model: ErrorModel, *more: Effect) -> float:
 
 @pytest.mark.parametrize("given", [by_fit, by_terms], ids=["by fit", "by terms"])
 def test_the_same_machine_confirms_its_calibration_and_makes_it_surer(given):
-    found = diagnosed(data_of(CFRAME, 2, 120), given())
+    found = diagnose(data_of(CFRAME, 2, 120), given())
     assert found.confirmed
     assert found.accepted
     assert found.machine_change is not None
@@ -86,7 +86,7 @@ def test_the_same_machine_confirms_its_calibration_and_makes_it_surer(given):
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_change_is_named_with_its_size(change):
     hidden = CHANGES[change]
-    found = diagnosed(data_of(CFRAME, 2, 120, *hidden), by_terms())
+    found = diagnose(data_of(CFRAME, 2, 120, *hidden), by_terms())
     assert not found.confirmed
     assert sizes(found) == {effect.name: pytest.approx(effect.parameters[0], rel=0.25) for effect in hidden}
     # the change is part of the new calibration, which is the better one
@@ -97,7 +97,7 @@ def test_a_change_is_named_with_its_size(change):
 
 @pytest.mark.parametrize("change", [LocationError("C", "Y", 80.0), Scale("Y", 60.0)], ids=lambda each: each.name)
 def test_a_changed_line_has_its_size_within_its_uncertainty(change):
-    found = diagnosed(data_of(CFRAME, 2, 120, change), by_terms()).machine_change
+    found = diagnose(data_of(CFRAME, 2, 120, change), by_terms()).machine_change
     assert found is not None
     assert found.significant
     (line,) = found.changed
@@ -107,12 +107,12 @@ def test_a_changed_line_has_its_size_within_its_uncertainty(change):
 
 
 def test_without_a_calibration_nothing_has_changed():
-    assert diagnosed(data_of(CFRAME, 2, 120)).machine_change is None
+    assert diagnose(data_of(CFRAME, 2, 120)).machine_change is None
 
 
 def test_a_guide_that_bends_since_the_calibration():
     bent = ErrorMotion("X", "Z", Legendre(Z, 3), (0.0, 0.0, 15.0, 10.0))
-    found = diagnosed(data_of(CFRAME, 2, 120, bent), by_terms())
+    found = diagnose(data_of(CFRAME, 2, 120, bent), by_terms())
     (cause,) = found.causes
     assert (cause.kind, cause.effect.name) == ("error-motion", "E_XZ")
     assert found.machine_change is not None
@@ -121,8 +121,8 @@ def test_a_guide_that_bends_since_the_calibration():
 
 
 def test_a_backlash_of_the_calibration_that_has_grown():
-    given = diagnosed(data_of(CFRAME, 1, 150, Backlash("Y", 20.0))).calibration
-    found = diagnosed(data_of(CFRAME, 2, 120, Backlash("Y", 35.0)), given)
+    given = diagnose(data_of(CFRAME, 1, 150, Backlash("Y", 20.0))).calibration
+    found = diagnose(data_of(CFRAME, 2, 120, Backlash("Y", 35.0)), given)
     assert sizes(found) == {"backlash Y": pytest.approx(15.0, abs=5.0)}
     (width,) = [effect.width for effect in found.calibration.effects if effect.name == "backlash Y"]
     assert width == pytest.approx(35.0, abs=4.0)
@@ -134,11 +134,11 @@ def test_a_backlash_of_the_calibration_that_has_grown():
 @pytest.mark.statistical
 def test_a_tilted_rotary_axis_seen_with_a_touch_probe():
     own = LocationError("X", "C", 40.0), LocationError("A", "C", 60.0)
-    given = diagnosed(probed("dmu50", 50, effects=own)[0]).calibration
-    same = diagnosed(probed("dmu50", 50, seed=1, effects=own)[0], given)
+    given = diagnose(probed("dmu50", 50, effects=own)[0]).calibration
+    same = diagnose(probed("dmu50", 50, seed=1, effects=own)[0], given)
     assert same.confirmed
     tilted = own[0], LocationError("A", "C", 120.0)
-    found = diagnosed(probed("dmu50", 50, seed=1, effects=tilted)[0], given)
+    found = diagnose(probed("dmu50", 50, seed=1, effects=tilted)[0], given)
     assert sizes(found) == {"E_A0C": pytest.approx(60.0, rel=0.2)}
 
 

@@ -23,8 +23,8 @@ from support.bench import (
 from support.command import run_command
 from support.virtual_measurements import written
 
-from calibration.diagnosis.conclusion.answer import Answer
-from calibration.diagnosis.diagnose import diagnosed
+from calibration.diagnosis.conclusion.result import Diagnosis
+from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.forms import plain
 from calibration.diagnosis.named import named
 from calibration.diagnosis.next.questions import Known, Question, Signal, columns_of
@@ -56,12 +56,12 @@ UNNAMED = Unnamed(
 
 
 @cache
-def tied() -> Answer:
+def tied() -> Diagnosis:
     """Backlash, measured with moves by which it looks like other causes of the drive."""
-    return diagnosed(seen(to_and_fro(), BACKLASH))
+    return diagnose(seen(to_and_fro(), BACKLASH))
 
 
-def separated(answer: Answer, rival: str) -> set[str]:
+def separated(answer: Diagnosis, rival: str) -> set[str]:
     """Designs that separate the backlash from a rival, as it is said."""
     return {each.name for each in answer.proposals if each.minutes and rival in each.text}
 
@@ -92,7 +92,7 @@ def test_the_design_that_tells_most_in_a_minute_comes_first():
 def test_a_tie_ends_by_the_designs_that_are_said_to_end_it_and_by_no_others(design):
     """The designs are measured on the virtual machine with the backlash, and both measurements diagnosed as one."""
     data = seen(to_and_fro(), BACKLASH)
-    again = diagnosed(together(data, planned(data, design), BACKLASH))
+    again = diagnose(together(data, planned(data, design), BACKLASH))
     (cause,) = again.causes
     assert cause.kind == "backlash"
     left = {each.kind for each in cause.alternatives}
@@ -102,7 +102,7 @@ def test_a_tie_ends_by_the_designs_that_are_said_to_end_it_and_by_no_others(desi
 
 
 def test_another_order_shows_whether_a_function_without_a_name_recurs():
-    found = diagnosed(seen(swept(), UNNAMED))
+    found = diagnose(seen(swept(), UNNAMED))
     assert found.unexplained
     asking = [each for each in found.proposals if "recurs with the position or with the time" in each.text]
     assert {"retrace", "shuffled"} <= {each.name for each in asking}
@@ -116,11 +116,11 @@ def test_irregular_positions_find_a_period_that_equal_steps_leave_open():
     q = rng.uniform(0.0, 450.0, (150, 3))
     q[:, BENCH.index("X")] = 20.0 * rng.integers(0, 31, 150)
     data = seen(q, wave, seed=1)
-    found = diagnosed(data)
+    found = diagnose(data)
     assert [len(each.periods) > 1 for each in found.unexplained] == [True]
     best = found.proposals[0]
     assert (best.name, "finds the period" in best.text) == ("finer X", True)
-    (cause,) = diagnosed(together(data, planned(data, best.name), wave)).causes
+    (cause,) = diagnose(together(data, planned(data, best.name), wave)).causes
     assert (cause.kind, cause.verdict) == ("cyclic", "strong")
     assert isinstance(cause.effect, Cyclic)
     assert cause.effect.period == pytest.approx(12.5, abs=0.05)
@@ -129,11 +129,11 @@ def test_irregular_positions_find_a_period_that_equal_steps_leave_open():
 def test_a_weak_cause_is_confirmed_by_the_first_design():
     weak = Backlash("X", 0.7)
     data = seen(shuffled(), weak, seed=11)
-    (before,) = (found := diagnosed(data)).causes
+    (before,) = (found := diagnose(data)).causes
     assert before.log_odds < np.log(150.0)
     best = found.proposals[0]
     assert "confirms backlash X" in best.text
-    (after,) = diagnosed(together(data, planned(data, best.name), weak)).causes
+    (after,) = diagnose(together(data, planned(data, best.name), weak)).causes
     assert after.kind == "backlash"
     assert after.log_odds > np.log(150.0)
 
@@ -141,18 +141,18 @@ def test_a_weak_cause_is_confirmed_by_the_first_design():
 def test_fixed_targets_tell_a_drifting_machine_from_a_drifting_tracker():
     drift = ThermalDrift(component="X", rate=2.0)
     data = seen(shuffled(), drift, seed=1)
-    (before,) = (found := diagnosed(data)).causes
+    (before,) = (found := diagnose(data)).causes
     assert "tracker-range-drift" in {each.kind for each in before.alternatives}
     separating = [each for each in found.proposals if each.minutes and "tracker-range-drift" in each.text]
     assert separating
     assert all("fixed targets" in each.text for each in separating)
-    (after,) = diagnosed(together(data, planned(data, separating[0].name), drift)).causes
+    (after,) = diagnose(together(data, planned(data, separating[0].name), drift)).causes
     assert (after.kind, after.axis) == ("thermal-drift", "X")
     assert not {each.kind for each in after.alternatives if each.kind.startswith(("tracker", "air"))}
 
 
 def test_where_nothing_is_in_doubt_nothing_is_proposed():
-    found = diagnosed(seen(shuffled(), BACKLASH))
+    found = diagnose(seen(shuffled(), BACKLASH))
     assert [(cause.effect.name, cause.verdict) for cause in found.causes] == [("backlash X", "strong")]
     assert not found.proposals
 

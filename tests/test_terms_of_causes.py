@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from calibration.diagnosis.library.candidate import Candidate
 from support.ballbar_cases import circles_of
 from support.diagnosis_cases import CFRAME, data_with
 from support.interferometer_runs import runs
@@ -12,7 +13,6 @@ from support.probe_cases import probed
 from support.virtual_measurements import ONE, THREE, measured, positions
 
 import machines
-from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.candidates import Candidates
 from calibration.diagnosis.dictionary import Dictionary
 from calibration.diagnosis.named import named, shape_of

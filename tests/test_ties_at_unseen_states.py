@@ -3,9 +3,6 @@
 import msgspec
 import numpy as np
 import pytest
-from support.virtual_measurements import ONE, measured, positions
-
-import machines
 from calibration.diagnosis.library.candidate import Candidate, library
 from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
@@ -14,6 +11,9 @@ from calibration.diagnosis.unseen.undecided_causes import errors_by_ties
 from calibration.diagnosis.unseen.unseen_states import moments
 from calibration.diagnosis.verdict import tied_with
 from calibration.diagnosis.widening import widened
+from support.virtual_measurements import ONE, measured, positions
+
+import machines
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
 from kinematics.effects import StationShift, TargetOffset
 from kinematics.error_model.model import no_errors

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.shapes.change_points import breaks
+from calibration.diagnosis.verdict import notes
 from support.diagnosis_cases import CFRAME, data_with, framed
 from support.virtual_measurements import ONE, positions
 
 from calibration.diagnosis.library.causes import causes
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.shapes.change_points import breaks
-from calibration.diagnosis.verdict import notes
 from calibration.fit.calibrate import calibrate
 from calibration.fit.fit import fit
 from calibration.instruments import Part

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calibration.diagnosis.repeatability import repeats
 from support.probe_cases import MIDDLE, TIP, in_datum, poses, probed, shifted_rows, spheres_of, unseen_um
 from support.tiers import quick
 from support.virtual_measurements import written
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.repeatability import repeats
 from calibration.fit.bases.search import AUTOMATIC_KINDS, ROTARY_KIND
 from calibration.fit.bases.selection import LinearEvidence, choose, coarse_fit
 from calibration.fit.calibrate import calibrate

@@ -3,12 +3,12 @@
 import msgspec
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, data_with, selector
-
 from calibration.diagnosis.library.candidate import Candidate
 from calibration.diagnosis.search.evaluation import evaluate
 from calibration.diagnosis.unseen.undecided_causes import errors_by_undecided
 from calibration.diagnosis.unseen.unseen_states import mean_squares, moments
+from support.diagnosis_cases import CFRAME, data_with, selector
+
 from kinematics.effects import Backlash, ThermalDrift, TrackerDrift
 from kinematics.error_model.model import no_errors
 

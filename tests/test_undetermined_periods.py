@@ -5,14 +5,14 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, selector
-from support.virtual_measurements import THREE, measured, positions
-
 from calibration.diagnosis.acceptance import against_positions
 from calibration.diagnosis.residual.undetermined_periods import at_positions, undetermined
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.search.shapes.proposed_shapes import waves_of
 from calibration.diagnosis.search.start_model import Base
+from support.diagnosis_cases import CFRAME, selector
+from support.virtual_measurements import THREE, measured, positions
+
 from calibration.fit.acceptance import nominal_residuals
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
 from calibration.observation.stops_and_lines import inner_positions

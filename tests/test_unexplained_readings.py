@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.diagnosis_cases import CFRAME, data_with, selector
-from support.tiers import quick
-
 from calibration.diagnosis.next.ranking import proposed_measurements
 from calibration.diagnosis.residual.dependence import Unexplained
 from calibration.diagnosis.residual.readings import readings, with_function_of_readings
 from calibration.diagnosis.residual.unexplained import in_lengths, misread, nearly_of_readings, shared_rms, unexplained
 from calibration.diagnosis.search.evaluation import WORTH, evaluate
 from calibration.diagnosis.widening import unseen_errors
+from support.diagnosis_cases import CFRAME, data_with, selector
+from support.tiers import quick
+
 from kinematics.effects import AngleHarmonic, CrossAxis, Unnamed
 from kinematics.effects.combined.where import beam
 

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calibration.diagnosis.residual.unnamed import OWN, evidence, surviving, terms_of
+from calibration.reports.diagnosis_json import diagnosis_json
 from support.command import refusal
 from support.tiers import quick
 from virtual_machine import draws, observe
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.residual.unnamed import OWN, evidence, surviving, terms_of
 from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.measurement.file import read_measurement
-from calibration.reports.diagnosis_json import diagnosis_json
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Unnamed
 from kinematics.forward import tool_point

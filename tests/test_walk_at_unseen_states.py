@@ -3,12 +3,12 @@
 import msgspec
 import numpy as np
 import pytest
-from support.virtual_measurements import THREE, measured, positions
-
-import machines
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.unseen.random_walk import squares_by_walk
 from calibration.diagnosis.unseen.unseen_states import moments
+from support.virtual_measurements import THREE, measured, positions
+
+import machines
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model
 from kinematics.effects import Unnamed

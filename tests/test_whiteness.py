@@ -4,10 +4,9 @@ from itertools import product
 
 import numpy as np
 import pytest
+from calibration.diagnosis.residual.whiteness import Columns, _along, _cells, _centred, combined, whiteness
 from scipy import linalg, stats
 from support.tiers import quick
-
-from calibration.diagnosis.residual.whiteness import Columns, _along, _cells, _centred, combined, whiteness
 
 ROWS, SIDES = 250, 3
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from calibration.diagnosis.conclusion.answer import Answer, answered
+from calibration.diagnosis.conclusion.result import Diagnosis, answered
 from calibration.diagnosis.search import search
 from calibration.fit.acceptance import information
 from calibration.fit.set_up.checked_data import checked_data
@@ -21,14 +21,14 @@ LEAST = 4
 """Parameters of an error motion that rows must be able to determine: a cubic, as of `calibration.fit.acceptance`."""
 
 
-def diagnosed(
+def diagnose(
     measurement: Measurement,
     calibration: ErrorModel | None = None,
     *,
     force: bool = False,
     add_unexplained: bool = False,
     progress: Progress = silent,
-) -> Answer:
+) -> Diagnosis:
     """The diagnosis of a measurement against a calibration, without one against the nominal machine.
 
     force: the new calibration is accepted although it predicts worse than the other one. add_unexplained: it corrects

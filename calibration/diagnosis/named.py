@@ -14,9 +14,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from calibration.diagnosis.forms import Form, motion_changes, pivoted, plain, reversals
 from calibration.diagnosis.library.causes import angle_steps, causes, given, jumps
 from calibration.diagnosis.library.changes import changes
-from calibration.diagnosis.forms import Form, motion_changes, pivoted, plain, reversals
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.term import Term
 from calibration.measurement.measurement import Measurement

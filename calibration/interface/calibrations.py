@@ -12,7 +12,7 @@ from kinematics.user_error import UserError
 from machines.given import load_calibration
 
 if TYPE_CHECKING:
-    from calibration.diagnosis.result import Diagnosis
+    from calibration.diagnosis.conclusion.result import Diagnosis
     from calibration.fit.calibrate import Calibration
     from calibration.fit.together import Together
     from calibration.measurement.measurement import Measurement
@@ -114,21 +114,21 @@ def diagnose(
     measurement: Measurement,
     calibration: str | Path | ErrorModel | None = None,
     *,
-    noise: Literal["sheet", "estimate"] = "sheet",
     unexplained: Literal["report", "add"] = "report",
     force: bool = False,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Find the causes of the errors that a model of the machine lacks; `model` of the result has them added.
 
-    calibration: the present one; None begins with error motions of all axes. noise: as for `fit`. unexplained:
-    residuals without a known cause are reported, or added to the model as a smooth function. force: accept the new
+    calibration: the present one; None begins with error motions of all axes. unexplained: functions without a known
+    cause are reported, or corrected too, as far as they depend on positions or temperatures. force: accept the new
     model although there is a reason against it. `accepted` of the result is False where the new model is no
-    improvement, and `reason` says why.
+    improvement, and `reason` says why. The noise is found with the causes, within its prior.
 
     UserError for too few data, and for a calibration of another machine.
     """
     from calibration.diagnosis.diagnose import diagnose
 
     present = None if calibration is None else load_calibration(measurement.machine, calibration)
-    return diagnose(measurement, present, variance=noise, left_over=unexplained, force=force, progress=progress)
+    add = unexplained == "add"
+    return diagnose(measurement, present, force=force, add_unexplained=add, progress=progress)

@@ -9,8 +9,7 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from calibration.diagnosis.result import Diagnosis
-    from calibration.diagnosis.conclusion.answer import Answer
+    from calibration.diagnosis.conclusion.result import Diagnosis
     from calibration.fit.calibrate import Calibration
     from calibration.fit.together import Together
     from calibration.interface.evaluations import CircularTests, ContinuousResult, ThreePointsResult
@@ -36,15 +35,9 @@ def _together(found: Together) -> Report:
 
 
 def _diagnosis(found: Diagnosis) -> Report:
-    from calibration.reports.diagnosis import diagnosis_report
+    from calibration.reports.diagnosis.page import diagnosis_report
 
     return diagnosis_report(found, "ncomp.diagnose")
-
-
-def _answer(found: Answer) -> Report:
-    from calibration.reports.diagnosis.page import answer_report
-
-    return answer_report(found, "ncomp.diagnose")
 
 
 def _plan(found: Plan) -> Report:
@@ -103,7 +96,6 @@ REPORTS: dict[str, Callable[[Any], Report]] = {
     "Calibration": _calibration,
     "Together": _together,
     "Diagnosis": _diagnosis,
-    "Answer": _answer,
     "Plan": _plan,
     "AxisTest": _axis_test,
     "CircularTests": _circles,

@@ -5,21 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from calibration.diagnosis.separability import Separability
 from calibration.diagnosis.conclusion.design import Designed
 from rendering.report import Section, Table
 
-Row = Separability | Designed
 LISTED = 4
 """Most causes of a family that one cell lists."""
 TEXT = (
-    "The table follows from the positions, their order and the set-up alone, without the readings. A cause that is "
-    "visible only together with another one has nearly the same signal (cosine in brackets): these data separate the "
-    "two only if they are large, and never at 1.00. Of a cause that is not visible, model and registration imitate at "
-    "least 95 % of the signal."
-)
-"""How the table follows from cosines."""
-BY_ODDS = (
     "The table follows from the positions, their order and the set-up alone, without the readings. A cause is visible "
     "if odds of 150 to 1 or more are expected where it is there, of typical size; it is visible only together with "
     "another one if this explains its signal about as well (cosine in brackets)."
@@ -27,9 +18,9 @@ BY_ODDS = (
 """How the table follows from expected odds."""
 
 
-def separability_section(design: Sequence[Row], text: str = TEXT) -> Section:
-    """Table of the families of causes that a design shows; text: how these follow from it."""
-    families: dict[str, list[Row]] = {}
+def separability_section(design: Sequence[Designed]) -> Section:
+    """Table of the families of causes that a design shows."""
+    families: dict[str, list[Designed]] = {}
     for each in design:
         families.setdefault(each.kind, []).append(each)
     kinds = {each.name: each.kind for each in design}
@@ -43,10 +34,10 @@ def separability_section(design: Sequence[Row], text: str = TEXT) -> Section:
         for kind, family in families.items()
     ]
     head = ("cause", "visible", "visible only together with", "not visible")
-    return Section("Causes that this design can show", text, Table(head, rows), detail=True)
+    return Section("Causes that this design can show", TEXT, Table(head, rows), detail=True)
 
 
-def separability_json(design: Sequence[Row]) -> list[dict[str, Any]]:
+def separability_json(design: Sequence[Designed]) -> list[dict[str, Any]]:
     """The design's causes for programs."""
     return [
         {
@@ -61,14 +52,14 @@ def separability_json(design: Sequence[Row]) -> list[dict[str, Any]]:
     ]
 
 
-def _place(each: Row) -> str:
+def _place(each: Designed) -> str:
     """Axis, component or circle of a cause; `yes` where it is the only one of its family."""
     return each.name.removeprefix(each.kind).lstrip("- ") or "yes"
 
 
-def _ties(family: Sequence[Row], kinds: Mapping[str, str]) -> Iterator[str]:
+def _ties(family: Sequence[Designed], kinds: Mapping[str, str]) -> Iterator[str]:
     """Causes of a family with the family of the most similar other cause, and the largest cosine."""
-    tied: dict[str, list[Row]] = {}
+    tied: dict[str, list[Designed]] = {}
     for each in family:
         if each.verdict == "tied":
             tied.setdefault(kinds[each.tied_with[0][0]], []).append(each)

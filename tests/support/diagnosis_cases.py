@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import msgspec
 import numpy as np
-
-import machines
 from calibration.diagnosis.library.candidate import library
 from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.score import GENEROUS
 from calibration.diagnosis.search.selection import Search, Selector
 from calibration.diagnosis.search.shapes import proposed_shapes
 from calibration.diagnosis.search.start_model import Base
+
+import machines
 from calibration.fit.fit import fit
 from calibration.observation.equations import specified_covariance
 from calibration.observation.full_model import BasisChoice, priors, rigid_model

@@ -285,16 +285,16 @@ def _crossed(measurement: Measurement) -> Iterator[Effect]:
     for axis, other in permutations(measurement.moving, 2):
         for component in get_args(Component):
             yield CrossAxis(
-                    component=component,
-                    axis=axis,
-                    other=other,
-                    own_interval=measurement.moving[axis],
-                    other_interval=measurement.moving[other],
-                    own_degree=OWN_DEGREE,
-                    other_degree=OTHER_DEGREE,
-                    coefficients=(0.0,) * count,
-                    about=centres.get(axis, msgspec.UNSET) if component in "ABC" else msgspec.UNSET,
-                )
+                component=component,
+                axis=axis,
+                other=other,
+                own_interval=measurement.moving[axis],
+                other_interval=measurement.moving[other],
+                own_degree=OWN_DEGREE,
+                other_degree=OTHER_DEGREE,
+                coefficients=(0.0,) * count,
+                about=centres.get(axis, msgspec.UNSET) if component in "ABC" else msgspec.UNSET,
+            )
 
 
 def _loads(measurement: Measurement) -> Iterator[Effect]:

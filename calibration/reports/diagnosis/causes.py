@@ -7,10 +7,10 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 
-from calibration.diagnosis.conclusion.answer import Answer
 from calibration.diagnosis.conclusion.at_tool import AtTool
 from calibration.diagnosis.conclusion.cause import Cause
 from calibration.diagnosis.conclusion.fitted_rows import FittedRows
+from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.reports.causes import text as words
 from calibration.reports.causes.at_positions import at_positions
 from calibration.reports.causes.figures import cause_figure, share_chart
@@ -41,7 +41,7 @@ HOW_DRAWN = {
 }
 
 
-def cause_sections(answer: Answer) -> Iterator[Section]:
+def cause_sections(answer: Diagnosis) -> Iterator[Section]:
     """The causes, the largest at the tool point first."""
     ordered = by_size(answer)
     if not ordered:
@@ -74,7 +74,7 @@ def _figure(rows: FittedRows, cause: Cause) -> Figure:
     return cause_figure(views(rows, cause.effect))
 
 
-def _row(answer: Answer, number: str, cause: Cause, size: AtTool | None) -> Sequence[str]:
+def _row(answer: Diagnosis, number: str, cause: Cause, size: AtTool | None) -> Sequence[str]:
     positions = at_positions(answer.measurement.machine, cause.effect, cause.covariance)
     return (
         number,

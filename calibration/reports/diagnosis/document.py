@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from calibration.diagnosis.conclusion.answer import Answer
 from calibration.diagnosis.conclusion.cause import Cause
 from calibration.diagnosis.conclusion.fitted_rows import by_direction
+from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.diagnosis.contract import fields_of
 from calibration.fit.set_up.run_zeros import run_zeros
 from calibration.reports.diagnosis.registered import registered_rows
@@ -18,7 +18,7 @@ LARGEST = 700.0
 """Largest logarithm of odds whose odds are a number."""
 
 
-def answer_json(answer: Answer) -> dict[str, Any]:
+def diagnosis_json(answer: Diagnosis) -> dict[str, Any]:
     """The diagnosis for programs by contract 4.3; further keys at the end."""
     structure = answer.structure
     before, after = answer.figures
@@ -39,7 +39,7 @@ def answer_json(answer: Answer) -> dict[str, Any]:
     }
 
 
-def _further(answer: Answer) -> dict[str, Any]:
+def _further(answer: Diagnosis) -> dict[str, Any]:
     """Keys beyond the stable part of the contract."""
     structure, given = answer.structure, answer.as_given
     return {
@@ -100,7 +100,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
     }
 
 
-def _unexplained(answer: Answer) -> dict[str, Any] | None:
+def _unexplained(answer: Diagnosis) -> dict[str, Any] | None:
     """Functions without a name and waves of an open period; None without any.
 
     `p_value` is the probability of the likeliest of them not to be there.

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from calibration.diagnosis.conclusion.answer import Answer
 from calibration.diagnosis.conclusion.fitted_rows import FittedRows, in_micro
 from calibration.diagnosis.conclusion.guard import in_units
+from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.diagnosis.conclusion.verdict import Judged
 from calibration.gaussian_terms.structure import Structure
 from kinematics.state import REFERENCE, TEMPERATURE, TIME
@@ -37,7 +37,7 @@ OUTER = 0.5
 """Share of the points, per cent, that may lie outside of a panel on each side."""
 
 
-def before_and_after(answer: Answer) -> Figure:
+def before_and_after(answer: Diagnosis) -> Figure:
     """Residuals without and with the causes, against time and the position of each axis."""
     kept = _kept(answer)
     rows = some(kept)
@@ -56,7 +56,7 @@ def before_and_after(answer: Answer) -> Figure:
     return grid(panels, 2, same_y=True)
 
 
-def by_approach(answer: Answer) -> Figure:
+def by_approach(answer: Diagnosis) -> Figure:
     """RMS of the residuals of the rows with each direction of approach of each axis, before and after."""
     measurement, rows = answer.measurement, _kept(answer)
     stages = ((answer.bare, "before", BEFORE), (answer.structure, "after", AFTER))
@@ -73,7 +73,7 @@ def by_approach(answer: Answer) -> Figure:
     return grid(panels, 3, height=220, same_y=True)
 
 
-def against_noise(answer: Answer) -> Figure:
+def against_noise(answer: Diagnosis) -> Figure:
     """Distribution of the residuals in standard uncertainties, before and after, with that of noise alone."""
     panels = []
     for name, structure in (("before", answer.bare), ("after", answer.structure)):
@@ -83,7 +83,7 @@ def against_noise(answer: Answer) -> Figure:
     return grid(panels, 2, same_y=True)
 
 
-def function_figure(answer: Answer, each: Judged) -> Figure:
+def function_figure(answer: Diagnosis, each: Judged) -> Figure:
     """What a function without a name contributes to the rows, over its variables."""
     measurement = answer.measurement
     micro = in_micro(answer.structure, answer.contribution(each))
@@ -106,7 +106,7 @@ def function_figure(answer: Answer, each: Judged) -> Figure:
     return grid(panels, 3, colours=colour_axis(-most, most, label, signed=True))
 
 
-def _kept(answer: Answer) -> np.ndarray:
+def _kept(answer: Diagnosis) -> np.ndarray:
     """Numbers of the rows that are not left out."""
     return np.flatnonzero(~answer.structure.noise.left_out)
 
@@ -116,7 +116,7 @@ def _residual(structure: Structure) -> Array:
     return in_micro(structure, in_units(structure, structure.left))
 
 
-def _along(answer: Answer) -> Iterator[tuple[str, Array]]:
+def _along(answer: Diagnosis) -> Iterator[tuple[str, Array]]:
     """Time and the positions of the axes that move, with labels."""
     for name in (TIME, *answer.measurement.moving):
         shown = _variable(answer, name)
@@ -124,7 +124,7 @@ def _along(answer: Answer) -> Iterator[tuple[str, Array]]:
             yield shown
 
 
-def _variable(answer: Answer, name: str) -> tuple[str, Array] | None:
+def _variable(answer: Diagnosis, name: str) -> tuple[str, Array] | None:
     """Label and values `(n,)` of a variable in the unit shown; None where the rows do not have it."""
     measurement = answer.measurement
     state, machine = measurement.state, measurement.machine

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from calibration.diagnosis.conclusion.answer import Answer
+from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.reports.diagnosis.causes import cause_sections
 from calibration.reports.diagnosis.commands import Files, use_section
 from calibration.reports.diagnosis.registered import registered_rows
@@ -20,13 +20,13 @@ from calibration.reports.fit import acceptance
 from calibration.reports.head import foot_of, measured_head
 from calibration.reports.machine_change import change_sections
 from calibration.reports.run_zeros import zeros_section
-from calibration.reports.separability import BY_ODDS, separability_section
+from calibration.reports.separability import separability_section
 from kinematics.files.number_text import rounded
 from rendering.report import Report, Section, Table
 from rendering.volume import Field, uncertainty_of, volume_section
 
 
-def answer_report(answer: Answer, command: str, files: Files | None = None) -> Report:
+def diagnosis_report(answer: Diagnosis, command: str, files: Files | None = None) -> Report:
     """The diagnosis for people; `command`: the command that made it; files: those of the commands in the report."""
     files = files or Files(answer.measurement.machine.name, "NEW.json", "OLD.json")
     title = f"Diagnosis of {answer.measurement.machine.name}"
@@ -43,7 +43,7 @@ def answer_report(answer: Answer, command: str, files: Files | None = None) -> R
     )
 
 
-def _sections(answer: Answer, files: Files) -> Iterator[Section]:
+def _sections(answer: Diagnosis, files: Files) -> Iterator[Section]:
     yield from cause_sections(answer)
     yield from unexplained_sections(answer)
     yield from _map(answer)
@@ -51,7 +51,7 @@ def _sections(answer: Answer, files: Files) -> Iterator[Section]:
     yield from change_sections(answer.machine_change)
     yield from residual_sections(answer)
     yield from unseen_sections(answer)
-    yield separability_section(answer.design, BY_ODDS)
+    yield separability_section(answer.design)
     yield from zeros_section(registered_rows(answer))
     yield from left_out_section(answer)
     yield Section("Next", answer.next_measurement)
@@ -59,7 +59,7 @@ def _sections(answer: Answer, files: Files) -> Iterator[Section]:
     yield use_section(files, answer.model)
 
 
-def _proposals(answer: Answer) -> Iterator[Section]:
+def _proposals(answer: Diagnosis) -> Iterator[Section]:
     """The table of all designs that answer what the data leave open."""
     rows = [
         (each.name, f"{each.minutes:.0f}", rounded(each.gain_per_minute, 2), each.text)
@@ -71,7 +71,7 @@ def _proposals(answer: Answer) -> Iterator[Section]:
         yield Section("Proposed measurements", table=Table(head, rows), detail=True)
 
 
-def _map(answer: Answer) -> Iterator[Section]:
+def _map(answer: Diagnosis) -> Iterator[Section]:
     """The errors of the machine by the new model, those that a correction by the present one leaves, and after."""
     fields = [Field("without a correction", answer.model)]
     if answer.given is not None:

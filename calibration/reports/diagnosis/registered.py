@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.conclusion.answer import Answer
 from calibration.diagnosis.conclusion.guard import in_units
+from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.gaussian_terms.observations import registered
 from calibration.measurement.measurement import Measurement
 from calibration.registration.registration import Registration
@@ -25,7 +25,7 @@ class RegisteredRows(NamedTuple):
     """Mask `(n,)` of the rows that are not left out."""
 
 
-def registered_rows(answer: Answer) -> RegisteredRows:
+def registered_rows(answer: Diagnosis) -> RegisteredRows:
     """The rows of an answer, registered to the machine of its calibration."""
     structure = answer.structure
     residual = in_units(structure, structure.left)

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 from functools import partial
 
-from calibration.diagnosis.conclusion.answer import Answer
 from calibration.diagnosis.conclusion.fitted_rows import by_direction
 from calibration.diagnosis.conclusion.functions import obstacle
+from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.fit.acceptance import ARM, measures_angles
 from calibration.reports.diagnosis.figures import against_noise, before_and_after, by_approach, function_figure
 from calibration.reports.diagnosis.verdict import function_name
@@ -21,7 +21,7 @@ OBSERVED = "Residuals are observed minus expected"
 OF_POINTS = ", in x, y, z of the part that carries the instrument"
 
 
-def unexplained_sections(answer: Answer) -> Iterator[Section]:
+def unexplained_sections(answer: Diagnosis) -> Iterator[Section]:
     """A section for each function that no cause explains."""
     unit = answer.measurement.unit
     for number, each in enumerate(answer.unexplained, start=1):
@@ -38,7 +38,7 @@ def unexplained_sections(answer: Answer) -> Iterator[Section]:
         yield Section(f"Unexplained {number}", text, figure=partial(function_figure, answer, each))
 
 
-def residual_sections(answer: Answer) -> Iterator[Section]:
+def residual_sections(answer: Diagnosis) -> Iterator[Section]:
     """Residuals before and after, by direction, and against the noise."""
     unit = answer.measurement.unit
     rows = [
@@ -63,7 +63,7 @@ def residual_sections(answer: Answer) -> Iterator[Section]:
     yield Section("Residual against noise", figure=partial(against_noise, answer))
 
 
-def _volume(answer: Answer) -> Iterator[str]:
+def _volume(answer: Diagnosis) -> Iterator[str]:
     volume = answer.volume
     lever = f"; tool point {ARM:g} mm off in x, y, z" if measures_angles(answer.measurement) else ""
     yield (
@@ -77,12 +77,12 @@ def _volume(answer: Answer) -> Iterator[str]:
         )
 
 
-def data_section(answer: Answer) -> Section:
+def data_section(answer: Diagnosis) -> Section:
     """The data, the noise that they show, and anomalies."""
     return facts("Data, model, noise", list(_facts(answer)))
 
 
-def _facts(answer: Answer) -> Iterator[tuple[str, str]]:
+def _facts(answer: Diagnosis) -> Iterator[tuple[str, str]]:
     structure, measurement = answer.structure, answer.measurement
     runs = 0 if measurement.run is None else len(set(measurement.run.tolist()))
     counted = f", {runs} run{'s' if runs > 1 else ''}" if runs else ""
@@ -101,7 +101,7 @@ def _facts(answer: Answer) -> Iterator[tuple[str, str]]:
         yield "repeatability", f"standard deviation from stop to stop, um or urad: {repeats}"
 
 
-def left_out_section(answer: Answer) -> Iterator[Section]:
+def left_out_section(answer: Diagnosis) -> Iterator[Section]:
     """The rows that are left out."""
     rows = [f"{answer.measurement.where(row)}: outlier" for row in answer.outliers]
     if rows:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from calibration.diagnosis.conclusion.answer import Answer
+from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.reports.causes import text as words
 from kinematics.files.number_text import rounded
 from rendering.report import Section, Table
@@ -13,7 +13,7 @@ OF_MOTIONS = "positions of its axis over the travel, seen in this direction"
 """Measurement that shows an error motion."""
 
 
-def unseen_sections(answer: Answer) -> Iterator[Section]:
+def unseen_sections(answer: Diagnosis) -> Iterator[Section]:
     """Causes that are not visible, not tested, and the smallest sizes of the others."""
     by_remedy: dict[str, list[str]] = {}
     if answer.unseen_motions:
@@ -35,7 +35,7 @@ def unseen_sections(answer: Answer) -> Iterator[Section]:
     yield from _smallest(answer)
 
 
-def _smallest(answer: Answer) -> Iterator[Section]:
+def _smallest(answer: Diagnosis) -> Iterator[Section]:
     """The smallest sizes that the data would show, by kind and unit."""
     found: dict[tuple[str, str], list[str]] = {}
     for each in answer.expected:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from calibration.diagnosis.conclusion.answer import Answer
 from calibration.diagnosis.conclusion.at_tool import AtTool, at_tool
 from calibration.diagnosis.conclusion.cause import Cause
+from calibration.diagnosis.conclusion.result import Diagnosis
 from calibration.diagnosis.conclusion.verdict import Judged
 from calibration.reports.causes import text as words
 from calibration.reports.fit import insignificant
@@ -27,7 +27,7 @@ PERIODS = 8
 """Most periods that a sentence lists."""
 
 
-def sentences(answer: Answer) -> Iterator[str]:
+def sentences(answer: Diagnosis) -> Iterator[str]:
     """The result: causes by their size at the tool point, residuals, and what is left."""
     yield from _given(answer)
     yield from (f"NOTE: {each.message}." for each in answer.findings if each.check == "chain")
@@ -47,7 +47,7 @@ def sentences(answer: Answer) -> Iterator[str]:
     yield from _left_out(answer)
 
 
-def by_size(answer: Answer) -> list[tuple[Cause, AtTool | None]]:
+def by_size(answer: Diagnosis) -> list[tuple[Cause, AtTool | None]]:
     """The causes with their sizes at the tool point, the largest first; those of the instrument at the end."""
     found = [(cause, at_tool(answer.measurement, cause.effect, cause.covariance)) for cause in answer.causes]
     return sorted(found, key=lambda each: -each[1].size_um if each[1] is not None else 0.0)
@@ -75,7 +75,7 @@ def _changed(before: float, after: float) -> str:
     return " -> ".join(dict.fromkeys((f"{before:.2f}", f"{after:.2f}")))
 
 
-def unexplained_sentence(answer: Answer) -> str:
+def unexplained_sentence(answer: Diagnosis) -> str:
     """What no cause explains, and the size of it."""
     after, unit = answer.figures[1], answer.measurement.unit
     noise = f"the residual is {after.rms_um:.2f} {unit} RMS, of noise alone {answer.noise_um:.2f} {unit} are expected"
@@ -106,7 +106,7 @@ WHOLE = 1e-3
 """Relative difference of a period from a whole part of the turn up to which its order is given."""
 
 
-def _given(answer: Answer) -> Iterator[str]:
+def _given(answer: Diagnosis) -> Iterator[str]:
     """The calibration that was given: worse than none, or confirmed."""
     given, unit = answer.as_given, answer.measurement.unit
     if given is not None and given.worse:
@@ -124,7 +124,7 @@ def _given(answer: Answer) -> Iterator[str]:
         )
 
 
-def _noise(answer: Answer) -> Iterator[str]:
+def _noise(answer: Diagnosis) -> Iterator[str]:
     """A sentence where the noise is far from the specification of the instrument."""
     factor = math.sqrt(answer.structure.noise.factor)
     if not 1.0 / FAR < factor < FAR:
@@ -134,7 +134,7 @@ def _noise(answer: Answer) -> Iterator[str]:
         )
 
 
-def _left_out(answer: Answer) -> Iterator[str]:
+def _left_out(answer: Diagnosis) -> Iterator[str]:
     """Number and places of the rows that are left out."""
     rows = answer.outliers
     if rows:

@@ -7,9 +7,8 @@ from typing import Annotated, Literal
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.calibrations.diagnose_by_terms import diagnose_by_terms
 from postproc.commands.options.declared import MODEL, argument, option, output_option
-from postproc.commands.options.measurement import DataOptions, Force, Noise
+from postproc.commands.options.measurement import DataOptions, Force
 from postproc.commands.options.shared import MachineName, ResultOptions, whole_results
 
 EPILOG = (
@@ -22,7 +21,6 @@ EPILOG = (
 )
 
 
-NoiseOf = Literal["sheet", "estimate"]
 Report = Literal["report", "add"]
 Unexplained = Annotated[
     Report,
@@ -31,11 +29,6 @@ Unexplained = Annotated[
         default="report",
         panel=MODEL,
     ),
-]
-
-Engine = Annotated[
-    Literal["rules", "terms"],
-    option("The search for causes: by rules, or among sums of Gaussian terms.", default="rules", hidden=True),
 ]
 
 
@@ -47,9 +40,7 @@ def diagnose(
     calibration: Path | None = option(
         "Present model; default: error motions of all axes.", "CAL.json", "-c", reads=True, panel=MODEL
     ),
-    noise: Noise,
     unexplained: Unexplained,
-    engine: Engine,
     force: Force,
     form: DataOptions,
     others: ResultOptions,
@@ -59,32 +50,17 @@ def diagnose(
     Causes that the data cannot show are only listed. Causes that the data cannot distinguish are shown as a tie, with
     the measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
     """
-    if engine == "terms":
-        added = unexplained == "add"
-        diagnose_by_terms(data, machine, output, calibration, form, others, add_unexplained=added, force=force)
-        return
-    _diagnose_by_rules(data, machine, output, calibration, (noise, unexplained), form, others, force=force)
-
-
-def _diagnose_by_rules(
-    data: tuple[Path, ...], machine: str, output: Path, calibration: Path | None, how: tuple[NoiseOf, Report],
-    form: DataOptions, others: ResultOptions, *, force: bool,
-) -> None:  # fmt: skip
-    """Diagnose measurement files, and write the calibration and the results."""
     from calibration.fit.beyond_measured import calibration_file
     from calibration.reports.diagnosis.commands import Files
-    from calibration.reports.diagnosis import diagnosis_report
-    from calibration.reports.diagnosis_json import diagnosis_json
+    from calibration.reports.diagnosis.document import diagnosis_json
+    from calibration.reports.diagnosis.page import diagnosis_report
     from postproc.commands.show.terminal import console, show
 
-    (noise, unexplained), inputs = how, (*data, form.plan, calibration)
     found_machine = ncomp.load_machine(machine)
     present = None if calibration is None else ncomp.load_calibration(found_machine, calibration)
     measurement = form.read(data, found_machine)
     with console.status("reading") as status:
-        found = ncomp.diagnose(
-            measurement, present, noise=noise, unexplained=unexplained, force=force, progress=status.update
-        )
+        found = ncomp.diagnose(measurement, present, unexplained=unexplained, force=force, progress=status.update)
     against = "" if calibration is None else f" --calibration {calibration}"
     command = f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
     files = Files(machine, str(output), None if calibration is None else str(calibration))
@@ -92,7 +68,7 @@ def _diagnose_by_rules(
     with whole_results(*others.files, str(output) if found.accepted else None) as (results, page, file):
         if found.accepted:
             file.write(calibration_file(found.model, found_machine))
-        others.write(diagnosis_json(found), report, (results, page), inputs)
+        others.write(diagnosis_json(found), report, (results, page), (*data, form.plan, calibration))
     show(report, *others.files, str(output))
     if not found.accepted:
         raise UserError(f"{measurement.source}: {found.reason}")

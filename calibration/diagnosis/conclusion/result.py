@@ -67,7 +67,7 @@ class Figures(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Answer(Accepted, Shown):
+class Diagnosis(Accepted, Shown):
     """The answer of a search."""
 
     candidates: Candidates
@@ -368,9 +368,9 @@ SIZE_STEPS = 10
 
 def answered(
     candidates: Candidates, findings: Sequence[Finding] = (), *, force: bool = False, add_unexplained: bool = False
-) -> Answer:
+) -> Diagnosis:
     """The answer by the structure that a search has found, and the odds of all terms beside it."""
-    return Answer(candidates, tuple(judged(candidates)), tuple(findings), force, add_unexplained)
+    return Diagnosis(candidates, tuple(judged(candidates)), tuple(findings), force, add_unexplained)
 
 
 def _of_machine(cause: Cause) -> bool:
