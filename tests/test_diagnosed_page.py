@@ -239,7 +239,7 @@ def test_an_angle_is_told_by_what_it_does_at_the_tool_point(tmp_path):
     """A squareness of 100 urad over the travel of the axis that is out of square."""
     low, high = CFRAME.axes[CFRAME.index("Y")].travel
     given = tmp_path / "given.json"
-    given.write_bytes(encode_model(diagnosed(there_and_back(rows=120, seed=3), force=True).model))
+    given.write_bytes(encode_model(diagnose(there_and_back(rows=120, seed=3), force=True).model))
     data = written(there_and_back(LocationError("C", "Y", 100.0), rows=120), tmp_path / "data.csv")
     found = told(tmp_path, data, "-c", given)
     first = next(line for line in found.lines if "E_C0Y" in line)
@@ -248,7 +248,7 @@ def test_an_angle_is_told_by_what_it_does_at_the_tool_point(tmp_path):
 
 
 def test_an_answer_shows_itself_in_a_session():
-    found = diagnosed(there_and_back(Backlash("X", 80.0)))
+    found = diagnose(there_and_back(Backlash("X", 80.0)))
     assert "cframe" in repr(found)
     assert "backlash X" in repr(found)
     assert "Origin and repair" in found._repr_html_()
