@@ -4,22 +4,17 @@ from dataclasses import replace
 
 import msgspec
 import numpy as np
-from calibration.diagnosis.library.candidate import library
-from calibration.diagnosis.search.linearised_fit import LinearisedFit
-from calibration.diagnosis.search.score import GENEROUS
-from calibration.diagnosis.search.selection import Search, Selector
-from calibration.diagnosis.search.shapes import proposed_shapes
-from calibration.diagnosis.search.start_model import Base
 
 import machines
 from calibration.fit.fit import fit
 from calibration.observation.equations import specified_covariance
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
 from kinematics.error_model.model import no_errors
-from kinematics.running.progress import silent
 from support.virtual_measurements import THREE, measured, positions
 
 CFRAME = machines.load("cframe")
+GENEROUS = 5.0
+"""Prior standard deviation of the parameters of an effect, in typical sizes."""
 LEGENDRE = dict.fromkeys("XYZ", BasisChoice("legendre", 3))
 
 
@@ -50,22 +45,3 @@ def with_stops(rows_of_a_stop, sizes, seed=3):
     for k, size in sizes.items():
         observed += rotation[:, :, k] * (size * rng.standard_normal(int(data.stops.max()) + 1))[data.stops, None]
     return replace(data, observed=observed, state=replace(data.state, observed=observed))
-
-
-def framed(*effects, **how):
-    """The frame of error motions fitted to data with these effects."""
-    return LinearisedFit.of(fitted(data_with(*effects, **how)))
-
-
-def selector(data, order=3):
-    """One with polynomials as its base, cubic if no order is given."""
-    model = rigid_model(data, dict.fromkeys("XYZ", BasisChoice("legendre", order)))
-    candidates, _ = library(data, model)
-    return Selector(
-        data,
-        Base(model, priors(model), "refitted"),
-        candidates,
-        "sheet",
-        silent,
-        Search(proposed_shapes.proposals),
-    )
