@@ -3,7 +3,6 @@
 import msgspec
 import numpy as np
 import pytest
-from calibration.reports.diagnosis_json import diagnosis_json
 from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions, truth
 
@@ -11,7 +10,8 @@ import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.fit.calibrate import calibrate
 from calibration.gaussian_terms.given.larger_range import Larger, extended, larger_ranges, within
-from calibration.reports.diagnosis import diagnosis_report
+from calibration.reports.diagnosis.document import diagnosis_json
+from calibration.reports.diagnosis.page import diagnosis_report
 from kinematics.basis import BSpline, Fourier, Legendre
 from kinematics.effects import Backlash, ErrorMotion, LocationError
 from kinematics.error_model.model import no_errors

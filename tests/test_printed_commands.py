@@ -14,7 +14,8 @@ import machines
 import ncomp
 from calibration.diagnosis.diagnose import diagnose
 from calibration.instruments import LaserTracker
-from calibration.reports.diagnosis import Files, diagnosis_report
+from calibration.reports.diagnosis.commands import Files
+from calibration.reports.diagnosis.page import diagnosis_report
 from calibration.simulation.measure_plan import VirtualInstrument
 from calibration.simulation.true_model import random_true_model
 from kinematics.error_model.model import write_model

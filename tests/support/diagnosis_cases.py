@@ -16,6 +16,8 @@ CFRAME = machines.load("cframe")
 GENEROUS = 5.0
 """Prior standard deviation of the parameters of an effect, in typical sizes."""
 LEGENDRE = dict.fromkeys("XYZ", BasisChoice("legendre", 3))
+WIDE = 5.0
+"""Prior standard deviation of the parameters of effects, in typical sizes."""
 
 
 def data_with(*effects, n=100, seed=3, stations=1, **columns):
@@ -28,7 +30,7 @@ def data_with(*effects, n=100, seed=3, stations=1, **columns):
 def fitted(data, *effects, prior=None):
     """Error motions of all axes, and these effects with wide priors of their own."""
     base = rigid_model(data, LEGENDRE)
-    own = [GENEROUS * quantity.typical for effect in effects for quantity in effect.parameter_table]
+    own = [WIDE * quantity.typical for effect in effects for quantity in effect.parameter_table]
     model = msgspec.structs.replace(base, effects=(*base.effects, *effects))
     return fit(data, model, prior=np.concatenate([priors(base), own]) if prior is None else prior)
 

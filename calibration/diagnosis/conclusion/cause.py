@@ -26,6 +26,7 @@ class Cause(NamedTuple):
     """A cause that the data support."""
 
     kind: str
+    """Kind of its effect by contract 4.3: backlash, cyclic, thermal-drift, ..."""
     effect: Effect
     """With its parameters and standard uncertainties."""
     covariance: Array
@@ -33,6 +34,7 @@ class Cause(NamedTuple):
     log_odds: float
     """Against none."""
     verdict: Verdict
+    """Strong, weak, or tied with the alternatives."""
     alternatives: tuple[Alternative, ...] = ()
     """Causes that the data do not tell from it, the likeliest first."""
     heldout_gain_um: float = 0.0
