@@ -42,10 +42,6 @@ class Posterior:
         """L^-1 cross."""
         return np.asarray(linalg.solve_triangular(self.factor[0], cross, lower=True, check_finite=False))
 
-    def unwhitened(self, through: Array) -> Array:
-        """L through: the cross of `whitened`."""
-        return np.asarray(linalg.blas.dtrmm(1.0, self.factor[0], through, lower=1))
-
     def complement(self, own: Array, cross: Array) -> Array:
         """Schur complement G'G - G'J H^-1 J'G `(k, k)`: the information on columns G with the parameters of J unknown.
 

@@ -80,11 +80,6 @@ def with_estimated_noise(found: Fit) -> Measurement:
     return WithNoise.of(found).whole
 
 
-def with_noise_of_visits(found: Fit) -> Measurement:
-    """The same without misfit, as `WithNoise.of_visits`."""
-    return WithNoise.of(found).of_visits
-
-
 def _estimated(found: Fit, near: Array | None) -> tuple[EstimatedNoise, EstimatedNoise, Array] | None:
     """The noise that the residuals show, with misfit and without, and its variances; None where it is as specified.
 

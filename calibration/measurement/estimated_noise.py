@@ -77,11 +77,6 @@ class EstimatedNoise:
         return {axis: off / math.hypot(1.0, (USUAL * unit_of(axis)[1] / off) ** 2) for axis, off in unknown.items()}
 
     @property
-    def of_stops(self) -> bool:
-        """True where several rows at a stop, or positions measured again, show that stops are shifted as a whole."""
-        return self.revisited or len(np.unique(self.stop)) < len(self.stop)
-
-    @property
     def scatter(self) -> float:
         """Factor on the instrument's variances, without misfit where visits of the same positions show it."""
         return self.instrument_factor if self.factor_of_visits is None else self.factor_of_visits
@@ -189,10 +184,6 @@ class Decorrelation:
     def apply(self, table: Array) -> Array:
         """The transformed rows of a whitened table `(n, d, ...)`; the same table where no stop has several rows."""
         return self._times(table, [each.matrices for each in self.stops])
-
-    def undone(self, table: Array) -> Array:
-        """The whitened table `(n, d, ...)` of transformed rows."""
-        return self._times(table, [np.asarray(np.linalg.inv(each.matrices)) for each in self.stops])
 
     def _times(self, table: Array, matrices: Sequence[Array]) -> Array:
         if not self.stops:

@@ -28,31 +28,10 @@ LEAST_OF_REGION = 4
 """Smallest number of positions of a region beside lines; fewer positions are never held out."""
 LEAST_BLOCKS, MOST_BLOCKS = 3, 24
 """Fewer lines do not predict each other; more lines, or cycles, are grouped."""
-SAME_LEVEL = 2e-3
-"""Difference, as a share of the range of an axis, up to which positions of the axis count as one."""
-LEAST_LEVELS, MOST_LEVELS = 5, 40
-"""Fewest and most positions of an axis that are held out one by one."""
 LEAST_CYCLES = 2
 """Each cycle visits all targets, so that two predict each other."""
-LEAST_UNITS = 8
-"""Least number of lines that are units, whose signs are drawn as a whole."""
 STRETCHES = 64
 """Stretches into which the positions of a continuous record along one axis are divided."""
-
-
-@derived
-def visited(measurement: Measurement) -> np.ndarray:
-    """Numbers `(n,)` of the positions of all axes, from 0; all visits of a position share its number."""
-    rounded = np.round(measurement.positions_in_tolerances)
-    return np.asarray(np.unique(rounded, axis=0, return_inverse=True)[1].reshape(-1))
-
-
-def whole_stops(stop: np.ndarray, most: int) -> np.ndarray:
-    """Indices of at most so many rows with these numbers of stops `(n,)`: whole stops, evenly spread."""
-    names, counts = np.unique(stop, return_counts=True)
-    number = max(1, int(most / counts.mean()))
-    chosen = names[np.linspace(0, len(names) - 1, min(number, len(names))).astype(int)]
-    return np.flatnonzero(np.isin(stop, chosen))
 
 
 @derived
@@ -61,18 +40,6 @@ def lines(measurement: Measurement) -> np.ndarray:
     visit = np.cumsum(changed(measurement.positions_in_tolerances)) - 1
     first = np.unique(visit, return_index=True)[1]
     return np.asarray(_lines_of(_in_tolerances(measurement)[first])[visit])
-
-
-@derived
-def lines_or_positions(measurement: Measurement) -> np.ndarray:
-    """Numbers `(n,)` of the units that keep their structure in surrogates: lines if there are several, else positions.
-
-    An error that depends on the position recurs in all visits of a position.
-    """
-    position, line = visited(measurement), lines(measurement)
-    if line.max(initial=-1) + 1 < LEAST_UNITS:
-        return position
-    return np.asarray(np.where(line >= 0, line, line.max() + 1 + position))
 
 
 def cycles(measurement: Measurement) -> np.ndarray:
@@ -117,25 +84,6 @@ def held_out_blocks(measurement: Measurement) -> tuple[np.ndarray, str]:
         return labels, "lines"
     labels[loose] = _regions(positions[loose], regions) + labels.max() + 1
     return labels, "lines and regions of stops"
-
-
-def inner_positions(measurement: Measurement, axis: str) -> np.ndarray | None:
-    """Labels `(n,)` of the rows by the position of an axis, -1 at its ends; None where these are no blocks to hold out.
-
-    That is for an interferometer, a rotary axis, and few or many positions: stops at positions of their own are no
-    lattice, and regions of them show what lies between.
-    """
-    if measurement.axis is not None or axis[0] in "ABC":
-        return None
-    x = measurement.state.position(measurement.machine, axis)
-    order = np.argsort(x)
-    apart = np.diff(x[order]) > SAME_LEVEL * np.ptp(x)
-    number = np.empty(len(x), int)
-    number[order] = np.append(0, np.cumsum(apart))
-    last = int(number.max())
-    if not LEAST_LEVELS <= last + 1 <= MOST_LEVELS:
-        return None
-    return np.where((number == 0) | (number == last), -1, number % REGIONS)
 
 
 @derived

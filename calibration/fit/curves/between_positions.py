@@ -73,11 +73,6 @@ class BetweenPositions:
         """True where the uncertainty is worth a sentence."""
         return 2.0 * max(self.u_um or 0.0, self.u_urad or 0.0) >= NOTICED
 
-    def exceeds(self, residual: float, unit: str) -> bool:
-        """True where U (k=2) is larger than the RMS residual, um, or urad where `unit` is."""
-        u = self.u_urad if unit == "urad" else self.u_um
-        return 2.0 * (u or 0.0) > residual
-
     def json(self) -> dict[str, float | int | None]:
         """For programs."""
         return {"positions": self.positions, "u_um": self.u_um, "u_urad": self.u_urad}
@@ -128,24 +123,6 @@ def with_curves_between(found: Fit, information: Information | None = None) -> t
 def _motion_of(effect: Effect, axes: Container[str]) -> ErrorMotion | None:
     """An effect that is an error motion of one of these axes; None for others."""
     return effect if isinstance(effect, ErrorMotion) and effect.axis in axes else None
-
-
-def as_table(effect: Effect, measurement: Measurement) -> Effect:
-    """An error motion with more parameters than the data have positions, as a table with a node at each; others as is.
-
-    All values of the table are zero: it has the same freedom at the positions.
-    """
-    if not (isinstance(effect, ErrorMotion) and isinstance(effect.basis, BSpline)):
-        return effect
-    machine = measurement.machine
-    if machine.axes[machine.index(effect.axis)].turns_fully:
-        return effect
-    x = _positions(measurement, effect.axis, np.ones(len(measurement), bool))
-    if not 2 <= len(x) < effect.basis.size:
-        return effect
-    low, high = effect.basis.interval
-    nodes = (low, *x[1:-1].tolist(), high)
-    return _motion(effect, BSpline(nodes, 1), np.zeros(len(nodes)))
 
 
 def _splines(found: Fit) -> dict[str, list[BSpline]]:

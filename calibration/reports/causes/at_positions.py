@@ -6,7 +6,6 @@ import numpy as np
 
 from calibration.reports.causes.text import with_uncertainty
 from kinematics.effects import COMPONENTS, Effect, unit_of
-from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -52,12 +51,3 @@ def _design(machine: Machine, effect: Effect, q: Array) -> Array:
         next(iter(effect.columns(machine, State(q, approach=np.full(q.shape, side))))).values for side in (1.0, -1.0)
     )
     return np.asarray(forward - backward if "approach" in effect.needs else forward)
-
-
-def covariance_of(effect: Effect, model: ErrorModel) -> Array:
-    """Covariance of the parameters of an effect; without one of the calibration, of independent parameters."""
-    if model.covariance is not None:
-        for part, each in zip(model.slices, model.effects, strict=True):
-            if each.name == effect.name and len(each.parameters) == len(effect.parameters):
-                return np.array(model.covariance)[part, part]
-    return np.diag(np.square(effect.uncertainties))
