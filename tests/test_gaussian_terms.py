@@ -125,7 +125,7 @@ def test_outliers_are_left_out_and_come_back():
     observed = start.data.observations.residual.copy()
     observed[[7, 40]] += [[0.3, -0.2, 0.1], [0.0, 0.0, 0.15]]
     observations = replace(start.data.observations, residual=observed)
-    found = Structure.first(Data(observations, start.data.geometry, start.data.stops)).fitted()
+    found = Structure.first(replace(start.data, observations=observations)).fitted()
     assert np.flatnonzero(found.noise.left_out).tolist() == [7, 40]
     again = Structure(start.data, found.noise, found.band_sizes).fitted()
     assert not again.noise.left_out.any()

@@ -137,14 +137,14 @@ class Candidates:
         return Candidates(structure, (), Present.of(structure, self.present.beyond), ())
 
     def with_every_row(self) -> Candidates:
-        """No candidates, with outliers among the rows; for `own` and `exact`.
+        """No candidates, with outliers among the rows, but for gross errors; for `own` and `exact`.
 
         A jump at a wrong moment makes outliers of the rows between: without them no other moment is likelier.
         """
         structure = self.structure
-        if not structure.noise.left_out.any():
+        if np.array_equal(structure.noise.left_out, structure.data.gross):
             return self
-        whole = replace(structure, noise=replace(structure.noise, left_out=np.zeros_like(structure.noise.left_out)))
+        whole = replace(structure, noise=replace(structure.noise, left_out=structure.data.gross))
         return Candidates(whole, (), Present.of(whole, Beyond.of(whole)), ())
 
     def odds(self, without: Collection[int] = ()) -> Array:

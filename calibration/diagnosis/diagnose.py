@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from calibration.diagnosis.conclusion.result import Diagnosis, answered
 from calibration.diagnosis.search import search
-from calibration.fit.acceptance import information
+from calibration.fit.acceptance import SPARE, information
 from calibration.fit.set_up.checked_data import checked_data
 from calibration.gaussian_terms.geometry import motions
 from calibration.gaussian_terms.given.larger_range import extended, larger_ranges
 from calibration.gaussian_terms.observations import Observations
 from calibration.measurement.measurement import Measurement
+from calibration.observation.outliers import duplicates
 from calibration.plausibility.finding import Finding
 from kinematics.error_model.model import ErrorModel
 from kinematics.running.progress import Progress, silent
@@ -37,6 +40,7 @@ def diagnose(
     """
     progress("checking the data")
     measurement, findings, _ = checked_data(measurement, misplaced=False)
+    measurement = measurement.rows(np.flatnonzero(~duplicates(measurement)))
     given = None
     if calibration is not None:
         given, further = _of_other_data(calibration, measurement)
@@ -71,15 +75,23 @@ def _of_other_data(calibration: ErrorModel, measurement: Measurement) -> tuple[E
 
 
 def _refuse_few(observations: Observations) -> None:
-    """UserError where the rows cannot determine the error motions of the axes that move."""
+    """UserError where the rows cannot determine the registration and the error motions of the axes that move."""
     measurement = observations.measurement
-    moving = list(measurement.moving)
-    unknown = observations.registration.shape[2] + LEAST * len(motions(measurement))
+    moving, registered = list(measurement.moving), observations.registration.shape[2]
+    of_motions = LEAST * len(motions(measurement))
+    unknown, known = registered + of_motions, information(measurement)
     if not moving:
         raise UserError(f"{measurement.source}: no axis moves: measure positions at which an axis moves")
-    if information(measurement) < unknown:
-        positions = math.ceil(unknown / observations.components)
+    if known < unknown or measurement.observed.size * (1.0 - SPARE) < unknown:
+        positions = math.ceil(unknown / (1.0 - SPARE) / observations.components)
+        advice = f"measure about {positions} positions or more, spread over the travel"
+        stations = len(np.unique(measurement.groups))
+        if measurement.axis is not None:
+            advice = "repeat the runs, or measure more positions"
+        elif stations > 1 and known < registered + len(moving):
+            advice = f"measure more positions from each of the {stations} set-ups of the instrument"
         raise UserError(
-            f"{measurement.source}: {len(measurement)} rows are too few for the error motions of "
-            f"{', '.join(moving)}: measure about {positions} positions or more, spread over the travel"
+            f"{measurement.source}: {len(measurement)} rows ({measurement.observed.size} observations) are too few for "
+            f"{unknown} parameters at least: {registered} of the registration, {of_motions} of the error motions of "
+            f"{', '.join(moving)}; {advice}"
         )

@@ -25,6 +25,7 @@ from calibration.gaussian_terms.linearised import linearised
 from calibration.gaussian_terms.observations import Observations
 from calibration.gaussian_terms.structure import Data, Structure
 from calibration.gaussian_terms.term import Term
+from kinematics.error_model.priors import SIZES
 from kinematics.running.progress import Progress, silent
 from kinematics.transforms import Array
 
@@ -146,7 +147,7 @@ class Search:
         left = beside_waves(structure)
         started: dict[Hashable, _Started] = {}
         for term in waves_of_motions(structure):
-            each = _Started.of(term, structure.whitener.columns(term.columns), left)
+            each = _Started.of(term, structure, left)
             before = started[term.family].explained if term.family in started else 0.0
             if each.explained > before:
                 started[term.family] = each
@@ -155,7 +156,7 @@ class Search:
         if sized:
             best = max(sized, key=worth).terms[-1]
             finer = [] if best.finer is None else [term for term in best.finer() if term.width > best.width]
-            more = (_Started.of(term, structure.whitener.columns(term.columns), left) for term in finer)
+            more = (_Started.of(term, structure, left) for term in finer)
             sized += [each.beside(smooth).with_sizes(STEPS) for each in more]
         return self._better(sized, structure)
 
@@ -177,10 +178,13 @@ class _Started(NamedTuple):
     """Squares that it explains of a whitened residual."""
 
     @classmethod
-    def of(cls, term: Term, columns: Array, left: Array) -> _Started:
-        """A term with whitened columns `(N, width)`, by least squares in a whitened residual `(N,)`."""
-        coefficients = np.linalg.lstsq(columns, left)[0]
-        return cls(term, float(np.sqrt(np.mean(coefficients**2))), float(left @ columns @ coefficients))
+    def of(cls, term: Term, structure: Structure, left: Array) -> _Started:
+        """A term beside nothing else, with the largest prior size, in a whitened residual `(N,)` of a structure."""
+        columns = structure.whitener.columns(term.columns)
+        precision = structure.noise.factor / SIZES[-1] ** 2 * np.eye(term.width)
+        coefficients = np.linalg.solve(columns.T @ columns + precision, columns.T @ left)
+        size = float(np.sqrt(np.mean(coefficients**2)))
+        return cls(term, max(size, float(SIZES[0])), float(left @ columns @ coefficients))
 
     def beside(self, structure: Structure) -> Structure:
         """The structure with the term, of this size."""

@@ -47,6 +47,8 @@ class Observations:
     """Derivatives `(k, r)` of stated values of the registration, in their standard uncertainties."""
     stated_residual: Array
     """Stated minus present values `(k,)`, in the same unit."""
+    averaged: np.ndarray
+    """Number `(n,)` of rows of the file of which each row is the mean."""
     given: ErrorModel | None = None
     """The calibration to which errors are relative; None for the nominal machine."""
 
@@ -80,13 +82,14 @@ class Observations:
             specified_covariance(measurement) / counts[:, None, None],
             instrument.stated_design(measurement, registration),
             instrument.stated_residuals(measurement, registration),
+            counts,
             given,
         )
 
     def about(self, model: ErrorModel) -> Observations:
         """The same observations, linearised about another model."""
         again = Observations.of(self.measurement, model, given=self.given)
-        return replace(again, specified=self.specified)
+        return replace(again, specified=self.specified, averaged=self.averaged)
 
     def __len__(self) -> int:
         return len(self.residual)

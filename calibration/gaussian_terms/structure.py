@@ -20,6 +20,7 @@ from calibration.gaussian_terms.outliers import outlying
 from calibration.gaussian_terms.posterior import Equations, Posterior
 from calibration.gaussian_terms.term import Term
 from calibration.gaussian_terms.whitened import Whitener
+from calibration.observation.outliers import first_registration
 from kinematics.error_model.priors import SIZES, Priors
 from kinematics.transforms import Array
 
@@ -44,11 +45,14 @@ class Data:
     observations: Observations
     geometry: Geometry
     stops: Sequence[Stops]
+    gross: np.ndarray
+    """True `(n,)` for rows with gross errors: they are far off any error of a machine, beside which no size is found."""
 
     @classmethod
     def of(cls, observations: Observations) -> Data:
         """The data of observations."""
-        return cls(observations, geometry(observations), stops_of(observations))
+        _, trusted = first_registration(observations.measurement)
+        return cls(observations, geometry(observations), stops_of(observations), ~trusted)
 
 
 @dataclass(frozen=True)
@@ -65,9 +69,8 @@ class Structure:
 
     @classmethod
     def first(cls, data: Data) -> Structure:
-        """The geometry alone, before any fit."""
-        nothing = np.zeros(len(data.observations), bool)
-        return cls(data, Noise(left_out=nothing), data.geometry.first_sizes)
+        """The geometry alone, before any fit, without the rows with gross errors."""
+        return cls(data, Noise(left_out=data.gross), data.geometry.first_sizes)
 
     @property
     def priors(self) -> Priors:

@@ -53,6 +53,12 @@ class Whitener:
         inside = int(np.count_nonzero(~self.left_out)) * self.observations.components
         return inside + len(self.observations.stated) - int(self.spanned.shape[1])
 
+    @property
+    def observed(self) -> int:
+        """Number of scalars in the file that count, also those whose mean is one row."""
+        rows = self.observations.averaged[~self.left_out]
+        return int(rows.sum()) * self.observations.components + len(self.observations.stated)
+
     def rows(self, table: Array) -> Array:
         """Whitened rows `(n d, k)` of a table `(n, d, k)`, whatever the registration; in the precision of the table."""
         table = np.where(self.left_out[:, None, None], 0.0, table) if self.left_out.any() else table

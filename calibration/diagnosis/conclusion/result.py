@@ -289,7 +289,7 @@ class Diagnosis(Accepted, Shown):
         effects = tuple(effect.lasting() for effect in model.effects)
         names = [f"{cause.kind} {where(cause.effect) or ''}".strip() for cause in self.causes if _of_machine(cause)]
         added = f"; added: {', '.join(names)}" if names else ""
-        observations = f"diagnosis of {self.structure.whitener.scalars} observations{added}"
+        observations = f"diagnosis of {self.structure.whitener.observed} observations{added}"
         made = provenance([self.measurement], effects, observations, None)
         if self.given is not None:
             made = msgspec.structs.replace(made, inputs={**self.given.provenance.inputs, **made.inputs})

@@ -176,6 +176,7 @@ def _observations_of(design: FollowUpDesign, before: Observations) -> Observatio
         specified_covariance(measurement),
         np.zeros((0, own.shape[2])),
         np.zeros(0),
+        np.ones(rows, int),
         before.given,
     )
 

@@ -26,7 +26,7 @@ def diagnosis_json(answer: Diagnosis) -> dict[str, Any]:
         "before": before._asdict(),
         "after": after._asdict(),
         "noise_um": answer.noise_um,
-        "n_observations": structure.whitener.scalars + int(structure.whitener.spanned.shape[1]),
+        "n_observations": structure.whitener.observed,
         "n_parameters": len(answer.model.parameters),
         "rank": answer.rank,
         "not_visible": answer.not_visible,

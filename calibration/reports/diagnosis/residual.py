@@ -86,8 +86,8 @@ def _facts(answer: Diagnosis) -> Iterator[tuple[str, str]]:
     structure, measurement = answer.structure, answer.measurement
     runs = 0 if measurement.run is None else len(set(measurement.run.tolist()))
     counted = f", {runs} run{'s' if runs > 1 else ''}" if runs else ""
-    count = structure.whitener.scalars + int(structure.whitener.spanned.shape[1])
-    yield "data", f"{measurement.source}: {len(measurement)} rows, {count} observations{counted}"
+    rows, count = int(structure.data.observations.averaged.sum()), structure.whitener.observed
+    yield "data", f"{measurement.source}: {rows} rows, {count} observations{counted}"
     base = "error motions of all axes" if answer.given is None else "the present calibration, updated"
     yield "model", f"{base}; {len(answer.model.parameters)} parameters, {answer.rank} determined by these data"
     for finding in answer.findings:
